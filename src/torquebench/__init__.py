@@ -1,0 +1,47 @@
+"""torquebench: torque laws for robot arms, compared on a plant that an analytic model agrees with to round-off."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0.dev0"
+
+_HOMES = {
+    "Controller": "torquebench.sim.loop",
+    "AnalyticPlant": "torquebench.sim.analytic_plant",
+    "Gain": "torquebench.laws",
+    "MujocoPlant": "torquebench.sim.mujoco_plant",
+    "Option": "torquebench.laws",
+    "Outcome": "torquebench.sim.trajectory",
+    "Puma560": "torquebench.robot",
+    "Reference": "torquebench.references",
+    "RobotModel": "torquebench.robot",
+    "Trajectory": "torquebench.sim.trajectory",
+    "controller": "torquebench.laws",
+    "find_law": "torquebench.laws",
+    "law_names": "torquebench.laws",
+    "load_model": "torquebench.robot",
+    "load_trajectory": "torquebench.sim.trajectory",
+    "simulate": "torquebench.sim.loop",
+}
+
+__all__ = [*_HOMES, "__version__"]  # noqa: PLE0604
+
+if TYPE_CHECKING:
+    from torquebench.laws import Gain, Option, controller, find_law, law_names
+    from torquebench.references import Reference
+    from torquebench.robot import Puma560, RobotModel, load_model
+    from torquebench.sim.analytic_plant import AnalyticPlant
+    from torquebench.sim.loop import Controller, simulate
+    from torquebench.sim.mujoco_plant import MujocoPlant
+    from torquebench.sim.trajectory import Outcome, Trajectory, load_trajectory
+
+
+def __getattr__(name: str) -> Any:
+    """Import public names on first use, so that ``import torquebench`` needs neither numba nor MuJoCo."""
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'torquebench' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,184 @@
+"""How a law is declared and found: gains, memory, the `@controller` decorator and the registry."""
+
+from __future__ import annotations
+
+import re
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from torquebench.errors import ControllerError, did_you_mean
+from torquebench.kernel import Array
+
+SLUG = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,62}[a-z0-9])?")
+
+
+class Gain(NamedTuple):
+    """What a vector gain means: shown in help, checked when a config is read."""
+
+    meaning: str
+    """What the gain does, in words."""
+    unit: str
+    """SI unit; ``1`` for a pure number."""
+    positive: bool = True
+    """Whether zero is refused too (negative gains always are)."""
+    only_with: tuple[str, str] | None = None
+    """(option, value) without which the gain has no effect: required with it, refused without it."""
+
+
+class Option(NamedTuple):
+    """A choice that changes the law's form; the law receives 1 or 0 for a boolean, else the value's index."""
+
+    meaning: str
+    """What is chosen, in words."""
+    values: tuple[str | bool, ...]
+    """Accepted values; the first is the default."""
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A registered torque law.
+
+    `function(gains, model, t, q, qd, ref, memory, tau)` fills `tau` (n,) [N m] in place; `memory` is its only
+    state and starts at zero. `gains` and `memory` are NamedTuples of (n,) arrays; options in `gains` are integers (see `Option`).
+    """
+
+    name: str
+    function: Callable[..., None]
+    gains_type: type[Any]
+    memory_type: type[Any] | None
+    gains: Mapping[str, Gain]
+    options: Mapping[str, Option]
+
+    @property
+    def summary(self) -> str:
+        """First line of the law's docstring."""
+        return (self.function.__doc__ or "").strip().partition("\n")[0]
+
+    def new_memory(self, n: int) -> Any:
+        """Return the law's memory for `n` joints, all zero."""
+        fields = () if self.memory_type is None else self.memory_type._fields
+        cls = Nothing if self.memory_type is None else self.memory_type
+        return cls(*(np.zeros(n) for _ in fields)) if fields else cls(np.zeros(0))
+
+    def pack_gains(self, n: int, values: Mapping[str, Any], options: Mapping[str, str | bool]) -> Any:
+        """Return the gains tuple the law receives.
+
+        Args:
+            n: Number of joints; scalars are repeated for each.
+            values: Gain name -> scalar or (n,) sequence, finite and not negative.
+            options: Option name -> one of its values; missing options take their first value.
+
+        Raises:
+            ControllerError: a gain is unknown, missing, without effect, of wrong length, or out of range.
+        """
+        chosen = {name: options.get(name, option.values[0]) for name, option in self.options.items()}
+        problems = [f"unknown option '{k}'{did_you_mean(k, self.options)}" for k in options if k not in self.options]
+        problems += [f"unknown gain '{k}'{did_you_mean(k, self.gains)}" for k in values if k not in self.gains]
+        packed: dict[str, Any] = {}
+        for name, option in self.options.items():
+            if chosen[name] in option.values:
+                value = chosen[name]
+                packed[name] = int(value) if isinstance(value, bool) else option.values.index(value)
+            else:
+                problems.append(f"option '{name}' is {chosen[name]!r}, wanted one of {option.values}")
+        for name, gain in self.gains.items():
+            problem = self.gain_problem(name, name in values, chosen)
+            if problem:
+                problems.append(problem)
+            elif name in values:
+                array = np.array(values[name], dtype=np.float64)
+                if array.shape not in ((), (n,)):
+                    problems.append(f"gain '{name}' has shape {array.shape}, wanted a number or {n} numbers")
+                elif not np.all(np.isfinite(array)) or np.any(array < 0) or (gain.positive and np.any(array == 0)):
+                    low = "positive" if gain.positive else "zero or positive"
+                    problems.append(f"gain '{name}' is {values[name]!r}, wanted finite and {low} [{gain.unit}]")
+                else:
+                    packed[name] = np.array(np.broadcast_to(array, (n,)))
+            else:
+                packed[name] = np.ones(n)  # without effect under these options; never read by the law
+        if problems:
+            raise ControllerError(f"law '{self.name}': " + "; ".join(problems))
+        return self.gains_type(**packed)
+
+    def gain_problem(self, name: str, given: bool, chosen: Mapping[str, str | bool]) -> str | None:
+        """Return why a gain may not be given or left out under the chosen options, or None."""
+        gain = self.gains[name]
+        if gain.only_with is not None and chosen.get(gain.only_with[0]) != gain.only_with[1]:
+            option, value = gain.only_with
+            return f"gain '{name}' has no effect unless {option}: {value}" if given else None
+        return None if given else f"gain '{name}' is missing ({gain.meaning} [{gain.unit}])"
+
+
+class Nothing(NamedTuple):
+    """Memory of a law that needs none."""
+
+    nothing: Array
+
+
+_REGISTRY: dict[str, Law] = {}
+
+
+def controller(
+    name: str, *, gains: type[Any], memory: type[Any] | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Register a law under `name`.
+
+    Args:
+        name: Slug by which configs call the law.
+        gains: NamedTuple class; array fields are gains (annotate with `Gain`), integer fields are options
+            (annotate with `Option`).
+        memory: NamedTuple class of (n,) arrays kept between control instants; a field called `s` is recorded as
+            the sliding variable.
+
+    Raises:
+        ControllerError: the name is taken or is not a slug, or a field is neither a gain nor an option.
+    """
+    if not SLUG.fullmatch(name):
+        raise ControllerError(f"law name '{name}' is not a slug (lower-case letters, digits and '-', at most 64)")
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        if name in _REGISTRY:
+            raise ControllerError(f"a law named '{name}' is already registered")
+        vectors, choices = _fields(name, gains)
+        _REGISTRY[name] = Law(name, function, gains, memory, vectors, choices)
+        return function
+
+    return register
+
+
+def _fields(law: str, gains: type[Any]) -> tuple[Mapping[str, Gain], Mapping[str, Option]]:
+    vectors: dict[str, Gain] = {}
+    choices: dict[str, Option] = {}
+    for name, hint in get_type_hints(gains, include_extras=True).items():
+        notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+        note = next((x for x in notes if isinstance(x, Gain | Option)), None)
+        plain = get_args(hint)[0] if notes else hint
+        if isinstance(note, Option):
+            choices[name] = note
+        elif isinstance(note, Gain):
+            vectors[name] = note
+        elif plain is int or plain is bool:
+            raise ControllerError(f"law '{law}': option '{name}' needs Annotated[int, Option(...)] to list its values")
+        else:
+            vectors[name] = Gain("gain of a user's law", "not stated", positive=False)
+    return types.MappingProxyType(vectors), types.MappingProxyType(choices)
+
+
+def find_law(name: str) -> Law:
+    """Return the registered law called `name`.
+
+    Raises:
+        ControllerError: there is none; the message names the nearest one.
+    """
+    if name not in _REGISTRY:
+        raise ControllerError(f"unknown law '{name}'{did_you_mean(name, sorted(_REGISTRY))}")
+    return _REGISTRY[name]
+
+
+def law_names() -> tuple[str, ...]:
+    """Names of all registered laws, sorted."""
+    return tuple(sorted(_REGISTRY))

@@ -1,0 +1,46 @@
+"""Computed-torque control."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from torquebench.kernel import Array
+from torquebench.laws.base import controller
+from torquebench.laws.parts import Integral, Rate, Slope
+from torquebench.references import Reference
+from torquebench.robot.dynamics import inverse_dynamics
+from torquebench.robot.model import Model
+
+
+class Gains(NamedTuple):
+    """Gains of the computed-torque law; here they act on accelerations, without Mbar."""
+
+    lam: Slope
+    kv: Rate
+    ki: Integral
+
+
+class Memory(NamedTuple):
+    """State of the computed-torque law."""
+
+    integral: Array
+    acceleration: Array
+
+
+@controller("computed-torque", gains=Gains, memory=Memory)
+def computed_torque(
+    gains: Gains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: Memory, tau: Array
+) -> None:
+    """Computed torque: tau = M^(q) (qdd_ref + kV de + lambda kV e + kI int e) + N^(q, qd).
+
+    Markiewicz (1973), Bejczy (1974). The integral stops growing while the torque is beyond its limit in the
+    error's direction.
+    """
+    for i in range(len(tau)):
+        e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]
+        memory.acceleration[i] = ref.qdd[i] + gains.kv[i] * (de + gains.lam[i] * e) + gains.ki[i] * memory.integral[i]
+    inverse_dynamics(model, q, qd, memory.acceleration, tau)
+    for i in range(len(tau)):
+        e = ref.q[i] - q[i]
+        if not (abs(tau[i]) > model.tau_max[i] and tau[i] * e > 0.0):
+            memory.integral[i] += model.control_period * e

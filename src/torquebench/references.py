@@ -1,0 +1,130 @@
+"""Reference trajectories: closed forms of time that state their own first and second derivatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from torquebench.errors import InconsistentReferenceError
+from torquebench.kernel import Array
+
+
+class Reference(NamedTuple):
+    """Desired motion; one sample (n,) inside a law, sampled arrays (N, n) outside."""
+
+    q: Array
+    """Desired joint position [rad or m]."""
+    qd: Array
+    """Desired joint velocity [rad/s or m/s]."""
+    qdd: Array
+    """Desired joint acceleration [rad/s^2 or m/s^2]."""
+
+
+ReferenceSource = Callable[[Array], Reference]
+"""A function from times (N,) [s] to the desired motion, arrays (N, n)."""
+
+
+def sine(amplitude: Array, frequency_hz: Array) -> ReferenceSource:
+    """Raised sine q_ref = A/2 (1 - cos 2 pi f t), at rest at t = 0.
+
+    Args:
+        amplitude: Peak-to-peak excursion A of each joint, (n,) [rad].
+        frequency_hz: Frequency f of each joint, (n,) [Hz].
+    """
+
+    def sample(t: Array) -> Reference:
+        w = 2.0 * math.pi * frequency_hz
+        phase = t[:, None] * w
+        half = amplitude / 2.0
+        return Reference(half * (1.0 - np.cos(phase)), half * w * np.sin(phase), half * w * w * np.cos(phase))
+
+    return sample
+
+
+def step(target: Array, at: float) -> ReferenceSource:
+    """Zero before t = `at`, `target` from then on; the desired rates are zero throughout.
+
+    Args:
+        target: Position after the step, (n,) [rad].
+        at: Time of the step [s].
+    """
+
+    def sample(t: Array) -> Reference:
+        zero = np.zeros((len(t), len(target)))
+        return Reference(np.where(t[:, None] >= at, target, 0.0), zero, zero.copy())
+
+    return sample
+
+
+def ramp(target: Array, rise_time: float) -> ReferenceSource:
+    """Constant speed from zero to `target` in `rise_time`, then held; the desired acceleration is zero.
+
+    Args:
+        target: Final position, (n,) [rad].
+        rise_time: Duration of the motion [s].
+    """
+
+    def sample(t: Array) -> Reference:
+        x = np.clip(t / rise_time, 0.0, 1.0)[:, None]
+        moving = (t < rise_time)[:, None]
+        return Reference(x * target, np.where(moving, target / rise_time, 0.0), np.zeros((len(t), len(target))))
+
+    return sample
+
+
+def quintic(target: Array, rise_time: float) -> ReferenceSource:
+    """Minimum-jerk polynomial 10x^3 - 15x^4 + 6x^5, x = t / rise_time, from zero to `target`, then held.
+
+    Args:
+        target: Final position, (n,) [rad].
+        rise_time: Duration of the motion [s].
+    """
+
+    def sample(t: Array) -> Reference:
+        x = np.clip(t / rise_time, 0.0, 1.0)[:, None]
+        position = x * x * x * (10.0 + x * (-15.0 + 6.0 * x))
+        velocity = 30.0 * x * x * (1.0 - x) * (1.0 - x) / rise_time
+        acceleration = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (rise_time * rise_time)
+        return Reference(position * target, velocity * target, acceleration * target)
+
+    return sample
+
+
+def from_samples(t: Array, q: Array, qd: Array, qdd: Array) -> Reference:
+    """Accept a user's sampled motion after checking that its rates are the derivatives of its positions.
+
+    The change of `q` over two samples is compared with Simpson's integral of `qd`, and that of `qd` with the
+    integral of `qdd`. The allowance per double step is 1 % of the largest change plus 1e-9.
+
+    Args:
+        t: Sample times, evenly spaced, (N,) [s].
+        q, qd, qdd: Desired position [rad], velocity [rad/s] and acceleration [rad/s^2]; each (N, n).
+
+    Raises:
+        InconsistentReferenceError: wrong shapes, uneven times, non-finite values, or rates that do not fit.
+    """
+    t, q, qd, qdd = (np.array(x, dtype=np.float64) for x in (t, q, qd, qdd))
+    if t.ndim != 1 or len(t) < 3 or q.ndim != 2 or not (len(t) == len(q) and q.shape == qd.shape == qdd.shape):
+        raise InconsistentReferenceError(
+            f"shapes t {t.shape}, q {q.shape}, qd {qd.shape}, qdd {qdd.shape}: wanted (N,) with N >= 3 and three (N, n)"
+        )
+    if not all(np.all(np.isfinite(x)) for x in (t, q, qd, qdd)):
+        raise InconsistentReferenceError("the reference has values that are not finite")
+    h = t[1] - t[0]
+    if h <= 0 or not np.allclose(np.diff(t), h, rtol=1e-6, atol=0):
+        raise InconsistentReferenceError("reference times must be evenly spaced and increasing")
+    for name, value, rate in (("qd", q, qd), ("qdd", qd, qdd)):
+        change = value[2:] - value[:-2]
+        integral = h / 3.0 * (rate[:-2] + 4.0 * rate[1:-1] + rate[2:])
+        gap = np.abs(change - integral)
+        allowed = 0.01 * np.max(np.abs(change)) + 1e-9
+        if np.max(gap) > allowed:
+            k, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
+            raise InconsistentReferenceError(
+                f"{name} is not the derivative of {'q' if name == 'qd' else 'qd'}: at t = {t[k + 1]:g} s, joint "
+                f"{joint + 1}, the change is {change[k, joint]:.6g} but {name} integrates to {integral[k, joint]:.6g}"
+            )
+    return Reference(q, qd, qdd)

@@ -1,0 +1,189 @@
+"""Reading MJCF: compiling a model safely, and turning a serial arm into the flat arrays of the analytic side."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from torquebench.errors import ModelError
+from torquebench.kernel import Array
+from torquebench.robot.arm import RobotModel
+from torquebench.robot.links import check_physical
+from torquebench.robot.model import HINGE, SLIDE, Model, rigid_model
+
+MAX_BYTES = 4 * 1024 * 1024
+_OUTSIDE = ("include", "plugin", "extension", "mesh", "hfield", "texture", "skin", "model", "attach", "replicate")
+
+
+def compile_mjcf(path: Path) -> Any:
+    """Compile an MJCF file that stands alone.
+
+    Args:
+        path: The XML file; at most 4 MiB, without includes, plugins or other files.
+
+    Returns:
+        The compiled ``mujoco.MjModel``.
+
+    Raises:
+        ModelError: the file cannot be read, refers to other files, or does not compile.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ModelError(f"{path}: larger than {MAX_BYTES // 2**20} MiB")
+        text = path.read_text(encoding="utf-8")
+        root = ElementTree.fromstring(text)
+    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+        raise ModelError(f"{path}: not a readable MJCF file ({error})") from error
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ModelError(f"{path}: document types and entities are refused")
+    for element in root.iter():
+        if element.tag in _OUTSIDE:
+            raise ModelError(f"{path}: <{element.tag}> is refused: a model must stand alone")
+    try:
+        return mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise ModelError(f"{path}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
+
+
+def check_smooth(m: Any, where: str) -> None:
+    """Refuse what the analytic side has no counterpart for.
+
+    Raises:
+        ModelError: the model has anything but hinges, slides, rigid bodies and motors, or is not a single chain.
+    """
+    wrong = []
+    if m.nq != m.nv or np.any((m.jnt_type != mujoco.mjtJoint.mjJNT_HINGE) & (m.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE)):
+        wrong.append("joints other than hinges and slides")
+    for name, present in (
+        ("joint damping", np.any(m.dof_damping != 0)), ("joint friction", np.any(m.dof_frictionloss != 0)),
+        ("joint stiffness", np.any(m.jnt_stiffness != 0)), ("enforced joint limits", np.any(m.jnt_limited != 0)),
+        ("gravity compensation", np.any(m.body_gravcomp != 0)), ("equality constraints", m.neq > 0),
+        ("tendons", m.ntendon > 0), ("a fluid", m.opt.density != 0 or m.opt.viscosity != 0),
+        ("actuator states", m.na > 0), ("plugins", m.nplugin > 0),
+        ("colliding geoms", np.any((m.geom_contype != 0) | (m.geom_conaffinity != 0)) and not _no_contact(m)),
+    ):  # fmt: skip
+        if present:
+            wrong.append(name)
+    if m.nv == 0:
+        wrong.append("no joint at all")
+    moving = [b for b in range(1, m.nbody) if m.body_jntnum[b] > 0]
+    parents = [_moving_parent(m, b) for b in moving]
+    if len(set(parents)) != len(parents):
+        wrong.append("branches (wanted one chain of moving bodies)")
+    if wrong:
+        raise ModelError(f"{where}: the analytic model cannot represent {', '.join(wrong)}")
+
+
+def _no_contact(m: Any) -> bool:
+    return bool(m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT)
+
+
+def _moving_parent(m: Any, body: int) -> int:
+    parent = int(m.body_parentid[body])
+    while parent > 0 and m.body_jntnum[parent] == 0:
+        parent = int(m.body_parentid[parent])
+    return parent
+
+
+def flatten(m: Any, where: str) -> Model:
+    """Return the EXACT model of a compiled serial arm, for the analytic side.
+
+    Frame i sits at joint i's anchor with z along its axis. Bodies without joints belong to the link that carries
+    them; a body with several joints becomes several links, all but the last without mass. A site called ``tool``
+    gives the tool frame, else the last body's frame does.
+
+    Raises:
+        ModelError: the model has something the analytic side cannot represent; see `check_smooth`.
+    """
+    check_smooth(m, where)
+    n = int(m.nv)
+    d = mujoco.MjData(m)
+    d.qpos[:] = 0.0
+    mujoco.mj_kinematics(m, d)
+    mujoco.mj_comPos(m, d)
+    world_R = [np.eye(3)] + [_frame_with_z(d.xaxis[j]) for j in range(n)]
+    world_p = [np.zeros(3)] + [d.xanchor[j].copy() for j in range(n)]
+    mass, com, inertia = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
+    for j in range(n):
+        body = int(m.jnt_bodyid[j])
+        if j == m.body_jntadr[body] + m.body_jntnum[body] - 1:
+            rigid = [b for b in range(1, m.nbody) if _carrier(m, b) == body]
+            mass[j], com[j], inertia[j] = _lump(m, d, rigid, world_R[j + 1], world_p[j + 1])
+    site = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_SITE, "tool")
+    tool_R, tool_p = (d.site_xmat[site], d.site_xpos[site]) if site >= 0 else (d.xmat[-1], d.xpos[-1])
+    model = rigid_model(
+        kind=[HINGE if t == mujoco.mjtJoint.mjJNT_HINGE else SLIDE for t in m.jnt_type],
+        rotation=np.array([world_R[j].T @ world_R[j + 1] for j in range(n)]),
+        offset=np.array([world_R[j].T @ (world_p[j + 1] - world_p[j]) for j in range(n)]),
+        mass=mass, com=com, inertia=inertia, armature=m.dof_armature, gravity=m.opt.gravity,
+        tool_rotation=world_R[n].T @ tool_R.reshape(3, 3), tool_offset=world_R[n].T @ (tool_p - world_p[n]),
+        tau_max=torque_limits(m, where), inertia_scale=np.ones(n),
+    )  # fmt: skip
+    arm = RobotModel(where, tuple(joint_names(m)), model)
+    model = model._replace(inertia_scale=np.diag(arm.mass_matrix(np.zeros(n))).copy())
+    check_physical(model, where)
+    return model
+
+
+def joint_names(m: Any) -> list[str]:
+    """Names of the joints of a compiled model; unnamed ones are called by their number."""
+    return [mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_JOINT, j) or f"joint{j + 1}" for j in range(m.njnt)]
+
+
+def torque_limits(m: Any, where: str) -> Array:
+    """Return each joint's torque limit (n,) [N m]: its ``actuatorfrcrange``, else its motor's range times gear.
+
+    Raises:
+        ModelError: a joint has neither, or a range that is not symmetric.
+    """
+    limits = np.full(int(m.nv), np.inf)
+    for j in range(m.nv):
+        if m.jnt_actfrclimited[j]:
+            limits[j] = min(limits[j], _symmetric(m.jnt_actfrcrange[j], where, j))
+    for a in range(m.nu):
+        if m.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT:
+            j, gear = int(m.actuator_trnid[a, 0]), abs(float(m.actuator_gear[a, 0]))
+            if m.actuator_ctrllimited[a]:
+                limits[j] = min(limits[j], gear * _symmetric(m.actuator_ctrlrange[a], where, j))
+            if m.actuator_forcelimited[a]:
+                limits[j] = min(limits[j], gear * _symmetric(m.actuator_forcerange[a], where, j))
+    if not np.all(np.isfinite(limits)):
+        missing = ", ".join(name for name, x in zip(joint_names(m), limits, strict=True) if not np.isfinite(x))
+        raise ModelError(f"{where}: no torque limit for {missing} (wanted a limited motor or actuatorfrcrange)")
+    return limits
+
+
+def _symmetric(limits: Array, where: str, joint: int) -> float:
+    if not (limits[0] == -limits[1] and limits[1] > 0):
+        raise ModelError(f"{where}: joint {joint + 1}: torque range {limits.tolist()} is not symmetric about zero")
+    return float(limits[1])
+
+
+def _carrier(m: Any, body: int) -> int:
+    while body > 0 and m.body_jntnum[body] == 0:
+        body = int(m.body_parentid[body])
+    return body
+
+
+def _frame_with_z(axis: Array) -> Array:
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.sqrt(x @ x)
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def _lump(m: Any, d: Any, bodies: list[int], R: Array, p: Array) -> tuple[float, Array, Array]:
+    masses = np.array([m.body_mass[b] for b in bodies])
+    total = float(np.sum(masses))
+    centre = sum((m.body_mass[b] * d.xipos[b] for b in bodies), np.zeros(3)) / total if total > 0 else p
+    inertia = np.zeros((3, 3))
+    for b in bodies:
+        axes = d.ximat[b].reshape(3, 3)
+        away = d.xipos[b] - centre
+        inertia += axes @ np.diag(m.body_inertia[b]) @ axes.T
+        inertia += m.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
+    return total, R.T @ (centre - p), R.T @ inertia @ R

@@ -1,0 +1,1 @@
+"""The PUMA 560: constants, closed forms equation by equation, and the public class."""

@@ -1,0 +1,1 @@
+"""The closed loop: plants, the loop, and what it leaves behind."""

@@ -1,0 +1,174 @@
+"""The closed loop, to be read: measure, law, clip, disturb, step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from torquebench.errors import SimulationError
+from torquebench.kernel import Array
+from torquebench.laws.base import Law
+from torquebench.references import Reference, ReferenceSource
+from torquebench.robot.arm import RobotModel
+from torquebench.sim.plant import Plant, substeps_per_period
+from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory
+
+MAX_POSITION = 1e4
+"""A joint position beyond this [rad] counts as diverged."""
+MAX_VELOCITY = 1e4
+"""A joint velocity beyond this [rad/s] counts as diverged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """A law with its gains, under the name it has in results."""
+
+    name: str
+    law: Law
+    gains: Any
+
+
+def simulate(
+    plant: Plant,
+    controller: Controller,
+    model: RobotModel,
+    reference: ReferenceSource,
+    *,
+    duration: float,
+    control_period: float = 0.001,
+    disturbance: Array | None = None,
+    initial_q: Array | None = None,
+    throw: bool = True,
+    progress: Callable[[int], None] | None = None,
+) -> Trajectory:
+    """Run one closed loop from rest and return what happened.
+
+    At control instant k, time k control_period: the law computes a torque from the measured state, the desired
+    motion and its `model`; the torque is clipped to the plant's limits; the disturbance is added; the plant is
+    integrated to the next instant with that torque held.
+
+    Args:
+        plant: The truth; reset here, so one plant serves many runs.
+        controller: The law and its gains.
+        model: The law's belief about the plant; another object than the plant, right or wrong.
+        reference: Desired motion as a function of time.
+        duration: Length of the run [s]; N = duration / control_period instants.
+        control_period: Time between control instants [s], a whole multiple of ``plant.timestep``.
+        disturbance: Torque added after clipping, (N, n) [N m]; None for none.
+        initial_q: Position at rest at t = 0, (n,) [rad]; None for zero.
+        throw: Raise when the run does not complete, instead of returning the truncated trajectory.
+        progress: Called with each k.
+
+    Raises:
+        ValueError: durations, shapes or joint counts that do not fit.
+        SimulationError: the run did not complete, and `throw` is set; it carries the trajectory.
+    """
+    n = plant.n
+    substeps = substeps_per_period(control_period, plant.timestep)
+    n_steps = substeps_per_period(duration, control_period)
+    t = np.arange(n_steps) * control_period
+    desired = reference(t)
+    start = np.zeros(n) if initial_q is None else np.array(initial_q, dtype=np.float64)
+    _check_shapes(n, n_steps, model, desired, disturbance, start)
+
+    record = {name: np.full((n_steps, n), np.nan) for name in SIGNALS}
+    belief = model.flat._replace(control_period=control_period)
+    memory = controller.law.new_memory(n)
+    kept = {name: np.full((n_steps, n), np.nan) for name in memory._fields if name not in ("s", "nothing")}
+    has_s = "s" in memory._fields
+    tau_law, outcome, detail, failed_at = np.zeros(n), Outcome.COMPLETED, "", None
+    plant.reset(start, np.zeros(n))
+
+    for k in range(n_steps):
+        q, qd = plant.state()
+        ref = Reference(desired.q[k].copy(), desired.qd[k].copy(), desired.qdd[k].copy())
+        record["q"][k], record["qd"][k] = q, qd
+        record["q_meas"][k], record["qd_meas"][k] = q, qd
+        record["q_ref"][k], record["qd_ref"][k], record["qdd_ref"][k] = ref
+
+        outcome, detail = _call(controller, belief, k * control_period, q, qd, ref, memory, tau_law)
+        record["tau_law"][k] = tau_law
+        if has_s:
+            record["s"][k] = memory.s
+        for name, channel in kept.items():
+            channel[k] = getattr(memory, name)
+        if outcome is not Outcome.COMPLETED:
+            failed_at = k
+            break
+        tau = np.clip(tau_law, -plant.tau_max, plant.tau_max)
+        applied = tau if disturbance is None else tau + disturbance[k]
+        record["tau"][k], record["tau_applied"][k] = tau, applied
+
+        plant.step(applied, substeps)
+        outcome, detail = _check_state(*plant.state())
+        if outcome is not Outcome.COMPLETED:
+            failed_at = k
+            break
+        if progress is not None:
+            progress(k)
+
+    end = n_steps if failed_at is None else failed_at + 1
+    trajectory = Trajectory(
+        t=t[:end].copy(), **{name: array[:end].copy() for name, array in record.items()}, outcome=outcome,
+        failed_at=failed_at, detail=detail, extra={name: array[:end].copy() for name, array in kept.items()},
+    )  # fmt: skip
+    if throw and not trajectory.completed:
+        raise SimulationError(
+            f"controller '{controller.name}': {outcome.value} at t = {trajectory.t[-1]:g} s (step {failed_at}): {detail}",
+            trajectory,
+        )
+    return trajectory
+
+
+def _call(
+    controller: Controller, belief: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array
+) -> tuple[Outcome, str]:
+    """Call the law once; a law that returns an array instead of filling `tau` is accepted too."""
+    tau[:] = 0.0
+    try:
+        with np.errstate(all="ignore"):
+            returned = controller.law.function(controller.gains, belief, t, q, qd, ref, memory, tau)
+            if returned is not None:
+                values = np.asarray(returned, dtype=np.float64)
+                if values.shape != tau.shape:
+                    raise TypeError(f"the law returned shape {values.shape}, wanted {tau.shape}")
+                tau[:] = values
+    except ArithmeticError as error:
+        tau[:] = np.nan
+        return Outcome.BAD_TORQUE, f"{type(error).__name__}: {error}"
+    except Exception as error:  # noqa: BLE001  a user's law may raise anything; the run reports it and stops
+        tau[:] = np.nan
+        domain = isinstance(error, ValueError) and str(error) == "math domain error"
+        return (Outcome.BAD_TORQUE if domain else Outcome.CONTROLLER_ERROR), f"{type(error).__name__}: {error}"
+    if not np.all(np.isfinite(tau)):
+        joint = int(np.argmin(np.isfinite(tau)))
+        return Outcome.BAD_TORQUE, f"joint {joint + 1}: tau = {tau[joint]}"
+    return Outcome.COMPLETED, ""
+
+
+def _check_state(q: Array, qd: Array) -> tuple[Outcome, str]:
+    # written so that NaN fails too
+    inside = (np.abs(q) <= MAX_POSITION) & (np.abs(qd) <= MAX_VELOCITY)
+    if np.all(inside):
+        return Outcome.COMPLETED, ""
+    joint = int(np.argmin(inside))
+    return Outcome.DIVERGED, f"joint {joint + 1}: q = {q[joint]:g} rad, qd = {qd[joint]:g} rad/s after the step"
+
+
+def _check_shapes(
+    n: int, n_steps: int, model: RobotModel, desired: Reference, disturbance: Array | None, start: Array
+) -> None:
+    if model.n != n:
+        raise ValueError(f"the model has {model.n} joints, the plant {n}")
+    for name, array in desired._asdict().items():
+        if array.shape != (n_steps, n):
+            raise ValueError(f"reference {name} has shape {array.shape}, wanted {(n_steps, n)}")
+        if not np.all(np.isfinite(array)):
+            raise ValueError(f"reference {name} has values that are not finite")
+    if start.shape != (n,) or not np.all(np.isfinite(start)):
+        raise ValueError(f"initial_q is {start}, wanted {n} finite numbers")
+    if disturbance is not None and (disturbance.shape != (n_steps, n) or not np.all(np.isfinite(disturbance))):
+        raise ValueError(f"disturbance has shape {disturbance.shape}, wanted {(n_steps, n)}, all finite")

@@ -1,0 +1,143 @@
+"""The arm in MuJoCo, and MuJoCo's own terms of the dynamics for comparison."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from torquebench.errors import ModelError
+from torquebench.kernel import Array
+from torquebench.robot.loading import mjcf_path
+from torquebench.robot.mjcf import compile_mjcf, joint_names, torque_limits
+from torquebench.sim.plant import INTEGRATORS, substeps_per_period
+
+_CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
+
+
+def _quiet(message: str) -> None:
+    """Receive MuJoCo's warnings so that no MUJOCO_LOG.TXT is written; the loop checks the state itself."""
+
+
+def load_mujoco(source: str | Path) -> Any:
+    """Compile a model for stepping: joints must be hinges or slides, and a bad state must not reset itself.
+
+    Raises:
+        ModelError: no such model, it does not compile, or it has other joints.
+    """
+    m = compile_mjcf(mjcf_path(source))
+    if m.nq != m.nv or m.nv == 0:
+        raise ModelError(f"{source}: wanted hinge and slide joints only, at least one")
+    m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    return m
+
+
+class MujocoPlant:
+    """A plant stepped by MuJoCo; follows the `Plant` protocol.
+
+    Torque enters as ``qfrc_applied``, so that disturbances beyond an actuator's range act in full; the model's
+    own actuators stay at zero.
+
+    Args:
+        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+        timestep: Integration step [s]; overrides the file's.
+        integrator: ``rk4`` or ``euler``; overrides the file's.
+
+    Raises:
+        ModelError: the model cannot be used as a plant.
+        ValueError: the time step is not finite and positive, or the integrator is unknown.
+    """
+
+    def __init__(self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4") -> None:
+        substeps_per_period(timestep, timestep)
+        if integrator not in INTEGRATORS:
+            raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
+        mujoco.set_mju_user_warning(_quiet)
+        self._m = load_mujoco(source)
+        self._m.opt.timestep = timestep
+        self._m.opt.integrator = _CODES[integrator]
+        self._d = mujoco.MjData(self._m)
+        self.n = int(self._m.nv)
+        self.timestep = timestep
+        self.tau_max = torque_limits(self._m, str(source))
+        self.joint_names = tuple(joint_names(self._m))
+
+    def reset(self, q: Array, qd: Array) -> None:
+        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,)."""
+        mujoco.mj_resetData(self._m, self._d)
+        self._d.qpos[:], self._d.qvel[:] = q, qd
+
+    def state(self) -> tuple[Array, Array]:
+        """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
+        return self._d.qpos.copy(), self._d.qvel.copy()
+
+    def step(self, tau: Array, substeps: int) -> None:
+        """Integrate `substeps` time steps under the constant joint torque `tau` (n,) [N m]."""
+        self._d.qfrc_applied[:] = tau
+        mujoco.mj_step(self._m, self._d, substeps)
+
+
+class MujocoModel:
+    """MuJoCo's terms of the dynamics under the method names of `RobotModel`, each computed by MuJoCo alone.
+
+    Args:
+        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+    """
+
+    def __init__(self, source: str | Path) -> None:
+        self._m = load_mujoco(source)
+        self._d = mujoco.MjData(self._m)
+        self.name = str(source)
+        self.n = int(self._m.nv)
+        self.joint_names = tuple(joint_names(self._m))
+        site = mujoco.mj_name2id(self._m, mujoco.mjtObj.mjOBJ_SITE, "tool")
+        self._tool = site if site >= 0 else None
+
+    def mass_matrix(self, q: npt.ArrayLike) -> Array:
+        """Mass matrix, armature included, (N, n, n) [kg m^2], at positions `q` (N, n) [rad]."""
+        positions = np.asarray(q, dtype=np.float64)
+        out = np.zeros((len(positions), self.n, self.n))
+        for i, position in enumerate(positions):
+            self._forward(position, np.zeros(self.n))
+            mujoco.mj_fullM(self._m, self._d, out[i])
+        return out
+
+    def bias_forces(self, q: npt.ArrayLike, qd: npt.ArrayLike) -> Array:
+        """Coriolis, centrifugal and gravity torque ``qfrc_bias``, (N, n) [N m]."""
+        out = []
+        for position, velocity in zip(np.asarray(q), np.asarray(qd), strict=True):
+            self._forward(position, velocity)
+            out.append(self._d.qfrc_bias.copy())
+        return np.array(out)
+
+    def gravity(self, q: npt.ArrayLike) -> Array:
+        """Torque that holds the arm still, (N, n) [N m]: ``qfrc_bias`` at rest."""
+        return self.bias_forces(q, np.zeros_like(np.asarray(q, dtype=np.float64)))
+
+    def inverse_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, qdd: npt.ArrayLike) -> Array:
+        """Torque that produces the acceleration `qdd` (N, n) [rad/s^2], by ``mj_inverse``, (N, n) [N m]."""
+        out = []
+        for position, velocity, acceleration in zip(np.asarray(q), np.asarray(qd), np.asarray(qdd), strict=True):
+            self._forward(position, velocity)
+            self._d.qacc[:] = acceleration
+            mujoco.mj_inverse(self._m, self._d)
+            out.append(self._d.qfrc_inverse.copy())
+        return np.array(out)
+
+    def forward_kinematics(self, q: npt.ArrayLike) -> Array:
+        """Pose of the site ``tool`` (or of the last body) in the world, (N, 4, 4) [-, m]."""
+        out = np.tile(np.eye(4), (len(np.asarray(q)), 1, 1))
+        for i, position in enumerate(np.asarray(q)):
+            self._d.qpos[:] = position
+            mujoco.mj_kinematics(self._m, self._d)
+            d, site = self._d, self._tool
+            out[i, :3, :3] = (d.xmat[-1] if site is None else d.site_xmat[site]).reshape(3, 3)
+            out[i, :3, 3] = d.xpos[-1] if site is None else d.site_xpos[site]
+        return out
+
+    def _forward(self, q: Array, qd: Array) -> None:
+        self._d.qpos[:], self._d.qvel[:] = q, qd
+        mujoco.mj_forward(self._m, self._d)
