@@ -92,7 +92,7 @@ def _moving_parent(m: Any, body: int) -> int:
 def flatten(m: Any, where: str) -> Model:
     """Return the EXACT model of a compiled serial arm, for the analytic side.
 
-    Frame i sits at joint i's anchor with z along its axis. Bodies without joints belong to the link that carries
+    Frame i sits at joint i's anchor with z along its axis (the body's axes, where its z is the joint's). Bodies without joints belong to the link that carries
     them; a body with several joints becomes several links, all but the last without mass. A site called ``tool``
     gives the tool frame, else the last body's frame does.
 
@@ -105,7 +105,7 @@ def flatten(m: Any, where: str) -> Model:
     d.qpos[:] = 0.0
     mujoco.mj_kinematics(m, d)
     mujoco.mj_comPos(m, d)
-    world_R = [np.eye(3)] + [_frame_with_z(d.xaxis[j]) for j in range(n)]
+    world_R = [np.eye(3)] + [_joint_frame(m, d, j) for j in range(n)]
     world_p = [np.zeros(3)] + [d.xanchor[j].copy() for j in range(n)]
     mass, com, inertia = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
     for j in range(n):
@@ -169,11 +169,15 @@ def _carrier(m: Any, body: int) -> int:
     return body
 
 
-def _frame_with_z(axis: Array) -> Array:
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    x = np.cross(helper, axis)
+def _joint_frame(m: Any, d: Any, joint: int) -> Array:
+    """World orientation of the joint's frame: the body's own where its z axis is the joint's, else turned to be."""
+    body = d.xmat[m.jnt_bodyid[joint]].reshape(3, 3)
+    axis = m.jnt_axis[joint]
+    if np.array_equal(axis, [0.0, 0.0, 1.0]):
+        return np.array(body)
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
     x /= np.sqrt(x @ x)
-    return np.column_stack([x, np.cross(axis, x), axis])
+    return np.array(body @ np.column_stack([x, np.cross(axis, x), axis]))
 
 
 def _lump(m: Any, d: Any, bodies: list[int], R: Array, p: Array) -> tuple[float, Array, Array]:

@@ -1,0 +1,161 @@
+"""Two models or plants side by side: which term differs, by how much, on which joint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from torquebench import references
+from torquebench.analysis.sides import Dynamics, Side
+from torquebench.kernel import Array
+from torquebench.laws import find_law
+from torquebench.robot.arm import RobotModel
+from torquebench.sim.loop import Controller, simulate
+
+ROLLOUT_TOLERANCE = 1e-12
+"""Largest joint-angle gap of two closed loops that still counts as agreement [rad]."""
+SPEED, ACCELERATION = 3.0, 5.0
+"""Random states: |qd| [rad/s] and |qdd| [rad/s^2] up to these, positions over the full circle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One compared quantity."""
+
+    term: str
+    unit: str
+    absolute: float
+    """Largest difference of one element."""
+    relative: float
+    """Largest norm of the difference at a state, over the root mean square of the norm of A's value."""
+    where: str
+    """Element with the largest difference."""
+    limit: float
+    """Largest value of `relative` (for rollouts: of `absolute`) that counts as agreement."""
+    measure: str = "relative"
+    """Which of the two is held against the limit."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the difference is within the limit; NaN is not."""
+        return bool(getattr(self, self.measure) <= self.limit)
+
+
+def random_states(n: int, count: int, seed: int, frozen: Sequence[int] = ()) -> tuple[Array, Array, Array]:
+    """Return positions [rad], velocities [rad/s] and accelerations [rad/s^2], each (count, n).
+
+    Args:
+        n: Number of joints.
+        count: Number of states.
+        seed: Seed of the states.
+        frozen: Joints, counted from 0, at zero position and speed.
+    """
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-np.pi, np.pi, (count, n))
+    qd = rng.uniform(-SPEED, SPEED, (count, n))
+    qdd = rng.uniform(-ACCELERATION, ACCELERATION, (count, n))
+    q[:, list(frozen)] = qd[:, list(frozen)] = 0.0
+    return q, qd, qdd
+
+
+def compare_terms(
+    a: Dynamics, b: Dynamics, states: tuple[Array, Array, Array], tolerance: float
+) -> list[Row]:
+    """Compare every term of the dynamics over a batch of states.
+
+    Args:
+        a, b: The two sides, with the same joints.
+        states: Positions, velocities and accelerations, each (N, n).
+        tolerance: Relative difference that counts as agreement.
+    """
+    q, qd, qdd = states
+    gravity_a, gravity_b = a.gravity(q), b.gravity(q)
+    pairs = (
+        ("mass matrix", "kg m^2", a.mass_matrix(q), b.mass_matrix(q)),
+        ("gravity", "N m", gravity_a, gravity_b),
+        ("Coriolis + centrifugal", "N m", a.bias_forces(q, qd) - gravity_a, b.bias_forces(q, qd) - gravity_b),
+        ("inverse dynamics", "N m", a.inverse_dynamics(q, qd, qdd), b.inverse_dynamics(q, qd, qdd)),
+        ("tool pose", "-, m", a.forward_kinematics(q), b.forward_kinematics(q)),
+    )
+    return [_row(term, unit, x, y, tolerance) for term, unit, x, y in pairs]
+
+
+def compare_links(a: RobotModel, b: RobotModel, tolerance: float) -> list[Row]:
+    """Compare the link parameters themselves: some inertias (link 1's Ixx, say) no joint torque can show.
+
+    Args:
+        a, b: Two models with link parameters in the same frames.
+        tolerance: Relative difference that counts as agreement.
+    """
+    parameters = (
+        ("link masses", "kg", "mass"), ("centres of mass", "m", "com"), ("link inertias", "kg m^2", "inertia"),
+        ("armatures", "kg m^2", "armature"), ("torque limits", "N m", "tau_max"),
+    )  # fmt: skip
+    return [
+        _row(title, unit, getattr(a.flat, key), getattr(b.flat, key), tolerance)
+        for title, unit, key in parameters
+    ]
+
+
+def compare_rollouts(
+    a: Side, b: Side, model: RobotModel, duration: float, timestep: float = 0.001
+) -> list[Row]:
+    """Compare closed loops on both plants, linear band and sign, on `sine`, `step` and `ramp`.
+
+    The law computes with the same `model` on both sides; only the plants differ. RK4, zero-order hold.
+
+    Args:
+        a, b: The two sides.
+        model: The law's belief.
+        duration: Length of each loop [s].
+        timestep: Integration step and control period [s].
+    """
+    n, rows = model.n, []
+    share = np.arange(1, n + 1) / n
+    motions = {
+        "sine": references.sine(np.where(np.arange(n) % 2, -1.0, 1.2), 0.4 + 0.6 * share),
+        "step": references.step(np.where(np.arange(n) % 2, -0.8, 0.8), 0.2),
+        "ramp": references.ramp(np.where(np.arange(n) % 2, -1.5, 1.5), 3.0),
+    }
+    plant_a, plant_b = a.plant(timestep), b.plant(timestep)
+    for title, law, gains in (
+        ("sign", "smc", {"lam": 10, "k": 0.3}),
+        ("linear band", "linear-band-smc", {"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20}),
+    ):
+        registered = find_law(law)
+        controller = Controller(title, registered, registered.pack_gains(n, gains, {}))
+        for name, motion in motions.items():
+            runs = [
+                simulate(
+                    p, controller, model, motion, duration=duration, control_period=timestep, throw=False
+                )
+                for p in (plant_a, plant_b)
+            ]
+            rows.append(_rollout_row(f"closed loop, {title}, {name}", runs[0].q, runs[1].q))
+    return rows
+
+
+def _rollout_row(term: str, x: Array, y: Array) -> Row:
+    if x.shape != y.shape:
+        return Row(
+            term, "rad", float("nan"), float("nan"), "one run ended early", ROLLOUT_TOLERANCE, "absolute"
+        )
+    row = _row(term, "rad", x, y, ROLLOUT_TOLERANCE)
+    return Row(row.term, row.unit, row.absolute, row.relative, row.where, ROLLOUT_TOLERANCE, "absolute")
+
+
+def _row(term: str, unit: str, x: Array, y: Array, limit: float) -> Row:
+    if x.shape != y.shape:
+        return Row(term, unit, float("nan"), float("nan"), f"shapes {x.shape} and {y.shape}", limit)
+    gap = np.abs(x - y)
+    size = np.linalg.norm(x.reshape(len(x), -1), axis=1)
+    missed = np.linalg.norm(gap.reshape(len(x), -1), axis=1)
+    # over the typical, not the state's own size: at some state a term is zero, and any difference infinite
+    scale = float(np.sqrt(np.mean(size * size)))
+    largest = float(np.max(missed))
+    relative = largest / scale if scale > 0 else (0.0 if largest == 0 else float("inf"))
+    worst = np.unravel_index(int(np.argmax(gap)), gap.shape)
+    element = ", ".join(str(i + 1) for i in worst[1:]) or str(worst[0] + 1)
+    return Row(term, unit, float(np.max(gap)), relative, element, limit)

@@ -1,0 +1,85 @@
+"""Entry point: arguments, exit codes, and errors as lines instead of tracebacks."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import torquebench
+from torquebench.cli.terminal import complain
+from torquebench.errors import ConfigError, TorquebenchError
+
+DONE, FAILED, BAD_INPUT, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    top = argparse.ArgumentParser(
+        prog="torquebench", allow_abbrev=False,
+        description="Compare torque laws for robot arms on a plant that an analytic model agrees with to round-off.",
+        epilog="Exit status: 0 done and every check held; 1 a run failed unexpectedly or a check did not hold; "
+        "2 bad input, nothing written; 3 disk or internal error; 130 interrupted.",
+    )  # fmt: skip
+    top.add_argument("--version", action="version", version=f"torquebench {torquebench.__version__}")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", help="run one experiment: every controller in it, side by side")
+    run.add_argument("config", type=Path, help="experiment, a YAML file")
+    run.add_argument("--out", type=Path, help="folder for the results, new or empty (default: runs/NAME-UTC)")
+    run.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+        help="change one key, for example --set run.duration=2 or --set controllers.band.gains.phi=0.1",
+    )  # fmt: skip
+    run.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
+                     help="Python file that registers laws of your own with @controller")  # fmt: skip
+    run.add_argument("--no-figures", action="store_true", help="write numbers only")
+
+    compare = commands.add_parser(
+        "compare", help="two models or plants: where do they differ, and in which term",
+        description="A and B are mujoco:MODEL, analytic:MODEL[:STRUCTURE[:CONSTANTS]] or FILE.xml, for example "
+        "mujoco:puma560 and analytic:puma560:corrected:printed.",
+    )  # fmt: skip
+    compare.add_argument("a", metavar="A")
+    compare.add_argument("b", metavar="B")
+    compare.add_argument("--states", type=int, default=1000, help="random states (default 1000)")
+    compare.add_argument("--seed", type=int, default=0, help="seed of the states (default 0)")
+    compare.add_argument("--frozen-joints", type=int, nargs="*", default=[], metavar="J",
+                         help="joints held at zero position and speed, counted from 1, for example 4 5 6")  # fmt: skip
+    compare.add_argument("--tolerance", type=float, default=1e-12,
+                         help="relative difference that still counts as agreement (default 1e-12)")  # fmt: skip
+    compare.add_argument("--rollout", type=float, default=0.0, metavar="SECONDS",
+                         help="also compare closed loops of this length on both plants (default: none)")  # fmt: skip
+    compare.add_argument("--json", action="store_true", help="print the result as JSON")
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status."""
+    options = parser().parse_args(arguments)
+    try:
+        if options.command == "run":
+            from torquebench.cli.run import run
+
+            return run(options.config, options.out, options.overrides, options.plugin, not options.no_figures)
+        from torquebench.cli.compare import compare
+
+        return compare(options)
+    except ConfigError as error:
+        for problem in error.problems:
+            complain(str(problem))
+        return BAD_INPUT
+    except TorquebenchError as error:
+        complain(f"torquebench: {error}")
+        return INTERNAL
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return INTERNAL
+    except OSError as error:
+        complain(f"torquebench: {error}")
+        return INTERNAL
+    except KeyboardInterrupt:
+        complain("torquebench: interrupted; a run directory without manifest.json is unfinished")
+        return INTERRUPTED

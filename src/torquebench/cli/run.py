@@ -1,0 +1,158 @@
+"""``torquebench run``: one experiment from its YAML file to numbers, figures and a manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from torquebench.cli.terminal import complain, progress_bar, say, table
+from torquebench.disturbances import Stream
+from torquebench.experiment import config_hash, dump_experiment, load_experiment
+from torquebench.experiment.run import ExperimentResult, run_experiment
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.store import RunDirectory, choose_folder, json_bytes
+from torquebench.laws.plugin import load_plugin
+
+
+def run(
+    config: Path, out: Path | None, overrides: Sequence[str], plugins: Sequence[Path], with_figures: bool
+) -> int:
+    """Run an experiment and return the exit status.
+
+    Args:
+        config: The experiment's YAML file.
+        out: Folder for the results; None for ``runs/NAME-UTC``.
+        overrides: ``key=value`` changes of single keys.
+        plugins: Files that register further laws.
+        with_figures: Whether to draw figures.
+
+    Raises:
+        ConfigError: bad input; nothing has been written.
+    """
+    for plugin in plugins:
+        load_plugin(plugin)
+    experiment = load_experiment(config, overrides)
+    folder = choose_folder(out, experiment.name)
+    with progress_bar(experiment.n_steps * len(experiment.controllers), "step") as bar:
+
+        def report(name: str, k: int) -> None:
+            if k % 50 == 49:
+                bar.set_description_str(name, refresh=False)
+                bar.update(50)
+
+        result = run_experiment(experiment, report)
+    directory = RunDirectory(folder)
+    write(result, directory, with_figures)
+    say(summary(result))
+    say()
+    say(f"results: {folder}")
+    for name in result.unexpected:
+        trajectory = result.runs[name]
+        complain(f"torquebench: controller '{name}' was expected otherwise: {outcome_text(result, name)}"
+                 + (f" ({trajectory.detail})" if trajectory.detail else ""))  # fmt: skip
+    return 1 if result.unexpected else 0
+
+
+def write(result: ExperimentResult, directory: RunDirectory, with_figures: bool) -> None:
+    """Write every file of a run, the manifest last."""
+    experiment = result.experiment
+    directory.write("experiment.yaml", dump_experiment(experiment).encode())
+    for name, trajectory in result.runs.items():
+        directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
+    metrics = {name: result.metrics[name].to_json() if name in result.metrics else None for name in result.runs}
+    conditions = {
+        "window_from": experiment.run.metrics_from, "noise": noise_text(experiment), "chain": experiment.chain,
+    }  # fmt: skip
+    directory.write("metrics.json", json_bytes({"conditions": conditions, "controllers": metrics}))
+    if with_figures:
+        write_figures(result, directory)
+    directory.finish(
+        {
+            "name": experiment.name,
+            "config_sha256": config_hash(experiment),
+            "seeds": {
+                "seed": experiment.run.seed,
+                "draw": experiment.run.draw,
+                "streams": {stream.name.lower(): int(stream) for stream in Stream},
+                "mismatch_redraws": result.loop.redraws,
+            },
+            "path": "python",
+            "outcomes": {
+                name: {
+                    "outcome": trajectory.outcome.name,
+                    "failed_at": trajectory.failed_at,
+                    "detail": trajectory.detail,
+                    "digest": trajectory.digest(),
+                }
+                for name, trajectory in result.runs.items()
+            },
+        }
+    )
+
+
+def write_figures(result: ExperimentResult, directory: RunDirectory) -> None:
+    """Draw every figure and write it as SVG and PNG."""
+    from torquebench.analysis.figures import figure_bytes, make_figures
+
+    experiment = result.experiment
+    figures = make_figures(
+        result.runs, title=experiment.name, subtitle=conditions_text(experiment), joint_names=result.loop.joint_names,
+        tau_max=result.loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
+        control_period=experiment.run.control_period, metrics=result.metrics,
+    )  # fmt: skip
+    with progress_bar(2 * len(figures), "figure") as bar:
+        for name, figure in figures.items():
+            for fmt in ("svg", "png"):
+                bar.set_description_str(f"figures/{name}.{fmt}", refresh=False)
+                directory.write(f"figures/{name}.{fmt}", figure_bytes(figure, fmt))  # type: ignore[arg-type]
+                bar.update(1)
+
+
+def noise_text(experiment: Experiment) -> str:
+    """Return the definition of every disturbance in words; it moves results more than the choice of law."""
+    texts = []
+    for d in experiment.disturbances:
+        sigma = " ".join(f"{x:g}" for x in (d.sigma if isinstance(d.sigma, tuple) else (d.sigma,)))
+        texts.append(f"torque noise held {1e3 * d.hold:g} ms, Gaussian, sigma {sigma} N m, clipped at {d.clip_sigma:g} sigma")
+    return "; ".join(texts) or "none"
+
+
+def conditions_text(experiment: Experiment) -> str:
+    """Return what was run, in two lines: plant, belief, motion; sampling and noise."""
+    plant, belief, run = experiment.plant, experiment.model, experiment.run
+    mismatch = f", mismatch ±{100 * belief.mismatch.relative:g} %" if belief.mismatch else ""
+    return (
+        f"plant {plant.engine}:{plant.model} ({plant.integrator}, {1e3 * plant.timestep:g} ms); "
+        f"model {belief.structure}/{belief.constants}{mismatch}; reference {experiment.reference.kind}\n"
+        f"control period {1e3 * run.control_period:g} ms; chain {experiment.chain}; disturbance: {noise_text(experiment)}; "
+        f"metrics from {run.metrics_from:g} s"
+    )
+
+
+def outcome_text(result: ExperimentResult, name: str) -> str:
+    """Return how a run ended, with the time of a failure."""
+    trajectory = result.runs[name]
+    if trajectory.completed:
+        return "completed"
+    return f"{trajectory.outcome.name.lower().replace('_', ' ')} at {trajectory.t[-1]:g} s"
+
+
+def summary(result: ExperimentResult) -> str:
+    """Return the table of headline metrics, one row a controller."""
+    columns = {
+        "rmse": ("RMSE [mrad]", 1e3), "max_error": ("max [mrad]", 1e3), "steady_state_error": ("steady [mrad]", 1e3),
+        "hf": ("HF [%]", 1.0), "total_variation": ("TV [1/s]", 1.0), "effort": ("effort", 1.0),
+        "saturation_fraction": ("saturated [%]", 100.0),
+    }  # fmt: skip
+    if result.experiment.reference.kind in ("step", "quintic"):
+        columns |= {"rise_time": ("rise [s]", 1.0), "overshoot": ("over [%]", 1.0), "settling_time": ("settle [s]", 1.0)}
+    rows = []
+    for keys in result.experiment.controllers:
+        cells = [keys.name, keys.law, outcome_text(result, keys.name)]
+        found = dict((i.key, m) for i, m in result.metrics[keys.name].items()) if keys.name in result.metrics else {}
+        for key, (_, scale) in columns.items():
+            value = found[key].value if key in found else None
+            cells.append("-" if value is None else f"{value * scale:.4g}")
+        rows.append(cells)
+    header = ["controller", "law", "outcome", *(title for title, _ in columns.values())]
+    return f"{result.experiment.name}\n{conditions_text(result.experiment)}\n\n{table(header, rows)}"

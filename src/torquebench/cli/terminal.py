@@ -1,0 +1,51 @@
+"""What the user sees in the terminal: lines, tables, progress bars."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Protocol
+
+
+class Bar(Protocol):
+    """A progress bar."""
+
+    def update(self, n: float | None = 1) -> bool | None:
+        """Advance by `n`."""
+        ...
+
+    def set_description_str(self, desc: str | None = None, refresh: bool | None = True) -> None:
+        """Say what is being done."""
+        ...
+
+
+def say(text: str = "") -> None:
+    """Write a line to standard output."""
+    sys.stdout.write(text + "\n")
+
+
+def complain(text: str) -> None:
+    """Write a line to standard error."""
+    sys.stderr.write(text + "\n")
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table with the first column left-aligned, the others right-aligned, and a rule under the header."""
+    widths = [max(len(str(row[i])) for row in (header, *rows)) for i in range(len(header))]
+
+    def line(cells: Sequence[str]) -> str:
+        first, *rest = cells
+        padded = [first.ljust(widths[0])] + [cell.rjust(w) for cell, w in zip(rest, widths[1:], strict=True)]
+        return "  ".join(padded).rstrip()
+
+    return "\n".join([line(header), "  ".join("-" * w for w in widths), *map(line, rows)])
+
+
+@contextmanager
+def progress_bar(total: int, unit: str) -> Iterator[Bar]:
+    """Show progress on standard error once the work has lasted a second; silent when that is not a terminal."""
+    from tqdm import tqdm
+
+    with tqdm(total=total, unit=unit, unit_scale=True, delay=1.0, leave=False, disable=None, file=sys.stderr) as bar:
+        yield bar

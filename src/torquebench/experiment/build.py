@@ -1,0 +1,96 @@
+"""From a validated experiment to the objects of the loop: plant, belief, controllers, reference, disturbance."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from torquebench import references
+from torquebench.disturbances import Stream, band_limited_noise, generator
+from torquebench.experiment import schema
+from torquebench.experiment.values import as_vector
+from torquebench.kernel import Array
+from torquebench.laws import find_law
+from torquebench.references import ReferenceSource
+from torquebench.robot import RobotModel, load_model
+from torquebench.robot.puma560.mismatch import mismatched
+from torquebench.sim.loop import Controller
+from torquebench.sim.plant import Plant
+
+
+class Loop(NamedTuple):
+    """Everything one experiment's runs share, and its controllers."""
+
+    plant: Plant
+    joint_names: tuple[str, ...]
+    model: RobotModel
+    redraws: int
+    """Rejected draws of the model's mismatch."""
+    controllers: tuple[Controller, ...]
+    reference: ReferenceSource
+    disturbance: Array | None
+    """Torque added after saturation at each control instant, (N, n) [N m]."""
+    initial_q: Array
+
+
+def build(experiment: schema.Experiment) -> Loop:
+    """Make the objects of an experiment; all randomness is drawn here, from its seed and draw.
+
+    Raises:
+        ModelError: a model is malformed, or no acceptable mismatch was found.
+    """
+    n, run = experiment.n, experiment.run
+    model = load_model(experiment.plant.model, experiment.model.structure, experiment.model.constants)
+    redraws = 0
+    if experiment.model.mismatch is not None:
+        rng = generator(run.seed, run.draw, Stream.MISMATCH)
+        model, redraws = mismatched(model, experiment.model.mismatch.relative, rng)
+    controllers = []
+    for entry in experiment.controllers:
+        law = find_law(entry.law)
+        controllers.append(Controller(entry.name, law, law.pack_gains(n, entry.gains, entry.options)))
+    return Loop(
+        build_plant(experiment.plant), model.joint_names, model, redraws, tuple(controllers),
+        build_reference(experiment.reference, n), build_disturbance(experiment),
+        np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
+    )  # fmt: skip
+
+
+def build_plant(keys: schema.Plant) -> Plant:
+    """Make the plant; MuJoCo is imported only for ``engine: mujoco``."""
+    if isinstance(keys, schema.AnalyticPlant):
+        from torquebench.sim.analytic_plant import AnalyticPlant
+
+        truth = load_model(keys.model, keys.structure, keys.constants)
+        return AnalyticPlant(truth, keys.timestep, keys.integrator)
+    from torquebench.sim.mujoco_plant import MujocoPlant
+
+    return MujocoPlant(keys.model, keys.timestep, keys.integrator)
+
+
+def build_reference(keys: schema.Reference, n: int) -> ReferenceSource:
+    """Make the desired motion of `n` joints."""
+    match keys:
+        case schema.SineReference():
+            return references.sine(as_vector(keys.amplitude, n), as_vector(keys.frequency_hz, n))
+        case schema.StepReference():
+            return references.step(as_vector(keys.target, n), keys.at)
+        case schema.RampReference():
+            return references.ramp(as_vector(keys.target, n), keys.rise_time)
+        case schema.QuinticReference():
+            return references.quintic(as_vector(keys.target, n), keys.rise_time)
+
+
+def build_disturbance(experiment: schema.Experiment) -> Array | None:
+    """Draw and add up the disturbances, (N, n) [N m]; None when there are none."""
+    if not experiment.disturbances:
+        return None
+    n, run = experiment.n, experiment.run
+    total = np.zeros((experiment.n_steps, n))
+    for index, keys in enumerate(experiment.disturbances):
+        rng = generator(run.seed, run.draw, Stream.TORQUE_NOISE, index)
+        sigma = as_vector(keys.sigma, n)
+        hold = experiment.hold_steps(keys)
+        total += band_limited_noise(sigma, hold, experiment.n_steps, rng, keys.clip_sigma)
+    return total

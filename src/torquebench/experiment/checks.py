@@ -1,0 +1,176 @@
+"""Checks across keys: what each value alone cannot show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from torquebench.experiment.document import Document, KeyPath
+from torquebench.experiment.schema import (
+    AnalyticPlant,
+    Belief,
+    ControllerKeys,
+    Disturbance,
+    Mismatch,
+    Plant,
+    Reference,
+    Run,
+    whole_steps,
+)
+from torquebench.experiment.sections import Checked
+
+CLOSED_FORM_MODEL = "puma560"
+MIN_WINDOW = 0.5  # s; the steady-state error is taken over this last part of a run
+MAX_BYTES = 2 << 30
+MAX_SUBSTEPS = 10**8
+ARRAYS = 12  # (N, n) arrays of 8-byte numbers kept for each controller
+_RELATIVE = 1e-9  # decimal periods are not exact in binary; a real mismatch is far larger
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The sections as far as they are valid; None where nothing could be made of one."""
+
+    plant: Checked[Plant] | None
+    model: Checked[Belief] | None
+    controllers: Sequence[Checked[ControllerKeys]]
+    reference: Checked[Reference] | None
+    disturbances: Sequence[Checked[Disturbance]]
+    run: Checked[Run] | None
+    n: int | None
+    """Number of joints; None when the model is not known."""
+
+    def get(self, section: str, key: str) -> Any:
+        """Return a valid value, or None."""
+        checked = getattr(self, section)
+        return None if checked is None else checked.values.get(key)
+
+    def given(self, section: str, key: str) -> bool:
+        """Whether the config states a key itself."""
+        checked = getattr(self, section)
+        return checked is not None and key in checked.given
+
+
+def check_across(document: Document, parts: Parts) -> None:
+    """Record every contradiction between keys that are valid by themselves."""
+    _check_structures(document, parts)
+    _check_lengths(document, parts)
+    _check_times(document, parts)
+    _check_work(document, parts)
+
+
+def _check_structures(document: Document, parts: Parts) -> None:
+    arm = parts.get("plant", "model")
+    analytic = parts.plant is not None and parts.plant.model is AnalyticPlant
+    for section in ["model"] + ["plant"] * analytic:
+        structure, constants = parts.get(section, "structure"), parts.get(section, "constants")
+        if structure == "exact" and constants == "printed":
+            message = "exact with printed is refused: seven ties make it no rigid body"
+            document.add(_first_given(parts, (section, "constants"), (section, "structure")), message)
+        if arm is None or arm == CLOSED_FORM_MODEL:
+            continue
+        for key, value, only in (("structure", structure, "exact"), ("constants", constants, "fitted")):
+            if value not in (None, only):
+                message = (
+                    f"got {value}, wanted {only}: model '{arm}' has no other (only {CLOSED_FORM_MODEL} has)"
+                )
+                document.add((section, key), message)
+    if isinstance(parts.get("model", "mismatch"), Mismatch) and parts.get("model", "structure") == "exact":
+        document.add(
+            ("model", "mismatch"), "needs corrected or printed: with structure exact there is no mismatch yet"
+        )
+
+
+def _check_lengths(document: Document, parts: Parts) -> None:
+    vectors: dict[KeyPath, Any] = {("run", "initial_q"): parts.get("run", "initial_q")}
+    for checked in [parts.reference, *parts.disturbances]:
+        vectors |= {(*checked.path, key): value for key, value in checked.values.items()} if checked else {}
+    for controller in parts.controllers:
+        gains = controller.values.get("gains", {})
+        vectors |= {(*controller.path, "gains", key): value for key, value in gains.items()}
+    for path, value in vectors.items():
+        if parts.n is not None and isinstance(value, tuple) and len(value) != parts.n:
+            arm = parts.get("plant", "model")
+            message = (
+                f"got {len(value)} numbers, wanted one number or {parts.n}, one for each joint of '{arm}'"
+            )
+            document.add(path, message)
+
+
+def _check_times(document: Document, parts: Parts) -> None:
+    timestep, period = parts.get("plant", "timestep"), parts.get("run", "control_period")
+    duration, start = parts.get("run", "duration"), parts.get("run", "metrics_from")
+    sampled = ("run", "control_period")
+    written = _first_given(parts, sampled, ("plant", "timestep"))
+    _multiple(document, sampled, period, "plant.timestep", timestep, written)
+    _multiple(document, ("run", "duration"), duration, "run.control_period", period)
+    for noise in parts.disturbances:
+        hold = noise.values.get("hold")
+        place = sampled if "hold" not in noise.given and parts.given(*sampled) else (*noise.path, "hold")
+        _multiple(document, (*noise.path, "hold"), hold, "run.control_period", period, place)
+    if duration is not None and start is not None and duration < (start + MIN_WINDOW) * (1.0 - _RELATIVE):
+        shortest = f"the run must last at least {MIN_WINDOW:g} s longer, {start + MIN_WINDOW:.12g} s"
+        if parts.given("run", "metrics_from"):
+            document.add(
+                ("run", "metrics_from"), f"got {start:.12g} s with run.duration {duration:.12g} s: {shortest}"
+            )
+        else:
+            message = (
+                f"got {duration:.12g} s, but metrics start at {start:g} s (run.metrics_from): {shortest}"
+            )
+            document.add(("run", "duration"), message)
+    at = parts.get("reference", "at")
+    if at is not None and duration is not None and at >= duration:
+        message = f"got {at:.12g} s, wanted less than run.duration, {duration:.12g} s: there would be no step"
+        document.add(("reference", "at"), message)
+
+
+def _check_work(document: Document, parts: Parts) -> None:
+    timestep, period = parts.get("plant", "timestep"), parts.get("run", "control_period")
+    duration, laws = parts.get("run", "duration"), max(len(parts.controllers), 1)
+    if timestep is None or period is None or duration is None:
+        return
+    place = ("run", "duration")
+    substeps = max(duration / timestep, duration / period) * laws
+    if not substeps <= MAX_SUBSTEPS:
+        longest = MAX_SUBSTEPS / laws * min(timestep, period)
+        cure = f"lower run.duration to at most {longest:.4g} s, raise plant.timestep, or fewer controllers"
+        document.add(
+            place, f"needs {substeps:.3g} physics steps in all, at most {MAX_SUBSTEPS:.0e} are run: {cure}"
+        )
+    if parts.n is None:
+        return
+    size = duration / period * parts.n * ARRAYS * 8 * laws
+    if not size <= MAX_BYTES:
+        longest = duration * MAX_BYTES / size if math.isfinite(size) else 0.0
+        cure = (
+            f"lower run.duration to at most {longest:.4g} s, raise run.control_period, or fewer controllers"
+        )
+        document.add(
+            place, f"needs {size / 2**30:.3g} GiB of memory, at most {MAX_BYTES >> 30} GiB are used: {cure}"
+        )
+
+
+def _multiple(
+    document: Document,
+    path: KeyPath,
+    value: float | None,
+    unit_key: str,
+    unit: float | None,
+    place: KeyPath = (),
+) -> None:
+    """Record it when `value` at `path` is not a whole number, at least 1, of `unit` [both s]."""
+    if value is None or unit is None or not math.isfinite(value / unit):
+        return
+    steps = max(whole_steps(value, unit), 1)
+    if abs(value / unit - steps) > _RELATIVE * steps:
+        message = f"got {value:.12g} s, wanted a whole multiple of {unit_key}, {unit:.12g} s"
+        nearest = f"; the nearest is {steps * unit:.12g}"
+        document.add(path, message + nearest, place=document.place(place or path))
+
+
+def _first_given(parts: Parts, *paths: tuple[str, str]) -> tuple[str, str]:
+    """Return the first of the keys that the config states itself; the others have their defaults."""
+    return next((path for path in paths if parts.given(*path)), paths[0])

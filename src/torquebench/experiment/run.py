@@ -1,0 +1,72 @@
+"""Running an experiment: every controller once on the same plant, motion and disturbance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from torquebench.experiment.build import Loop, build
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.values import as_vector
+from torquebench.laws import find_law
+from torquebench.metrics import Metrics, compute_metrics
+from torquebench.sim.loop import simulate
+from torquebench.sim.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentResult:
+    """What came out of one experiment."""
+
+    experiment: Experiment
+    loop: Loop
+    runs: Mapping[str, Trajectory]
+    """Controller name -> its run, in the config's order."""
+    metrics: Mapping[str, Metrics]
+    """Controller name -> its metrics; a run that failed has none."""
+
+    @property
+    def unexpected(self) -> tuple[str, ...]:
+        """Controllers whose run ended otherwise than the config expects."""
+        return tuple(
+            keys.name
+            for keys in self.experiment.controllers
+            if self.runs[keys.name].completed != (keys.expect == "completed")
+        )
+
+
+def run_experiment(
+    experiment: Experiment, progress: Callable[[str, int], None] | None = None
+) -> ExperimentResult:
+    """Run every controller of an experiment.
+
+    Args:
+        experiment: A validated experiment.
+        progress: Called with the controller's name and the index of the control instant just finished.
+
+    Raises:
+        ModelError: a model cannot be used.
+    """
+    loop = build(experiment)
+    runs, metrics = {}, {}
+    for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
+        name = controller.name
+        runs[name] = simulate(
+            loop.plant, controller, loop.model, loop.reference,
+            duration=experiment.run.duration, control_period=experiment.run.control_period,
+            disturbance=loop.disturbance, initial_q=loop.initial_q, throw=False,
+            progress=None if progress is None else lambda k, name=name: progress(name, k),
+        )  # fmt: skip
+        if runs[name].completed:
+            band = band_of(keys.law, keys.gains)
+            metrics[name] = compute_metrics(
+                runs[name], tau_max=loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
+                control_period=experiment.run.control_period, reference_kind=experiment.reference.kind,
+                phi=None if band is None else as_vector(band, experiment.n),
+            )  # fmt: skip
+    return ExperimentResult(experiment, loop, runs, metrics)
+
+
+def band_of(law: str, gains: Mapping[str, float | tuple[float, ...]]) -> float | tuple[float, ...] | None:
+    """Return the half-width of a law's boundary layer [rad/s], or None when it has none."""
+    return gains.get("phi") if "phi" in find_law(law).gains else None

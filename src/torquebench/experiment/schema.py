@@ -1,0 +1,235 @@
+"""Every key of an experiment: its type, default, meaning and unit, in one place."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from torquebench.experiment.values import (
+    AnyVector,
+    HomeOrVector,
+    NotNegative,
+    NotNegativeVector,
+    Positive,
+    Slug,
+)
+from torquebench.robot import load_model
+
+MAX_CONTROLLERS = 64
+MAX_DISTURBANCES = 64
+
+StructureName: TypeAlias = Literal["exact", "corrected", "printed"]
+ConstantsName: TypeAlias = Literal["fitted", "printed"]
+
+
+def joint_count(model_name: str) -> int:
+    """Return the number of joints of the model called `model_name`.
+
+    Raises:
+        ModelError: there is no such model, or it is malformed.
+    """
+    return load_model(model_name).n
+
+
+class Keys(BaseModel):
+    """A group of keys: read-only, no others accepted, no type converted into another."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, protected_namespaces=()
+    )
+
+
+class AnyPlant(Keys):
+    """Keys that every plant has."""
+
+    engine: str = Field(description="What simulates the arm.")
+    model: str = Field(description="Arm: the name of a folder in models/.")
+    timestep: Positive = Field(0.001, description="Physics step [s].")
+    integrator: Literal["rk4", "euler"] = Field(
+        "rk4", description="Integration scheme: 4th-order Runge-Kutta, or semi-implicit Euler."
+    )
+
+
+class MujocoPlant(AnyPlant):
+    """The arm as MuJoCo simulates it."""
+
+    engine: Literal["mujoco"] = Field(description="What simulates the arm.")
+
+
+class AnalyticPlant(AnyPlant):
+    """The arm simulated from equations of motion, without MuJoCo."""
+
+    engine: Literal["analytic"] = Field(description="What simulates the arm.")
+    structure: StructureName = Field("exact", description="Equations of motion of the plant.")
+    constants: ConstantsName = Field("fitted", description="Set of numbers in the plant's equations.")
+
+
+class Mismatch(Keys):
+    """Errors put on purpose into the model that the laws use."""
+
+    relative: float = Field(gt=0, lt=1, description="Every constant is multiplied by 1 + r or 1 - r [1].")
+
+
+class Belief(Keys):
+    """The model of the arm that the laws compute with; the plant may differ from it."""
+
+    structure: StructureName = Field(
+        "exact",
+        description="Equations of motion: rigid body, the paper's corrected, or the paper's as printed.",
+    )
+    constants: ConstantsName = Field(
+        "fitted", description="Numbers in the equations: those of the rigid body, or the paper's tables."
+    )
+    mismatch: Mismatch | None = Field(None, description="Errors put on purpose into the constants.")
+
+
+class ControllerKeys(Keys):
+    """Keys that every controller has, whatever its law."""
+
+    name: Slug = Field(description="Name of the controller, unique in the file; also the name of its folder.")
+    law: str = Field(description="Name of the torque law.")
+    expect: Literal["completed", "failed"] = Field(
+        "completed", description="Outcome that counts as right; failed is for laws shown to fail."
+    )
+
+
+class Controller(ControllerKeys):
+    """One controller: a law, the choices that set its form, and its gains."""
+
+    options: dict[str, str | bool] = Field(
+        description="Option name -> value; in the file at the controller's level."
+    )
+    gains: dict[str, AnyVector] = Field(description="Gain name -> one number, or one for each joint.")
+
+
+class AnyReference(Keys):
+    """Keys that every reference has."""
+
+    metrics_from: ClassVar[float] = 1.0
+    kind: str = Field(description="Form of the desired motion.")
+
+
+class SineReference(AnyReference):
+    """Raised sine A/2 (1 - cos 2 pi f t)."""
+
+    kind: Literal["sine"] = Field(description="Form of the desired motion.")
+    amplitude: AnyVector = Field(description="Peak-to-peak excursion of each joint [rad].")
+    frequency_hz: NotNegativeVector = Field(description="Frequency of each joint [Hz].")
+
+
+class StepReference(AnyReference):
+    """Zero, then a constant."""
+
+    metrics_from: ClassVar[float] = 2.0
+    kind: Literal["step"] = Field(description="Form of the desired motion.")
+    target: AnyVector = Field(description="Position of each joint after the step [rad].")
+    at: NotNegative = Field(description="Time of the step [s].")
+
+
+class _Rising(AnyReference):
+    target: AnyVector = Field(description="Final position of each joint [rad].")
+    rise_time: Positive = Field(description="Duration of the motion [s].")
+
+
+class RampReference(_Rising):
+    """Constant speed to the target, then held."""
+
+    kind: Literal["ramp"] = Field(description="Form of the desired motion.")
+
+
+class QuinticReference(_Rising):
+    """Minimum-jerk polynomial to the target, then held."""
+
+    kind: Literal["quintic"] = Field(description="Form of the desired motion.")
+
+
+class AnyDisturbance(Keys):
+    """Keys that every disturbance has."""
+
+    kind: str = Field(description="Form of the disturbance.")
+
+
+class BandLimitedNoise(AnyDisturbance):
+    """Gaussian torque, each value held for a while."""
+
+    kind: Literal["band-limited-noise"] = Field(description="Form of the disturbance.")
+    channel: Literal["torque"] = Field(description="What it is added to: the joint torque, after saturation.")
+    sigma: NotNegativeVector = Field(description="Standard deviation before clipping [N m].")
+    hold: Positive = Field(0.01, description="Time for which each value lasts [s].")
+    clip_sigma: Positive = Field(3.0, description="Values are clipped at this many standard deviations [1].")
+
+
+def _metrics_from_is_optional(schema: dict[str, Any]) -> None:
+    schema["required"] = [key for key in schema["required"] if key != "metrics_from"]
+
+
+class Run(Keys):
+    """How long, how often, from where, and with which random numbers."""
+
+    model_config = ConfigDict(json_schema_extra=_metrics_from_is_optional)
+
+    duration: Positive = Field(description="Length of the run [s].")
+    control_period: Positive = Field(0.001, description="Time between two calls of a law [s].")
+    initial_q: HomeOrVector = Field(
+        "home", description="Position at the start: home, or one for each joint [rad]."
+    )
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="Source of all random numbers [1].")
+    metrics_from: NotNegative = Field(
+        description="Start of the window for metrics; 2 for a step, 1 for other references if left out [s]."
+    )
+    draw: int = Field(
+        0, ge=0, le=2**63 - 1, description="Number of the random draw, for repeating one of many [1]."
+    )
+
+
+Plant: TypeAlias = MujocoPlant | AnalyticPlant
+Reference: TypeAlias = SineReference | StepReference | RampReference | QuinticReference
+Disturbance: TypeAlias = BandLimitedNoise
+
+
+class Experiment(Keys):
+    """One experiment: a plant, the belief about it, a motion to follow, and the controllers to compare."""
+
+    name: Slug = Field(description="Name of the experiment; also the start of its folder's name.")
+    description: str | None = Field(
+        None, max_length=4000, description="What the experiment is for, in words."
+    )
+    plant: Plant = Field(discriminator="engine", description="The arm as it is.")
+    model: Belief = Field(default_factory=Belief, description="The arm as the laws believe it to be.")
+    controllers: tuple[Controller, ...] = Field(
+        min_length=1, max_length=MAX_CONTROLLERS, description="What is compared."
+    )
+    reference: Reference = Field(discriminator="kind", description="Desired motion.")
+    chain: Literal["ideal"] = Field(
+        "ideal", description="Sensors and actuators; ideal: exact and instantaneous."
+    )
+    disturbances: tuple[Disturbance, ...] = Field(
+        (), max_length=MAX_DISTURBANCES, description="What acts on the joints besides the law."
+    )
+    run: Run = Field(description="Length, sampling, start and randomness of the run.")
+
+    @cached_property
+    def n(self) -> int:
+        """Number of joints."""
+        return joint_count(self.plant.model)
+
+    @property
+    def n_steps(self) -> int:
+        """Number of control instants."""
+        return whole_steps(self.run.duration, self.run.control_period)
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps in one control period."""
+        return whole_steps(self.run.control_period, self.plant.timestep)
+
+    def hold_steps(self, disturbance: Disturbance) -> int:
+        """Control periods for which one value of a disturbance lasts."""
+        return whole_steps(disturbance.hold, self.run.control_period)
+
+
+def whole_steps(duration: float, step: float) -> int:
+    """Return the number of steps nearest to a duration; both in the same unit."""
+    return round(duration / step)

@@ -1,0 +1,232 @@
+"""Strict YAML: text to plain values with their places, in a subset of YAML 1.2 without surprises.
+
+Only ``true`` and ``false`` are booleans, a number is what everyone reads as one, and whatever makes a file
+mean something else than it seems to (aliases, tags, duplicate keys, several documents) is refused.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+
+from torquebench.experiment.document import BROKEN, Document, KeyPath, Place, shortened
+
+MAX_DEPTH = 32
+MAX_VALUES = 50_000
+
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_DIGITS = r"(?:0|[1-9][0-9]*)"
+_INT = re.compile(rf"[-+]?{_DIGITS}")
+NUMBER = re.compile(rf"[-+]?(?:{_DIGITS}(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_INFINITE = re.compile(r"([-+]?)\.(?:inf|Inf|INF)")
+_FIXED = {"true": True, "false": False, "null": None, "~": None, "": None}
+_NAN = frozenset((".nan", ".NaN", ".NAN"))
+_LONGEST_INT = 100  # digits; longer ones are read as floats, which no whole-number key accepts
+# C0 and C1 controls, separators that some editors count as line ends, characters that reorder or hide text.
+FORBIDDEN = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ufeff\ud800-\udfff\ufffe\uffff]"
+)
+_LINE_END = re.compile(r"\r\n|\r|\n")
+
+
+class _Stop(Exception):
+    """Reading ends here; the reason is already recorded."""
+
+
+def parse_value(document: Document, text: str, path: KeyPath = (), place: Place | None = None) -> Any:
+    """Parse one YAML value; its places and mistakes go into `document`.
+
+    Args:
+        document: Receives places and mistakes.
+        text: The YAML.
+        path: Where in the document the value belongs.
+        place: Where the text was written, when it is not the document's file.
+
+    Returns:
+        Nested dict, list, str, int, float, bool and None; BROKEN where a value could not be read.
+    """
+    bad = FORBIDDEN.search(text)
+    if bad:
+        lines = _LINE_END.split(text[: bad.start()])
+        here = place or Place(0, len(lines), len(lines[-1]) + 1)
+        document.add(path, f"has the control character U+{ord(bad.group()):04X}", place=here)
+        return BROKEN
+    builder = _Builder(document, text, place)
+    try:
+        return builder.whole(path)
+    except _Stop:
+        return BROKEN
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        here = _place(mark)
+        document.add(path, _syntax_message(error, text, here), place=place or here)
+    except (
+        yaml.YAMLError,
+        ValueError,
+        OverflowError,
+    ) as error:  # the last two: PyYAML's own parser on \U escapes
+        document.add(path, "not valid YAML: " + " ".join(str(error).split()), place=place or Place(0, 1, 1))
+    return BROKEN
+
+
+def resolve(text: str) -> bool | int | float | str | None:
+    """Return the value of an unquoted scalar."""
+    if text in _FIXED:
+        return _FIXED[text]
+    if _INT.fullmatch(text) and len(text) <= _LONGEST_INT:
+        return int(text)
+    if NUMBER.fullmatch(text):
+        return float(text)
+    if text in _NAN:
+        return math.nan
+    infinite = _INFINITE.fullmatch(text)
+    if infinite:
+        return -math.inf if infinite.group(1) == "-" else math.inf
+    return text
+
+
+def _place(mark: Any) -> Place:
+    """Return a mark of the parser, which counts from 0, as a place in the file."""
+    return Place(0, mark.line + 1, mark.column + 1) if mark else Place(0, 1, 1)
+
+
+def _syntax_message(error: yaml.MarkedYAMLError, text: str, here: Place) -> str:
+    problem = error.problem or error.context or "unreadable"
+    lines = _LINE_END.split(text)
+    line = lines[here.line - 1] if here.line <= len(lines) else ""
+    hint = ""
+    if "\t" in line[: here.column]:
+        hint = "; indent with spaces, not tabs"
+    elif "cannot start any token" in problem:
+        hint = "; put the text in quotes"
+    elif "mapping values" in problem or "did not find expected" in problem:
+        hint = "; check indentation, brackets and commas, and put text with ': ' or '#' in quotes"
+    return f"not valid YAML: {problem}{hint}"
+
+
+class _Builder:
+    """Turns the parser's events into values; never deeper than MAX_DEPTH, never more than MAX_VALUES."""
+
+    def __init__(self, document: Document, text: str, place: Place | None) -> None:
+        self._document = document
+        self._place = place
+        self._events: Iterator[yaml.Event] = yaml.parse(text, Loader=_LOADER)
+        self._count = 0
+
+    def whole(self, path: KeyPath) -> Any:
+        next(self._events)
+        if not isinstance(next(self._events), yaml.DocumentStartEvent):
+            return None
+        value = self._value(next(self._events), path, None, 0)
+        next(self._events)
+        more = next(self._events)
+        if not isinstance(more, yaml.StreamEndEvent):
+            self._add(path, "a second YAML document starts here; one file holds one experiment", more)
+        return value
+
+    def _here(self, event: yaml.Event) -> Place:
+        return self._place or _place(event.start_mark)
+
+    def _add(self, path: KeyPath, message: str, event: yaml.Event) -> None:
+        self._document.add(path, message, place=self._here(event))
+
+    def _enter(self, event: yaml.Event, path: KeyPath, depth: int) -> None:
+        self._count += 1
+        if self._count > MAX_VALUES:
+            self._add((), f"has more than {MAX_VALUES} values", event)
+            raise _Stop
+        if depth > MAX_DEPTH:
+            self._add(path[:3], f"is nested more than {MAX_DEPTH} levels deep", event)
+            raise _Stop
+
+    def _odd(self, event: yaml.Event, path: KeyPath) -> bool:
+        """Report what is refused on any value; return whether the value is unusable."""
+        anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
+        if isinstance(event, yaml.AliasEvent):
+            self._add(path, "aliases (*name) are not accepted; write the value out", event)
+        elif anchor is not None:
+            self._add(path, f"anchors are not accepted; remove &{shortened(str(anchor))[1:-1]}", event)
+        if tag is not None:
+            self._add(
+                path,
+                f"tags are not accepted; remove {shortened(str(tag)).replace('tag:yaml.org,2002:', '!!')}",
+                event,
+            )
+        return isinstance(event, yaml.AliasEvent) or tag is not None
+
+    def _value(self, event: yaml.Event, path: KeyPath, key: Place | None, depth: int) -> Any:
+        self._enter(event, path, depth)
+        if self._place is None:
+            self._document.mark(path, key, self._here(event))
+        odd = self._odd(event, path)
+        value: Any = BROKEN
+        if isinstance(event, yaml.ScalarEvent):
+            value = self._scalar(event, path)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            value = []
+            while not isinstance(item := next(self._events), yaml.SequenceEndEvent):
+                value.append(self._value(item, (*path, len(value)), None, depth + 1))
+        elif isinstance(event, yaml.MappingStartEvent):
+            value = self._mapping(path, depth)
+        return BROKEN if odd else value
+
+    def _scalar(self, event: yaml.ScalarEvent, path: KeyPath) -> Any:
+        bad = FORBIDDEN.search(event.value)
+        if bad:
+            self._add(path, f"has the control character U+{ord(bad.group()):04X}", event)
+            return BROKEN
+        return event.value if event.style else resolve(event.value)
+
+    def _mapping(self, path: KeyPath, depth: int) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        places: dict[str, Place] = {}
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+            key = self._key(event, path, depth)
+            if key is None:
+                self._skip(next(self._events), path, depth + 1)
+            elif key in values:
+                first = "" if self._place else f" on line {places[key].line}"
+                self._add((*path, key), f"duplicate key, first given{first}", event)
+                self._skip(next(self._events), path, depth + 1)
+            else:
+                places[key] = self._here(event)
+                values[key] = self._value(next(self._events), (*path, key), places[key], depth + 1)
+        return values
+
+    def _key(self, event: yaml.Event, path: KeyPath, depth: int) -> str | None:
+        if not isinstance(event, yaml.ScalarEvent):
+            self._odd(event, path)
+            if not isinstance(event, yaml.AliasEvent):
+                self._add(path, "a key must be a word, not a list or a mapping", event)
+            self._skip(event, path, depth + 1)
+            return None
+        self._enter(event, path, depth)
+        odd = self._odd(event, path)
+        key = self._scalar(event, path)
+        if odd or key is BROKEN:
+            return None
+        if key == "<<" and not event.style:
+            self._add(path, "merge keys (<<) are not accepted; write the keys out", event)
+            return None
+        if not isinstance(key, str):
+            self._add(path, f"a key must be a word, got {shortened(event.value)}", event)
+            return None
+        return key
+
+    def _skip(self, event: yaml.Event, path: KeyPath, depth: int) -> None:
+        """Read past one value."""
+        level = 0
+        while True:
+            if isinstance(event, yaml.CollectionStartEvent):
+                level += 1
+            if isinstance(event, yaml.CollectionEndEvent):
+                level -= 1
+            else:
+                self._enter(event, path, depth + level)
+            if level == 0:
+                return
+            event = next(self._events)

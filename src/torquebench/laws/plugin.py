@@ -1,0 +1,37 @@
+"""Loading a user's file of laws: only from the command line, never from a config."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+from torquebench.errors import ConfigError, ControllerError, Problem
+from torquebench.laws.base import law_names
+
+
+def load_plugin(path: Path) -> tuple[str, ...]:
+    """Run a Python file that registers laws with `@controller`, and return the names it added.
+
+    Args:
+        path: The file; its code runs with the user's rights.
+
+    Raises:
+        ConfigError: the file cannot be read, raises, or registers no law.
+    """
+    before = set(law_names())
+    try:
+        name = f"torquebench_plugin_{path.stem.replace('-', '_')}"
+        spec = importlib.util.spec_from_file_location(name, path)
+        if spec is None or spec.loader is None:
+            raise ControllerError("not a Python file (wanted a name ending in .py)")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        spec.loader.exec_module(module)
+    except Exception as error:  # a user's file may raise anything; it is bad input, not an internal error
+        message = f"{type(error).__name__}: {error}" if not isinstance(error, ControllerError) else str(error)
+        raise ConfigError([Problem("--plugin", str(path), message)]) from error
+    added = tuple(sorted(set(law_names()) - before))
+    if not added:
+        raise ConfigError([Problem("--plugin", str(path), "registers no law (wanted a function with @controller)")])
+    return added

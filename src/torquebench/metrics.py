@@ -1,0 +1,176 @@
+"""Figures of merit of one completed run: tracking error, step response, chattering and effort.
+
+Source of every definition: the protocol, section "Metrics"; the formulas are in `measures`. This module
+chooses the windows, keeps undefined values visible, and reduces each metric to its headline. Errors are those
+of the true position.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from torquebench import measures
+from torquebench.errors import ResultError
+from torquebench.kernel import Array
+from torquebench.sim.trajectory import Trajectory
+
+STEADY_SPAN = 0.5
+"""Length of the end of a run over which the steady-state error is taken [s]."""
+STEP_KINDS = ("step", "quintic")
+"""Kinds of reference that have a rise time, an overshoot and a settling time."""
+
+_Reduce = Callable[[Array], np.floating[Any]]
+_Counted = npt.NDArray[np.bool_]
+
+
+class MetricInfo(NamedTuple):
+    """How one metric is named and read."""
+
+    key: str
+    title: str
+    unit: str
+    """SI unit; ``1`` for a pure number."""
+    better: Literal["lower", "higher"]
+    headline: str
+    """How the headline follows from the joints."""
+
+
+METRICS = (
+    MetricInfo("rmse", "RMS error", "rad", "lower", "all joints and samples"),
+    MetricInfo("max_error", "maximum error", "rad", "lower", "worst joint"),
+    MetricInfo("steady_state_error", "steady-state error", "rad", "lower", "worst joint"),
+    MetricInfo("iae", "IAE", "rad s", "lower", "mean of joints"),
+    MetricInfo("itae", "ITAE", "rad s^2", "lower", "mean of joints"),
+    MetricInfo("rise_time", "rise time 10-90 %", "s", "lower", "mean of joints"),
+    MetricInfo("overshoot", "overshoot", "%", "lower", "worst joint"),
+    MetricInfo("settling_time", "settling time 2 %", "s", "lower", "worst joint"),
+    MetricInfo("hf", "chattering index HF", "% of tau_max", "lower", "mean of joints"),
+    MetricInfo("total_variation", "torque total variation", "tau_max/s", "lower", "mean of joints"),
+    MetricInfo("reversals", "torque reversals", "1/s", "lower", "mean of joints"),
+    MetricInfo("effort", "control effort", "1", "lower", "mean of joints"),
+    MetricInfo("saturation_fraction", "time in saturation", "1", "lower", "mean of joints"),
+    MetricInfo("time_in_band", "time in boundary layer", "1", "higher", "mean of joints"),
+)
+"""Every metric, in the order of tables."""
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One metric of one run; `value` is None when any counted joint has none: survivors are not averaged."""
+
+    value: float | None
+    per_joint: tuple[float | None, ...]
+    counted: int
+    """Joints that enter the headline; a joint without a step, say, is not counted."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain numbers, None where undefined; `defined` is how many counted joints have a value."""
+        defined = sum(x is not None for x in self.per_joint)
+        return {
+            "value": self.value,
+            "per_joint": list(self.per_joint),
+            "counted": self.counted,
+            "defined": defined,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Metrics:
+    """Every metric of one completed run, in SI units; `METRICS` describes the fields in the same order."""
+
+    rmse: Metric
+    max_error: Metric
+    steady_state_error: Metric
+    iae: Metric
+    itae: Metric
+    rise_time: Metric
+    overshoot: Metric
+    settling_time: Metric
+    hf: Metric
+    total_variation: Metric
+    reversals: Metric
+    effort: Metric
+    saturation_fraction: Metric
+    time_in_band: Metric
+
+    def items(self) -> tuple[tuple[MetricInfo, Metric], ...]:
+        """Return (description, metric) pairs in table order."""
+        return tuple((info, getattr(self, info.key)) for info in METRICS)
+
+    def to_json(self) -> dict[str, dict[str, Any]]:
+        """Return a JSON-ready mapping from key to `Metric.to_json`, in table order; it never holds NaN."""
+        return {info.key: metric.to_json() for info, metric in self.items()}
+
+
+def _metric(per_joint: Array, reduce: _Reduce, counted: _Counted | None = None) -> Metric:
+    used = per_joint if counted is None else per_joint[counted]
+    defined = used.size > 0 and bool(np.isfinite(used).all())
+    listed = tuple(float(x) if math.isfinite(x) else None for x in per_joint)
+    return Metric(float(reduce(used)) if defined else None, listed, int(used.size))
+
+
+def compute_metrics(
+    trajectory: Trajectory,
+    *,
+    tau_max: Array,
+    metrics_from: float,
+    control_period: float,
+    reference_kind: str,
+    phi: Array | float | None = None,
+) -> Metrics:
+    """Compute every metric of a completed run.
+
+    RMSE, maximum error, torque metrics and time in band use the samples with t >= `metrics_from`; the
+    steady-state error the last 0.5 s; IAE, ITAE and the step response the whole run.
+
+    Args:
+        trajectory: The run.
+        tau_max: Torque limit of each joint, (n,) [N m]; positive.
+        metrics_from: Start of the metrics' window [s].
+        control_period: Time between control instants [s].
+        reference_kind: Kind of the reference; only `step` and `quintic` have a step response.
+        phi: Half-width of the law's boundary layer, scalar or (n,) [rad/s]; None when it has none.
+
+    Raises:
+        ResultError: the run did not complete, or its window holds fewer than two samples, or a limit is not
+            a positive number.
+    """
+    if not trajectory.completed:
+        raise ResultError(f"a run that did not complete has no metrics ({trajectory.outcome.value})")
+    t, q, q_ref, n = trajectory.t, trajectory.q, trajectory.q_ref, trajectory.q.shape[1]
+    limit = np.asarray(tau_max, dtype=np.float64)
+    if limit.shape != (n,) or not np.all(np.isfinite(limit) & (limit > 0.0)):
+        raise ResultError(f"torque limits {limit.tolist()}: wanted {n} positive numbers")
+    window = t > metrics_from - 1e-6 * control_period  # t >= metrics_from, whichever way k T was rounded
+    if np.count_nonzero(window) < 2:
+        raise ResultError(f"the metrics' window from {metrics_from:g} s holds fewer than two samples")
+    e, tau, s = q_ref - q, trajectory.tau[window], trajectory.s[window]
+    undefined = np.full(n, np.nan)
+    last = math.floor(STEADY_SPAN / control_period + 1e-6)
+    steady = np.mean(np.abs(e[-last:]), axis=0) if 1 <= last <= len(e) else undefined
+    if reference_kind in STEP_KINDS:
+        response = measures.step_response(t, q, q_ref)
+    else:
+        response = measures.StepResponse(undefined, undefined, undefined, np.zeros(n, dtype=bool))
+    return Metrics(
+        rmse=_metric(measures.rms(e[window]), lambda x: np.sqrt(np.mean(x * x))),
+        max_error=_metric(np.max(np.abs(e[window]), axis=0), np.max),
+        steady_state_error=_metric(steady, np.max),
+        iae=_metric(measures.absolute_error_integral(t, e), np.mean),
+        itae=_metric(measures.absolute_error_integral(t, e, t), np.mean),
+        rise_time=_metric(response.rise_time, np.mean, response.counted),
+        overshoot=_metric(response.overshoot, np.max, response.counted),
+        settling_time=_metric(response.settling_time, np.max, response.counted),
+        hf=_metric(measures.chattering_index(tau, control_period, limit), np.mean),
+        total_variation=_metric(measures.total_variation(tau, control_period, limit), np.mean),
+        reversals=_metric(measures.reversals(tau, control_period, limit), np.mean),
+        effort=_metric(measures.effort(tau, limit), np.mean),
+        saturation_fraction=_metric(measures.saturation_fraction(tau, limit), np.mean),
+        time_in_band=_metric(undefined if phi is None else measures.time_in_band(s, phi), np.mean),
+    )
