@@ -65,7 +65,8 @@ def form_constraints():
     Beyond what that needs, the wrist is made plain: every centre of mass of links 4-6 on its z axis, link 5's at
     the origin, and link 1 (only its Izz matters) without first moments or products.
     """
-    zero = [(4, "hx"), (4, "hy"), (5, "hx"), (5, "hy"), (5, "hz"), (6, "hx"), (6, "hy"), (1, "hx"), (1, "hy"), (1, "hz")]
+    zero = [(link, moment) for link in (1, 5) for moment in ("hx", "hy", "hz")]
+    zero += [(link, moment) for link in (4, 6) for moment in ("hx", "hy")]
     zero += [(link, product) for link in (1, 4, 5, 6) for product in ("xy", "xz", "yz")]
     rows = []
     for link, name in zero:
@@ -255,9 +256,7 @@ def report(com, inertia, armature, table, geometry, optimum):
     chi2 = float(np.sum(misfit**2))
     print(f"chi2 = {chi2:.6f} (least-squares optimum {optimum:.6f}); worst misfit {abs(misfit[worst]):.5f}", end=" ")
     print(f"tolerances ({CONSTANTS[worst]})")
-    least = min(
-        np.linalg.eigvalsh(pseudo_inertia(MASS[i], com[i], inertia_tensor(*inertia[i])))[0] for i in range(6)
-    )
+    least = min(np.linalg.eigvalsh(pseudo_inertia(MASS[i], com[i], inertia_tensor(*inertia[i])))[0] for i in range(6))
     print(f"least eigenvalue of the six pseudo-inertias: {least:.3g} (positive: every link is a possible body)")
 
 

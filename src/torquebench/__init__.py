@@ -24,7 +24,25 @@ _HOMES = {
     "simulate": "torquebench.sim.loop",
 }
 
-__all__ = [*_HOMES, "__version__"]  # noqa: PLE0604
+__all__ = [
+    "AnalyticPlant",
+    "Controller",
+    "Gain",
+    "MujocoPlant",
+    "Option",
+    "Outcome",
+    "Puma560",
+    "Reference",
+    "RobotModel",
+    "Trajectory",
+    "__version__",
+    "controller",
+    "find_law",
+    "law_names",
+    "load_model",
+    "load_trajectory",
+    "simulate",
+]
 
 if TYPE_CHECKING:
     from torquebench.laws import Gain, Option, controller, find_law, law_names

@@ -60,9 +60,7 @@ def random_states(n: int, count: int, seed: int, frozen: Sequence[int] = ()) -> 
     return q, qd, qdd
 
 
-def compare_terms(
-    a: Dynamics, b: Dynamics, states: tuple[Array, Array, Array], tolerance: float
-) -> list[Row]:
+def compare_terms(a: Dynamics, b: Dynamics, states: tuple[Array, Array, Array], tolerance: float) -> list[Row]:
     """Compare every term of the dynamics over a batch of states.
 
     Args:
@@ -93,15 +91,10 @@ def compare_links(a: RobotModel, b: RobotModel, tolerance: float) -> list[Row]:
         ("link masses", "kg", "mass"), ("centres of mass", "m", "com"), ("link inertias", "kg m^2", "inertia"),
         ("armatures", "kg m^2", "armature"), ("torque limits", "N m", "tau_max"),
     )  # fmt: skip
-    return [
-        _row(title, unit, getattr(a.flat, key), getattr(b.flat, key), tolerance)
-        for title, unit, key in parameters
-    ]
+    return [_row(title, unit, getattr(a.flat, key), getattr(b.flat, key), tolerance) for title, unit, key in parameters]
 
 
-def compare_rollouts(
-    a: Side, b: Side, model: RobotModel, duration: float, timestep: float = 0.001
-) -> list[Row]:
+def compare_rollouts(a: Side, b: Side, model: RobotModel, duration: float, timestep: float = 0.001) -> list[Row]:
     """Compare closed loops on both plants, linear band and sign, on `sine`, `step` and `ramp`.
 
     The law computes with the same `model` on both sides; only the plants differ. RK4, zero-order hold.
@@ -128,9 +121,7 @@ def compare_rollouts(
         controller = Controller(title, registered, registered.pack_gains(n, gains, {}))
         for name, motion in motions.items():
             runs = [
-                simulate(
-                    p, controller, model, motion, duration=duration, control_period=timestep, throw=False
-                )
+                simulate(p, controller, model, motion, duration=duration, control_period=timestep, throw=False)
                 for p in (plant_a, plant_b)
             ]
             rows.append(_rollout_row(f"closed loop, {title}, {name}", runs[0].q, runs[1].q))
@@ -139,9 +130,7 @@ def compare_rollouts(
 
 def _rollout_row(term: str, x: Array, y: Array) -> Row:
     if x.shape != y.shape:
-        return Row(
-            term, "rad", float("nan"), float("nan"), "one run ended early", ROLLOUT_TOLERANCE, "absolute"
-        )
+        return Row(term, "rad", float("nan"), float("nan"), "one run ended early", ROLLOUT_TOLERANCE, "absolute")
     row = _row(term, "rad", x, y, ROLLOUT_TOLERANCE)
     return Row(row.term, row.unit, row.absolute, row.relative, row.where, ROLLOUT_TOLERANCE, "absolute")
 

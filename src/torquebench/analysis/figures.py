@@ -68,9 +68,7 @@ def make_figures(
     """
     n = len(joint_names)
     if not runs or n == 0 or len(tau_max) != n or any(data.q.shape[1] != n for data in runs.values()):
-        raise ResultError(
-            f"figures need at least one run, and {n} joints in every run and in the torque limits"
-        )
+        raise ResultError(f"figures need at least one run, and {n} joints in every run and in the torque limits")
     x = Experiment(
         looks(runs, tau_max, control_period),
         title,
@@ -195,9 +193,7 @@ def _detail(ax: Axes, x: Experiment, joint: int, zoom: tuple[float, float]) -> N
     shown = []
     for run in x.runs:
         t, tau = run.data.t, run.data.tau[:, joint]
-        inside = (
-            np.abs(t - sum(zoom) / 2.0) < (zoom[1] - zoom[0]) / 2.0 + 1.5 * x.control_period
-        ) & np.isfinite(tau)
+        inside = (np.abs(t - sum(zoom) / 2.0) < (zoom[1] - zoom[0]) / 2.0 + 1.5 * x.control_period) & np.isfinite(tau)
         if not inside.any():
             continue
         shown.append(tau[inside])
@@ -234,9 +230,7 @@ def _spectrum(x: Experiment) -> Figure | None:
         ax.set_ylim(SPECTRUM_FLOOR, top)
         style.plain_decades(ax)
     border = Line2D([], [], label=f"{HF_FROM_HZ:g} Hz: HF counts from here", **_LIMIT)
-    pale = Line2D(
-        [], [], color="0.75", linewidth=3.0, label=f"each line (bold: greatest of 1/{_BANDS} octave)"
-    )
+    pale = Line2D([], [], color="0.75", linewidth=3.0, label=f"each line (bold: greatest of 1/{_BANDS} octave)")
 
     def note(run: Run) -> str:
         return x.headline(run, "hf", _hf) if run.name in lines else " (no spectrum)"

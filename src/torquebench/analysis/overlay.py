@@ -112,9 +112,7 @@ def _restlessness(tau: Array, tau_max: Array, control_period: float) -> float:
     return float(np.mean(total_variation(finite, control_period, tau_max))) if len(finite) > 1 else 0.0
 
 
-def draw(
-    ax: Axes, x: Experiment, signals: Mapping[str, Array], thin: bool, more: Sequence[Array] = ()
-) -> None:
+def draw(ax: Axes, x: Experiment, signals: Mapping[str, Array], thin: bool, more: Sequence[Array] = ()) -> None:
     """Draw one joint's signals (N,) by controller; set the ranges of both axes from them and from `more`."""
     failed = [signals[run.name] for run in x.runs if run.name in signals and not run.data.completed]
     whole = [signals[run.name] for run in x.runs if run.name in signals and run.data.completed]

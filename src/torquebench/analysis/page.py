@@ -62,9 +62,7 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
     fig.set_figheight(height)
     top = 0.08
     for (text, size, weight, colour), step in zip(rows, heights, strict=True):
-        at = fig.text(
-            0.012, 1.0 - top / height, text, fontsize=size, fontweight=weight, color=colour, va="top"
-        )
+        at = fig.text(0.012, 1.0 - top / height, text, fontsize=size, fontweight=weight, color=colour, va="top")
         at.set_in_layout(False)
         top += step
     legend.set_bbox_to_anchor((0.012, 1.0 - (top + 0.04) / height))

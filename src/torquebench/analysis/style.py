@@ -91,9 +91,7 @@ def band_maxima(f: Array, a: Array, per_octave: int) -> tuple[Array, Array]:
     """Return the greatest value, and where it is, of each band of 1/`per_octave` octave that holds a line."""
     band = np.floor(np.log2(f / f[0]) * per_octave)
     first = np.flatnonzero(np.diff(band, prepend=-1.0))
-    index = np.array(
-        [low + int(np.argmax(part)) for low, part in zip(first, np.split(a, first[1:]), strict=True)]
-    )
+    index = np.array([low + int(np.argmax(part)) for low, part in zip(first, np.split(a, first[1:]), strict=True)])
     return f[index], a[index]
 
 

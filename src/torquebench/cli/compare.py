@@ -50,7 +50,8 @@ def compare(options: argparse.Namespace) -> int:
 
 
 def _sides(options: argparse.Namespace) -> tuple[Side, Side]:
-    sides, problems = [], []
+    sides: list[Side] = []
+    problems: list[Problem] = []
     for text, argument in ((options.a, "A"), (options.b, "B")):
         try:
             sides.append(parse_side(text, argument))
@@ -97,4 +98,5 @@ def _plain(row: Row) -> dict[str, object]:
 
 def _cells(row: Row) -> list[str]:
     limit = f"{row.limit:.0e} {'rad' if row.measure == 'absolute' else 'rel.'}"
-    return [row.term, f"{row.absolute:.2e}", row.unit, f"{row.relative:.2e}", row.where, limit, "yes" if row.agrees else "NO"]
+    gaps = [f"{row.absolute:.2e}", row.unit, f"{row.relative:.2e}", row.where]
+    return [row.term, *gaps, limit, "yes" if row.agrees else "NO"]

@@ -14,9 +14,7 @@ from torquebench.experiment.store import RunDirectory, choose_folder, json_bytes
 from torquebench.laws.plugin import load_plugin
 
 
-def run(
-    config: Path, out: Path | None, overrides: Sequence[str], plugins: Sequence[Path], with_figures: bool
-) -> int:
+def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Sequence[Path], with_figures: bool) -> int:
     """Run an experiment and return the exit status.
 
     Args:
@@ -104,7 +102,7 @@ def write_figures(result: ExperimentResult, directory: RunDirectory) -> None:
         for name, figure in figures.items():
             for fmt in ("svg", "png"):
                 bar.set_description_str(f"figures/{name}.{fmt}", refresh=False)
-                directory.write(f"figures/{name}.{fmt}", figure_bytes(figure, fmt))  # type: ignore[arg-type]
+                directory.write(f"figures/{name}.{fmt}", figure_bytes(figure, fmt))
                 bar.update(1)
 
 
@@ -113,7 +111,8 @@ def noise_text(experiment: Experiment) -> str:
     texts = []
     for d in experiment.disturbances:
         sigma = " ".join(f"{x:g}" for x in (d.sigma if isinstance(d.sigma, tuple) else (d.sigma,)))
-        texts.append(f"torque noise held {1e3 * d.hold:g} ms, Gaussian, sigma {sigma} N m, clipped at {d.clip_sigma:g} sigma")
+        held = f"torque noise held {1e3 * d.hold:g} ms"
+        texts.append(f"{held}, Gaussian, sigma {sigma} N m, clipped at {d.clip_sigma:g} sigma")
     return "; ".join(texts) or "none"
 
 
@@ -124,8 +123,8 @@ def conditions_text(experiment: Experiment) -> str:
     return (
         f"plant {plant.engine}:{plant.model} ({plant.integrator}, {1e3 * plant.timestep:g} ms); "
         f"model {belief.structure}/{belief.constants}{mismatch}; reference {experiment.reference.kind}\n"
-        f"control period {1e3 * run.control_period:g} ms; chain {experiment.chain}; disturbance: {noise_text(experiment)}; "
-        f"metrics from {run.metrics_from:g} s"
+        f"control period {1e3 * run.control_period:g} ms; chain {experiment.chain}; "
+        f"disturbance: {noise_text(experiment)}; metrics from {run.metrics_from:g} s"
     )
 
 
@@ -145,7 +144,8 @@ def summary(result: ExperimentResult) -> str:
         "saturation_fraction": ("saturated [%]", 100.0),
     }  # fmt: skip
     if result.experiment.reference.kind in ("step", "quintic"):
-        columns |= {"rise_time": ("rise [s]", 1.0), "overshoot": ("over [%]", 1.0), "settling_time": ("settle [s]", 1.0)}
+        columns["rise_time"], columns["overshoot"] = ("rise [s]", 1.0), ("over [%]", 1.0)
+        columns["settling_time"] = ("settle [s]", 1.0)
     rows = []
     for keys in result.experiment.controllers:
         cells = [keys.name, keys.law, outcome_text(result, keys.name)]

@@ -73,14 +73,11 @@ def _check_structures(document: Document, parts: Parts) -> None:
             continue
         for key, value, only in (("structure", structure, "exact"), ("constants", constants, "fitted")):
             if value not in (None, only):
-                message = (
-                    f"got {value}, wanted {only}: model '{arm}' has no other (only {CLOSED_FORM_MODEL} has)"
-                )
+                message = f"got {value}, wanted {only}: model '{arm}' has no other (only {CLOSED_FORM_MODEL} has)"
                 document.add((section, key), message)
     if isinstance(parts.get("model", "mismatch"), Mismatch) and parts.get("model", "structure") == "exact":
-        document.add(
-            ("model", "mismatch"), "needs corrected or printed: with structure exact there is no mismatch yet"
-        )
+        message = "needs corrected or printed: with structure exact there is no mismatch yet"
+        document.add(("model", "mismatch"), message, at="key")
 
 
 def _check_lengths(document: Document, parts: Parts) -> None:
@@ -93,9 +90,7 @@ def _check_lengths(document: Document, parts: Parts) -> None:
     for path, value in vectors.items():
         if parts.n is not None and isinstance(value, tuple) and len(value) != parts.n:
             arm = parts.get("plant", "model")
-            message = (
-                f"got {len(value)} numbers, wanted one number or {parts.n}, one for each joint of '{arm}'"
-            )
+            message = f"got {len(value)} numbers, wanted one number or {parts.n}, one for each joint of '{arm}'"
             document.add(path, message)
 
 
@@ -104,7 +99,8 @@ def _check_times(document: Document, parts: Parts) -> None:
     duration, start = parts.get("run", "duration"), parts.get("run", "metrics_from")
     sampled = ("run", "control_period")
     written = _first_given(parts, sampled, ("plant", "timestep"))
-    _multiple(document, sampled, period, "plant.timestep", timestep, written)
+    if not _multiple(document, sampled, period, "plant.timestep", timestep, written):
+        period = None  # what is wrong with it would only be said again
     _multiple(document, ("run", "duration"), duration, "run.control_period", period)
     for noise in parts.disturbances:
         hold = noise.values.get("hold")
@@ -113,13 +109,9 @@ def _check_times(document: Document, parts: Parts) -> None:
     if duration is not None and start is not None and duration < (start + MIN_WINDOW) * (1.0 - _RELATIVE):
         shortest = f"the run must last at least {MIN_WINDOW:g} s longer, {start + MIN_WINDOW:.12g} s"
         if parts.given("run", "metrics_from"):
-            document.add(
-                ("run", "metrics_from"), f"got {start:.12g} s with run.duration {duration:.12g} s: {shortest}"
-            )
+            document.add(("run", "metrics_from"), f"got {start:.12g} s with run.duration {duration:.12g} s: {shortest}")
         else:
-            message = (
-                f"got {duration:.12g} s, but metrics start at {start:g} s (run.metrics_from): {shortest}"
-            )
+            message = f"got {duration:.12g} s, but metrics start at {start:g} s (run.metrics_from): {shortest}"
             document.add(("run", "duration"), message)
     at = parts.get("reference", "at")
     if at is not None and duration is not None and at >= duration:
@@ -137,20 +129,14 @@ def _check_work(document: Document, parts: Parts) -> None:
     if not substeps <= MAX_SUBSTEPS:
         longest = MAX_SUBSTEPS / laws * min(timestep, period)
         cure = f"lower run.duration to at most {longest:.4g} s, raise plant.timestep, or fewer controllers"
-        document.add(
-            place, f"needs {substeps:.3g} physics steps in all, at most {MAX_SUBSTEPS:.0e} are run: {cure}"
-        )
+        document.add(place, f"needs {substeps:.3g} physics steps in all, at most {MAX_SUBSTEPS:.0e} are run: {cure}")
     if parts.n is None:
         return
     size = duration / period * parts.n * ARRAYS * 8 * laws
     if not size <= MAX_BYTES:
         longest = duration * MAX_BYTES / size if math.isfinite(size) else 0.0
-        cure = (
-            f"lower run.duration to at most {longest:.4g} s, raise run.control_period, or fewer controllers"
-        )
-        document.add(
-            place, f"needs {size / 2**30:.3g} GiB of memory, at most {MAX_BYTES >> 30} GiB are used: {cure}"
-        )
+        cure = f"lower run.duration to at most {longest:.4g} s, raise run.control_period, or fewer controllers"
+        document.add(place, f"needs {size / 2**30:.3g} GiB of memory, at most {MAX_BYTES >> 30} GiB are used: {cure}")
 
 
 def _multiple(
@@ -160,15 +146,17 @@ def _multiple(
     unit_key: str,
     unit: float | None,
     place: KeyPath = (),
-) -> None:
-    """Record it when `value` at `path` is not a whole number, at least 1, of `unit` [both s]."""
+) -> bool:
+    """Record, and return False, when `value` at `path` is not a whole number, at least 1, of `unit`."""
     if value is None or unit is None or not math.isfinite(value / unit):
-        return
+        return True
     steps = max(whole_steps(value, unit), 1)
-    if abs(value / unit - steps) > _RELATIVE * steps:
-        message = f"got {value:.12g} s, wanted a whole multiple of {unit_key}, {unit:.12g} s"
-        nearest = f"; the nearest is {steps * unit:.12g}"
-        document.add(path, message + nearest, place=document.place(place or path))
+    if abs(value / unit - steps) <= _RELATIVE * steps:
+        return True
+    message = f"got {value:.12g} s, wanted a whole multiple of {unit_key}, {unit:.12g} s"
+    nearest = f"; the nearest is {steps * unit:.12g}"
+    document.add(path, message + nearest, place=document.place(place or path))
+    return False
 
 
 def _first_given(parts: Parts, *paths: tuple[str, str]) -> tuple[str, str]:

@@ -28,9 +28,7 @@ def check_controllers(document: Document, path: KeyPath, raw: Any) -> list[Check
         name = controller.values.get("name")
         if name in first:
             where = document.where(document.place(first[name]))
-            document.add(
-                (*controller.path, "name"), f"'{name}' is already the name of another controller ({where})"
-            )
+            document.add((*controller.path, "name"), f"'{name}' is already the name of another controller ({where})")
         elif name is not None:
             first[name] = (*controller.path, "name")
     return controllers
@@ -72,9 +70,7 @@ def _check_controller(document: Document, path: KeyPath, raw: Any) -> Checked[Co
     law = find_law(checked.values["law"])
     gains = {}
     if raw_gains or "gains" in checked.values:
-        gains = _check_gains(
-            document, (*path, "gains"), raw_gains[0] if raw_gains else {}, law, checked.values
-        )
+        gains = _check_gains(document, (*path, "gains"), raw_gains[0] if raw_gains else {}, law, checked.values)
     return Checked(path, checked.model, {**checked.values, "gains": gains}, checked.given)
 
 
@@ -107,9 +103,7 @@ def _check_gains(
         if key not in law.gains and not document.full:
             near, hint = nearest(key, absent, list(law.gains))
             meant.add(near)
-            is_option = (
-                f": '{key}' is an option of the law, write it beside gains" if key in law.options else hint
-            )
+            is_option = f": '{key}' is an option of the law, write it beside gains" if key in law.options else hint
             document.add((*path, key), f"unknown gain{is_option}", at="key")
     gains = {}
     for name, gain in law.gains.items():

@@ -37,9 +37,7 @@ def _law_model(name: str, gains_type: type[Any]) -> type[ControllerKeys]:
     law = find_law(name)
     clash = sorted(OWN_KEYS & set(law.options))
     if clash:
-        raise ControllerError(
-            f"law '{law.name}': option '{clash[0]}' has the name of a key every controller has"
-        )
+        raise ControllerError(f"law '{law.name}': option '{clash[0]}' has the name of a key every controller has")
     gains = gains_model(law)
     needed = any(info.is_required() for info in gains.model_fields.values())
     names = ", ".join(f"{key} [{gain.unit}]" for key, gain in law.gains.items())
@@ -95,9 +93,7 @@ def _gain(gain: Gain) -> tuple[Any, Any]:
     text = f"{gain.meaning} [{gain.unit}]"
     if gain.only_with is None:
         return Annotated[Vector, limits], Field(description=text)
-    return Annotated[Vector, limits], Field(
-        None, description=f"Only with {': '.join(gain.only_with)}. {text}"
-    )
+    return Annotated[Vector, limits], Field(None, description=f"Only with {': '.join(gain.only_with)}. {text}")
 
 
 def _option(option: Option) -> tuple[Any, Any]:

@@ -109,9 +109,7 @@ class _Reader:
 
     def _plant(self, path: KeyPath, raw: Any) -> Checked[schema.Plant] | None:
         handlers = {"model": self._arm}
-        return check_tagged(
-            self._document, path, raw, "engine", schema.AnyPlant, _PLANTS, handlers, elsewhere=_home
-        )
+        return check_tagged(self._document, path, raw, "engine", schema.AnyPlant, _PLANTS, handlers, elsewhere=_home)
 
     def _arm(self, path: KeyPath, raw: Any) -> Any:
         name = check_value(self._document, path, raw, schema.AnyPlant, "model")
@@ -129,9 +127,7 @@ class _Reader:
         return self._section(path, raw, schema.Belief, {})
 
     def _reference(self, path: KeyPath, raw: Any) -> Checked[schema.Reference] | None:
-        checked = check_tagged(
-            self._document, path, raw, "kind", schema.AnyReference, _REFERENCES, elsewhere=_home
-        )
+        checked = check_tagged(self._document, path, raw, "kind", schema.AnyReference, _REFERENCES, elsewhere=_home)
         if checked is not None and checked.model is not None:
             self._metrics_from = checked.model.metrics_from
         return checked
@@ -150,9 +146,7 @@ class _Reader:
     def _run(self, path: KeyPath, raw: Any) -> Checked[schema.Run] | None:
         return self._section(path, raw, schema.Run, {"metrics_from": self._metrics_from})
 
-    def _section(
-        self, path: KeyPath, raw: Any, model: type[M], defaults: Mapping[str, Any]
-    ) -> Checked[M] | None:
+    def _section(self, path: KeyPath, raw: Any, model: type[M], defaults: Mapping[str, Any]) -> Checked[M] | None:
         mapping = as_mapping(self._document, path, raw, f"a mapping ({', '.join(model.model_fields)})")
         if mapping is None:
             return None

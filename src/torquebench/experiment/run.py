@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from torquebench.experiment.build import Loop, build
 from torquebench.experiment.schema import Experiment
@@ -35,9 +36,7 @@ class ExperimentResult:
         )
 
 
-def run_experiment(
-    experiment: Experiment, progress: Callable[[str, int], None] | None = None
-) -> ExperimentResult:
+def run_experiment(experiment: Experiment, progress: Callable[[str, int], None] | None = None) -> ExperimentResult:
     """Run every controller of an experiment.
 
     Args:
@@ -48,14 +47,15 @@ def run_experiment(
         ModelError: a model cannot be used.
     """
     loop = build(experiment)
-    runs, metrics = {}, {}
+    runs: dict[str, Trajectory] = {}
+    metrics: dict[str, Metrics] = {}
     for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
         name = controller.name
         runs[name] = simulate(
             loop.plant, controller, loop.model, loop.reference,
             duration=experiment.run.duration, control_period=experiment.run.control_period,
             disturbance=loop.disturbance, initial_q=loop.initial_q, throw=False,
-            progress=None if progress is None else lambda k, name=name: progress(name, k),
+            progress=None if progress is None else partial(progress, name),
         )  # fmt: skip
         if runs[name].completed:
             band = band_of(keys.law, keys.gains)

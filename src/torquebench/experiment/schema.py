@@ -36,9 +36,7 @@ def joint_count(model_name: str) -> int:
 class Keys(BaseModel):
     """A group of keys: read-only, no others accepted, no type converted into another."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, protected_namespaces=()
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, protected_namespaces=())
 
 
 class AnyPlant(Keys):
@@ -98,9 +96,7 @@ class ControllerKeys(Keys):
 class Controller(ControllerKeys):
     """One controller: a law, the choices that set its form, and its gains."""
 
-    options: dict[str, str | bool] = Field(
-        description="Option name -> value; in the file at the controller's level."
-    )
+    options: dict[str, str | bool] = Field(description="Option name -> value; in the file at the controller's level.")
     gains: dict[str, AnyVector] = Field(description="Gain name -> one number, or one for each joint.")
 
 
@@ -172,16 +168,12 @@ class Run(Keys):
 
     duration: Positive = Field(description="Length of the run [s].")
     control_period: Positive = Field(0.001, description="Time between two calls of a law [s].")
-    initial_q: HomeOrVector = Field(
-        "home", description="Position at the start: home, or one for each joint [rad]."
-    )
+    initial_q: HomeOrVector = Field("home", description="Position at the start: home, or one for each joint [rad].")
     seed: int = Field(0, ge=0, le=2**63 - 1, description="Source of all random numbers [1].")
     metrics_from: NotNegative = Field(
         description="Start of the window for metrics; 2 for a step, 1 for other references if left out [s]."
     )
-    draw: int = Field(
-        0, ge=0, le=2**63 - 1, description="Number of the random draw, for repeating one of many [1]."
-    )
+    draw: int = Field(0, ge=0, le=2**63 - 1, description="Number of the random draw, for repeating one of many [1].")
 
 
 Plant: TypeAlias = MujocoPlant | AnalyticPlant
@@ -193,18 +185,14 @@ class Experiment(Keys):
     """One experiment: a plant, the belief about it, a motion to follow, and the controllers to compare."""
 
     name: Slug = Field(description="Name of the experiment; also the start of its folder's name.")
-    description: str | None = Field(
-        None, max_length=4000, description="What the experiment is for, in words."
-    )
+    description: str | None = Field(None, max_length=4000, description="What the experiment is for, in words.")
     plant: Plant = Field(discriminator="engine", description="The arm as it is.")
     model: Belief = Field(default_factory=Belief, description="The arm as the laws believe it to be.")
     controllers: tuple[Controller, ...] = Field(
         min_length=1, max_length=MAX_CONTROLLERS, description="What is compared."
     )
     reference: Reference = Field(discriminator="kind", description="Desired motion.")
-    chain: Literal["ideal"] = Field(
-        "ideal", description="Sensors and actuators; ideal: exact and instantaneous."
-    )
+    chain: Literal["ideal"] = Field("ideal", description="Sensors and actuators; ideal: exact and instantaneous.")
     disturbances: tuple[Disturbance, ...] = Field(
         (), max_length=MAX_DISTURBANCES, description="What acts on the joints besides the law."
     )

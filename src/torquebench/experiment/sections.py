@@ -102,9 +102,7 @@ def check_fields(
             document.add(here, f"nothing is given, wanted a value ({info.description})")
         elif raw[name] is not BROKEN:
             handler = (handlers or {}).get(name) or _nested(document, info)
-            value = (
-                handler(here, raw[name]) if handler else check_value(document, here, raw[name], model, name)
-            )
+            value = handler(here, raw[name]) if handler else check_value(document, here, raw[name], model, name)
             if value is not BROKEN:
                 values[name] = value
     return values
@@ -175,9 +173,7 @@ def check_tagged(
         values = check_fields(document, path, mapping, model, checks, noun=noun, elsewhere=other)
         return Checked(path, model, values, given)
     every = {key for variant in variants.values() for key in variant.model_fields}
-    return Checked(
-        path, None, check_fields(document, path, mapping, base, checks, noun=noun, also=every), given
-    )
+    return Checked(path, None, check_fields(document, path, mapping, base, checks, noun=noun, also=every), given)
 
 
 def nearest(key: str, absent: Sequence[str], every: Sequence[str]) -> tuple[str | None, str]:
@@ -195,9 +191,7 @@ def nearest(key: str, absent: Sequence[str], every: Sequence[str]) -> tuple[str 
 
 def _nested(document: Document, info: FieldInfo) -> Handler | None:
     """Return the handler of a key that holds a group of keys of one fixed kind, else None."""
-    inner = next(
-        (t for t in get_args(info.annotation) if isinstance(t, type) and issubclass(t, BaseModel)), None
-    )
+    inner = next((t for t in get_args(info.annotation) if isinstance(t, type) and issubclass(t, BaseModel)), None)
     if inner is None or len(get_args(info.annotation)) != 2 or type(None) not in get_args(info.annotation):
         return None
 

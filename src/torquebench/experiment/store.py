@@ -56,9 +56,7 @@ def choose_folder(out: Path | None, name: str) -> Path:
             out = Path("runs") / f"{name}-{stamp}-{attempt}"
         return out
     if out.exists() and not out.is_dir():
-        raise ConfigError(
-            [Problem("--out", "", f"{out} is a file, wanted a folder that is empty or does not exist")]
-        )
+        raise ConfigError([Problem("--out", "", f"{out} is a file, wanted a folder that is empty or does not exist")])
     if out.is_dir() and any(out.iterdir()):
         raise ConfigError(
             [Problem("--out", "", f"{out} is not empty, wanted a folder that is empty or does not exist")]

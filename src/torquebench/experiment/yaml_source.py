@@ -26,9 +26,7 @@ def read_bytes(path: Path) -> bytes:
         if not stat.S_ISREG(status.st_mode):
             raise ConfigError([Problem(shown, "", "is not a regular file")])
         if status.st_size > MAX_BYTES:
-            raise ConfigError(
-                [Problem(shown, "", f"is {status.st_size} bytes, at most {MAX_BYTES} are read")]
-            )
+            raise ConfigError([Problem(shown, "", f"is {status.st_size} bytes, at most {MAX_BYTES} are read")])
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
     except FileNotFoundError as error:

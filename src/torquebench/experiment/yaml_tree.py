@@ -121,7 +121,7 @@ class _Builder:
         next(self._events)
         if not isinstance(next(self._events), yaml.DocumentStartEvent):
             return None
-        value = self._value(next(self._events), path, None, 0)
+        value = self._value(next(self._events), path, None, 1)
         next(self._events)
         more = next(self._events)
         if not isinstance(more, yaml.StreamEndEvent):
@@ -139,7 +139,7 @@ class _Builder:
         if self._count > MAX_VALUES:
             self._add((), f"has more than {MAX_VALUES} values", event)
             raise _Stop
-        if depth > MAX_DEPTH:
+        if depth > MAX_DEPTH and isinstance(event, yaml.CollectionStartEvent):
             self._add(path[:3], f"is nested more than {MAX_DEPTH} levels deep", event)
             raise _Stop
 

@@ -43,7 +43,8 @@ class Law:
     """A registered torque law.
 
     `function(gains, model, t, q, qd, ref, memory, tau)` fills `tau` (n,) [N m] in place; `memory` is its only
-    state and starts at zero. `gains` and `memory` are NamedTuples of (n,) arrays; options in `gains` are integers (see `Option`).
+    state and starts at zero. `gains` and `memory` are NamedTuples of (n,) arrays; options in `gains` are integers
+    (see `Option`).
     """
 
     name: str
@@ -80,8 +81,8 @@ class Law:
         problems += [f"unknown gain '{k}'{did_you_mean(k, self.gains)}" for k in values if k not in self.gains]
         packed: dict[str, Any] = {}
         for name, option in self.options.items():
-            if chosen[name] in option.values:
-                value = chosen[name]
+            value = chosen[name]
+            if any(type(value) is type(valid) and value == valid for valid in option.values):  # 1 == True
                 packed[name] = int(value) if isinstance(value, bool) else option.values.index(value)
             else:
                 problems.append(f"option '{name}' is {chosen[name]!r}, wanted one of {option.values}")
@@ -90,8 +91,10 @@ class Law:
             if problem:
                 problems.append(problem)
             elif name in values:
-                array = np.array(values[name], dtype=np.float64)
-                if array.shape not in ((), (n,)):
+                array = _numbers(values[name])
+                if array is None:
+                    problems.append(f"gain '{name}' is {values[name]!r}, wanted a number or {n} numbers")
+                elif array.shape not in ((), (n,)):
                     problems.append(f"gain '{name}' has shape {array.shape}, wanted a number or {n} numbers")
                 elif not np.all(np.isfinite(array)) or np.any(array < 0) or (gain.positive and np.any(array == 0)):
                     low = "positive" if gain.positive else "zero or positive"
@@ -111,6 +114,13 @@ class Law:
             option, value = gain.only_with
             return f"gain '{name}' has no effect unless {option}: {value}" if given else None
         return None if given else f"gain '{name}' is missing ({gain.meaning} [{gain.unit}])"
+
+
+def _numbers(value: Any) -> Array | None:
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
 
 
 class Nothing(NamedTuple):

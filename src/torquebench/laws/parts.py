@@ -11,7 +11,7 @@ from torquebench.robot.dynamics import inverse_dynamics
 from torquebench.robot.model import Model
 
 Slope: TypeAlias = Annotated[Array, Gain("slope lambda of the sliding variable s = de + lambda e", "1/s")]
-Switching: TypeAlias = Annotated[Array, Gain("switching gain kK as a fraction of the torque limit, K = kK tau_max", "1")]
+Switching: TypeAlias = Annotated[Array, Gain("switching gain kK, a fraction of the torque limit, K = kK tau_max", "1")]
 Rate: TypeAlias = Annotated[
     Array, Gain("rate gain kV, Kd = kV Mbar with Mbar the model's inertia scale; the position gain is lambda Kd", "1/s")
 ]

@@ -34,9 +34,7 @@ class PidMemory(NamedTuple):
 
 
 @controller("pd", gains=PdGains)
-def pd(
-    gains: PdGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: object, tau: Array
-) -> None:
+def pd(gains: PdGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: object, tau: Array) -> None:
     """PD: tau = Kp e + Kd de, Kd = kV Mbar, Kp = lambda Kd; equation (137) with e = q_ref - q."""
     for i in range(len(tau)):
         tau[i] = gains.kv[i] * model.inertia_scale[i] * (ref.qd[i] - qd[i] + gains.lam[i] * (ref.q[i] - q[i]))

@@ -17,6 +17,7 @@ from torquebench.robot.model import HINGE, SLIDE, Model, rigid_model
 
 MAX_BYTES = 4 * 1024 * 1024
 _OUTSIDE = ("include", "plugin", "extension", "mesh", "hfield", "texture", "skin", "model", "attach", "replicate")
+_NOT_NEGATIVE = ("mass", "density", "armature", "diaginertia", "damping", "frictionloss")
 
 
 def compile_mjcf(path: Path) -> Any:
@@ -29,7 +30,8 @@ def compile_mjcf(path: Path) -> Any:
         The compiled ``mujoco.MjModel``.
 
     Raises:
-        ModelError: the file cannot be read, refers to other files, or does not compile.
+        ModelError: the file cannot be read, refers to other files, does not compile, or has a time step, mass or
+            inertia that MuJoCo's compiler lets pass although no simulation can use it.
     """
     try:
         if path.stat().st_size > MAX_BYTES:
@@ -43,10 +45,25 @@ def compile_mjcf(path: Path) -> Any:
     for element in root.iter():
         if element.tag in _OUTSIDE:
             raise ModelError(f"{path}: <{element.tag}> is refused: a model must stand alone")
+        for key, value in element.attrib.items():
+            numbers = _numbers(value)
+            if not np.all(np.isfinite(numbers)) or (key in _NOT_NEGATIVE and np.any(numbers < 0)):
+                # MuJoCo's compiler turns a negative mass into zero without a word
+                raise ModelError(f'{path}: <{element.tag} {key}="{value}"> is negative or not finite')
     try:
-        return mujoco.MjModel.from_xml_string(text)
+        m = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise ModelError(f"{path}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
+    if not (np.isfinite(m.opt.timestep) and m.opt.timestep > 0):
+        raise ModelError(f"{path}: timestep is {m.opt.timestep}, wanted finite and positive")
+    return m
+
+
+def _numbers(text: str) -> Array:
+    try:
+        return np.array([float(word) for word in text.split()])
+    except ValueError:
+        return np.zeros(0)
 
 
 def check_smooth(m: Any, where: str) -> None:
@@ -56,7 +73,7 @@ def check_smooth(m: Any, where: str) -> None:
         ModelError: the model has anything but hinges, slides, rigid bodies and motors, or is not a single chain.
     """
     wrong = []
-    if m.nq != m.nv or np.any((m.jnt_type != mujoco.mjtJoint.mjJNT_HINGE) & (m.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE)):
+    if not np.all(np.isin(m.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))):
         wrong.append("joints other than hinges and slides")
     for name, present in (
         ("joint damping", np.any(m.dof_damping != 0)), ("joint friction", np.any(m.dof_frictionloss != 0)),
@@ -92,9 +109,9 @@ def _moving_parent(m: Any, body: int) -> int:
 def flatten(m: Any, where: str) -> Model:
     """Return the EXACT model of a compiled serial arm, for the analytic side.
 
-    Frame i sits at joint i's anchor with z along its axis (the body's axes, where its z is the joint's). Bodies without joints belong to the link that carries
-    them; a body with several joints becomes several links, all but the last without mass. A site called ``tool``
-    gives the tool frame, else the last body's frame does.
+    Frame i sits at joint i's anchor with z along its axis (the body's axes, where its z is the joint's). Bodies
+    without joints belong to the link that carries them; a body with several joints becomes several links, all but
+    the last without mass. A site called ``tool`` gives the tool frame, else the last body's frame does.
 
     Raises:
         ModelError: the model has something the analytic side cannot represent; see `check_smooth`.

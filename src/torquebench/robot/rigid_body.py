@@ -129,7 +129,7 @@ def composite_mass_matrix(model: Model, M: Array) -> None:
         comp[i, 9] = J[1, 2] - m * c[1] * c[2]
     for k in range(n):
         i = n - 1 - k
-        m, hx, hy, hz = comp[i, 0], comp[i, 1], comp[i, 2], comp[i, 3]
+        m, hx, hy = comp[i, 0], comp[i, 1], comp[i, 2]
         # force and moment that accelerate the composite by one unit of joint i, in frame i
         if model.kind[i] == HINGE:
             fx, fy, fz = -hy, hx, 0.0

@@ -67,7 +67,7 @@ class AnalyticPlant:
     """
 
     def __init__(self, model: RobotModel, timestep: float = 0.001, integrator: str = "rk4") -> None:
-        substeps_per_period(timestep, timestep)
+        substeps_per_period(timestep, timestep, ("timestep", "timestep"))
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
         self.n = model.n
@@ -87,4 +87,9 @@ class AnalyticPlant:
 
     def step(self, tau: Array, substeps: int) -> None:
         """Integrate `substeps` time steps under the constant joint torque `tau` (n,) [N m]."""
-        self._steps(self._model, self._q, self._qd, tau, self.timestep, substeps, self._work)
+        try:
+            with np.errstate(all="ignore"):
+                self._steps(self._model, self._q, self._qd, tau, self.timestep, substeps, self._work)
+        except (ArithmeticError, ValueError):
+            # an overflowing state: interpreted, math.cos(inf) raises where compiled code gives NaN
+            self._q[:] = self._qd[:] = np.nan

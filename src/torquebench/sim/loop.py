@@ -68,8 +68,8 @@ def simulate(
     """
     n = plant.n
     substeps = substeps_per_period(control_period, plant.timestep)
-    n_steps = substeps_per_period(duration, control_period)
-    t = np.arange(n_steps) * control_period
+    n_steps = substeps_per_period(duration, control_period, ("duration", "control_period"))
+    t: Array = np.arange(n_steps, dtype=np.float64) * control_period
     desired = reference(t)
     start = np.zeros(n) if initial_q is None else np.array(initial_q, dtype=np.float64)
     _check_shapes(n, n_steps, model, desired, disturbance, start)
@@ -117,7 +117,7 @@ def simulate(
     )  # fmt: skip
     if throw and not trajectory.completed:
         raise SimulationError(
-            f"controller '{controller.name}': {outcome.value} at t = {trajectory.t[-1]:g} s (step {failed_at}): {detail}",
+            f"controller '{controller.name}', t = {trajectory.t[-1]:g} s (step {failed_at}): {outcome.value}: {detail}",
             trajectory,
         )
     return trajectory
@@ -130,7 +130,8 @@ def _call(
     tau[:] = 0.0
     try:
         with np.errstate(all="ignore"):
-            returned = controller.law.function(controller.gains, belief, t, q, qd, ref, memory, tau)
+            function: Callable[..., Any] = controller.law.function
+            returned = function(controller.gains, belief, t, q, qd, ref, memory, tau)
             if returned is not None:
                 values = np.asarray(returned, dtype=np.float64)
                 if values.shape != tau.shape:

@@ -52,7 +52,7 @@ class MujocoPlant:
     """
 
     def __init__(self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4") -> None:
-        substeps_per_period(timestep, timestep)
+        substeps_per_period(timestep, timestep, ("timestep", "timestep"))
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
         mujoco.set_mju_user_warning(_quiet)

@@ -129,8 +129,8 @@ def fitted_constants(model: Model, geometry: Geometry) -> Array:
     for i in range(6):
         m, c, J = model.mass[i], model.com[i], model.inertia[i]
         about_origin = J + m * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
-        bodies.append(
-            Body(m, *(m * c), *np.diag(about_origin), about_origin[0, 1], about_origin[0, 2], about_origin[1, 2])
-        )
+        xx, yy, zz = np.diag(about_origin)
+        xy, xz, yz = about_origin[0, 1], about_origin[0, 2], about_origin[1, 2]
+        bodies.append(Body(m, m * c[0], m * c[1], m * c[2], xx, yy, zz, xy, xz, yz))
     rigid = link_constants(bodies, geometry, float(-model.gravity[2]))
     return np.concatenate([rigid[:23], model.armature, rigid[23:]])
