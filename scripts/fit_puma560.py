@@ -45,8 +45,8 @@ TAU_MAX = (97.6, 186.4, 89.4, 24.2, 20.1, 21.3)
 """Torque limits [N m] used throughout the project."""
 INERTIA_SCALE = (4.0, 7.0, 1.2, 0.20, 0.18, 0.19)
 """Mbar: rounded typical diagonal of the mass matrix [kg m^2], by which gains are scaled."""
-DIGITS = 12
-"""Significant digits written, to both files alike."""
+DECIMALS = 12
+"""Decimals written, to both files alike; the fit itself is good to a few 1e-13."""
 
 
 def linear_map(geometry, g):
@@ -165,8 +165,8 @@ def fit():
 
 
 def number(x):
-    """Text of a number with DIGITS significant digits; never ``-0``."""
-    return f"{float(x):.{DIGITS}g}" if x else "0"
+    """Text of a number with DECIMALS decimals, trailing zeros left out; never ``-0``."""
+    return f"{float(x):.{DECIMALS}f}".rstrip("0").rstrip(".") if abs(x) > 1e-13 else "0"
 
 
 def frames(geometry):
@@ -261,13 +261,13 @@ def report(com, inertia, armature, table, geometry, optimum):
 
 
 def same(text, path):
-    """Whether `text` and the file agree: equal words, numbers within 1e-9 relative (LAPACK differs by machine)."""
+    """Whether `text` and the file agree: equal words, numbers within 5e-12 (LAPACK differs by machine)."""
     pattern = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
     committed = path.read_text(encoding="utf-8") if path.is_file() else ""
     if re.sub(pattern, "#", text) != re.sub(pattern, "#", committed):
         return False
     new, old = (np.array([float(x) for x in re.findall(pattern, s)]) for s in (text, committed))
-    return len(new) == len(old) and bool(np.all(np.abs(new - old) <= 1e-9 * np.abs(old) + 1e-15))
+    return len(new) == len(old) and bool(np.all(np.abs(new - old) <= 5e-12))
 
 
 def main():

@@ -3,8 +3,8 @@
 import numpy as np
 import pinocchio
 import pytest
-from tests.errata.independent import Arm
 
+from tests.errata.independent import Arm
 from torquebench import Puma560
 from torquebench.analysis.compare import random_states
 from torquebench.sim.mujoco_plant import MujocoModel

@@ -1,0 +1,297 @@
+"""Configs with one mistake each: the edit that makes it, and what the user must be told."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tests.experiment.examples import ANALYTIC, GOOD, QUINTIC, STEP, edited, line_of
+
+
+class Bad(NamedTuple):
+    """One edit of a good config that must be refused with exactly one message."""
+
+    old: str
+    new: str
+    key: str
+    """Dotted key the message must name."""
+    word: str
+    """What the message must contain."""
+    on: str | None = None
+    """A piece of the line the message must point at, when that is not the line of the edit."""
+    text: str = GOOD
+
+    @property
+    def config(self) -> str:
+        """The broken config."""
+        return edited(self.old, self.new, self.text)
+
+    @property
+    def line(self) -> int:
+        """Line the message must point at."""
+        if self.on is not None:
+            return line_of(self.on, self.config)
+        pairs = enumerate(zip(self.text, self.config, strict=False))
+        differs = next((i for i, (before, after) in pairs if before != after), len(self.text))
+        return self.config.count("\n", 0, differs) + 1
+
+
+NOISE, FIRST, SECOND = "- kind: band-limited-noise", "- name: conventional", "- name: linear-band"
+EQ, GAINS, AMP = "controllers[0].equivalent_control", "controllers[0].gains", "reference.amplitude"
+
+UNKNOWN_KEYS = [
+    Bad("chain: ideal", "chain: ideal\ncolour: red", "colour", "unknown key"),
+    Bad("  engine: mujoco", "  engine: mujoco\n  wheels: 4", "plant.wheels", "unknown key"),
+    Bad(
+        "      lam: 10\n",
+        "      lam: 10\n      lamda: 3\n",
+        f"{GAINS}.lamda",
+        "unknown gain (did you mean 'lam'?)",
+    ),
+    Bad("      kv: 20", "      kv: 20\n      ki: 1", "controllers[1].gains.ki", "unknown gain"),
+    Bad("    law: smc", "    law: smc\n    k: 0.3", "controllers[0].k", "under gains"),
+    Bad("kv: 20", "kv: 20\n      switching: sign", "controllers[1].gains.switching", "unknown gain"),
+    Bad("phi: [", "switching: sign\n      phi: [", f"{GAINS}.switching", "beside gains"),
+    Bad(
+        "law: linear-band-smc",
+        "law: linear-band-smc\n    switching: sign",
+        "controllers[1].switching",
+        "law: smc",
+    ),
+    Bad("  seed: 7", "  seed: 7\n  timestep: 0.1", "run.timestep", "in plant"),
+    Bad("chain: ideal", "chain: ideal\nseed: 1", "seed", "in run"),
+    Bad("  frequency_hz: 0.75", "  frequency_hz: 0.75\n  rise_time: 1", "reference.rise_time", "ramp, quintic"),
+    Bad("  integrator: rk4", "  integrator: rk4\n  constants: fitted", "plant.constants", "engine: analytic"),
+    Bad("    relative: 0.3", "    relative: 0.3\n    percent: 1", "model.mismatch.percent", "unknown key"),
+    Bad("    hold: 0.02", "    hold: 0.02\n    power: 2", "disturbances[0].power", "unknown key"),
+    Bad("    hold: 0.02", '    hold: 0.02\n    "hold ": 2', "disturbances[0].'hold '", "'hold'"),
+    Bad("  seed: 7", "  seed: 7\n  Draw: 2", "run.Draw", "did you mean 'draw'"),
+]
+
+MISSING_KEYS = [
+    Bad("name: good\n", "", "name", "missing", "description"),
+    Bad("  engine: mujoco\n", "", "plant.engine", "missing", "plant:"),
+    Bad("  model: puma560\n", "", "plant.model", "missing", "plant:"),
+    Bad("relative: 0.3", "{}", "model.mismatch.relative", "missing", "mismatch:"),
+    Bad("  - name: conventional\n    law: smc", "  - law: smc", "controllers[0].name", "missing", "- law: smc"),
+    Bad("    law: smc\n", "", "controllers[0].law", "missing", FIRST),
+    Bad(
+        "      k: 0.3\n",
+        "",
+        f"{GAINS}.k",
+        "gain 'k' is missing",
+        "gains: # first",
+        GOOD.replace("gains:", "gains: # first", 1),
+    ),
+    Bad(
+        "      kv: 20\n",
+        "",
+        "controllers[1].gains.kv",
+        "missing",
+        "gains: # 2",
+        GOOD.replace("false\n    gains:", "false\n    gains: # 2"),
+    ),
+    Bad("  kind: sine\n", "", "reference.kind", "missing", "reference:"),
+    Bad("  frequency_hz: 0.75\n", "", "reference.frequency_hz", "missing", "reference:"),
+    Bad("  at: 0.2\n", "", "reference.at", "missing", "reference:", STEP),
+    Bad("  rise_time: 2\n", "", "reference.rise_time", "missing", "reference:", QUINTIC),
+    Bad("    channel: torque\n", "", "disturbances[0].channel", "missing", NOISE),
+    Bad("    sigma: 0.5\n", "", "disturbances[0].sigma", "missing", NOISE),
+    Bad("  duration: 4\n", "", "run.duration", "missing", "run:"),
+    Bad(
+        "      phi: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]\n",
+        "",
+        f"{GAINS}.phi",
+        "missing",
+        "gains: # first",
+        GOOD.replace("gains:", "gains: # first", 1),
+    ),
+]
+
+WRONG_TYPES = [
+    Bad("name: good", "name: 12", "name", "quotes"),
+    Bad("name: good", "name: true", "name", "wanted text"),
+    Bad("name: good", "name: [a]", "name", "a list of 1"),
+    Bad("name: good", "name: {}", "name", "a mapping"),
+    Bad("description: every section, one key per line", "description: 5", "description", "quotes"),
+    Bad("description: every section, one key per line", "description:", "description", "nothing"),
+    Bad("timestep: 0.001", "timestep: '0.001'", "plant.timestep", "remove the quotes"),
+    Bad("timestep: 0.001", "timestep: true", "plant.timestep", "got true, wanted a number [s]"),
+    Bad("timestep: 0.001", "timestep: [0.001]", "plant.timestep", "a list of 1"),
+    Bad("duration: 4", "duration: 010", "run.duration", "leading zeros"),
+    Bad("duration: 4", "duration: 1:30", "run.duration", "90 rather than 1:30"),
+    Bad("duration: 4", "duration: 4 s", "run.duration", "unit is fixed"),
+    Bad("duration: 4", "duration: 4_000", "run.duration", "without _"),
+    Bad("duration: 4", "duration: 4,5", "run.duration", "decimal sign is a point"),
+    Bad("duration: 4", "duration: 0x10", "run.duration", "write it in decimal"),
+    Bad("duration: 4", "duration: 2 * 2", "run.duration", "no formulas"),
+    Bad("duration: 4", "duration: ~", "run.duration", "nothing"),
+    Bad("duration: 4", "duration: inf", "run.duration", "finite"),
+    Bad("relative: 0.3", "relative: 30%", "model.mismatch.relative", "0.3 rather than 30%"),
+    Bad("seed: 7", "seed: 7.0", "run.seed", "whole number"),
+    Bad("seed: 7", "seed: '7'", "run.seed", "remove the quotes"),
+    Bad("seed: 7", "seed: true", "run.seed", "whole number"),
+    Bad("draw: 3", "draw: 3.5", "run.draw", "whole number"),
+    Bad("equivalent_control: true", "equivalent_control: yes", EQ, "true or false"),
+    Bad("equivalent_control: true", "equivalent_control: on", EQ, "are text"),
+    Bad("equivalent_control: true", "equivalent_control: 1", EQ, "true or false"),
+    Bad("equivalent_control: true", "equivalent_control: True", EQ, "true or false"),
+    Bad("equivalent_control: true", "equivalent_control: 'true'", EQ, "true or false"),
+    Bad("switching: saturation", "switching: true", "controllers[0].switching", "sign, saturation"),
+    Bad("[1.2, -1.0, 1.0, 1.1, 1.0, 1.0]", "large", AMP, "wanted a number [rad], or a list"),
+    Bad("[1.2, -1.0, 1.0, 1.1, 1.0, 1.0]", "{a: 1}", AMP, "a mapping"),
+    Bad("1.1", "'1.1'", f"{AMP}[3]", "remove the quotes"),
+    Bad("1.1", "true", f"{AMP}[3]", "got true"),
+    Bad("1.1", "[1.1]", f"{AMP}[3]", "a list of 1"),
+    Bad("1.1", "~", f"{AMP}[3]", "nothing"),
+    Bad("kind: sine", "kind: [sine]", "reference.kind", "one of sine, step, ramp, quintic"),
+    Bad("kind: sine", "kind: true", "reference.kind", "got true"),
+    Bad("kind: sine", "kind:", "reference.kind", "nothing"),
+    Bad("initial_q: home", "initial_q: {q: 1}", "run.initial_q", "a mapping"),
+    Bad("    relative: 0.3", "    - 0.3", "model.mismatch", "a list of 1"),
+    Bad("kv: 20", "kv: twenty", "controllers[1].gains.kv", "wanted a number [1/s], or a list"),
+]
+
+WRONG_SHAPES = [
+    Bad("[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]", "[0.1, 0.2]", f"{GAINS}.phi", "wanted one number or 6"),
+    Bad("1.1, ", "", AMP, "got 5 numbers"),
+    Bad("frequency_hz: 0.75", "frequency_hz: []", "reference.frequency_hz", "empty list"),
+    Bad("sigma: 0.5", "sigma: [1, 2, 3, 4, 5, 6, 7]", "disturbances[0].sigma", "got 7 numbers"),
+    Bad("initial_q: home", "initial_q: [0]", "run.initial_q", "wanted one number or 6"),
+]
+
+BAD_NUMBERS = [
+    Bad("timestep: 0.001", "timestep: 0", "plant.timestep", "more than 0"),
+    Bad("timestep: 0.001", "timestep: -1", "plant.timestep", "got -1, wanted more than 0"),
+    Bad("timestep: 0.001", "timestep: .nan", "plant.timestep", "finite"),
+    Bad("timestep: 0.001", "timestep: nan", "plant.timestep", "finite"),
+    Bad("control_period: 0.002", "control_period: -0.002", "run.control_period", "more than 0"),
+    Bad("control_period: 0.002", "control_period: 0.0", "run.control_period", "more than 0"),
+    Bad("duration: 4", "duration: .inf", "run.duration", "finite"),
+    Bad("duration: 4", "duration: 1e999", "run.duration", "finite"),
+    Bad("duration: 4", "duration: -.inf", "run.duration", "finite"),
+    Bad("seed: 7", "seed: -1", "run.seed", "at least 0"),
+    Bad("seed: 7", "seed: 9223372036854775808", "run.seed", "at most 9223372036854775807"),
+    Bad("seed: 7", "seed: " + "9" * 5000, "run.seed", "whole number"),
+    Bad("draw: 3", "draw: -3", "run.draw", "at least 0"),
+    Bad("metrics_from: 1.25", "metrics_from: -1", "run.metrics_from", "at least 0"),
+    Bad("relative: 0.3", "relative: 0", "model.mismatch.relative", "more than 0"),
+    Bad("relative: 0.3", "relative: 1", "model.mismatch.relative", "less than 1"),
+    Bad("at: 0.2", "at: -0.2", "reference.at", "at least 0", text=STEP),
+    Bad("rise_time: 2", "rise_time: 0", "reference.rise_time", "more than 0", text=QUINTIC),
+    Bad("frequency_hz: 0.75", "frequency_hz: [1, 1, -2, 1, 1, 1]", "reference.frequency_hz[2]", "at least 0"),
+    Bad("sigma: 0.5", "sigma: -0.5", "disturbances[0].sigma", "at least 0"),
+    Bad("    hold: 0.02", "    hold: 0", "disturbances[0].hold", "more than 0"),
+    Bad("clip_sigma: 2.5", "clip_sigma: 0", "disturbances[0].clip_sigma", "more than 0"),
+    Bad("1.1", ".nan", f"{AMP}[3]", "finite"),
+    Bad("k: 0.25", "k: -0.25", "controllers[1].gains.k", "more than 0"),
+    Bad("k: 0.25", "k: 0", "controllers[1].gains.k", "more than 0"),
+    Bad("phi: 0.35", "phi: .inf", "controllers[1].gains.phi", "finite"),
+    Bad("phi: [0.1, 0.2", "phi: [0.1, -0.2", f"{GAINS}.phi[1]", "more than 0"),
+]
+
+BAD_NAMES = [
+    Bad("engine: mujoco", "engine: mujocco", "plant.engine", "did you mean 'mujoco'"),
+    Bad("model: puma560", "model: pumma560", "plant.model", "did you mean 'puma560'"),
+    Bad("model: puma560", "model: ../../etc/passwd", "plant.model", "not a plain name"),
+    Bad("model: puma560", "model: /etc/passwd", "plant.model", "not a plain name"),
+    Bad("model: puma560", "model: ''", "plant.model", "not a plain name"),
+    Bad("integrator: rk4", "integrator: rk45", "plant.integrator", "did you mean 'rk4'"),
+    Bad("structure: corrected", "structure: corected", "model.structure", "did you mean 'corrected'"),
+    Bad("constants: printed", "constants: print", "model.constants", "did you mean 'printed'"),
+    Bad("law: smc", "law: smcc", "controllers[0].law", "did you mean 'smc'"),
+    Bad("law: linear-band-smc", "law: linear-bend-smc", "controllers[1].law", "did you mean 'linear-band-smc'"),
+    Bad(
+        "switching: saturation",
+        "switching: saturated",
+        "controllers[0].switching",
+        "did you mean 'saturation'",
+    ),
+    Bad("expect: completed", "expect: complete", "controllers[1].expect", "did you mean 'completed'"),
+    Bad("kind: sine", "kind: sin", "reference.kind", "did you mean 'sine'"),
+    Bad("kind: quintic", "kind: quinitc", "reference.kind", "did you mean 'quintic'", text=QUINTIC),
+    Bad("chain: ideal", "chain: fast", "chain", "wanted one of ideal"),
+    Bad("kind: band-limited-noise", "kind: bandlimited-noise", "disturbances[0].kind", "'band-limited-noise'"),
+    Bad("channel: torque", "channel: torqe", "disturbances[0].channel", "did you mean 'torque'"),
+    Bad("initial_q: home", "initial_q: hom", "run.initial_q", "did you mean 'home'"),
+    Bad("name: good", "name: Good One", "name", "slug"),
+    Bad("name: good", "name: ../evil", "name", "slug"),
+    Bad("name: good", "name: ''", "name", "slug"),
+    Bad("name: good", "name: -a", "name", "slug"),
+    Bad("name: good", "name: " + "a" * 65, "name", "slug"),
+    Bad("name: linear-band", "name: linear_band", "controllers[1].name", "slug"),
+    Bad("name: linear-band", "name: conventional", "controllers[1].name", "already"),
+]
+
+CONTRADICTIONS = [
+    Bad("timestep: 0.001", "timestep: 0.0003", "run.control_period", "nearest is 0.0021", "control_period"),
+    Bad("timestep: 0.001", "timestep: 0.003", "run.control_period", "nearest is 0.003", "control_period"),
+    Bad("control_period: 0.002", "control_period: 0.0015", "run.control_period", "plant.timestep, 0.001 s"),
+    Bad("duration: 4", "duration: 4.001", "run.duration", "run.control_period, 0.002 s; the nearest is 4"),
+    Bad("    hold: 0.02", "    hold: 0.021", "disturbances[0].hold", "run.control_period, 0.002 s"),
+    Bad("    hold: 0.02", "    hold: 0.001", "disturbances[0].hold", "nearest is 0.002"),
+    Bad("metrics_from: 1.25", "metrics_from: 3.75", "run.metrics_from", "4.25 s"),
+    Bad("duration: 4", "duration: 1.5", "run.metrics_from", "1.75 s", "metrics_from"),
+    Bad(
+        "  duration: 4\n",
+        "  duration: 2.4\n",
+        "run.duration",
+        "2.5 s",
+        None,
+        STEP.replace("  metrics_from: 1.25\n", ""),
+    ),
+    Bad("at: 0.2", "at: 4", "reference.at", "less than run.duration", text=STEP),
+    Bad(
+        "constants: fitted",
+        "constants: printed",
+        "plant.constants",
+        "seven ties",
+        text=ANALYTIC.replace("structure: printed", "structure: exact"),
+    ),
+    Bad("switching: saturation", "switching: sign", f"{GAINS}.phi", "no effect", "phi: [0.1"),
+    Bad("    switching: saturation\n", "", f"{GAINS}.phi", "no effect", "phi: [0.1"),
+    Bad(
+        "  structure: corrected\n  constants: printed",
+        "  structure: exact",
+        "model.mismatch",
+        "corrected or printed",
+        "mismatch:",
+    ),
+    Bad(
+        "  structure: corrected\n  constants: printed\n  mismatch:\n    relative: 0.3",
+        "  constants: printed",
+        "model.constants",
+        "seven ties",
+    ),
+    Bad("timestep: 0.001", "timestep: 1e-8", "run.duration", "lower run.duration", "duration: 4"),
+    Bad("duration: 4", "duration: 4000", "run.duration", "GiB"),
+]
+
+BAD_YAML = [
+    Bad("name: good", "name: good\nname: again", "name", "first given on line 1"),
+    Bad("  seed: 7", "  seed: 7\n  seed: 8", "run.seed", "duplicate key"),
+    Bad("  seed: 7", "  seed: &anchor 7", "run.seed", "anchors"),
+    Bad("seed: 7", "seed: *anchor", "run.seed", "aliases"),
+    Bad("  seed: 7", "  seed: 7\n  <<: {draw: 4}", "run", "merge keys"),
+    Bad("seed: 7", "seed: !!int 7", "run.seed", "!!int"),
+    Bad("seed: 7", "seed: ! 7", "run.seed", "tags"),
+    Bad(
+        "seed: 7",
+        "seed: !!python/object/apply:os.system ['true']",
+        "run.seed",
+        "!!python/object/apply:os.system",
+    ),
+    Bad("run:", "run: !!map", "run", "!!map"),
+    Bad("  seed: 7", "  7: seed\n  seed: 7", "run", "key must be a word"),
+    Bad("  seed: 7", "  true: seed\n  seed: 7", "run", "key must be a word"),
+    Bad("  seed: 7", "  ? [a, b]\n  : 1\n  seed: 7", "run", "key must be a word"),
+    Bad("  seed: 7", "\tseed: 7", "", "tabs"),
+    Bad("  seed: 7", " seed: 7", "", "not valid YAML"),
+    Bad("description: every", "description: a: b: every", "", "not valid YAML"),
+    Bad("description: every", "description: @every", "", "quotes"),
+    Bad("description: every", "description: \u2028every", "", "U+2028"),
+    Bad("description: every section, one key per line", 'description: "\\u0007"', "description", "U+0007"),
+    Bad("description: every", "description: \x07every", "", "U+0007"),
+    Bad("description: every", "description: \u202eevery", "", "U+202E"),
+]
+
+BAD = UNKNOWN_KEYS + MISSING_KEYS + WRONG_TYPES + WRONG_SHAPES + BAD_NUMBERS + BAD_NAMES + CONTRADICTIONS + BAD_YAML

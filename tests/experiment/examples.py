@@ -1,0 +1,88 @@
+"""Good configs that the tests load, edit and break; one key per line, so that lines can be checked."""
+
+from __future__ import annotations
+
+GOOD = """\
+name: good
+description: every section, one key per line
+plant:
+  engine: mujoco
+  model: puma560
+  timestep: 0.001
+  integrator: rk4
+model:
+  structure: corrected
+  constants: printed
+  mismatch:
+    relative: 0.3
+controllers:
+  - name: conventional
+    law: smc
+    equivalent_control: true
+    switching: saturation
+    gains:
+      lam: 10
+      k: 0.3
+      phi: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+  - name: linear-band
+    law: linear-band-smc
+    equivalent_control: false
+    gains:
+      lam: 10.5
+      k: 0.25
+      phi: 0.35
+      kv: 20
+    expect: completed
+reference:
+  kind: sine
+  amplitude: [1.2, -1.0, 1.0, 1.1, 1.0, 1.0]
+  frequency_hz: 0.75
+chain: ideal
+disturbances:
+  - kind: band-limited-noise
+    channel: torque
+    sigma: 0.5
+    hold: 0.02
+    clip_sigma: 2.5
+run:
+  duration: 4
+  control_period: 0.002
+  initial_q: home
+  seed: 7
+  metrics_from: 1.25
+  draw: 3
+"""
+
+_SINE = """\
+  kind: sine
+  amplitude: [1.2, -1.0, 1.0, 1.1, 1.0, 1.0]
+  frequency_hz: 0.75
+"""
+
+STEP = GOOD.replace(_SINE, "  kind: step\n  target: 0.6\n  at: 0.2\n")
+RAMP = GOOD.replace(_SINE, "  kind: ramp\n  target: [1, 2, 3, 4, 5, 6]\n  rise_time: 2\n")
+QUINTIC = GOOD.replace(_SINE, "  kind: quintic\n  target: 0.6\n  rise_time: 2\n")
+ANALYTIC = GOOD.replace("  engine: mujoco\n", "  engine: analytic\n  structure: printed\n  constants: fitted\n")
+MINIMAL = """\
+name: minimal
+plant: {engine: analytic, model: puma560}
+controllers: [{name: only, law: pd, gains: {lam: 5, kv: 10}}]
+reference: {kind: step, target: 0.5, at: 0.1}
+run: {duration: 2.5}
+"""
+ALL = {"good": GOOD, "step": STEP, "ramp": RAMP, "quintic": QUINTIC, "analytic": ANALYTIC, "minimal": MINIMAL}
+
+
+def edited(old: str, new: str, text: str = GOOD) -> str:
+    """Return `text` with its only occurrence of `old` replaced."""
+    if text.count(old) != 1:
+        raise ValueError(f"{old!r} occurs {text.count(old)} times")
+    return text.replace(old, new)
+
+
+def line_of(fragment: str, text: str) -> int:
+    """Return the number of the only line of `text` that holds `fragment`."""
+    lines = [number for number, line in enumerate(text.splitlines(), start=1) if fragment in line]
+    if len(lines) != 1:
+        raise ValueError(f"{fragment!r} is on lines {lines}")
+    return lines[0]
