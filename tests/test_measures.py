@@ -70,7 +70,7 @@ def test_hf_adds_powers_and_starts_at_30_hz() -> None:
 
 
 def test_hf_of_a_torque_that_alternates_at_every_instant() -> None:
-    """Of +-K at half the sampling rate an odd window shows the RMS K, an even one sqrt(5/3) K, as defined.
+    """Of +-K at half the sampling rate the index is the RMS K, whether the window is odd or even.
 
     The tapered line at half the sampling rate carries 1/4, its neighbour 1/16 of n^2 K^2; doubling both gives
     5/8 where 3/8 is all there is.
@@ -80,7 +80,7 @@ def test_hf_of_a_torque_that_alternates_at_every_instant() -> None:
     # The mean that is removed is K/3001 in the odd window: 2e-7 relative in power.
     assert measures.chattering_index(tau, T, limit) == pytest.approx([20.0], rel=1e-6)
     even = measures.chattering_index(tau[:-1], T, limit)
-    assert even == pytest.approx([20.0 * math.sqrt(5 / 3)], rel=1e-12)
+    assert even == pytest.approx([20.0], rel=1e-12)
 
 
 def test_hf_is_undefined_for_slow_control_and_short_windows() -> None:

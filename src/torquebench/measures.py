@@ -105,16 +105,17 @@ def hann_spectrum(x: Array, control_period: float) -> tuple[Array, npt.NDArray[n
 def chattering_index(tau: Array, control_period: float, tau_max: Array) -> Array:
     """HF_i = 100/tau_max,i sqrt(2 sum_{f >= 30 Hz} |F|^2 / (n^2 3/8)), F = rfft(tau w), (n,) [% of tau_max].
 
-    The RMS of the torque above 30 Hz. NaN above a control period of 10 ms, and for a window shorter than
-    2/30 s, where the taper's main lobe would reach from zero frequency past 30 Hz. The factor 2 is applied to
-    every line, as defined; of a torque that alternates at every instant, a window with an even number of
-    samples therefore shows sqrt(5/3) times the RMS: the line at half the sampling rate has no mirror image.
+    The RMS of the torque above 30 Hz. Of an even number of samples the line at half the sampling rate counts once,
+    not twice: it has no mirror image. NaN above a control period of 10 ms, and for a window shorter than 2/30 s,
+    where the taper's main lobe would reach from zero frequency past 30 Hz.
     """
     n = len(tau)
     if control_period > HF_MAX_PERIOD * (1.0 + 1e-9) or n * control_period * HF_FROM_HZ < 2.0:
         return np.full(tau.shape[1], np.nan)
     frequency, spectrum = hann_spectrum(tau, control_period)
     high = np.abs(spectrum[frequency >= HF_FROM_HZ * (1.0 - 1e-9)])
+    if n % 2 == 0:
+        high[-1] /= math.sqrt(2.0)
     above: Array = np.sqrt(2.0 * np.sum(high * high, axis=0) / (n * n * 3.0 / 8.0))
     return 100.0 / tau_max * above
 

@@ -1,0 +1,37 @@
+"""A small experiment and the command line, for the tests of this folder."""
+
+import pytest
+
+from torquebench.cli.main import main
+
+QUICK = """\
+name: quick
+plant: {engine: mujoco, model: puma560}
+model: {structure: corrected, constants: printed}
+controllers:
+  - {name: conventional, law: smc, switching: sign, gains: {lam: 10, k: 0.3}}
+  - {name: linear-band, law: linear-band-smc, gains: {lam: 10, k: 0.3, phi: 0.3, kv: 20}}
+reference: {kind: sine, amplitude: 1.0, frequency_hz: 1.0}
+run: {duration: 0.8, metrics_from: 0.2}
+"""
+
+
+@pytest.fixture
+def quick(tmp_path, monkeypatch):
+    """Path of a small experiment, in a folder that is also the current one."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "quick.yaml"
+    path.write_text(QUICK)
+    return path
+
+
+@pytest.fixture
+def command(capsys):
+    """Run the command line: (exit status, standard output, standard error)."""
+
+    def run(*arguments):
+        status = main([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run

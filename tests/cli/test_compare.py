@@ -1,0 +1,63 @@
+"""``torquebench compare``: agreement, disagreement, and bad arguments."""
+
+import json
+
+import pytest
+
+
+def test_mujoco_and_the_analytic_arm_agree(command):
+    """All terms, link parameters and six closed loops; status 0."""
+    status, out, err = command("compare", "mujoco:puma560", "analytic:puma560", "--rollout", "1")
+    assert (status, err) == (0, "")
+    assert "agree: 16 of 16" in out
+
+
+def test_a_generic_arm_agrees_too(command):
+    """Another number of joints, read through MuJoCo's compiler."""
+    assert command("compare", "mujoco:two-link", "analytic:two-link", "--rollout", "1")[0] == 0
+
+
+def test_differing_models_say_in_which_term(command):
+    """`corrected` differs from `exact` in M and V, not in gravity; status 1."""
+    arguments = ("analytic:puma560", "analytic:puma560:corrected", "--frozen-joints", 4, 5, 6)
+    status, out, _ = command("compare", *arguments, "--json")
+    rows = {row["term"]: row for row in json.loads(out)["rows"]}
+    assert status == 1
+    assert not rows["mass matrix"]["agrees"]
+    assert rows["mass matrix"]["absolute"] <= 3.2e-3
+    assert rows["gravity"]["agrees"]
+    assert rows["tool pose"]["agrees"]
+
+
+def test_a_looser_tolerance_turns_it_green(command):
+    """The limit is the user's: 1 % covers the corrected form."""
+    arguments = ("analytic:puma560", "analytic:puma560:corrected", "--frozen-joints", 4, 5, 6)
+    assert command("compare", *arguments, "--tolerance", "0.01")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "messages"),
+    [
+        (("mujco:puma560", "analytic:puma560"), ["A: ", "did you mean 'mujoco'?"]),
+        (("mujoco:puma56", "analytic:pumas"), ["A: ", "B: ", "did you mean 'puma560'?"]),
+        (("analytic:puma560:exat", "analytic:puma560"), ["did you mean 'exact'?"]),
+        (("analytic:puma560:exact:printed", "analytic:puma560"), ["seven exact ties"]),
+        (("analytic:puma560:corrected:fited", "analytic:puma560"), ["did you mean 'fitted'?"]),
+        (("analytic:two-link:corrected", "analytic:two-link"), ["'exact'"]),
+        (("analytic:puma560:a:b:c", "analytic:puma560"), ["too many parts"]),
+        (("missing.xml", "analytic:puma560"), ["no such file"]),
+        (("mujoco:../../etc/passwd", "analytic:puma560"), ["not a plain name"]),
+        (("analytic:puma560", "analytic:two-link"), ["2 joints, wanted 6"]),
+        (("analytic:puma560", "analytic:puma560", "--states", "0"), ["--states"]),
+        (("analytic:puma560", "analytic:puma560", "--tolerance", "nan"), ["--tolerance"]),
+        (("analytic:puma560", "analytic:puma560", "--rollout", "-1"), ["--rollout"]),
+        (("analytic:puma560", "analytic:puma560", "--seed", "-1"), ["--seed"]),
+        (("analytic:puma560", "analytic:puma560", "--frozen-joints", "7"), ["--frozen-joints"]),
+    ],
+)
+def test_bad_arguments(command, arguments, messages):
+    """Exit 2, nothing on standard output, each message in one line."""
+    status, out, err = command("compare", *arguments)
+    assert (status, out) == (2, "")
+    assert all(message in err for message in messages), err
+    assert "Traceback" not in err

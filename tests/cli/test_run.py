@@ -1,0 +1,278 @@
+"""``torquebench run``: what is written, what is refused, and how it ends."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from torquebench import load_trajectory
+from torquebench.errors import ResultError
+from torquebench.experiment import load_experiment
+from torquebench.experiment.store import check_run
+from torquebench.robot.library import data_root
+from torquebench.sim.trajectory import SIGNALS
+
+FIGURES = ("position", "error", "torque", "sliding", "spectrum")
+
+
+def test_a_run_directory_is_complete_and_checks_out(quick, command):
+    """Every file of the design is there, the manifest's checksums hold, and the summary names every controller."""
+    status, out, err = command("run", quick, "--out", "result")
+    folder = quick.parent / "result"
+    assert (status, err) == (0, "")
+    manifest = check_run(folder)
+    expected = {"experiment.yaml", "metrics.json"}
+    expected |= {f"{name}/trajectory.npz" for name in ("conventional", "linear-band")}
+    expected |= {f"figures/{name}.{fmt}" for name in FIGURES for fmt in ("svg", "png")}
+    assert set(manifest["files"]) == expected
+    assert {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} == expected | {"manifest.json"}
+    assert manifest["outcomes"]["conventional"]["outcome"] == "COMPLETED"
+    assert {"torquebench", "mujoco", "numpy", "python"} <= set(manifest["software"])
+    for word in ("conventional", "linear-band", "RMSE", "HF", "disturbance: none", "metrics from 0.2 s"):
+        assert word in out
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["controllers"]["linear-band"]["hf"]["value"] < metrics["controllers"]["conventional"]["hf"]["value"]
+    assert metrics["conditions"]["noise"] == "none"
+
+
+def test_the_stored_trajectory_has_every_signal(quick, command):
+    """trajectory.npz loads without pickle, holds each signal (N, n) at t = k T, and has the manifest's digest."""
+    command("run", quick, "--out", "result", "--no-figures")
+    folder = quick.parent / "result"
+    with np.load(folder / "conventional" / "trajectory.npz", allow_pickle=False) as stored:
+        assert {"t", "outcome", "failed_at", *SIGNALS} <= set(stored.files)
+    run = load_trajectory(folder / "conventional" / "trajectory.npz")
+    assert np.array_equal(run.t, np.arange(800) * 0.001)
+    assert all(getattr(run, name).shape == (800, 6) for name in SIGNALS)
+    assert run.digest() == check_run(folder)["outcomes"]["conventional"]["digest"]
+
+
+def test_the_resolved_experiment_repeats_the_run_byte_for_byte(quick, command):
+    """Running the stored experiment.yaml gives the same trajectories and the same config hash."""
+    command("run", quick, "--out", "first", "--no-figures", "--set", "controllers.linear-band.gains.phi=0.5")
+    command("run", "first/experiment.yaml", "--out", "second", "--no-figures")
+    manifests = [check_run(quick.parent / name) for name in ("first", "second")]
+    assert manifests[0]["files"] == manifests[1]["files"]
+    assert manifests[0]["config_sha256"] == manifests[1]["config_sha256"]
+    changed = load_experiment(quick.parent / "second" / "experiment.yaml").controllers[1]
+    assert changed.gains["phi"] == 0.5
+
+
+def test_noise_is_keyed_by_seed_and_draw(quick, command):
+    """The same seed and draw give the same bytes; another draw gives others; both controllers get the same noise."""
+    noise = "disturbances=[{kind: band-limited-noise, channel: torque, sigma: 1.0}]"
+    digests = []
+    for index, draw in enumerate((0, 0, 1)):
+        command("run", quick, "--out", f"r{index}", "--no-figures", "--set", noise, "--set", f"run.draw={draw}")
+        digests.append(check_run(quick.parent / f"r{index}")["outcomes"]["conventional"]["digest"])
+    assert digests[0] == digests[1] != digests[2]
+    a, b = (load_trajectory(quick.parent / "r0" / n / "trajectory.npz") for n in ("conventional", "linear-band"))
+    # (tau + d) - tau loses d's last bits, hence not exactly equal
+    assert np.allclose(a.tau_applied - a.tau, b.tau_applied - b.tau, atol=1e-12)
+
+
+def test_a_folder_that_is_not_empty_is_refused(quick, command):
+    """Exit 2, nothing written, nothing lost."""
+    (quick.parent / "full").mkdir()
+    (quick.parent / "full" / "keep.txt").write_text("mine")
+    status, out, err = command("run", quick, "--out", "full")
+    assert (status, out) == (2, "")
+    assert "not empty" in err
+    assert [p.name for p in (quick.parent / "full").iterdir()] == ["keep.txt"]
+
+
+def test_default_folder_is_named_after_the_experiment(quick, command):
+    """Without --out results go to runs/NAME-UTC, and a second run gets another folder."""
+    for _ in range(2):
+        assert command("run", quick, "--no-figures")[0] == 0
+    folders = sorted(p.name for p in (quick.parent / "runs").iterdir())
+    assert len(folders) == 2
+    assert all(name.startswith("quick-20") for name in folders)
+
+
+def test_bad_configs_are_refused_with_every_mistake_and_nothing_written(quick, command):
+    """Exit 2, one line a mistake with file:line:col and the nearest name, no traceback, no folder."""
+    quick.write_text(
+        quick.read_text().replace("lam: 10, k: 0.3}", "lamb: 10, k: -1}").replace("kind: sine", "kind: sin")
+    )
+    status, out, err = command("run", quick, "--out", "result")
+    lines = err.splitlines()
+    assert (status, out) == (2, "")
+    assert len(lines) == 3
+    assert all(line.startswith(f"{quick}:") for line in lines)
+    assert "did you mean 'lam'?" in err
+    assert "did you mean 'sine'?" in err
+    assert not (quick.parent / "result").exists()
+    assert not (quick.parent / "runs").exists()
+
+
+FAILING_LAW = '''
+from typing import Annotated, NamedTuple
+from torquebench import Gain, controller
+
+class Gains(NamedTuple):
+    at: Annotated[object, Gain("time of the failure", "s")]
+
+@controller("fails-later", gains=Gains)
+def fails_later(gains, model, t, q, qd, ref, memory, tau):
+    """Zero torque until gains.at, then NaN."""
+    for i in range(len(tau)):
+        tau[i] = 0.0 if t < gains.at[i] else float("nan")
+'''
+
+
+def with_failing_law(quick, expect=""):
+    """Add a law that fails at 0.1 s to the experiment; return the plugin's path."""
+    plugin = quick.parent / "my_law.py"
+    plugin.write_text(FAILING_LAW)
+    line = f"  - {{name: broken, law: fails-later, gains: {{at: 0.1}}{expect}}}\n"
+    quick.write_text(quick.read_text().replace("reference:", line + "reference:"))
+    return plugin
+
+
+@pytest.fixture
+def forget_plugin():
+    """Take the plugin's law out of the registry again."""
+    from torquebench.laws import base
+
+    before = dict(base._REGISTRY)
+    yield
+    base._REGISTRY.clear()
+    base._REGISTRY.update(before)
+
+
+@pytest.mark.usefixtures("forget_plugin")
+def test_a_failed_run_has_an_outcome_and_no_metrics(quick, command):
+    """Exit 1; the others are complete; the failed one is truncated at its step and has no metrics."""
+    plugin = with_failing_law(quick)
+    status, out, err = command("run", quick, "--out", "result", "--plugin", plugin)
+    assert status == 1
+    assert "broken" in err
+    assert "bad torque at 0.1 s" in out
+    manifest = check_run(quick.parent / "result")
+    assert manifest["outcomes"]["broken"]["outcome"] == "BAD_TORQUE"
+    assert manifest["outcomes"]["broken"]["failed_at"] == 100
+    assert json.loads((quick.parent / "result" / "metrics.json").read_text())["controllers"]["broken"] is None
+    assert len(load_trajectory(quick.parent / "result" / "broken" / "trajectory.npz").t) == 101
+
+
+@pytest.mark.usefixtures("forget_plugin")
+def test_an_expected_failure_is_no_failure(quick, command):
+    """With `expect: failed` the exit status is 0; a law that then completes gives 1."""
+    plugin = with_failing_law(quick, ", expect: failed")
+    assert command("run", quick, "--out", "a", "--plugin", plugin, "--no-figures")[0] == 0
+    text = quick.read_text().replace("at: 0.1", "at: 5.0")
+    quick.write_text(text)
+    assert command("run", quick, "--out", "b", "--no-figures")[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("x = 1\n", "registers no law"),
+        ("raise RuntimeError('boom')\n", "RuntimeError: boom"),
+        ("def f(:\n", "SyntaxError"),
+        (None, "No such file"),
+    ],
+)
+def test_a_plugin_that_cannot_be_used_is_bad_input(quick, command, content, message):
+    """Exit 2 and one line saying why."""
+    plugin = quick.parent / "plugin.py"
+    if content is not None:
+        plugin.write_text(content)
+    status, _, err = command("run", quick, "--plugin", plugin)
+    assert status == 2
+    assert message in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_changed_or_missing_file_is_noticed(quick, command):
+    """check_run refuses a directory whose files are not those of its manifest, and one without a manifest."""
+    command("run", quick, "--out", "result", "--no-figures")
+    folder = quick.parent / "result"
+    metrics = folder / "metrics.json"
+    metrics.write_text(metrics.read_text() + " ")
+    with pytest.raises(ResultError, match=r"metrics\.json"):
+        check_run(folder)
+    (folder / "manifest.json").unlink()
+    with pytest.raises(ResultError, match="not a finished run"):
+        check_run(folder)
+
+
+def test_the_analytic_plant_needs_no_mujoco(quick):
+    """`engine: analytic` runs from YAML to manifest in a process where `import mujoco` fails."""
+    code = (
+        "import sys; sys.modules['mujoco'] = None\n"
+        "from torquebench.cli.main import main\n"
+        "sys.exit(main(['run', 'quick.yaml', '--out', 'analytic', '--no-figures', '--set', 'plant.engine=analytic']))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=quick.parent, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    check_run(quick.parent / "analytic")
+
+
+ENDLESS_LAW = '''
+from pathlib import Path
+from typing import NamedTuple
+from torquebench import controller
+
+class Gains(NamedTuple):
+    pass
+
+@controller("endless", gains=Gains)
+def endless(gains, model, t, q, qd, ref, memory, tau):
+    """Say that the loop has begun, then never finish."""
+    Path("begun").touch()
+    while True:
+        pass
+'''
+
+
+def test_interrupting_leaves_no_manifest(quick):
+    """Ctrl-C ends with status 130 and without a manifest, so that the directory cannot pass for a finished run."""
+    (quick.parent / "endless.py").write_text(ENDLESS_LAW)
+    line = "  - {name: endless, law: endless, gains: {}}\n"
+    quick.write_text(quick.read_text().replace("reference:", line + "reference:"))
+    arguments = ["run", "quick.yaml", "--out", "result", "--plugin", "endless.py"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "torquebench", *arguments], cwd=quick.parent, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 120
+    while not (quick.parent / "begun").exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    assert not (quick.parent / "result" / "manifest.json").exists()
+
+
+def test_a_disk_that_refuses_is_status_3(quick, command, monkeypatch):
+    """An error of the file system is reported in one line, status 3, and no manifest is left."""
+
+    def refuse(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    status, _, err = command("run", quick, "--out", "result", "--no-figures")
+    assert status == 3
+    assert "No space left" in err
+    assert not list((quick.parent / "result").rglob("*.tmp"))
+    assert not (quick.parent / "result" / "manifest.json").exists()
+
+
+CONFIGS = sorted((data_root() / "configs").rglob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.stem)
+def test_every_config_that_ships_runs(path, tmp_path, command):
+    """Each config loads as it is, and 0.7 s of it complete (its metrics' window moved to fit)."""
+    load_experiment(path)
+    short = ("--set", "run.duration=0.7", "--set", "run.metrics_from=0.2")
+    status, _, err = command("run", path, "--out", tmp_path / "out", "--no-figures", *short)
+    assert (status, err) == (0, "")
