@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0.dev0"
 
 _HOMES = {
+    "Array": "torquebench.kernel",
     "Controller": "torquebench.sim.loop",
     "AnalyticPlant": "torquebench.sim.analytic_plant",
     "Gain": "torquebench.laws",
@@ -17,15 +18,22 @@ _HOMES = {
     "RobotModel": "torquebench.robot",
     "Trajectory": "torquebench.sim.trajectory",
     "controller": "torquebench.laws",
+    "bias_forces": "torquebench.robot.dynamics",
     "find_law": "torquebench.laws",
+    "gravity": "torquebench.robot.dynamics",
+    "inverse_dynamics": "torquebench.robot.dynamics",
     "law_names": "torquebench.laws",
     "load_model": "torquebench.robot",
     "load_trajectory": "torquebench.sim.trajectory",
+    "mass_matrix": "torquebench.robot.dynamics",
+    "sat": "torquebench.kernel",
+    "sign": "torquebench.kernel",
     "simulate": "torquebench.sim.loop",
 }
 
 __all__ = [
     "AnalyticPlant",
+    "Array",
     "Controller",
     "Gain",
     "MujocoPlant",
@@ -36,18 +44,26 @@ __all__ = [
     "RobotModel",
     "Trajectory",
     "__version__",
+    "bias_forces",
     "controller",
     "find_law",
+    "gravity",
+    "inverse_dynamics",
     "law_names",
     "load_model",
     "load_trajectory",
+    "mass_matrix",
+    "sat",
+    "sign",
     "simulate",
 ]
 
 if TYPE_CHECKING:
+    from torquebench.kernel import Array, sat, sign
     from torquebench.laws import Gain, Option, controller, find_law, law_names
     from torquebench.references import Reference
     from torquebench.robot import Puma560, RobotModel, load_model
+    from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
     from torquebench.sim.analytic_plant import AnalyticPlant
     from torquebench.sim.loop import Controller, simulate
     from torquebench.sim.mujoco_plant import MujocoPlant

@@ -1,6 +1,6 @@
 """The formulas behind the metrics: pure functions of sampled signals, one value per joint.
 
-Source of every definition: the protocol, section "Metrics". Signals are arrays (N, n), control instants by
+Source of every definition: docs/definitions.md, "Metrics". Signals are arrays (N, n), control instants by
 joints; e = q_ref - q. A value is NaN where the metric is undefined.
 """
 

@@ -1,6 +1,6 @@
 """Figures of merit of one completed run: tracking error, step response, chattering and effort.
 
-Source of every definition: the protocol, section "Metrics"; the formulas are in `measures`. This module
+Source of every definition: docs/definitions.md, "Metrics"; the formulas are in `measures`. This module
 chooses the windows, keeps undefined values visible, and reduces each metric to its headline. Errors are those
 of the true position.
 """

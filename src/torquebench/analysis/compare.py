@@ -10,7 +10,6 @@ import numpy as np
 from torquebench import references
 from torquebench.analysis.sides import Dynamics, Side
 from torquebench.kernel import Array
-from torquebench.laws import find_law
 from torquebench.robot.arm import RobotModel
 from torquebench.sim.loop import Controller, simulate
 
@@ -117,8 +116,7 @@ def compare_rollouts(a: Side, b: Side, model: RobotModel, duration: float, times
         ("sign", "smc", {"lam": 10, "k": 0.3}),
         ("linear band", "linear-band-smc", {"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20}),
     ):
-        registered = find_law(law)
-        controller = Controller(title, registered, registered.pack_gains(n, gains, {}))
+        controller = Controller.of(law, n, gains, name=title)
         for name, motion in motions.items():
             runs = [
                 simulate(p, controller, model, motion, duration=duration, control_period=timestep, throw=False)

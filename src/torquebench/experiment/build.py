@@ -11,7 +11,6 @@ from torquebench.disturbances import Stream, band_limited_noise, generator
 from torquebench.experiment import schema
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
-from torquebench.laws import find_law
 from torquebench.references import ReferenceSource
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.puma560.mismatch import mismatched
@@ -46,10 +45,7 @@ def build(experiment: schema.Experiment) -> Loop:
     if experiment.model.mismatch is not None:
         rng = generator(run.seed, run.draw, Stream.MISMATCH)
         model, redraws = mismatched(model, experiment.model.mismatch.relative, rng)
-    controllers = []
-    for entry in experiment.controllers:
-        law = find_law(entry.law)
-        controllers.append(Controller(entry.name, law, law.pack_gains(n, entry.gains, entry.options)))
+    controllers = [Controller.of(c.law, n, c.gains, c.options, c.name) for c in experiment.controllers]
     return Loop(
         build_plant(experiment.plant), model.joint_names, model, redraws, tuple(controllers),
         build_reference(experiment.reference, n), build_disturbance(experiment),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from torquebench.errors import SimulationError
 from torquebench.kernel import Array
-from torquebench.laws.base import Law
+from torquebench.laws import Law, find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot.arm import RobotModel
 from torquebench.sim.plant import Plant, substeps_per_period
@@ -29,6 +29,31 @@ class Controller:
     name: str
     law: Law
     gains: Any
+    """The tuple the law receives; see `Law.pack_gains`."""
+
+    @classmethod
+    def of(
+        cls,
+        law: str,
+        n: int,
+        gains: Mapping[str, Any],
+        options: Mapping[str, str | bool] | None = None,
+        name: str | None = None,
+    ) -> Controller:
+        """Return a controller of a registered law.
+
+        Args:
+            law: Name of the law.
+            n: Number of joints.
+            gains: Gain name -> a number, or one for each joint.
+            options: Option name -> value; those left out take their defaults.
+            name: Name in results; None for the law's.
+
+        Raises:
+            ControllerError: no such law, or gains or options it cannot use.
+        """
+        found = find_law(law)
+        return cls(name or law, found, found.pack_gains(n, gains, options or {}))
 
 
 def simulate(

@@ -1,0 +1,82 @@
+"""What the README shows works as it stands."""
+
+import re
+
+import numpy as np
+import pytest
+
+from torquebench.cli.main import main, parser
+from torquebench.robot.library import data_root
+
+README = (data_root() / "README.md").read_text()
+
+
+def blocks(language):
+    """Code blocks of one language."""
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", README, flags=re.DOTALL | re.MULTILINE)
+    return [text for name, text in found if name == language]
+
+
+def commands():
+    """Every torquebench command in the README, as argument lists."""
+    lines = [line.partition("#")[0] for block in blocks("sh") for line in block.splitlines()]
+    inline = re.findall(r"`(scripts/torquebench [^`]+)`", README)
+    found = [" ".join(line.split()).split() for line in [*lines, *inline] if line.startswith("scripts/torquebench")]
+    return [words[1:] for words in found if "NAME" not in words[-1]]
+
+
+@pytest.mark.parametrize("arguments", commands(), ids=" ".join)
+def test_every_command_parses(arguments):
+    """Each command of the README is one the command line knows."""
+    assert parser().parse_args(arguments).command in ("run", "compare")
+
+
+def test_every_file_that_is_named_exists():
+    """Links, configs and scripts the README names are there."""
+    names = re.findall(r"\]\(([^)#]+)\)", README)
+    names += re.findall(r"`((?:configs|scripts|models|src|docs)/[\w./-]+)`", README)
+    missing = [name for name in names if "NAME" not in name and not (data_root() / name).exists()]
+    assert len(names) > 10
+    assert not missing
+
+
+def test_the_law_of_the_readme_runs(tmp_path, monkeypatch):
+    """The plug-in shown runs as shown, in a config made from the line that is given for it."""
+    from torquebench.laws import base
+
+    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_law.py").write_text(next(block for block in blocks("python") if "my-law" in block))
+    line = " ".join(re.search(r"`(\{name: mine,.*?\}\})`", README, flags=re.DOTALL)[1].split())
+    (tmp_path / "my.yaml").write_text(
+        "name: mine\nplant: {engine: mujoco, model: puma560}\ncontrollers:\n"
+        f"  - {line}\n"
+        "reference: {kind: sine, amplitude: 0.5, frequency_hz: 0.5}\n"
+        "run: {duration: 1.0, metrics_from: 0.2}\n"
+    )
+    assert main(["run", "my.yaml", "--plugin", "my_law.py", "--out", "out", "--no-figures"]) == 0
+
+
+def test_the_python_of_the_readme_runs(capsys):
+    """The script shown runs and follows its reference to a few milliradians."""
+    scope = {}
+    source = next(block for block in blocks("python") if "simulate(" in block)
+    exec(compile(source, "README.md", "exec"), scope)
+    assert "COMPLETED" in capsys.readouterr().out
+    assert np.abs(scope["run"].q_ref - scope["run"].q).max() < 5e-3
+
+
+def test_the_table_of_the_readme_is_what_the_command_prints(tmp_path, capsys):
+    """The first command's table, line by line; numbers to the printed digits but the last, as processors differ."""
+    config = data_root() / "configs" / "paper" / "fig9-chattering.yaml"
+    assert main(["run", str(config), "--out", str(tmp_path / "out"), "--no-figures"]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    shown = next(block for block in blocks("") if "conventional" in block).strip().splitlines()
+    for line in shown:
+        words = line.split()
+        match = next(other.split() for other in printed if other.split()[:1] == words[:1])
+        for a, b in zip(words, match, strict=True):
+            try:
+                assert float(b) == pytest.approx(float(a), rel=2e-3)
+            except ValueError:
+                assert a == b or set(a) == {"-"}
