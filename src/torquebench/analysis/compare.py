@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,7 +93,14 @@ def compare_links(a: RobotModel, b: RobotModel, tolerance: float) -> list[Row]:
     return [_row(title, unit, getattr(a.flat, key), getattr(b.flat, key), tolerance) for title, unit, key in parameters]
 
 
-def compare_rollouts(a: Side, b: Side, model: RobotModel, duration: float, timestep: float = 0.001) -> list[Row]:
+def compare_rollouts(
+    a: Side,
+    b: Side,
+    model: RobotModel,
+    duration: float,
+    timestep: float = 0.001,
+    progress: Callable[[str], None] = lambda loop: None,
+) -> list[Row]:
     """Compare closed loops on both plants, linear band and sign, on `sine`, `step` and `ramp`.
 
     The law computes with the same `model` on both sides; only the plants differ. RK4, zero-order hold.
@@ -103,6 +110,7 @@ def compare_rollouts(a: Side, b: Side, model: RobotModel, duration: float, times
         model: The law's belief.
         duration: Length of each loop [s].
         timestep: Integration step and control period [s].
+        progress: Called with the name of each loop before it runs.
     """
     n, rows = model.n, []
     share = np.arange(1, n + 1) / n
@@ -118,6 +126,7 @@ def compare_rollouts(a: Side, b: Side, model: RobotModel, duration: float, times
     ):
         controller = Controller.of(law, n, gains, name=title)
         for name, motion in motions.items():
+            progress(f"{title}, {name}")
             runs = [
                 simulate(p, controller, model, motion, duration=duration, control_period=timestep, throw=False)
                 for p in (plant_a, plant_b)

@@ -9,10 +9,13 @@ from dataclasses import asdict
 
 from torquebench.analysis.compare import Row, compare_links, compare_rollouts, compare_terms, random_states
 from torquebench.analysis.sides import Side, parse_side
-from torquebench.cli.terminal import say, table
+from torquebench.cli.terminal import progress_bar, say, table
 from torquebench.errors import ConfigError, Problem
 from torquebench.robot import RobotModel
 from torquebench.robot.model import scratch_for
+
+LOOPS = 6
+"""Closed loops of a rollout comparison: two laws on three references."""
 
 
 def compare(options: argparse.Namespace) -> int:
@@ -25,18 +28,26 @@ def compare(options: argparse.Namespace) -> int:
         ConfigError: bad arguments.
     """
     _check(options)
-    a, b = _sides(options)
-    n = a.dynamics.n
-    if b.dynamics.n != n:
-        raise ConfigError([Problem("B", b.label, f"has {b.dynamics.n} joints, wanted {n} as in {a.label}")])
-    if any(j > n for j in options.frozen_joints):
-        raise ConfigError([Problem("--frozen-joints", "", f"{max(options.frozen_joints)} is beyond the {n} joints")])
-    states = random_states(n, options.states, options.seed, [j - 1 for j in options.frozen_joints])
-    rows = compare_terms(a.dynamics, b.dynamics, states, options.tolerance)
-    if a.links is not None and b.links is not None:
-        rows += compare_links(a.links, b.links, options.tolerance)
-    if options.rollout > 0:
-        rows += compare_rollouts(a, b, _belief(a, b), options.rollout)
+    with progress_bar(LOOPS + 1 if options.rollout > 0 else 1, "comparison", "starting (compiles on first use)") as bar:
+        a, b = _sides(options)
+        n = a.dynamics.n
+        if b.dynamics.n != n:
+            raise ConfigError([Problem("B", b.label, f"has {b.dynamics.n} joints, wanted {n} as in {a.label}")])
+        if any(j > n for j in options.frozen_joints):
+            raise ConfigError(
+                [Problem("--frozen-joints", "", f"{max(options.frozen_joints)} is beyond the {n} joints")]
+            )
+        states = random_states(n, options.states, options.seed, [j - 1 for j in options.frozen_joints])
+        rows = compare_terms(a.dynamics, b.dynamics, states, options.tolerance)
+        if a.links is not None and b.links is not None:
+            rows += compare_links(a.links, b.links, options.tolerance)
+
+        def report(loop: str) -> None:
+            bar.set_description_str(loop, refresh=False)
+            bar.update(1)
+
+        if options.rollout > 0:
+            rows += compare_rollouts(a, b, _belief(a, b), options.rollout, progress=report)
     agree = all(row.agrees for row in rows)
     if options.json:
         data = {"a": a.label, "b": b.label, "states": options.states, "seed": options.seed, "agree": agree}

@@ -31,7 +31,9 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
         load_plugin(plugin)
     experiment = load_experiment(config, overrides)
     folder = choose_folder(out, experiment.name)
-    with progress_bar(experiment.n_steps * len(experiment.controllers), "step") as bar:
+    with progress_bar(
+        experiment.n_steps * len(experiment.controllers), "step", "starting (compiles on first use)"
+    ) as bar:
 
         def report(name: str, k: int) -> None:
             if k % 50 == 49:
@@ -98,7 +100,7 @@ def write_figures(result: ExperimentResult, directory: RunDirectory) -> None:
         tau_max=result.loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period, metrics=result.metrics,
     )  # fmt: skip
-    with progress_bar(2 * len(figures), "figure") as bar:
+    with progress_bar(2 * len(figures), "figure", "drawing") as bar:
         for name, figure in figures.items():
             for fmt in ("svg", "png"):
                 bar.set_description_str(f"figures/{name}.{fmt}", refresh=False)

@@ -43,9 +43,15 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 @contextmanager
-def progress_bar(total: int, unit: str) -> Iterator[Bar]:
-    """Show progress on standard error once the work has lasted a second; silent when that is not a terminal."""
+def progress_bar(total: int, unit: str, begin: str) -> Iterator[Bar]:
+    """Show progress on standard error, and clear it at the end; silent when that is not a terminal.
+
+    Args:
+        total: Number of units of work.
+        unit: What one unit is called.
+        begin: What is being done until the first unit is finished.
+    """
     from tqdm import tqdm
 
-    with tqdm(total=total, unit=unit, unit_scale=True, delay=1.0, leave=False, disable=None, file=sys.stderr) as bar:
+    with tqdm(total=total, desc=begin, unit=unit, unit_scale=True, leave=False, disable=None, file=sys.stderr) as bar:
         yield bar

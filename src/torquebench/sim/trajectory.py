@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -104,7 +105,7 @@ def load_trajectory(path: Path) -> Trajectory:
         ResultError: the file is missing, torn, or lacks an array.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
             content = {name: stored[name] for name in stored.files}
         failed_at = int(content.pop("failed_at"))
         outcome = Outcome[str(content.pop("outcome"))]
@@ -113,5 +114,5 @@ def load_trajectory(path: Path) -> Trajectory:
         return Trajectory(
             **content, outcome=outcome, failed_at=None if failed_at < 0 else failed_at, detail=detail, extra=extra
         )
-    except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+    except (OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile) as error:
         raise ResultError(f"{path}: not a readable trajectory ({error})") from error

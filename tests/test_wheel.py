@@ -1,0 +1,62 @@
+"""The built wheel brings its models and configs, and the checkout's own copies win over an installed one's."""
+
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from torquebench.robot.library import data_root
+
+CHECKOUT = data_root()
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Folder with the unpacked wheel, as an installation would have it."""
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(build, cwd=CHECKOUT, check=True, capture_output=True)
+    with zipfile.ZipFile(next(folder.glob("*.whl"))) as wheel:
+        wheel.extractall(folder / "site")
+    return folder / "site"
+
+
+def python(site, code):
+    """Run code that sees the unpacked wheel instead of the checkout."""
+    program = f"import sys; sys.path.insert(0, {str(site)!r})\n{code}"
+    return subprocess.run(
+        [sys.executable, "-c", program], cwd=site.parent, capture_output=True, text=True, check=False
+    )  # fmt: skip
+
+
+def test_models_and_configs_are_in_the_wheel(installed):
+    """Every file of models/ and configs/ is there, byte for byte."""
+    for folder in ("models", "configs"):
+        for file in (CHECKOUT / folder).rglob("*"):
+            if file.is_file():
+                copy = installed / "torquebench" / "_data" / file.relative_to(CHECKOUT)
+                assert copy.read_bytes() == file.read_bytes(), file
+
+
+def test_an_installation_finds_its_own_data(installed):
+    """Outside the checkout the wheel's own models are used, and a config that names one loads."""
+    code = (
+        "import torquebench\n"
+        "from torquebench.robot.library import data_root, model_names\n"
+        "from torquebench.experiment import load_experiment\n"
+        "print(data_root(), model_names())\n"
+        "print(load_experiment(data_root() / 'configs' / 'paper' / 'fig9-chattering.yaml').n)"
+    )
+    done = python(installed, code)
+    assert done.returncode == 0, done.stderr
+    where, count = done.stdout.splitlines()
+    assert where.startswith(str(installed))
+    assert "puma560" in where
+    assert count == "6"
+
+
+def test_the_checkout_wins(installed):
+    """From the checkout's source, data come from the checkout, whatever else is installed."""
+    done = python(CHECKOUT / "src", "from torquebench.robot.library import data_root; print(data_root())")
+    assert done.stdout.strip() == str(CHECKOUT)
