@@ -148,6 +148,7 @@ WRONG_TYPES = [
     Bad("kind: sine", "kind:", "reference.kind", "nothing"),
     Bad("initial_q: home", "initial_q: {q: 1}", "run.initial_q", "a mapping"),
     Bad("    relative: 0.3", "    - 0.3", "model.mismatch", "a list of 1"),
+    Bad("initial_q: home", "initial_q: [x]", "run.initial_q[0]", "wanted a number [rad]"),
     Bad("kv: 20", "kv: twenty", "controllers[1].gains.kv", "wanted a number [1/s], or a list"),
 ]
 
@@ -194,6 +195,7 @@ BAD_NAMES = [
     Bad("model: puma560", "model: pumma560", "plant.model", "did you mean 'puma560'"),
     Bad("model: puma560", "model: ../../etc/passwd", "plant.model", "not a plain name"),
     Bad("model: puma560", "model: /etc/passwd", "plant.model", "not a plain name"),
+    Bad("model: puma560", "model: models/puma560/puma560.xml", "plant.model", "not a plain name"),
     Bad("model: puma560", "model: ''", "plant.model", "not a plain name"),
     Bad("integrator: rk4", "integrator: rk45", "plant.integrator", "did you mean 'rk4'"),
     Bad("structure: corrected", "structure: corected", "model.structure", "did you mean 'corrected'"),
@@ -226,6 +228,20 @@ CONTRADICTIONS = [
     Bad("timestep: 0.001", "timestep: 0.0003", "run.control_period", "nearest is 0.0021", "control_period"),
     Bad("timestep: 0.001", "timestep: 0.003", "run.control_period", "nearest is 0.003", "control_period"),
     Bad("control_period: 0.002", "control_period: 0.0015", "run.control_period", "plant.timestep, 0.001 s"),
+    Bad(
+        "timestep: 0.001",
+        "timestep: 0.003",
+        "run.control_period",
+        "got 0.001 s",
+        text=GOOD.replace("  control_period: 0.002\n", ""),
+    ),
+    Bad(
+        "control_period: 0.002",
+        "control_period: 0.004",
+        "disturbances[0].hold",
+        "got 0.01 s",
+        text=GOOD.replace("    hold: 0.02\n", ""),
+    ),
     Bad("duration: 4", "duration: 4.001", "run.duration", "run.control_period, 0.002 s; the nearest is 4"),
     Bad("    hold: 0.02", "    hold: 0.021", "disturbances[0].hold", "run.control_period, 0.002 s"),
     Bad("    hold: 0.02", "    hold: 0.001", "disturbances[0].hold", "nearest is 0.002"),

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
+from torquebench.experiment import Experiment, parse_experiment
+
 GOOD = """\
 name: good
 description: every section, one key per line
@@ -86,3 +91,22 @@ def line_of(fragment: str, text: str) -> int:
     if len(lines) != 1:
         raise ValueError(f"{fragment!r} is on lines {lines}")
     return lines[0]
+
+
+AMPLITUDE, DESCRIPTION = "[1.2, -1.0, 1.0, 1.1, 1.0, 1.0]", "description: every section, one key per line"
+
+
+def parse(text: str, *overrides: str) -> Experiment:
+    """Return the experiment of a text that must be accepted."""
+    return parse_experiment(text, "good.yaml", overrides)
+
+
+def properties(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield every key that a JSON schema describes."""
+    if isinstance(node, list):
+        for item in node:
+            yield from properties(item)
+    elif isinstance(node, dict):
+        yield from node.get("properties", {}).items()
+        for value in node.values():
+            yield from properties(value)

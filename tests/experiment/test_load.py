@@ -1,38 +1,21 @@
-"""A good config becomes the experiment it describes, and back; overrides and the editor's schema agree."""
+"""A good config becomes exactly the experiment it describes; laws and arms of users' own are checked the same."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
 import torquebench
-from tests.experiment.examples import ALL, GOOD, MINIMAL, STEP, edited
-from torquebench.errors import ConfigError
-from torquebench.experiment import (
-    Experiment,
-    as_vector,
-    config_hash,
-    dump_experiment,
-    experiment_json_schema,
-    load_experiment,
-    parse_experiment,
-)
-from torquebench.experiment.yaml_tree import FORBIDDEN
-from torquebench.laws.base import find_law, law_names
-from torquebench.robot.library import data_root
-
-
-def parse(text: str, *overrides: str) -> Experiment:
-    """Return the experiment of a text that must be accepted."""
-    return parse_experiment(text, "good.yaml", overrides)
+from tests.experiment.examples import ALL, GOOD, MINIMAL, edited, parse, properties
+from torquebench.errors import ConfigError, ControllerError
+from torquebench.experiment import as_vector, dump_experiment, experiment_json_schema, load_experiment
+from torquebench.kernel import Array
+from torquebench.laws import base
+from torquebench.laws.base import Gain, Option, controller, find_law
 
 
 def test_every_key_arrives_where_it_belongs() -> None:
@@ -101,9 +84,9 @@ def test_as_vector_repeats_numbers_and_copies_lists() -> None:
 
 def test_gains_fit_the_law() -> None:
     """What the loader accepts, the law packs without complaint."""
-    for controller in parse(GOOD).controllers:
-        packed = find_law(controller.law).pack_gains(6, controller.gains, controller.options)
-        assert np.array_equal(packed.k, as_vector(controller.gains["k"], 6))
+    for entry in parse(GOOD).controllers:
+        packed = find_law(entry.law).pack_gains(6, entry.gains, entry.options)
+        assert np.array_equal(packed.k, as_vector(entry.gains["k"], 6))
 
 
 def test_experiment_is_read_only() -> None:
@@ -127,235 +110,66 @@ def test_load_reads_the_file(tmp_path: Path) -> None:
         load_experiment(path)
 
 
-AMPLITUDE, DESCRIPTION = "[1.2, -1.0, 1.0, 1.1, 1.0, 1.0]", "description: every section, one key per line"
-OVERRIDES = [
-    ("run.duration=2", "duration: 4", "duration: 2"),
-    ("run.seed = 11", "seed: 7", "seed: 11"),
-    ("controllers[0].gains.k=0.5", "k: 0.3", "k: 0.5"),
-    ("controllers.conventional.gains.k=0.5", "k: 0.3", "k: 0.5"),
-    ("controllers.linear-band.equivalent_control=true", "_control: false", "_control: true"),
-    ("reference.amplitude[3]=9", "1.1", "9"),
-    ("reference.amplitude=[1, 2, 3, 4, 5, 6]", AMPLITUDE, "[1, 2, 3, 4, 5, 6]"),
-    ("model.mismatch={relative: 0.1}", "relative: 0.3", "relative: 0.1"),
-    ("controllers[0].expect=failed", "    law: smc\n", "    law: smc\n    expect: failed\n"),
-    ("description=a = b", DESCRIPTION, "description: a = b"),
-    ("description='2'", DESCRIPTION, "description: '2'"),
-]
+class OddGains(NamedTuple):
+    """A user's law with awkward names: a gain called like a method of the schema's classes, a mixed option."""
+
+    schema: Array
+    copy: Annotated[Array, Gain("a gain that may be zero", "N m", positive=False)]
+    mode: Annotated[int, Option("how to do it", ("auto", True, False))]
 
 
-@pytest.mark.parametrize(("override", "old", "new"), OVERRIDES)
-def test_override_is_the_same_as_editing_the_file(override: str, old: str, new: str) -> None:
-    """An override, of an old key or a new one, by index or by name, equals the edit it stands for."""
-    assert parse(GOOD, override) == parse(edited(old, new))
-    assert parse(GOOD, override) != parse(GOOD)
+class BareGains(NamedTuple):
+    """A law without gains."""
 
 
-def test_overrides_apply_in_order_and_make_sections() -> None:
-    """The last override of a key wins; a section that the file lacks is made."""
-    assert parse(GOOD, "run.seed=1", "run.seed=2").run.seed == 2
-    x = parse(MINIMAL, "model.structure=corrected", "model.mismatch.relative=0.2")
-    assert x.model.mismatch is not None
-    assert x.model.mismatch.relative == 0.2
+class ClashingGains(NamedTuple):
+    """An option with the name of a key that every controller has."""
+
+    expect: Annotated[int, Option("taken", ("a", "b"))]
 
 
-BAD_OVERRIDES = [
-    ("run.duraton=2", "run.duraton", "did you mean 'duration'"),
-    ("rum.duration=2", "rum", "did you mean 'run'"),
-    ("run.duration=two", "run.duration", "wanted a number [s]"),
-    ("run.duration='2'", "run.duration", "remove the quotes"),
-    ("run.duration=", "run.duration", "nothing"),
-    ("run.duration=[1", "run.duration", "not valid YAML"),
-    ("run.duration=!!int 2", "run.duration", "tags"),
-    ("run.duration=1.2", "run.metrics_from", "1.75 s"),
-    ("run.seed=1\x1b[2J", "run.seed", "U+001B"),
-    ("controllers.conventonal.gains.k=1", "controllers.conventonal", "did you mean 'conventional'"),
-    ("controllers.conventional.gains.kk=1", "controllers[0].gains.kk", "unknown gain"),
-    ("controllers[2].name=x", "controllers[2]", "has 2 items"),
-    ("reference.amplitude[6]=1", "reference.amplitude[6]", "has 6 items"),
-    ("run.duration.x=1", "run.duration.x", "run.duration is not a mapping"),
-    ("run[0]=1", "run[0]", "run is not a list"),
-    ("run.duration", "", "KEY=VALUE"),
-    ("=3", "", "KEY=VALUE"),
-    ("", "", "KEY=VALUE"),
-    ("run..seed=3", "", "KEY=VALUE"),
-    ("run.seed[x]=3", "", "KEY=VALUE"),
-    ("reference={kind: step, target: 1}", "reference.at", "missing"),
-    ("description=" + "x" * 70_000, "", "at most 65536"),
-]
+@pytest.fixture
+def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a test register laws that vanish with it."""
+    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
 
 
-@pytest.mark.parametrize(("override", "key", "word"), BAD_OVERRIDES, ids=lambda value: str(value)[:30])
-def test_bad_override_is_reported_where_it_was_written(override: str, key: str, word: str) -> None:
-    """A mistake in an override points at the option itself; a contradiction, at the key it contradicts."""
-    with pytest.raises(ConfigError) as caught:
-        parse(GOOD, override)
-    (problem,) = caught.value.problems
-    assert (problem.key, word in problem.message) == (key, True)
-    assert problem.where.startswith("good.yaml:47:" if key == "run.metrics_from" else "--set ")
-    assert str(problem).isprintable()
-    assert len(str(problem)) < 400
+@pytest.mark.usefixtures("own_registry")
+def test_a_users_law_is_checked_like_the_shipped_ones() -> None:
+    """A registered law's gains and options are known to the loader and the schema, whatever they are called."""
+
+    def law() -> None:
+        """Do nothing."""
+
+    controller("odd", gains=OddGains)(law)
+    controller("bare", gains=BareGains)(law)
+    text = MINIMAL.replace("law: pd, gains: {lam: 5, kv: 10}", "law: odd, mode: true, gains: {schema: 0, copy: 2}")
+    x = parse(text)
+    assert x.controllers[0].gains == {"schema": 0.0, "copy": 2.0}
+    assert x.controllers[0].options == {"mode": True}
+    assert parse(dump_experiment(x)) == x
+    assert {"schema", "copy", "mode"} <= {key for key, _ in properties(experiment_json_schema(["odd"]))}
+    assert parse(MINIMAL.replace("law: pd, gains: {lam: 5, kv: 10}", "law: bare")).controllers[0].gains == {}
+    for override, key, word in [
+        ("mode=1", "mode", "got 1, wanted one of auto, true, false"),
+        ("mode=1.0", "mode", "got 1.0, wanted one of auto, true, false"),
+        ("mode=atuo", "mode", "did you mean 'auto'"),
+        ("gains.schema=-1", "gains.schema", "at least 0"),
+        ("gains.coppy=1", "gains.coppy", "did you mean 'copy'"),
+    ]:
+        with pytest.raises(ConfigError) as caught:
+            parse(text, f"controllers.only.{override}")
+        (problem,) = caught.value.problems
+        assert problem.key == f"controllers[0].{key}"
+        assert word in problem.message
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_examples_round_trip(name: str) -> None:
-    """Dumped and loaded again, each example is equal, and dumping once more changes nothing."""
-    x = parse(ALL[name])
-    text = dump_experiment(x)
-    assert parse(text) == x
-    assert dump_experiment(parse(text)) == text
-    assert config_hash(parse(text)) == config_hash(x)
-
-
-def test_dump_states_every_default() -> None:
-    """The dump of a minimal config states every default, so that it outlives a change of defaults."""
-    text = dump_experiment(parse(MINIMAL))
-    for key in (
-        "timestep: 0.001", "integrator: rk4", "structure: exact", "constants: fitted", "chain: ideal",
-        "disturbances: []", "control_period: 0.001", "initial_q: home", "seed: 0", "metrics_from: 2.0",
-        "draw: 0", "expect: completed",
-    ):  # fmt: skip
-        assert key in text
-
-
-def test_hash_changes_with_meaning_only() -> None:
-    """Comments, order of keys, 4 for 4.0 and a stated default leave the hash alone; any value changes it."""
-    same = edited("duration: 4", "duration: 4.0  # seconds").replace("  integrator: rk4\n", "")
-    assert config_hash(parse(same)) == config_hash(parse(GOOD))
-    for override, _, _ in OVERRIDES:
-        assert config_hash(parse(GOOD, override)) != config_hash(parse(GOOD))
-
-
-def test_negative_zero_is_zero() -> None:
-    """-0.0 and 0.0 compare equal, so they have the same hash."""
-    zero, negative = (parse(STEP, f"reference.at={at}", f"reference.target={at}") for at in ("0.0", "-0.0"))
-    assert zero == negative
-    assert config_hash(zero) == config_hash(negative)
-
-
-SLUGS = st.from_regex(r"[a-z0-9]([a-z0-9-]{0,20}[a-z0-9])?", fullmatch=True)
-TEXT = st.text(max_size=60).filter(lambda text: not FORBIDDEN.search(text))
-
-
-def vectors(low: float, high: float) -> st.SearchStrategy[Any]:
-    """Numbers, or lists of six."""
-    number = st.floats(low, high) | st.integers(int(low) + 1, int(high))
-    return number | st.lists(number, min_size=6, max_size=6)
-
-
-POSITIVE = vectors(1e-300, 1e300)
-NOISE = st.fixed_dictionaries(
-    {"kind": st.just("band-limited-noise"), "channel": st.just("torque"), "sigma": vectors(0.0, 1e300)},
-    optional={"clip_sigma": st.floats(0.1, 9), "hold": st.sampled_from([0.012, 0.6, 6])},
-)
-REFERENCE = st.one_of(
-    st.fixed_dictionaries({"kind": st.just("sine"), "amplitude": vectors(-5, 5), "frequency_hz": vectors(0, 5)}),
-    st.fixed_dictionaries({"kind": st.just("step"), "target": vectors(-5, 5), "at": st.floats(0, 1)}),
-    st.fixed_dictionaries(
-        {
-            "kind": st.sampled_from(["ramp", "quintic"]),
-            "target": vectors(-5, 5),
-            "rise_time": st.floats(0.1, 9),
-        }
-    ),
-)
-SMC = st.one_of(
-    st.fixed_dictionaries(
-        {"law": st.just("smc"), "gains": st.fixed_dictionaries({"lam": POSITIVE, "k": POSITIVE})},
-        optional={"equivalent_control": st.booleans(), "expect": st.sampled_from(["completed", "failed"])},
-    ),
-    st.fixed_dictionaries(
-        {
-            "law": st.just("smc"),
-            "switching": st.just("saturation"),
-            "gains": st.fixed_dictionaries({"lam": POSITIVE, "k": POSITIVE, "phi": POSITIVE}),
-        }
-    ),
-)
-
-
-@st.composite
-def configs(draw: st.DrawFn) -> dict[str, Any]:
-    """Any valid config, as plain values."""
-    names = draw(st.lists(SLUGS, min_size=1, max_size=3, unique=True))
-    period = draw(st.sampled_from([0.001, 0.002, 0.006]))
-    belief = st.fixed_dictionaries({}, optional={"structure": st.sampled_from(["exact", "printed"])})
-    config: dict[str, Any] = {
-        "name": draw(SLUGS),
-        "plant": {"engine": draw(st.sampled_from(["mujoco", "analytic"])), "model": "puma560"},
-        "model": draw(belief),
-        "controllers": [{"name": name, **draw(SMC)} for name in names],
-        "reference": draw(REFERENCE),
-        "run": {
-            "duration": 6 * draw(st.integers(1, 3)),
-            "control_period": period,
-            "seed": draw(st.integers(0, 2**63 - 1)),
-            "initial_q": draw(st.just("home") | vectors(-3, 3)),
-        },
-    }
-    if draw(st.booleans()):
-        config["description"] = draw(TEXT)
-    noises = draw(st.lists(NOISE, max_size=2))
-    config["disturbances"] = [{"hold": 0.6, **noise} for noise in noises]
-    return config
-
-
-@settings(max_examples=60, derandomize=True, deadline=None, database=None)
-@given(config=configs())
-def test_any_valid_config_round_trips(config: dict[str, Any]) -> None:
-    """Any valid config, written as JSON (which is YAML), survives loading, dumping and loading again."""
-    x = parse(json.dumps(config, ensure_ascii=False))
-    again = parse(dump_experiment(x))
-    assert again == x
-    assert config_hash(again) == config_hash(x)
-    assert x.description == config.get("description")
-    assert x.run.seed == config["run"]["seed"]
-
-
-def shipped_laws() -> list[str]:
-    """Names of the laws of this package, without those that other tests register."""
-    return [name for name in law_names() if find_law(name).function.__module__.startswith("torquebench.")]
-
-
-def test_committed_schema_is_current() -> None:
-    """configs/schema.json is what the code says; if not, run scripts/config_schema.py."""
-    stored = json.loads((data_root() / "configs" / "schema.json").read_text())
-    assert stored == json.loads(json.dumps(experiment_json_schema(shipped_laws())))
-
-
-def properties(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield every key that a JSON schema describes."""
-    if isinstance(node, list):
-        for item in node:
-            yield from properties(item)
-    elif isinstance(node, dict):
-        yield from node.get("properties", {}).items()
-        for value in node.values():
-            yield from properties(value)
-
-
-def test_schema_describes_every_key_with_its_unit() -> None:
-    """Every key has a description, every numeric key a unit in it; laws' gains and options are all there."""
-    found = list(properties(experiment_json_schema(shipped_laws())))
-    keys = {key for key, _ in found}
-    for law in map(find_law, shipped_laws()):
-        assert {*law.gains, *law.options} <= keys
-    for key, described in found:
-        assert described.get("description"), key
-        kinds = [described, *described.get("oneOf", [])]
-        if any(kind.get("type") in ("number", "integer") for kind in kinds):
-            assert "]" in described["description"], key
-
-
-def test_schema_and_loader_know_the_same_keys() -> None:
-    """The keys of the fully written examples are those of the JSON schema, none more and none less."""
-    schema = experiment_json_schema(["smc", "linear-band-smc"])
-    described = {key for key, _ in properties(schema)}
-    written = {
-        line.strip().removeprefix("- ").partition(":")[0]
-        for name in ("good", "step", "ramp", "analytic")
-        for line in ALL[name].splitlines()
-    }
-    assert written == described
+@pytest.mark.usefixtures("own_registry")
+def test_an_option_may_not_take_the_name_of_a_common_key() -> None:
+    """A law whose option would shadow ``expect`` is refused with the reason."""
+    controller("clash", gains=ClashingGains)(lambda: None)
+    with pytest.raises(ControllerError, match="'expect' has the name of a key every controller has"):
+        experiment_json_schema(["clash"])
 
 
 TWO_LINKS = """\

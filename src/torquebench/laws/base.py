@@ -130,6 +130,8 @@ class Nothing(NamedTuple):
 
 
 _REGISTRY: dict[str, Law] = {}
+RESERVED = ("name", "law", "gains", "expect")
+"""Keys of a controller in a config, which an option would collide with."""
 
 
 def controller(
@@ -168,6 +170,8 @@ def _fields(law: str, gains: type[Any]) -> tuple[Mapping[str, Gain], Mapping[str
         note = next((x for x in notes if isinstance(x, Gain | Option)), None)
         plain = get_args(hint)[0] if notes else hint
         if isinstance(note, Option):
+            if name in RESERVED:
+                raise ControllerError(f"law '{law}': no option may be called '{name}': configs use that key")
             choices[name] = note
         elif isinstance(note, Gain):
             vectors[name] = note
