@@ -13,6 +13,9 @@ from typing import Any, TypeAlias, TypeVar, cast
 import numba
 import numpy as np
 import numpy.typing as npt
+from numba.core import config
+
+from torquebench.kernel_cache import cache_folder
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -21,7 +24,12 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 def kernel(function: _F) -> _F:
     """Compile `function` with numba, cached on disk, without any value-changing optimisation."""
-    return cast(_F, numba.njit(cache=True, error_model="numpy", fastmath=False)(function))
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_folder())
+    try:
+        return cast(_F, numba.njit(cache=True, error_model="numpy", fastmath=False)(function))
+    finally:
+        config.CACHE_DIR = before
 
 
 @kernel
