@@ -172,12 +172,16 @@ def _name(entry: str) -> str:
     return str(tree[1]) if tree[0] == "name" else "0"
 
 
-def printed_torque(number: int, speeds: Array) -> Array:
-    """Rows of (61) or (71) as printed, lost dots read as speeds, at joint speeds (6,), (9, 9, 6) [N m]."""
-    names = {f"{letter}{i + 1}": speeds[i] for letter in ("q", "qd") for i in range(6)}
-    values = {"b225": 0.0, "c51": 0.0} | printed_values() | names  # b225 and c51 are defined by nothing
-    rows = [spread(evaluate(parse(row[0]), values)) for row in matrix(EQUATIONS[number])]
+def torque_rows(number: int, speeds: Array, values: Mapping[str, Any]) -> Array:
+    """Rows of (61) or (71) as printed with these entries, lost dots read as speeds (6,), (9, 9, 6) [N m]."""
+    moving = {f"{letter}{i + 1}": speeds[i] for letter in ("q", "qd") for i in range(6)}
+    rows = [spread(evaluate(parse(row[0]), {**values, **moving})) for row in matrix(EQUATIONS[number])]
     return np.moveaxis(np.array(rows), 0, -1)
+
+
+def printed_torque(number: int, speeds: Array) -> Array:
+    """Rows of (61) or (71) with every entry as printed; b225 and c51, which nothing defines, are zero."""
+    return torque_rows(number, speeds, {"b225": 0.0, "c51": 0.0} | printed_values())
 
 
 def pose_tree(number: int, repaired: bool) -> Tree:

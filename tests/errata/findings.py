@@ -72,7 +72,7 @@ def dropped() -> dict[str, float]:
     """
     found = {}
     for letter in ("A", "b", "c", "G"):
-        gap = on_torus(exact_on_grid()[letter] - corrected_matrices()[letter], FINE // 4)
+        gap = on_torus(exact_on_grid()[letter] - corrected_matrices()[letter], FINE // 3)
         for where in itertools.product(*(range(n) for n in gap.shape[2:])):
             largest = float(np.abs(gap[(..., *where)]).max())
             digits = (where[0], *PAIRS[where[1]]) if letter == "b" else where
@@ -156,15 +156,18 @@ def claims() -> dict[tuple[int, str], tuple[float | None, float | None]]:
     }  # fmt: skip
 
 
-@cache
-def ties() -> dict[str, tuple[float, float]]:
-    """The seven ties of a rigid arm: left and right side with the printed constants, g = 9.81 m/s^2.
-
-    The five ratios are the first moment m6 rz6 [kg m] seen by I15, I16, I18, I22 and g5: four ties.
-    """
+def printed_constants() -> dict[str, float]:
+    """Constants of Tables 3 and 4 by name."""
     data = read("constants.yaml")
-    k = {name: row["value"] for part in ("inertial", "gravitational") for name, row in data[part].items()}
-    rows, g = data["dh"]["rows"], 9.81
+    return {name: row["value"] for part in ("inertial", "motor", "gravitational") for name, row in data[part].items()}
+
+
+def ties(k: dict[str, float]) -> dict[str, tuple[float, float]]:
+    """The seven ties of a rigid arm: left and right side with the constants `k`, g = 9.81 m/s^2.
+
+    I15/d4, I16/a2, I18/d2, I22/a3 and -g5/g are one first moment of the hand, m6 rz6 [kg m]: four ties.
+    """
+    rows, g = read("constants.yaml")["dh"]["rows"], 9.81
     a2, a3, d2, d4 = rows[1]["a_used"], rows[2]["a_used"], rows[1]["d"], rows[3]["d"]
     return {
         "g2 = -g I5/a2": (k["g2"], -g * k["I5"] / a2),
@@ -180,15 +183,22 @@ def ties() -> dict[str, tuple[float, float]]:
 @cache
 def link_length_a3() -> dict[str, float]:
     """a3 [m] that the printed constants imply, by the ties that contain it."""
-    data = read("constants.yaml")
-    k = {name: row["value"] for part in ("inertial", "gravitational") for name, row in data[part].items()}
-    rows = data["dh"]["rows"]
+    k, rows = printed_constants(), read("constants.yaml")["dh"]["rows"]
     return {
         "d4 I22/I15": rows[3]["d"] * k["I22"] / k["I15"],
         "a2 I22/I16": rows[1]["a"] * k["I22"] / k["I16"],
         "d2 I22/I18": rows[1]["d"] * k["I22"] / k["I18"],
         "-g I22/g5": -9.81 * k["I22"] / k["g5"],
     }
+
+
+def largest_misfit() -> tuple[str, float]:
+    """Constant that the arm misses by the largest fraction of its printed tolerance, and that fraction."""
+    data = read("constants.yaml")
+    rows = data["inertial"] | data["motor"] | data["gravitational"]
+    found = {name: abs(fitted()[name] - row["value"]) / row["tolerance"] for name, row in rows.items()}
+    worst = max(found, key=lambda name: found[name])
+    return worst, found[worst]
 
 
 def unsigned_constants() -> list[str]:

@@ -7,6 +7,7 @@ from torquebench.kernel import Array
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.robot.puma560.symbols import CONSTANTS, MISPRINTED, angles
 
+from .closed_loop import belief
 from .elements import (
     DROPPED,
     ELEMENTS,
@@ -17,11 +18,15 @@ from .elements import (
     element,
     fitted,
     function_name,
+    index,
     pose_index,
     pose_tree,
     printed_matrix,
     printed_torque,
+    printed_values,
+    torque_rows,
 )
+from .findings import corrected_values
 from .formula import FormulaError, evaluate, matrix, parse, text
 from .independent import NODES, PAIRS, node_positions
 from .paper_equations import EQUATIONS
@@ -91,6 +96,39 @@ def test_bias_is_the_paper() -> None:
         found = Puma560("printed").bias_forces(q, np.broadcast_to(qd, q.shape)).reshape(NODES, NODES, 6)
         paper = printed_torque(61, qd) + printed_torque(71, qd) + printed_matrix(72)[..., 0]
         np.testing.assert_allclose(found, paper, rtol=0, atol=1e-12)  # round-off of torques up to 50 N m
+
+
+@pytest.mark.parametrize("flag", MISPRINTED)
+def test_each_flag_is_one_equation(flag: str) -> None:
+    """A flag changes one equation: A, b, C and N are the texts', all corrected but that one."""
+    values = dict(corrected_values())
+    if flag in ("36", "71"):
+        pass
+    elif flag in ("55", "62"):
+        values[{"55": "b225", "62": "c51"}[flag]] = np.zeros((NODES, NODES))
+    else:
+        values[element(int(flag)).label] = printed_values()[element(int(flag)).label]
+    model, q = belief((flag,)), node_positions()
+    A = model.mass_matrix(q).reshape(NODES, NODES, 6, 6)
+    assert (np.abs(A[..., 4, 2]).max() == 0) == (flag == "36")
+    found = {"A": A, "b": model.coriolis(q).reshape(NODES, NODES, 6, 15)}
+    found["c"] = model.centrifugal(q).reshape(NODES, NODES, 6, 6)
+    for label, value in values.items():
+        if label[0] in found:
+            # round-off of sums below 10
+            np.testing.assert_allclose(found[label[0]][(..., *index(label))], value, rtol=0, atol=1e-13, err_msg=label)
+    qd = np.array([1.3, -0.7, 1.1, 0.6, -1.7, 0.4])
+    torque = torque_rows(61, qd, values) + torque_rows(71, qd, values) + gravity_rows(values)
+    if flag != "71":
+        torque[..., 2] += (values["c31"] - values["c13"]) * qd[0] ** 2
+    N = model.bias_forces(q, np.broadcast_to(qd, q.shape)).reshape(NODES, NODES, 6)
+    np.testing.assert_allclose(N, torque, rtol=0, atol=1e-12)  # round-off of torques up to 50 N m
+
+
+def gravity_rows(values: dict[str, Array]) -> Array:
+    """(72) with these entries, (9, 9, 6) [N m]."""
+    zero = np.zeros((NODES, NODES))
+    return np.stack([zero, values["G2"], values["G3"], zero, values["G5"], zero], axis=-1)
 
 
 def test_labels_of_the_patterns() -> None:
