@@ -25,12 +25,15 @@ UseModel: TypeAlias = Annotated[
 
 
 @kernel
-def equivalent_control(lam: Array, model: Model, q: Array, qd: Array, ref: Reference, work: Array, tau: Array) -> None:
+def equivalent_control(
+    use: int, lam: Array, model: Model, q: Array, qd: Array, ref: Reference, work: Array, tau: Array
+) -> None:
     """Fill `tau` (n,) [N m] with tau_eq = M^(q) (qdd_ref + lambda de) + N^(q, qd), equation (98) without e's qdd.
 
     The printed (98) contains the measured acceleration; used literally it makes the sampled loop ring at full torque.
 
     Args:
+        use: 1 for tau_eq, 0 for zero torque.
         lam: Slope lambda, (n,) [1/s].
         model: The law's belief.
         q, qd: Measured position [rad] and velocity [rad/s], (n,).
@@ -38,6 +41,10 @@ def equivalent_control(lam: Array, model: Model, q: Array, qd: Array, ref: Refer
         work: Overwritten, (n,).
         tau: Result.
     """
-    for i in range(len(q)):
-        work[i] = ref.qdd[i] + lam[i] * (ref.qd[i] - qd[i])
-    inverse_dynamics(model, q, qd, work, tau)
+    if use:
+        for i in range(len(q)):
+            work[i] = ref.qdd[i] + lam[i] * (ref.qd[i] - qd[i])
+        inverse_dynamics(model, q, qd, work, tau)
+    else:
+        for i in range(len(q)):
+            tau[i] = 0.0
