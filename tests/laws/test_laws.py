@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from arms import pack, pendulum, pendulum_terms, two_link, two_link_terms
 
+from tests.arms import pack, pendulum, pendulum_terms, two_link, two_link_terms
 from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
 from torquebench.references import Reference
@@ -178,7 +178,7 @@ VARIANTS = [pytest.param(*v, id="-".join([v[0], *(str(x) for x in v[1].values())
 @pytest.mark.parametrize(("law", "options"), VARIANTS)
 @pytest.mark.parametrize("part", ["q", "qd"])
 def test_torque_pushes_against_the_error(law: str, options: dict[str, Any], part: str) -> None:
-    """At rest at the wanted position, asking for more position or speed raises the torque; asking for less lowers it."""
+    """From rest at the wanted position, asking for more position or speed raises the torque, for less lowers it."""
     here = Case(pendulum(), pendulum_terms, np.array([0.3]), np.zeros(1), Reference(np.array([0.3]), *np.zeros((2, 1))))
     base = call(law, here, options)[0][0]
     for change in (0.02, -0.02):

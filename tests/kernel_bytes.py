@@ -1,0 +1,106 @@
+"""Prints digests of what the kernels compute, as JSON; run once compiled and once interpreted, they must be the same.
+
+``python -m tests.kernel_bytes``, with NUMBA_DISABLE_JIT=1 for the interpreted side.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Iterable
+
+import numpy as np
+
+from tests.arms import pack
+from torquebench import AnalyticPlant, Puma560, find_law, law_names, simulate
+from torquebench.kernel import Array, kernel
+from torquebench.references import Reference, sine
+from torquebench.robot import RobotModel, dynamics
+
+STRUCTURES = {
+    "exact": lambda: Puma560(), "corrected": lambda: Puma560("corrected", "printed"),
+    "printed": lambda: Puma560("printed", "printed"),
+}  # fmt: skip
+TARGET = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
+GAINS = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "ki": 50.0}
+
+
+def digest(arrays: Iterable[Array]) -> str:
+    """Return the SHA-256 of the bytes of arrays."""
+    h = hashlib.sha256()
+    for array in arrays:
+        h.update(np.ascontiguousarray(array).tobytes())
+    return h.hexdigest()
+
+
+def states(count: int) -> list[Array]:
+    """Return positions, velocities, accelerations and torques, each (count, 6)."""
+    rng = np.random.default_rng(11)
+    return [scale * rng.normal(size=(count, 6)) for scale in (1.5, 2.0, 5.0, 40.0)]
+
+
+def terms(model: RobotModel) -> dict[str, str]:
+    """Digest of each term of the dynamics at fifty states."""
+    q, qd, qdd, tau = states(50)
+    return {
+        "mass matrix": digest([model.mass_matrix(q)]),
+        "bias": digest([model.bias_forces(q, qd), model.gravity(q)]),
+        "products": digest([model.coriolis(q[:5]), model.centrifugal(q[:5])]),
+        "inverse": digest([model.inverse_dynamics(q, qd, qdd)]),
+        "forward": digest([model.forward_dynamics(q, qd, tau)]),
+        "pose": digest([model.forward_kinematics(q)]),
+    }
+
+
+def law_torques(name: str, model: RobotModel) -> str:
+    """Digest of a law's torque and memory over thirty states, each option on and off; compiled where anything is."""
+    law = find_law(name)
+    function = kernel(law.function)
+    q, qd, qdd, _ = states(30)
+    results = []
+    for choice in range(2):
+        options = {key: option.values[choice] for key, option in law.options.items()}
+        chosen = {**{key: option.values[0] for key, option in law.options.items()}, **options}
+        gains = {key: GAINS[key] for key in law.gains if law.gain_problem(key, False, chosen) is not None}
+        packed, memory = law.pack_gains(6, gains, options), law.new_memory(6)
+        for i in range(30):
+            # half of the states are close to the motion, so that bands are met from the inside too
+            ref = Reference(q[i] + 0.02 * qd[i] * (i % 2), qd[i] + 0.05 * (i % 3), qdd[i])
+            tau = np.zeros(6)
+            function(packed, model.flat, 0.001 * i, q[i].copy(), qd[i].copy(), ref, memory, tau)
+            results += [tau, *(channel.copy() for channel in memory)]
+    return digest(results)
+
+
+def closed_loop(name: str, law: str, throw: float = 0.0) -> str:
+    """Digest of 0.3 s of a law on the analytic plant; with `throw`, of a run that a disturbance ends at step 20."""
+    plant, belief = STRUCTURES[name](), STRUCTURES["corrected"]()
+    gains = {key: GAINS[key] for key in find_law(law).gains if law != "smc" or key != "phi"}
+    d = np.zeros((300, 6))
+    d[20] = throw
+    run = simulate(
+        AnalyticPlant(plant), pack(law, 6, **gains), belief, TARGET, duration=0.3, disturbance=d, throw=False
+    )  # fmt: skip
+    return run.digest()
+
+
+def main() -> None:
+    """Print everything."""
+    jit = os.environ.get("NUMBA_DISABLE_JIT") != "1"
+    found: dict[str, str] = {"compiled": str(hasattr(dynamics.forward_dynamics, "py_func") and jit)}
+    for name, make in STRUCTURES.items():
+        found |= {f"{name} {term}": value for term, value in terms(make()).items()}
+        laws = law_names() if name == "exact" else ("smc",)
+        found |= {f"{name} law {law}": law_torques(law, make()) for law in laws}
+    for law in ("smc", "linear-band-smc"):
+        found[f"loop {law}"] = closed_loop("exact", law)
+    # overflows to NaN in one, and to an infinite angle, whose cosine Python refuses, in the other
+    for throw in (1e300, -1.7e308):
+        found[f"loop ended by {throw} N m"] = closed_loop("exact", "pd", throw)
+    sys.stdout.write(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+"""Declaring laws and packing their gains: what is refused, and what the message says."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from torquebench.errors import ControllerError
+from torquebench.kernel import Array
+from torquebench.laws import Gain, Option, base, controller, find_law, law_names
+
+SMC = {"lam": 10.0, "k": 0.3}
+
+
+class Plain(NamedTuple):
+    """Gains as a user's law may declare them, without units."""
+
+    k: Array
+
+
+class Named(NamedTuple):
+    """Gains with every kind of annotation."""
+
+    k: Annotated[Array, Gain("stiffness", "N m/rad")]
+    shape: Annotated[int, Option("shape", ("round", "square", "flat"))]
+    fast: Annotated[int, Option("speed", (False, True))]
+
+
+class Unlisted(NamedTuple):
+    """An option that does not list its values."""
+
+    mode: int
+
+
+class Kept(NamedTuple):
+    """Memory of two channels."""
+
+    s: Array
+    z: Array
+
+
+def law(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Any, memory: Any, tau: Array) -> None:
+    """Ask for no torque."""
+
+
+@pytest.fixture(autouse=True)
+def _own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+
+
+def test_laws_that_ship() -> None:
+    """The laws of this stage are registered under their names, in order, each with a one-line summary."""
+    names = law_names()
+    assert {"pd", "pd-gravity", "pid", "computed-torque", "smc", "linear-band-smc"} <= set(names)
+    assert list(names) == sorted(names)
+    assert all(find_law(name).summary.endswith(".") or ";" in find_law(name).summary for name in names)
+
+
+def test_scalars_are_repeated_and_vectors_kept() -> None:
+    """A scalar gain goes to every joint, a vector to its joints; options become integers; arrays are new."""
+    phi = np.array([0.1, 0.2, 0.3])
+    packed = find_law("smc").pack_gains(3, {**SMC, "phi": phi}, {"switching": "saturation"})
+    assert packed.lam.tolist() == [10.0, 10.0, 10.0]
+    assert packed.phi.tolist() == [0.1, 0.2, 0.3]
+    assert (packed.equivalent_control, packed.switching) == (1, 1)
+    phi[0] = 9.0
+    packed.lam[0] = 9.0
+    assert packed.phi[0] == 0.1
+    assert packed.lam[1] == 10.0
+
+
+def test_options_are_numbered_by_place_and_booleans_by_value() -> None:
+    """A named option is its place in the list, a boolean is 1 or 0; the first of the list is the default."""
+    controller("named", gains=Named)(law)
+    pack = find_law("named").pack_gains
+    assert pack(1, {"k": 1}, {})[1:] == (0, 0)
+    assert pack(1, {"k": 1}, {"shape": "flat", "fast": True})[1:] == (2, 1)
+    assert find_law("smc").pack_gains(1, SMC, {})[-2:] == (1, 0)
+    assert find_law("smc").pack_gains(1, SMC, {"equivalent_control": False})[-2:] == (0, 0)
+
+
+@pytest.mark.parametrize(("name", "values", "options", "message"), [
+    ("smc", {**SMC, "lamb": 1}, {}, r"unknown gain 'lamb' \(did you mean 'lam'\?\)"),
+    ("smc", {"lam": 1}, {}, r"gain 'k' is missing \(switching gain .*\[1\]\)"),
+    ("smc", SMC, {"switching": "saturation"}, r"gain 'phi' is missing \(half-width .*\[rad/s\]\)"),
+    ("smc", {**SMC, "phi": 0.3}, {}, "gain 'phi' has no effect unless switching: saturation"),
+    ("smc", {**SMC, "k": -0.1}, {}, r"gain 'k' is -0.1, wanted finite and positive \[1\]"),
+    ("smc", {**SMC, "k": 0}, {}, r"gain 'k' is 0, wanted finite and positive"),
+    ("smc", {**SMC, "k": [0.3, -0.3, 0.3]}, {}, "gain 'k' is .*wanted finite and positive"),
+    ("smc", {**SMC, "k": math.nan}, {}, "gain 'k' is nan, wanted finite"),
+    ("smc", {**SMC, "k": math.inf}, {}, "gain 'k' is inf, wanted finite"),
+    ("pid", {"lam": 1, "kv": 1, "ki": -1}, {}, r"gain 'ki' is -1, wanted finite and zero or positive \[1/s\^3\]"),
+    ("smc", {**SMC, "k": [0.3, 0.3]}, {}, r"gain 'k' has shape \(2,\), wanted a number or 3 numbers"),
+    ("smc", {**SMC, "k": [[0.3, 0.3, 0.3]]}, {}, r"gain 'k' has shape \(1, 3\)"),
+    ("smc", {**SMC, "k": "strong"}, {}, "gain 'k' is 'strong', wanted a number or 3 numbers"),
+    ("smc", {**SMC, "k": [[1], [2, 3]]}, {}, r"gain 'k' is \[\[1\], \[2, 3\]\], wanted a number"),
+    ("smc", SMC, {"switching": "saturate"}, "option 'switching' is 'saturate', wanted one of .*'saturation'"),
+    ("smc", SMC, {"swithing": "sign"}, r"unknown option 'swithing' \(did you mean 'switching'\?\)"),
+    ("smc", SMC, {"equivalent_control": "yes"}, r"option 'equivalent_control' is 'yes', wanted one of \(True, False\)"),
+    ("smc", SMC, {"equivalent_control": 1}, r"option 'equivalent_control' is 1, wanted one of \(True, False\)"),
+    ("smc", SMC, {"equivalent_control": 0}, r"option 'equivalent_control' is 0, wanted one of \(True, False\)"),
+])  # fmt: skip
+def test_gains_that_are_refused(name: str, values: dict[str, Any], options: dict[str, Any], message: str) -> None:
+    """Each mistake is refused by an error that names the law, the gain, what was given and what was wanted."""
+    with pytest.raises(ControllerError, match=f"^law '{name}': .*{message}"):
+        find_law(name).pack_gains(3, values, options)
+
+
+def test_all_mistakes_are_reported_at_once() -> None:
+    """One error carries every mistake."""
+    with pytest.raises(ControllerError) as caught:
+        find_law("smc").pack_gains(3, {"lam": -1, "kk": 1, "phi": 1}, {"mode": 1})
+    text = str(caught.value)
+    for part in ("unknown option 'mode'", "unknown gain 'kk'", "gain 'lam' is -1", "'k' is missing", "'phi' has no"):
+        assert part in text
+
+
+def test_zero_is_accepted_where_it_means_off() -> None:
+    """The integral gain may be zero, and integers are numbers."""
+    assert find_law("pid").pack_gains(2, {"lam": 1, "kv": 1, "ki": 0}, {}).ki.tolist() == [0.0, 0.0]
+
+
+def test_unknown_law() -> None:
+    """The message names the nearest law."""
+    with pytest.raises(ControllerError, match=r"unknown law 'smcc' \(did you mean 'smc'\?\)"):
+        find_law("smcc")
+
+
+@pytest.mark.parametrize("name", ["", "PD", "my law", "-pd", "pd-", "pd_gravity", "../pd", "a" * 65, "pd\n", "é"])
+def test_names_that_are_not_slugs(name: str) -> None:
+    """A law's name becomes a folder name and a YAML word; anything but a slug is refused, and nothing registered."""
+    before = law_names()
+    with pytest.raises(ControllerError, match="not a slug"):
+        controller(name, gains=Plain)
+    assert law_names() == before
+
+
+def test_a_name_cannot_be_taken_twice() -> None:
+    """A second law of the same name is refused and the first one stays."""
+    first = find_law("pd")
+    with pytest.raises(ControllerError, match="a law named 'pd' is already registered"):
+        controller("pd", gains=Plain)(law)
+    assert find_law("pd") is first
+
+
+def test_option_without_values_is_refused() -> None:
+    """An integer field must list its values."""
+    with pytest.raises(ControllerError, match="option 'mode' needs Annotated"):
+        controller("unlisted", gains=Unlisted)(law)
+    assert "unlisted" not in law_names()
+
+
+def test_registering_returns_the_function_itself_and_its_memory_is_zero() -> None:
+    """The decorator gives the function back unchanged; unannotated gains may be zero but not negative."""
+    assert controller("my-law-2", gains=Plain, memory=Kept)(law) is law
+    found = find_law("my-law-2")
+    assert found.summary == "Ask for no torque."
+    memory = found.new_memory(3)
+    assert isinstance(memory, Kept)
+    assert [x.tolist() for x in memory] == [[0.0] * 3] * 2
+    assert memory.s is not memory.z
+    assert found.pack_gains(2, {"k": 0}, {}).k.tolist() == [0.0, 0.0]
+    with pytest.raises(ControllerError, match="wanted finite and zero or positive"):
+        found.pack_gains(2, {"k": -1}, {})

@@ -1,0 +1,62 @@
+"""What no file of the package may do: print, eval, pickle, assert, swallow errors; and no clock in what computes."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+import pytest
+
+from tests.source_tree import ALL, FILES, TREES, imports
+
+OUTER = ("experiment/", "analysis/", "cli/", "kernel_cache.py", "__init__.py", "__main__.py")
+"""Where the time of day and temporary names have their place."""
+CLOCKS = {"time", "datetime", "random", "secrets", "uuid"}
+"""What would make a run depend on more than its inputs."""
+
+
+@pytest.mark.parametrize("name", [n for n in ALL if not n.startswith(OUTER)])
+def test_no_clock_and_no_global_randomness_below_the_experiment(name: str) -> None:
+    """Laws, plants and metrics depend on their inputs alone: no wall clock, no random numbers but keyed ones."""
+    assert {module for module, _ in imports(TREES[name])} & CLOCKS == set()
+    if name != "disturbances.py":
+        # annotations may name the generator, and a generator may be made from a seed
+        assert not re.search(r"np\.random\.(?!Generator\b|default_rng\(\w)", FILES[name].read_text(encoding="utf-8"))
+
+
+FORBIDDEN_CALLS = {"print", "eval", "exec", "compile", "__import__", "breakpoint", "input"}
+FORBIDDEN_MODULES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "subprocess"}
+
+
+def sins(tree: ast.AST) -> list[str]:
+    """Return what a file does that no file may do."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FORBIDDEN_CALLS:
+            found.append(f"{node.lineno}: {node.func.id}()")
+        elif isinstance(node, ast.Assert):
+            found.append(f"{node.lineno}: assert")
+        elif isinstance(node, ast.ExceptHandler) and node.type is None:
+            found.append(f"{node.lineno}: bare except")
+        elif isinstance(node, ast.ExceptHandler) and all(isinstance(s, ast.Pass) for s in node.body):
+            found.append(f"{node.lineno}: swallowed exception")
+        elif isinstance(node, ast.keyword) and node.arg == "allow_pickle" and getattr(node.value, "value", 1):
+            found.append(f"{node.value.lineno}: allow_pickle")
+    found += [f"{line}: {m}" for m, line in imports(tree) if m.split(".")[0] in FORBIDDEN_MODULES]
+    return found
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_no_print_eval_pickle_assert_or_bare_except(name: str) -> None:
+    """Output goes through one function of the command line, errors are raised, and stored data are never code."""
+    assert sins(TREES[name]) == []
+
+
+@pytest.mark.parametrize("text", [
+    "print(1)", "eval('1')", "exec('1')", "import pickle", "from pickle import load", "assert x",
+    "np.load(f, allow_pickle=True)",
+    "try:\n    x\nexcept:\n    y", "try:\n    x\nexcept OSError:\n    pass", "def f():\n    import marshal",
+])  # fmt: skip
+def test_the_sin_check_catches(text: str) -> None:
+    """Each forbidden construct is found."""
+    assert len(sins(ast.parse(text))) == 1
