@@ -212,3 +212,13 @@ def test_uneven_times_are_refused() -> None:
             from_samples(bad, *motion)
     with pytest.raises(InconsistentReferenceError, match="qd is not the derivative"):
         from_samples(2.0 * t, *motion)
+
+
+def test_a_wrong_rate_of_a_joint_that_hardly_moves_is_refused() -> None:
+    """Each joint is held to its own movement: a flipped sign of 4 mrad is found beside a swing of 1.2 rad."""
+    t = np.arange(1000) * 0.001
+    true = sine(np.array([1.2, 0.004]), np.array([1.0, 1.0]))(t)
+    from_samples(t, *true)
+    flipped = true.qd * np.array([1.0, -1.0])
+    with pytest.raises(InconsistentReferenceError, match="joint 2"):
+        from_samples(t, true.q, flipped, true.qdd)

@@ -97,7 +97,7 @@ def from_samples(t: Array, q: Array, qd: Array, qdd: Array) -> Reference:
     """Accept a user's sampled motion after checking that its rates are the derivatives of its positions.
 
     The change of `q` over two samples is compared with Simpson's integral of `qd`, and that of `qd` with the
-    integral of `qdd`. The allowance per double step is 1 % of the largest change plus 1e-9.
+    integral of `qdd`. The allowance for a joint is 1 % of its own largest change, plus 1e-4 of any joint's, plus 1e-9.
 
     Args:
         t: Sample times, evenly spaced, (N,) [s].
@@ -120,9 +120,9 @@ def from_samples(t: Array, q: Array, qd: Array, qdd: Array) -> Reference:
         change = value[2:] - value[:-2]
         integral = h / 3.0 * (rate[:-2] + 4.0 * rate[1:-1] + rate[2:])
         gap = np.abs(change - integral)
-        allowed = 0.01 * np.max(np.abs(change)) + 1e-9
-        if np.max(gap) > allowed:
-            k, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
+        allowed = 0.01 * np.max(np.abs(change), axis=0) + 1e-4 * np.max(np.abs(change)) + 1e-9
+        if np.any(gap > allowed):
+            k, joint = np.unravel_index(int(np.argmax(gap / allowed)), gap.shape)
             raise InconsistentReferenceError(
                 f"{name} is not the derivative of {'q' if name == 'qd' else 'qd'}: at t = {t[k + 1]:g} s, joint "
                 f"{joint + 1}, the change is {change[k, joint]:.6g} but {name} integrates to {integral[k, joint]:.6g}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import pytest
 
 from tests.arms import chain, still
 from tests.sim.loops import PLANTS, go, idle, law_of, plant_of, spring
+from torquebench import Controller, Puma560, find_law, references, simulate
 from torquebench.errors import SimulationError
 from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.loop import MAX_POSITION, MAX_VELOCITY
@@ -203,3 +205,43 @@ def test_a_torque_on_next_to_no_inertia_diverges(name: str, tmp_path: Path, monk
     assert run.tau_law[0, 0] == 1e3
     assert run.tau[0, 0] == run.tau_applied[0, 0] == 40.0
     assert list((tmp_path / "cwd").iterdir()) == []
+
+
+def test_a_law_that_rewrites_its_arguments_changes_neither_the_plant_nor_the_next_run() -> None:
+    """Model, gains, state and reference are the law's own copies: writing to them cannot make it look better."""
+    arm = Puma560()
+    law = find_law("computed-torque")
+    gains = law.pack_gains(6, {"lam": 10, "kv": 20, "ki": 0}, {})
+
+    def vandal(g: Any, model: Any, t: float, q: Any, qd: Any, ref: Any, memory: Any, tau: Any) -> None:
+        for array in (model.mass, model.inertia, model.armature, model.com, model.tau_max, g.lam, q, qd, ref.q):
+            array[...] = 7.0
+        tau[:] = 0.0
+
+    motion = references.sine(np.full(6, 0.5), np.full(6, 0.5))
+    honest = Controller("honest", law, gains)
+    plant = AnalyticPlant(arm)
+    before = simulate(plant, honest, arm, motion, duration=0.05).digest()
+    simulate(plant, Controller("vandal", dataclasses.replace(law, function=vandal), gains), arm, motion, duration=0.05)
+    assert simulate(plant, honest, arm, motion, duration=0.05).digest() == before
+    assert np.array_equal(gains.lam, np.full(6, 10.0))
+
+
+def test_what_a_raising_law_did_not_produce_is_nan() -> None:
+    """At the failing instant torque and sliding variable are NaN, not those of the instant before."""
+    law = find_law("smc")
+
+    def raising(g: Any, model: Any, t: float, q: Any, qd: Any, ref: Any, memory: Any, tau: Any) -> None:
+        if t > 0.0095:
+            raise RuntimeError("boom")
+        law.function(g, model, t, q, qd, ref, memory, tau)
+
+    controller = Controller(
+        "x", dataclasses.replace(law, function=raising), law.pack_gains(6, {"lam": 10, "k": 0.3}, {})
+    )
+    motion = references.sine(np.full(6, 0.5), np.full(6, 0.5))
+    run = simulate(AnalyticPlant(Puma560()), controller, Puma560(), motion, duration=0.05, throw=False)
+    assert run.failed_at == 10
+    assert np.all(np.isfinite(run.s[:10]))
+    assert np.all(np.isnan(run.s[10]))
+    assert np.all(np.isnan(run.tau_law[10]))

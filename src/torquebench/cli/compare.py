@@ -12,7 +12,7 @@ from torquebench.analysis.sides import Side, parse_side
 from torquebench.cli.terminal import progress_bar, say, table
 from torquebench.errors import ConfigError, Problem
 from torquebench.robot import RobotModel
-from torquebench.robot.model import scratch_for
+from torquebench.robot.model import own_copy
 
 LOOPS = 6
 """Closed loops of a rollout comparison: two laws on three references."""
@@ -82,7 +82,7 @@ def _belief(a: Side, b: Side) -> RobotModel:
     if true is None:
         closed_form: RobotModel = a.dynamics
         return closed_form
-    flat = true.flat._replace(mass=1.05 * true.flat.mass, inertia=1.05 * true.flat.inertia, scratch=scratch_for(true.n))
+    flat = own_copy(true.flat)._replace(mass=1.05 * true.flat.mass, inertia=1.05 * true.flat.inertia)
     return RobotModel(true.name, true.joint_names, flat)
 
 

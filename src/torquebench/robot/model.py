@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -87,6 +87,13 @@ def scratch_for(n: int) -> Scratch:
         np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
         np.zeros((n, 10)), np.zeros((n, n)), np.zeros(n), np.zeros(n),
     )  # fmt: skip
+
+
+def own_copy(model: Model) -> Model:
+    """Return a model that shares no array with `model`, with scratch space of its own."""
+    fields: dict[str, Any] = model._asdict()
+    arrays = {name: value.copy() for name, value in fields.items() if isinstance(value, np.ndarray)}
+    return Model(**(fields | arrays | {"scratch": scratch_for(len(model.armature))}))
 
 
 def rigid_model(

@@ -7,7 +7,7 @@ import numpy as np
 from torquebench.kernel import Array, kernel
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.dynamics import forward_dynamics
-from torquebench.robot.model import Model, scratch_for
+from torquebench.robot.model import Model, own_copy
 from torquebench.sim.plant import INTEGRATORS, substeps_per_period
 
 
@@ -74,7 +74,7 @@ class AnalyticPlant:
         self.timestep = timestep
         self.tau_max = model.flat.tau_max.copy()
         self._steps = rk4_steps if integrator == "rk4" else euler_steps
-        self._model = model.flat._replace(scratch=scratch_for(model.n))
+        self._model = own_copy(model.flat)
         self._q, self._qd, self._work = np.zeros(model.n), np.zeros(model.n), np.zeros((5, model.n))
 
     def reset(self, q: Array, qd: Array) -> None:

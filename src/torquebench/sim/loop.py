@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from torquebench.kernel import Array
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot.arm import RobotModel
+from torquebench.robot.model import Model, own_copy
 from torquebench.sim.plant import Plant, substeps_per_period
 from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory
 
@@ -60,7 +63,7 @@ def simulate(
     plant: Plant,
     controller: Controller,
     model: RobotModel,
-    reference: ReferenceSource,
+    reference: ReferenceSource | Reference,
     *,
     duration: float,
     control_period: float = 0.001,
@@ -79,7 +82,7 @@ def simulate(
         plant: The truth; reset here, so one plant serves many runs.
         controller: The law and its gains.
         model: The law's belief about the plant; another object than the plant, right or wrong.
-        reference: Desired motion as a function of time.
+        reference: Desired motion as a function of time, or sampled at the control instants (see `from_samples`).
         duration: Length of the run [s]; N = duration / control_period instants.
         control_period: Time between control instants [s], a whole multiple of ``plant.timestep``.
         disturbance: Torque added after clipping, (N, n) [N m]; None for none.
@@ -95,12 +98,15 @@ def simulate(
     substeps = substeps_per_period(control_period, plant.timestep)
     n_steps = substeps_per_period(duration, control_period, ("duration", "control_period"))
     t: Array = np.arange(n_steps, dtype=np.float64) * control_period
-    desired = reference(t)
+    desired = reference if isinstance(reference, Reference) else reference(t)
     start = np.zeros(n) if initial_q is None else np.array(initial_q, dtype=np.float64)
     _check_shapes(n, n_steps, model, desired, disturbance, start)
 
     record = {name: np.full((n_steps, n), np.nan) for name in SIGNALS}
-    belief = model.flat._replace(control_period=control_period)
+    # the law gets copies, so that one that writes to its arguments changes neither the plant nor the next run
+    belief = own_copy(model.flat)._replace(control_period=control_period)
+    gains = type(controller.gains)(*copy.deepcopy(tuple(controller.gains)))
+    call = partial(_call, controller.law, gains, belief)
     memory = controller.law.new_memory(n)
     kept = {name: np.full((n_steps, n), np.nan) for name in memory._fields if name not in ("s", "nothing")}
     has_s = "s" in memory._fields
@@ -114,12 +120,13 @@ def simulate(
         record["q_meas"][k], record["qd_meas"][k] = q, qd
         record["q_ref"][k], record["qd_ref"][k], record["qdd_ref"][k] = ref
 
-        outcome, detail = _call(controller, belief, k * control_period, q, qd, ref, memory, tau_law)
+        outcome, detail = call(k * control_period, q, qd, ref, memory, tau_law)
         record["tau_law"][k] = tau_law
-        if has_s:
-            record["s"][k] = memory.s
-        for name, channel in kept.items():
-            channel[k] = getattr(memory, name)
+        if outcome is not Outcome.CONTROLLER_ERROR:
+            if has_s:
+                record["s"][k] = memory.s
+            for name, channel in kept.items():
+                channel[k] = getattr(memory, name)
         if outcome is not Outcome.COMPLETED:
             failed_at = k
             break
@@ -149,14 +156,14 @@ def simulate(
 
 
 def _call(
-    controller: Controller, belief: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array
+    law: Law, gains: Any, belief: Model, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array
 ) -> tuple[Outcome, str]:
     """Call the law once; a law that returns an array instead of filling `tau` is accepted too."""
     tau[:] = 0.0
     try:
         with np.errstate(all="ignore"):
-            function: Callable[..., Any] = controller.law.function
-            returned = function(controller.gains, belief, t, q, qd, ref, memory, tau)
+            function: Callable[..., Any] = law.function
+            returned = function(gains, belief, t, q, qd, ref, memory, tau)
             if returned is not None:
                 values = np.asarray(returned, dtype=np.float64)
                 if values.shape != tau.shape:
@@ -167,7 +174,8 @@ def _call(
         return Outcome.BAD_TORQUE, f"{type(error).__name__}: {error}"
     except Exception as error:  # noqa: BLE001  a user's law may raise anything; the run reports it and stops
         tau[:] = np.nan
-        domain = isinstance(error, ValueError) and str(error) == "math domain error"
+        # what `math` says of an argument outside a function's domain, up to Python 3.13 and from 3.14 on
+        domain = isinstance(error, ValueError) and str(error).startswith(("math domain error", "expected a"))
         return (Outcome.BAD_TORQUE if domain else Outcome.CONTROLLER_ERROR), f"{type(error).__name__}: {error}"
     if not np.all(np.isfinite(tau)):
         joint = int(np.argmin(np.isfinite(tau)))

@@ -13,7 +13,7 @@ from torquebench.kernel import Array, kernel
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.library import model_folder
 from torquebench.robot.links import read_links
-from torquebench.robot.model import CLOSED_FORM, STRUCTURES, Model, scratch_for
+from torquebench.robot.model import CLOSED_FORM, STRUCTURES, Model, own_copy
 from torquebench.robot.puma560.constants import Geometry, Table, fitted_constants, read_constants
 from torquebench.robot.puma560.kinematics import fill_pose, fill_pose_printed
 from torquebench.robot.puma560.symbols import CONSTANTS, MISPRINTED
@@ -77,7 +77,7 @@ class Puma560(RobotModel):
         self.structure = structure
         self.constants = constants
         self.geometry = geometry
-        flat = links._replace(scratch=scratch_for(len(links.mass)))
+        flat = own_copy(links)
         if structure != "exact":
             values = table.value.copy() if constants == "printed" else fitted_constants(links, geometry)
             flag = 1 if structure == "printed" else 0
