@@ -13,9 +13,10 @@ import torquebench
 from tests.experiment.examples import ALL, GOOD, MINIMAL, edited, parse, properties
 from torquebench.errors import ConfigError, ControllerError
 from torquebench.experiment import as_vector, dump_experiment, experiment_json_schema, load_experiment
+from torquebench.experiment.schema import ControllerKeys
 from torquebench.kernel import Array
 from torquebench.laws import base
-from torquebench.laws.base import Gain, Option, controller, find_law
+from torquebench.laws.base import RESERVED, Gain, Option, controller, find_law
 
 
 def test_every_key_arrives_where_it_belongs() -> None:
@@ -166,10 +167,10 @@ def test_a_users_law_is_checked_like_the_shipped_ones() -> None:
 
 @pytest.mark.usefixtures("own_registry")
 def test_an_option_may_not_take_the_name_of_a_common_key() -> None:
-    """A law whose option would shadow ``expect`` is refused with the reason."""
-    controller("clash", gains=ClashingGains)(lambda: None)
-    with pytest.raises(ControllerError, match="'expect' has the name of a key every controller has"):
-        experiment_json_schema(["clash"])
+    """A law whose option would shadow ``expect`` cannot be registered, and the keys reserved are the schema's."""
+    with pytest.raises(ControllerError, match="no option may be called 'expect'"):
+        controller("clash", gains=ClashingGains)(lambda: None)
+    assert set(RESERVED) == {*ControllerKeys.model_fields, "gains"}
 
 
 TWO_LINKS = """\

@@ -10,20 +10,15 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import BaseModel, BeforeValidator, Field, create_model
 from pydantic_core import PydanticCustomError
 
-from torquebench.errors import ControllerError
 from torquebench.experiment.schema import MAX_CONTROLLERS, ControllerKeys, Experiment, Keys
 from torquebench.experiment.values import EachJoint, Vector
-from torquebench.laws.base import Gain, Law, Option, find_law, law_names
+from torquebench.laws.base import RESERVED, Gain, Law, Option, find_law, law_names
 
-OWN_KEYS = frozenset({*ControllerKeys.model_fields, "gains"})
+OWN_KEYS = frozenset(RESERVED)
 
 
 def law_model(law: Law) -> type[ControllerKeys]:
-    """Return the keys of a controller that uses `law`: the common ones, the law's options, and its gains.
-
-    Raises:
-        ControllerError: an option of the law has the name of a common key.
-    """
+    """Return the keys of a controller that uses `law`: the common ones, the law's options, and its gains."""
     return _law_model(law.name, law.gains_type)  # type: ignore[arg-type]  # classes are hashable
 
 
@@ -35,9 +30,6 @@ def gains_model(law: Law) -> type[Keys]:
 @functools.cache
 def _law_model(name: str, gains_type: type[Any]) -> type[ControllerKeys]:
     law = find_law(name)
-    clash = sorted(OWN_KEYS & set(law.options))
-    if clash:
-        raise ControllerError(f"law '{law.name}': option '{clash[0]}' has the name of a key every controller has")
     gains = gains_model(law)
     needed = any(info.is_required() for info in gains.model_fields.values())
     names = ", ".join(f"{key} [{gain.unit}]" for key, gain in law.gains.items())
