@@ -26,6 +26,9 @@ class Reference(NamedTuple):
 ReferenceSource = Callable[[Array], Reference]
 """A function from times (N,) [s] to the desired motion, arrays (N, n)."""
 
+ROUNDING = 1e-9
+"""A control instant this close before an event counts as the event's [s]: k T is rounded."""
+
 
 def sine(amplitude: Array, frequency_hz: Array) -> ReferenceSource:
     """Raised sine q_ref = A/2 (1 - cos 2 pi f t), at rest at t = 0.
@@ -54,7 +57,7 @@ def step(target: Array, at: float) -> ReferenceSource:
 
     def sample(t: Array) -> Reference:
         zero = np.zeros((len(t), len(target)))
-        return Reference(np.where(t[:, None] >= at, target, 0.0), zero, zero.copy())
+        return Reference(np.where(t[:, None] >= at - ROUNDING, target, 0.0), zero, zero.copy())
 
     return sample
 
@@ -69,7 +72,7 @@ def ramp(target: Array, rise_time: float) -> ReferenceSource:
 
     def sample(t: Array) -> Reference:
         x = np.clip(t / rise_time, 0.0, 1.0)[:, None]
-        moving = (t < rise_time)[:, None]
+        moving = (t < rise_time - ROUNDING)[:, None]
         return Reference(x * target, np.where(moving, target / rise_time, 0.0), np.zeros((len(t), len(target))))
 
     return sample

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from torquebench.analysis.sides import Dynamics, Side
 from torquebench.kernel import Array
 from torquebench.robot.arm import RobotModel
 from torquebench.sim.loop import Controller, simulate
+from torquebench.sim.trajectory import Trajectory
 
 ROLLOUT_TOLERANCE = 1e-12
 """Largest joint-angle gap of two closed loops that still counts as agreement [rad]."""
@@ -69,14 +70,17 @@ def compare_terms(a: Dynamics, b: Dynamics, states: tuple[Array, Array, Array], 
     """
     q, qd, qdd = states
     gravity_a, gravity_b = a.gravity(q), b.gravity(q)
+    torque_a = a.inverse_dynamics(q, qd, qdd)
+    # a term that is zero but for round-off (gravity of a vertical axis) is held to the arm's torques
+    floor = {"N m": 1e-3 * _typical(torque_a)}
     pairs = (
         ("mass matrix", "kg m^2", a.mass_matrix(q), b.mass_matrix(q)),
         ("gravity", "N m", gravity_a, gravity_b),
         ("Coriolis + centrifugal", "N m", a.bias_forces(q, qd) - gravity_a, b.bias_forces(q, qd) - gravity_b),
-        ("inverse dynamics", "N m", a.inverse_dynamics(q, qd, qdd), b.inverse_dynamics(q, qd, qdd)),
+        ("inverse dynamics", "N m", torque_a, b.inverse_dynamics(q, qd, qdd)),
         ("tool pose", "-, m", a.forward_kinematics(q), b.forward_kinematics(q)),
     )
-    return [_row(term, unit, x, y, tolerance) for term, unit, x, y in pairs]
+    return [_row(term, unit, x, y, tolerance, floor.get(unit, 0.0)) for term, unit, x, y in pairs]
 
 
 def compare_links(a: RobotModel, b: RobotModel, tolerance: float) -> list[Row]:
@@ -131,25 +135,29 @@ def compare_rollouts(
                 simulate(p, controller, model, motion, duration=duration, control_period=timestep, throw=False)
                 for p in (plant_a, plant_b)
             ]
-            rows.append(_rollout_row(f"closed loop, {title}, {name}", runs[0].q, runs[1].q))
+            rows.append(_rollout_row(f"closed loop, {title}, {name}", *runs))
     return rows
 
 
-def _rollout_row(term: str, x: Array, y: Array) -> Row:
-    if x.shape != y.shape:
-        return Row(term, "rad", float("nan"), float("nan"), "one run ended early", ROLLOUT_TOLERANCE, "absolute")
-    row = _row(term, "rad", x, y, ROLLOUT_TOLERANCE)
-    return Row(row.term, row.unit, row.absolute, row.relative, row.where, ROLLOUT_TOLERANCE, "absolute")
+def _rollout_row(term: str, x: Trajectory, y: Trajectory) -> Row:
+    nan = float("nan")
+    if not (x.completed and y.completed):
+        ends = ", ".join(f"{side} {run.outcome.name} at {run.t[-1]:g} s" for side, run in (("A", x), ("B", y)))
+        return Row(term, "rad", nan, nan, ends, ROLLOUT_TOLERANCE, "absolute")
+    return replace(_row(term, "rad", x.q, y.q, ROLLOUT_TOLERANCE), measure="absolute")
 
 
-def _row(term: str, unit: str, x: Array, y: Array, limit: float) -> Row:
+def _typical(x: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(x.reshape(len(x), -1) ** 2, axis=1))))
+
+
+def _row(term: str, unit: str, x: Array, y: Array, limit: float, floor: float = 0.0) -> Row:
     if x.shape != y.shape:
         return Row(term, unit, float("nan"), float("nan"), f"shapes {x.shape} and {y.shape}", limit)
     gap = np.abs(x - y)
-    size = np.linalg.norm(x.reshape(len(x), -1), axis=1)
     missed = np.linalg.norm(gap.reshape(len(x), -1), axis=1)
     # over the typical, not the state's own size: at some state a term is zero, and any difference infinite
-    scale = float(np.sqrt(np.mean(size * size)))
+    scale = max(_typical(x), floor)
     largest = float(np.max(missed))
     relative = largest / scale if scale > 0 else (0.0 if largest == 0 else float("inf"))
     worst = np.unravel_index(int(np.argmax(gap)), gap.shape)

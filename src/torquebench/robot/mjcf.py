@@ -17,6 +17,7 @@ from torquebench.robot.model import HINGE, SLIDE, Model, rigid_model
 
 MAX_BYTES = 4 * 1024 * 1024
 _OUTSIDE = ("include", "plugin", "extension", "mesh", "hfield", "texture", "skin", "model", "attach", "replicate")
+_JOINT = mujoco.mjtTrn.mjTRN_JOINT
 _NOT_NEGATIVE = ("mass", "density", "armature", "diaginertia", "damping", "frictionloss")
 
 
@@ -72,31 +73,44 @@ def check_smooth(m: Any, where: str) -> None:
     Raises:
         ModelError: the model has anything but hinges, slides, rigid bodies and motors, or is not a single chain.
     """
-    wrong = []
-    if not np.all(np.isin(m.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))):
-        wrong.append("joints other than hinges and slides")
-    for name, present in (
-        ("joint damping", np.any(m.dof_damping != 0)), ("joint friction", np.any(m.dof_frictionloss != 0)),
-        ("joint stiffness", np.any(m.jnt_stiffness != 0)), ("enforced joint limits", np.any(m.jnt_limited != 0)),
-        ("gravity compensation", np.any(m.body_gravcomp != 0)), ("equality constraints", m.neq > 0),
-        ("tendons", m.ntendon > 0), ("a fluid", m.opt.density != 0 or m.opt.viscosity != 0),
-        ("actuator states", m.na > 0), ("plugins", m.nplugin > 0),
-        ("colliding geoms", np.any((m.geom_contype != 0) | (m.geom_conaffinity != 0)) and not _no_contact(m)),
-    ):  # fmt: skip
-        if present:
-            wrong.append(name)
-    if m.nv == 0:
-        wrong.append("no joint at all")
-    moving = [b for b in range(1, m.nbody) if m.body_jntnum[b] > 0]
-    parents = [_moving_parent(m, b) for b in moving]
+
+    def nonzero(*names: str) -> bool:
+        return any(np.any(getattr(m, name) != 0) for name in names)
+
+    contacts = not m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
+    several = m.body_jntnum[m.jnt_bodyid] > 1
+    hinge_or_slide = np.isin(m.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
+    features = {
+        "joints other than hinges and slides": not np.all(hinge_or_slide),
+        "joint damping": nonzero("dof_damping", "dof_dampingpoly"),
+        "joint friction": nonzero("dof_frictionloss"),
+        "joint stiffness": nonzero("jnt_stiffness", "jnt_stiffnesspoly"),
+        "enforced joint limits": nonzero("jnt_limited"),
+        "gravity compensation": nonzero("body_gravcomp"),
+        "equality constraints": m.neq > 0,
+        "tendons": m.ntendon > 0,
+        "a fluid": m.opt.density != 0 or m.opt.viscosity != 0,
+        "actuator states": m.na > 0,
+        "actuator armature": nonzero("actuator_armature"),
+        "actuator damping": nonzero("actuator_damping", "actuator_dampingpoly"),
+        "plugins": m.nplugin > 0,
+        "mocap bodies": m.nmocap > 0,
+        "colliding geoms": contacts and (m.npair > 0 or nonzero("geom_contype", "geom_conaffinity")),
+        "no joint at all": m.nv == 0,
+    }
+    wrong = [name for name, present in features.items() if present]
+    if not wrong and np.any(several & (m.qpos0 != 0)):
+        wrong.append("a reference angle on a body with several joints")
+    parents = [_moving_parent(m, b) for b in range(1, m.nbody) if m.body_jntnum[b] > 0]
     if len(set(parents)) != len(parents):
         wrong.append("branches (wanted one chain of moving bodies)")
     if wrong:
         raise ModelError(f"{where}: the analytic model cannot represent {', '.join(wrong)}")
 
 
-def _no_contact(m: Any) -> bool:
-    return bool(m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT)
+def _gravity(m: Any) -> Array:
+    off = bool(m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    return np.zeros(3) if off else np.array(m.opt.gravity)
 
 
 def _moving_parent(m: Any, body: int) -> int:
@@ -136,7 +150,7 @@ def flatten(m: Any, where: str) -> Model:
         kind=[HINGE if t == mujoco.mjtJoint.mjJNT_HINGE else SLIDE for t in m.jnt_type],
         rotation=np.array([world_R[j].T @ world_R[j + 1] for j in range(n)]),
         offset=np.array([world_R[j].T @ (world_p[j + 1] - world_p[j]) for j in range(n)]),
-        mass=mass, com=com, inertia=inertia, armature=m.dof_armature, gravity=m.opt.gravity,
+        mass=mass, com=com, inertia=inertia, armature=m.dof_armature, gravity=_gravity(m),
         tool_rotation=world_R[n].T @ tool_R.reshape(3, 3), tool_offset=world_R[n].T @ (tool_p - world_p[n]),
         tau_max=torque_limits(m, where), inertia_scale=np.ones(n),
     )  # fmt: skip
@@ -152,22 +166,29 @@ def joint_names(m: Any) -> list[str]:
 
 
 def torque_limits(m: Any, where: str) -> Array:
-    """Return each joint's torque limit (n,) [N m]: its ``actuatorfrcrange``, else its motor's range times gear.
+    """Return each joint's torque limit (n,) [N m]: the sum of its motors' limits, at most its ``actuatorfrcrange``.
+
+    A motor's limit is gear x the smaller of gain x control range and force range.
 
     Raises:
-        ModelError: a joint has neither, or a range that is not symmetric.
+        ModelError: an actuator is not a plain motor on a joint, a joint has no limit, or a range is not symmetric.
     """
-    limits = np.full(int(m.nv), np.inf)
+    total, own = np.zeros(int(m.nv)), np.full(int(m.nv), np.inf)
+    for a in range(m.nu):
+        kinds = (m.actuator_trntype[a], m.actuator_gaintype[a], m.actuator_biastype[a], m.actuator_dyntype[a])
+        if kinds != (_JOINT, mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtDyn.mjDYN_NONE):
+            name = mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_ACTUATOR, a) or a + 1
+            raise ModelError(f"{where}: actuator {name} is not a plain motor on a joint (laws command torques)")
+        j, limit = int(m.actuator_trnid[a, 0]), np.inf
+        if m.actuator_ctrllimited[a]:
+            limit = abs(float(m.actuator_gainprm[a, 0])) * _symmetric(m.actuator_ctrlrange[a], where, j)
+        if m.actuator_forcelimited[a]:
+            limit = min(limit, _symmetric(m.actuator_forcerange[a], where, j))
+        total[j] += abs(float(m.actuator_gear[a, 0])) * limit
     for j in range(m.nv):
         if m.jnt_actfrclimited[j]:
-            limits[j] = min(limits[j], _symmetric(m.jnt_actfrcrange[j], where, j))
-    for a in range(m.nu):
-        if m.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT:
-            j, gear = int(m.actuator_trnid[a, 0]), abs(float(m.actuator_gear[a, 0]))
-            if m.actuator_ctrllimited[a]:
-                limits[j] = min(limits[j], gear * _symmetric(m.actuator_ctrlrange[a], where, j))
-            if m.actuator_forcelimited[a]:
-                limits[j] = min(limits[j], gear * _symmetric(m.actuator_forcerange[a], where, j))
+            own[j] = _symmetric(m.jnt_actfrcrange[j], where, j)
+    limits: Array = np.minimum(np.where(total > 0, total, np.inf), own)
     if not np.all(np.isfinite(limits)):
         missing = ", ".join(name for name, x in zip(joint_names(m), limits, strict=True) if not np.isfinite(x))
         raise ModelError(f"{where}: no torque limit for {missing} (wanted a limited motor or actuatorfrcrange)")

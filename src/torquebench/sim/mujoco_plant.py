@@ -31,6 +31,7 @@ def load_mujoco(source: str | Path) -> Any:
     m = compile_mjcf(mjcf_path(source))
     if m.nq != m.nv or m.nv == 0:
         raise ModelError(f"{source}: wanted hinge and slide joints only, at least one")
+    torque_limits(m, str(source))  # refuses actuators that would act by themselves
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     return m
 
