@@ -1,7 +1,7 @@
 # Sourced by scripts/torquebench and scripts/test: makes ./.venv from a lock file when it is missing or stale.
 # Usage: . scripts/environment.sh LOCKFILE   (sets $root and $python)
 
-root=$(CDPATH= cd -- "$(dirname -- "$0")/.." && pwd)
+root=$(CDPATH= cd -- "$(dirname -- "$(readlink -f -- "$0")")/.." && pwd)
 python="$root/.venv/bin/python"
 
 say() { printf '%s\n' "$*" >&2; }
@@ -19,7 +19,8 @@ find_python() {
 make_environment() {
     lock="$root/$1"
     stamp="$root/.venv/.torquebench-$1"
-    wanted=$(cat "$lock" "$root/pyproject.toml" | cksum)
+    # the path counts: a copied checkout would otherwise go on using the package of the original
+    wanted=$({ printf '%s\n' "$root"; cat "$lock" "$root/pyproject.toml"; } | cksum)
     [ -x "$python" ] && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return 0
     say "torquebench: setting up $root/.venv (once; packages as pinned in $1)"
     if command -v uv >/dev/null 2>&1; then

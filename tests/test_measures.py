@@ -129,3 +129,15 @@ def test_effort_and_saturation() -> None:
     assert measures.effort(tau, TAU_MAX)[0] == pytest.approx(0.125, rel=1e-12)
     # Rounding of t % 1 may move each of the six edges by one of 3000 samples.
     assert measures.saturation_fraction(tau, TAU_MAX) == pytest.approx([0.0, 0.4], abs=6 / 3000)
+
+
+@pytest.mark.parametrize("T", [0.001, 0.005, 0.01])
+def test_settling_of_a_smooth_motion_does_not_depend_on_the_period(T: float) -> None:
+    """Time counts from where the motion begins: 0.86473 s, the root of 1 - p(x) = 0.02 for the quintic of 1 s."""
+    t = np.arange(round(2.0 / T)) * T
+    x = np.clip(t, 0.0, 1.0)
+    q = (x**3 * (10 - 15 * x + 6 * x * x))[:, None]
+    roots = np.roots([6, -15, 10, 0, 0, -0.98])
+    exact = float(min(r.real for r in roots if abs(r.imag) < 1e-9 and 0 < r.real < 1))
+    # linear interpolation of a curve whose second derivative is below 6 s^-2: T^2 6/8 over a slope of 0.4 s^-1
+    assert measures.step_response(t, q, q).settling_time == pytest.approx([exact], abs=2.0 * T * T)

@@ -1,5 +1,6 @@
 """The built wheel brings its models and configs, and the checkout's own copies win over an installed one's."""
 
+import os
 import subprocess
 import sys
 import zipfile
@@ -25,8 +26,9 @@ def installed(tmp_path_factory):
 def python(site, code):
     """Run code that sees the unpacked wheel instead of the checkout."""
     program = f"import sys; sys.path.insert(0, {str(site)!r})\n{code}"
+    environment = {name: value for name, value in os.environ.items() if name != "TORQUEBENCH_DATA"}
     return subprocess.run(
-        [sys.executable, "-c", program], cwd=site.parent, capture_output=True, text=True, check=False
+        [sys.executable, "-c", program], cwd=site.parent, env=environment, capture_output=True, text=True, check=False
     )  # fmt: skip
 
 

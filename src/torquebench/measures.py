@@ -50,9 +50,10 @@ class StepResponse(NamedTuple):
 def step_response(t: Array, q: Array, q_ref: Array) -> StepResponse:
     """Rise time, overshoot and settling time of each joint; crossings are interpolated between samples.
 
-    The step goes from the reference's first value to its last; time counts from the first instant at which
-    the joint's reference differs from its first value. If no joint's reference ever moves, the step starts at
-    t = 0 from each joint's own initial position.
+    The step goes from the reference's first value to its last. Time counts from the instant of a jump, the first
+    at which the joint's reference differs from its first value; of a reference that moves smoothly, from the
+    instant before, at which it begins to move. If no joint's reference ever moves, the step starts at t = 0 from
+    each joint's own initial position.
     """
     n = q.shape[1]
     changed = q_ref != q_ref[0]
@@ -64,6 +65,8 @@ def step_response(t: Array, q: Array, q_ref: Array) -> StepResponse:
         if amplitude[i] == 0.0:
             continue
         first = int(np.argmax(changed[:, i])) if moves else 0
+        if first > 0 and abs(q_ref[first, i] - start[i]) < 0.5 * abs(amplitude[i]):
+            first -= 1
         times = t[first:]
         y = (q[first:, i] - start[i]) / amplitude[i]
         rise[i] = _reaches(times, y, 0.9) - _reaches(times, y, 0.1)

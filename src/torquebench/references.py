@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from torquebench.errors import InconsistentReferenceError
 from torquebench.kernel import Array
@@ -24,74 +25,77 @@ class Reference(NamedTuple):
 
 
 ReferenceSource = Callable[[Array], Reference]
-"""A function from times (N,) [s] to the desired motion, arrays (N, n)."""
+"""A function from times (N,) [s] to the desired motion, arrays (N, n); (N, 1) stands for the same on every joint."""
 
 ROUNDING = 1e-9
 """A control instant this close before an event counts as the event's [s]: k T is rounded."""
 
 
-def sine(amplitude: Array, frequency_hz: Array) -> ReferenceSource:
+def sine(amplitude: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> ReferenceSource:
     """Raised sine q_ref = A/2 (1 - cos 2 pi f t), at rest at t = 0.
 
     Args:
-        amplitude: Peak-to-peak excursion A of each joint, (n,) [rad].
-        frequency_hz: Frequency f of each joint, (n,) [Hz].
+        amplitude: Peak-to-peak excursion A of each joint, (n,) or one number for all [rad].
+        frequency_hz: Frequency f of each joint, (n,) or one number for all [Hz].
     """
+    half = np.atleast_1d(np.array(amplitude, dtype=np.float64)) / 2.0
+    w = 2.0 * math.pi * np.atleast_1d(np.array(frequency_hz, dtype=np.float64))
 
     def sample(t: Array) -> Reference:
-        w = 2.0 * math.pi * frequency_hz
         phase = t[:, None] * w
-        half = amplitude / 2.0
         return Reference(half * (1.0 - np.cos(phase)), half * w * np.sin(phase), half * w * w * np.cos(phase))
 
     return sample
 
 
-def step(target: Array, at: float) -> ReferenceSource:
+def step(target: npt.ArrayLike, at: float) -> ReferenceSource:
     """Zero before t = `at`, `target` from then on; the desired rates are zero throughout.
 
     Args:
-        target: Position after the step, (n,) [rad].
+        target: Position after the step, (n,) or one number for all [rad].
         at: Time of the step [s].
     """
+    goal = np.atleast_1d(np.array(target, dtype=np.float64))
 
     def sample(t: Array) -> Reference:
-        zero = np.zeros((len(t), len(target)))
-        return Reference(np.where(t[:, None] >= at - ROUNDING, target, 0.0), zero, zero.copy())
+        zero = np.zeros((len(t), len(goal)))
+        return Reference(np.where(t[:, None] >= at - ROUNDING, goal, 0.0), zero, zero.copy())
 
     return sample
 
 
-def ramp(target: Array, rise_time: float) -> ReferenceSource:
+def ramp(target: npt.ArrayLike, rise_time: float) -> ReferenceSource:
     """Constant speed from zero to `target` in `rise_time`, then held; the desired acceleration is zero.
 
     Args:
-        target: Final position, (n,) [rad].
+        target: Final position, (n,) or one number for all [rad].
         rise_time: Duration of the motion [s].
     """
+    goal = np.atleast_1d(np.array(target, dtype=np.float64))
 
     def sample(t: Array) -> Reference:
         x = np.clip(t / rise_time, 0.0, 1.0)[:, None]
         moving = (t < rise_time - ROUNDING)[:, None]
-        return Reference(x * target, np.where(moving, target / rise_time, 0.0), np.zeros((len(t), len(target))))
+        return Reference(x * goal, np.where(moving, goal / rise_time, 0.0), np.zeros((len(t), len(goal))))
 
     return sample
 
 
-def quintic(target: Array, rise_time: float) -> ReferenceSource:
+def quintic(target: npt.ArrayLike, rise_time: float) -> ReferenceSource:
     """Minimum-jerk polynomial 10x^3 - 15x^4 + 6x^5, x = t / rise_time, from zero to `target`, then held.
 
     Args:
-        target: Final position, (n,) [rad].
+        target: Final position, (n,) or one number for all [rad].
         rise_time: Duration of the motion [s].
     """
+    goal = np.atleast_1d(np.array(target, dtype=np.float64))
 
     def sample(t: Array) -> Reference:
         x = np.clip(t / rise_time, 0.0, 1.0)[:, None]
         position = x * x * x * (10.0 + x * (-15.0 + 6.0 * x))
         velocity = 30.0 * x * x * (1.0 - x) * (1.0 - x) / rise_time
         acceleration = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (rise_time * rise_time)
-        return Reference(position * target, velocity * target, acceleration * target)
+        return Reference(position * goal, velocity * goal, acceleration * goal)
 
     return sample
 

@@ -19,7 +19,7 @@ def test_a_generic_arm_agrees_too(command):
 
 def test_differing_models_say_in_which_term(command):
     """`corrected` differs from `exact` in M and V, not in gravity; status 1."""
-    arguments = ("analytic:puma560", "analytic:puma560:corrected", "--frozen-joints", 4, 5, 6)
+    arguments = ("analytic:puma560", "analytic:puma560:corrected", "--frozen-joints", "4,5,6")
     status, out, _ = command("compare", *arguments, "--json")
     rows = {row["term"]: row for row in json.loads(out)["rows"]}
     assert status == 1
@@ -31,7 +31,7 @@ def test_differing_models_say_in_which_term(command):
 
 def test_a_looser_tolerance_turns_it_green(command):
     """The limit is the user's: 1 % covers the corrected form."""
-    arguments = ("analytic:puma560", "analytic:puma560:corrected", "--frozen-joints", 4, 5, 6)
+    arguments = ("analytic:puma560", "analytic:puma560:corrected", "--frozen-joints", "4,5,6")
     assert command("compare", *arguments, "--tolerance", "0.01")[0] == 0
 
 

@@ -171,9 +171,69 @@ def test_an_expected_failure_is_no_failure(quick, command):
     assert command("run", quick, "--out", "b", "--no-figures")[0] == 1
 
 
+@pytest.mark.usefixtures("forget_plugin")
+def test_the_manifest_knows_which_code_and_which_arm(quick, command):
+    """Plug-ins and model files are in the manifest by name and checksum, so that a result can be reproduced."""
+    plugin = with_failing_law(quick, ", expect: failed")
+    command("run", quick, "--out", "result", "--no-figures", "--plugin", plugin)
+    manifest = check_run(quick.parent / "result")
+    assert set(manifest["plugins"]) == {"my_law.py"}
+    assert {"puma560.xml", "links.yaml", "constants.yaml"} <= set(manifest["model_files"])
+    assert not (quick.parent / "result" / "unfinished").exists()
+
+
+def test_runs_started_together_do_not_share_a_folder(quick):
+    """Four runs at once: without --out each has its own folder; with the same --out one wins and the others say so."""
+    start = [sys.executable, "-m", "torquebench", "run", "quick.yaml", "--no-figures"]
+
+    def all_at_once(*more):
+        processes = [
+            subprocess.Popen([*start, *more], cwd=quick.parent, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+            for _ in range(4)
+        ]
+        return [(p.communicate(timeout=300)[1].decode(), p.returncode) for p in processes]
+
+    assert [status for _, status in all_at_once()] == [0] * 4
+    folders = list((quick.parent / "runs").iterdir())
+    assert len(folders) == 4
+    for folder in folders:
+        check_run(folder)
+    outcomes = all_at_once("--out", "same")
+    assert sorted(status for _, status in outcomes) == [0, 2, 2, 2]
+    assert all("--out" in err for err, status in outcomes if status == 2)
+    check_run(quick.parent / "same")
+
+
+def test_each_run_is_on_disk_before_the_next_begins(quick, command):
+    """A law that ends the program still leaves the runs before it, and no manifest."""
+    plugin = quick.parent / "kill.py"
+    plugin.write_text(FAILING_LAW.replace('float("nan")', "__import__('os')._exit(9)"))
+    line = "  - {name: killer, law: fails-later, gains: {at: 0.1}}\n"
+    quick.write_text(quick.read_text().replace("reference:", line + "reference:"))
+    start = [sys.executable, "-m", "torquebench", "run", "quick.yaml", "--out", "result", "--plugin", str(plugin)]
+    assert subprocess.run(start, cwd=quick.parent, check=False, capture_output=True).returncode == 9
+    folder = quick.parent / "result"
+    assert load_trajectory(folder / "conventional" / "trajectory.npz").completed
+    assert (folder / "unfinished").exists()
+    assert not (folder / "manifest.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("redirect", "status"), [("| head -c 1 > /dev/null; exit ${PIPESTATUS[0]}", 0), (">&-", 0), ("> /dev/full", 3)]
+)
+def test_output_that_goes_nowhere(quick, redirect, status):
+    """A closed pipe, no standard output at all, a full device: no traceback, and the status says it."""
+    line = f"{sys.executable} -m torquebench run quick.yaml --no-figures {redirect}"
+    done = subprocess.run(["bash", "-c", line], cwd=quick.parent, capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+    assert done.returncode in (status, 3)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        ("raise SystemExit(0)\n", "SystemExit"),
         ("x = 1\n", "registers no law"),
         ("raise RuntimeError('boom')\n", "RuntimeError: boom"),
         ("def f(:\n", "SyntaxError"),
@@ -271,8 +331,8 @@ CONFIGS = sorted((data_root() / "configs").rglob("*.yaml"))
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.stem)
 def test_every_config_that_ships_runs(path, tmp_path, command):
-    """Each config loads as it is, and 0.7 s of it complete (its metrics' window moved to fit)."""
+    """Each config loads as it is, and 1.2 s of it complete (its metrics' window moved to fit)."""
     load_experiment(path)
-    short = ("--set", "run.duration=0.7", "--set", "run.metrics_from=0.2")
+    short = ("--set", "run.duration=1.2", "--set", "run.metrics_from=0.2")
     status, _, err = command("run", path, "--out", tmp_path / "out", "--no-figures", *short)
     assert (status, err) == (0, "")

@@ -59,6 +59,7 @@ def law_of(function: Callable[..., Any], memory: type[Any] | None = None) -> Con
 
 def idle(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array) -> None:
     """Ask for no torque."""
+    tau[:] = 0.0
 
 
 def spring(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array) -> None:

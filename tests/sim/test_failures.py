@@ -46,9 +46,9 @@ FAULTS: dict[str, tuple[Callable[[Any, float], Any], Outcome, str]] = {
     "division by zero": (lambda tau, one: one / 0.0, BAD, "ZeroDivisionError: float division by zero"),
     "overflow": (lambda tau, one: math.exp(1e4 * one), BAD, "OverflowError: math range error"),
     "floating point": (lambda tau, one: raises(FloatingPointError("strict")), BAD, "FloatingPointError: strict"),
-    "wrong shape": (lambda tau, one: np.zeros(3), ERROR, r"TypeError: the law returned shape \(3,\), wanted \(2,\)"),
-    "scalar": (lambda tau, one: 1.0, ERROR, r"TypeError: the law returned shape \(\), wanted \(2,\)"),
-    "column": (lambda tau, one: np.zeros((2, 1)), ERROR, r"TypeError: the law returned shape \(2, 1\)"),
+    "wrong shape": (lambda tau, one: np.zeros(3), ERROR, r"the law.s torque has shape \(3,\), wanted \(2,\)"),
+    "scalar": (lambda tau, one: 1.0, ERROR, r"the law.s torque has shape \(\), wanted \(2,\)"),
+    "column": (lambda tau, one: np.zeros((2, 1)), ERROR, r"the law.s torque has shape \(2, 1\)"),
     "text": (lambda tau, one: "torque", ERROR, "ValueError: could not convert"),
     "own error": (lambda tau, one: raises(RuntimeError("no solution")), ERROR, "RuntimeError: no solution"),
     "own value error": (lambda tau, one: raises(ValueError("bad horizon")), ERROR, "ValueError: bad horizon"),
@@ -110,7 +110,7 @@ def test_the_error_says_who_what_and_when_and_carries_the_run() -> None:
     assert kept.digest() == go(plant_of("analytic"), law).digest()  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit, GeneratorExit])
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, GeneratorExit])
 def test_a_user_who_stops_the_program_is_not_a_faulty_law(stop: type[BaseException]) -> None:
     """Ctrl-C inside a law ends the program, not only the run."""
 
@@ -245,3 +245,47 @@ def test_what_a_raising_law_did_not_produce_is_nan() -> None:
     assert np.all(np.isfinite(run.s[:10]))
     assert np.all(np.isnan(run.s[10]))
     assert np.all(np.isnan(run.tau_law[10]))
+
+
+def test_a_law_that_ends_the_program_fails_its_run_instead() -> None:
+    """`sys.exit(0)` in a law must not end the command with status 0 and nothing done."""
+
+    def leaving(*arguments: Any) -> None:
+        raise SystemExit(0)
+
+    run = go(plant_of("analytic"), leaving)
+    assert run.outcome is Outcome.CONTROLLER_ERROR
+    assert "SystemExit" in run.detail
+
+
+@pytest.mark.parametrize("spoil", [
+    lambda memory, tau: memory.s.resize(3, refcheck=False),
+    lambda memory, tau: tau.resize(3, refcheck=False),
+    lambda memory, tau: tau.setflags(write=False),
+    lambda memory, tau: (tau.fill(1.0), 1j * tau)[1],
+], ids=["memory resized", "torque resized", "torque made read-only", "complex torque"])  # fmt: skip
+def test_a_law_that_spoils_its_arrays_fails_its_run(spoil: Callable[[Any, Any], Any]) -> None:
+    """Whatever a law does to what it was given, the run ends with an outcome and the next one is unharmed."""
+    law = find_law("smc")
+
+    def spoiling(g: Any, model: Any, t: float, q: Any, qd: Any, ref: Any, memory: Any, tau: Any) -> Any:
+        return spoil(memory, tau)
+
+    gains = law.pack_gains(6, {"lam": 10, "k": 0.3}, {})
+    motion = references.sine(0.5, 0.5)
+    controller = Controller("x", dataclasses.replace(law, function=spoiling), gains)
+    run = simulate(AnalyticPlant(Puma560()), controller, Puma560(), motion, duration=0.05, throw=False)
+    assert run.failed_at == 0
+    assert run.outcome in (Outcome.CONTROLLER_ERROR, Outcome.BAD_TORQUE)
+    honest = Controller("x", law, gains)
+    assert simulate(AnalyticPlant(Puma560()), honest, Puma560(), motion, duration=0.05).completed
+
+
+def test_an_error_in_a_law_names_its_line() -> None:
+    """The detail has the file and the line where the law raised, not a line of the loop."""
+
+    def wrong(*arguments: Any) -> None:
+        [0.0][7]
+
+    detail = go(plant_of("analytic"), wrong).detail
+    assert re.search(r"IndexError: .*\(test_failures\.py, line \d+\)", detail), detail

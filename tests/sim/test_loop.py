@@ -10,6 +10,7 @@ import pytest
 
 from tests.arms import slider, still
 from tests.sim.loops import PLANTS, TARGET, SpyPlant, arm, go, idle, law_of, plant_of, spring
+from torquebench import references
 from torquebench.kernel import Array
 from torquebench.references import Reference
 from torquebench.robot import load_model
@@ -40,6 +41,7 @@ def test_time_is_k_times_the_period(T: float, timestep: float, n_steps: int) -> 
     asked: list[Array] = []
 
     def noting(gains: Any, model: Any, t: float, *rest: Any) -> None:
+        rest[-1][:] = 0.0
         seen.append(t)
         assert model.control_period == T
 
@@ -159,15 +161,35 @@ def test_a_law_may_return_its_torque(kind: str) -> None:
     assert go(plant_of("analytic"), returning).digest() == go(plant_of("analytic"), spring).digest()
 
 
-def test_torque_starts_at_zero_at_every_instant() -> None:
-    """A joint that the law leaves alone gets no torque, whatever it got before."""
+def test_a_joint_the_law_forgets_is_noticed() -> None:
+    """A joint without a torque is a fault at that instant, whatever it was given the instant before."""
 
     def once(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array) -> None:
         tau[0] = 5.0
         if t == 0.0:
             tau[1] = 3.0
 
-    assert go(plant_of("analytic"), once, 0.003).tau_law.tolist() == [[5.0, 3.0], [5.0, 0.0], [5.0, 0.0]]
+    run = go(plant_of("analytic"), once, 0.003)
+    assert (run.outcome, run.failed_at) == (Outcome.BAD_TORQUE, 1)
+    assert "joint 2" in run.detail
+    assert "not written" in run.detail
+
+
+def test_a_law_that_only_rebinds_tau_is_noticed() -> None:
+    """`tau = ...` instead of `tau[:] = ...` commands nothing, and does not pass for a run with zero torque."""
+
+    def rebinding(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Any) -> None:
+        tau = 10.0 * (ref.q - q)  # noqa: F841  the mistake under test
+
+    assert go(plant_of("analytic"), rebinding).outcome is Outcome.BAD_TORQUE
+
+
+def test_plain_numbers_make_a_reference_for_every_joint() -> None:
+    """A reference made from scalars or lists is the one made from arrays."""
+    runs = []
+    for amplitude, frequency in ((0.5, 2.0), ([0.5, 0.5], [2.0, 2.0]), (np.full(2, 0.5), np.full(2, 2.0))):
+        runs.append(go(plant_of("analytic"), spring, reference=references.sine(amplitude, frequency)).digest())
+    assert len(set(runs)) == 1
 
 
 @pytest.mark.parametrize("name", PLANTS)
@@ -206,6 +228,7 @@ def test_memory_starts_at_zero_in_every_run_and_is_recorded() -> None:
     def counting(
         gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array
     ) -> None:
+        tau[:] = 0.0
         memory.s[:] = q
         memory.count[:] += 1.0
 

@@ -53,8 +53,9 @@ def compare(options: argparse.Namespace) -> int:
         data = {"a": a.label, "b": b.label, "states": options.states, "seed": options.seed, "agree": agree}
         say(json.dumps(data | {"rows": [_plain(row) for row in rows]}, indent=2))
     else:
-        say(f"A = {a.label}\nB = {b.label}\n{options.states} random states (seed {options.seed}), all joints"
-            + (f" but {options.frozen_joints} at zero" if options.frozen_joints else "") + "\n")  # fmt: skip
+        held = ", ".join(str(j) for j in options.frozen_joints)
+        say(f"A = {a.label}\nB = {b.label}\n{options.states} random states (seed {options.seed})"
+            + (f", joints {held} held at zero" if held else " of all joints") + "\n")  # fmt: skip
         say(table(["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"], [_cells(r) for r in rows]))
         say(f"\n{'agree' if agree else 'DIFFER'}: {sum(r.agrees for r in rows)} of {len(rows)} within their limits")
     return 0 if agree else 1
@@ -94,8 +95,9 @@ def _check(options: argparse.Namespace) -> None:
         problems.append(Problem("--seed", "", f"got {options.seed}, wanted zero or more"))
     if not (math.isfinite(options.tolerance) and options.tolerance >= 0):
         problems.append(Problem("--tolerance", "", f"got {options.tolerance}, wanted a finite number, zero or more"))
-    if not 0 <= options.rollout <= 1000:
-        problems.append(Problem("--rollout", "", f"got {options.rollout}, wanted 0 to 1000 s"))
+    steps = options.rollout * 1000
+    if not 0 <= options.rollout <= 1000 or abs(steps - round(steps)) > 1e-6:
+        problems.append(Problem("--rollout", "", f"got {options.rollout}, wanted 0 to 1000 s in whole milliseconds"))
     if any(j < 1 for j in options.frozen_joints):
         problems.append(Problem("--frozen-joints", "", "joints are counted from 1"))
     if problems:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import os
+import io
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -46,8 +47,8 @@ def parser() -> argparse.ArgumentParser:
     compare.add_argument("b", metavar="B")
     compare.add_argument("--states", type=int, default=1000, help="random states (default 1000)")
     compare.add_argument("--seed", type=int, default=0, help="seed of the states (default 0)")
-    compare.add_argument("--frozen-joints", type=int, nargs="*", default=[], metavar="J",
-                         help="joints held at zero position and speed, counted from 1, for example 4 5 6")  # fmt: skip
+    compare.add_argument("--frozen-joints", type=joint_list, default=[], metavar="J,J",
+                         help="joints held at zero position and speed, counted from 1, for example 4,5,6")  # fmt: skip
     compare.add_argument("--tolerance", type=float, default=1e-12,
                          help="relative difference that still counts as agreement (default 1e-12)")  # fmt: skip
     compare.add_argument("--rollout", type=float, default=0.0, metavar="SECONDS",
@@ -56,30 +57,50 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+def joint_list(text: str) -> list[int]:
+    """Read joint numbers separated by commas."""
+    return [int(word) for word in text.split(",")]
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     options = parser().parse_args(arguments)
     try:
-        if options.command == "run":
-            from torquebench.cli.run import run
-
-            return run(options.config, options.out, options.overrides, options.plugin, not options.no_figures)
-        from torquebench.cli.compare import compare
-
-        return compare(options)
+        status = dispatch(options)
+        sys.stdout.flush()
+        return status
     except ConfigError as error:
         for problem in error.problems:
             complain(str(problem))
         return BAD_INPUT
-    except TorquebenchError as error:
-        complain(f"torquebench: {error}")
-        return INTERNAL
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return INTERNAL
-    except OSError as error:
-        complain(f"torquebench: {error}")
-        return INTERNAL
     except KeyboardInterrupt:
         complain("torquebench: interrupted; a run directory without manifest.json is unfinished")
         return INTERRUPTED
+    except BrokenPipeError:
+        sys.stdout = None  # nobody reads it any more; the interpreter must not complain when it closes it
+        return INTERNAL
+    except (TorquebenchError, OSError) as error:
+        complain(f"torquebench: {error}")
+        if isinstance(error, OSError):
+            sys.stdout = None
+        return INTERNAL
+    except Exception as error:  # noqa: BLE001  the last resort: one line, and where to look
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        complain(
+            f"torquebench: internal error: {type(error).__name__}: {error} ({frame.filename}, line {frame.lineno})"
+        )
+        return INTERNAL
+
+
+def dispatch(options: argparse.Namespace) -> int:
+    """Run the chosen command and return its exit status."""
+    if options.command == "run":
+        from torquebench.cli.run import run
+
+        return run(options.config, options.out, options.overrides, options.plugin, not options.no_figures)
+    from torquebench.cli.compare import compare
+
+    return compare(options)

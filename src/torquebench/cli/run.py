@@ -8,10 +8,13 @@ from pathlib import Path
 from torquebench.cli.terminal import complain, progress_bar, say, table
 from torquebench.disturbances import Stream
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
+from torquebench.experiment.build import build
 from torquebench.experiment.run import ExperimentResult, run_experiment
-from torquebench.experiment.schema import Experiment
-from torquebench.experiment.store import RunDirectory, choose_folder, json_bytes
+from torquebench.experiment.schema import AnalyticPlant, Experiment
+from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes
 from torquebench.laws.plugin import load_plugin
+from torquebench.robot.library import model_folder
+from torquebench.sim.trajectory import Trajectory
 
 
 def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Sequence[Path], with_figures: bool) -> int:
@@ -30,35 +33,40 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
     for plugin in plugins:
         load_plugin(plugin)
     experiment = load_experiment(config, overrides)
-    folder = choose_folder(out, experiment.name)
-    with progress_bar(
-        experiment.n_steps * len(experiment.controllers), "step", "starting (compiles on first use)"
-    ) as bar:
+    loop = build(experiment)
+    directory = RunDirectory(claim_folder(out, experiment.name))
+    directory.write("experiment.yaml", dump_experiment(experiment).encode())
+    begin = "starting (compiles on first use)"
+    with progress_bar(experiment.n_steps * len(experiment.controllers), "step", begin) as bar:
 
         def report(name: str, k: int) -> None:
             if k % 50 == 49:
                 bar.set_description_str(name, refresh=False)
                 bar.update(50)
 
-        result = run_experiment(experiment, report)
-    directory = RunDirectory(folder)
-    write(result, directory, with_figures)
+        def keep(name: str, trajectory: Trajectory) -> None:
+            directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
+
+        result = run_experiment(experiment, loop, progress=report, finished=keep)
+    write_results(result, directory, plugins, with_figures)
     say(summary(result))
     say()
-    say(f"results: {folder}")
+    say(f"results: {directory.folder}")
     for name in result.unexpected:
         trajectory = result.runs[name]
-        complain(f"torquebench: controller '{name}' was expected otherwise: {outcome_text(result, name)}"
-                 + (f" ({trajectory.detail})" if trajectory.detail else ""))  # fmt: skip
+        detail = f" ({trajectory.detail})" if trajectory.detail else ""
+        wanted = next(keys.expect for keys in experiment.controllers if keys.name == name)
+        complain(
+            f"torquebench: controller '{name}': {outcome_text(result, name)}{detail}; the config expects: {wanted}"
+        )
     return 1 if result.unexpected else 0
 
 
-def write(result: ExperimentResult, directory: RunDirectory, with_figures: bool) -> None:
-    """Write every file of a run, the manifest last."""
+def write_results(
+    result: ExperimentResult, directory: RunDirectory, plugins: Sequence[Path], with_figures: bool
+) -> None:
+    """Write metrics, figures and, last, the manifest of a run whose trajectories are written."""
     experiment = result.experiment
-    directory.write("experiment.yaml", dump_experiment(experiment).encode())
-    for name, trajectory in result.runs.items():
-        directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
     metrics = {name: result.metrics[name].to_json() if name in result.metrics else None for name in result.runs}
     conditions = {
         "window_from": experiment.run.metrics_from, "noise": noise_text(experiment), "chain": experiment.chain,
@@ -76,7 +84,9 @@ def write(result: ExperimentResult, directory: RunDirectory, with_figures: bool)
                 "streams": {stream.name.lower(): int(stream) for stream in Stream},
                 "mismatch_redraws": result.loop.redraws,
             },
-            "path": "python",
+            "model_files": checksums(sorted(p for p in model_folder(experiment.plant.model).iterdir() if p.is_file())),
+            "plugins": checksums(plugins),
+            "loop": "interpreted",
             "outcomes": {
                 name: {
                     "outcome": trajectory.outcome.name,
@@ -121,12 +131,15 @@ def noise_text(experiment: Experiment) -> str:
 def conditions_text(experiment: Experiment) -> str:
     """Return what was run, in two lines: plant, belief, motion; sampling and noise."""
     plant, belief, run = experiment.plant, experiment.model, experiment.run
-    mismatch = f", mismatch ±{100 * belief.mismatch.relative:g} %" if belief.mismatch else ""
+    mismatch = f", mismatch +-{100 * belief.mismatch.relative:g} %" if belief.mismatch else ""
+    form = f":{plant.structure}:{plant.constants}" if isinstance(plant, AnalyticPlant) else ""
+    drawn = f"; seed {run.seed}, draw {run.draw}" if belief.mismatch or experiment.disturbances else ""
+    start = "" if run.initial_q == "home" else f"; start {run.initial_q}"
     return (
-        f"plant {plant.engine}:{plant.model} ({plant.integrator}, {1e3 * plant.timestep:g} ms); "
-        f"model {belief.structure}/{belief.constants}{mismatch}; reference {experiment.reference.kind}\n"
+        f"plant {plant.engine}:{plant.model}{form} ({plant.integrator}, {1e3 * plant.timestep:g} ms); "
+        f"model {belief.structure}/{belief.constants}{mismatch}; reference {experiment.reference.kind}{start}\n"
         f"control period {1e3 * run.control_period:g} ms; chain {experiment.chain}; "
-        f"disturbance: {noise_text(experiment)}; metrics from {run.metrics_from:g} s"
+        f"disturbance: {noise_text(experiment)}{drawn}; metrics from {run.metrics_from:g} s"
     )
 
 

@@ -36,17 +36,25 @@ class ExperimentResult:
         )
 
 
-def run_experiment(experiment: Experiment, progress: Callable[[str, int], None] | None = None) -> ExperimentResult:
+def run_experiment(
+    experiment: Experiment,
+    loop: Loop | None = None,
+    *,
+    progress: Callable[[str, int], None] | None = None,
+    finished: Callable[[str, Trajectory], None] | None = None,
+) -> ExperimentResult:
     """Run every controller of an experiment.
 
     Args:
         experiment: A validated experiment.
+        loop: Its objects; None to build them.
         progress: Called with the controller's name and the index of the control instant just finished.
+        finished: Called with each controller's name and run as soon as it has ended.
 
     Raises:
         ModelError: a model cannot be used.
     """
-    loop = build(experiment)
+    loop = build(experiment) if loop is None else loop
     runs: dict[str, Trajectory] = {}
     metrics: dict[str, Metrics] = {}
     for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
@@ -57,6 +65,8 @@ def run_experiment(experiment: Experiment, progress: Callable[[str, int], None] 
             disturbance=loop.disturbance, initial_q=loop.initial_q, throw=False,
             progress=None if progress is None else partial(progress, name),
         )  # fmt: skip
+        if finished is not None:
+            finished(name, runs[name])
         if runs[name].completed:
             band = band_of(keys.law, keys.gains)
             metrics[name] = compute_metrics(

@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import sys
+from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from torquebench.errors import ConfigError, Problem, ResultError
 
 PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
 MANIFEST = "manifest.json"
+CLAIM = "unfinished"
+"""Empty file that marks a run directory until its manifest is written."""
 
 
 def atomic_write(path: Path, content: bytes) -> None:
@@ -37,44 +40,56 @@ def atomic_write(path: Path, content: bytes) -> None:
         os.close(folder)
 
 
-def choose_folder(out: Path | None, name: str) -> Path:
-    """Return the folder a run will write to; nothing is created yet.
+def claim_folder(out: Path | None, name: str) -> Path:
+    """Create the folder a run will write to and return it; no other run can have claimed it.
 
     Args:
-        out: The user's choice, or None for ``runs/NAME-UTC``.
+        out: The user's choice, new or empty, or None for ``runs/NAME-UTC``.
         name: Name of the experiment.
 
     Raises:
-        ConfigError: the folder exists and is not empty, or is not a folder.
+        ConfigError: the chosen folder is not empty or cannot be made.
     """
-    if out is None:
-        stamp = datetime.datetime.now(datetime.UTC).strftime("%Y%m%dT%H%M%SZ")
-        out = Path("runs") / f"{name}-{stamp}"
-        attempt = 1
-        while out.exists():
-            attempt += 1
-            out = Path("runs") / f"{name}-{stamp}-{attempt}"
+    if out is not None:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            if any(out.iterdir()):
+                raise ConfigError([Problem("--out", "", f"{out} is not empty, wanted a new or empty folder")])
+            # of two runs that found the folder empty, one is told here
+            os.close(os.open(out / CLAIM, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
+        except FileExistsError as error:
+            what = "is a file" if not out.is_dir() else "was just taken by another run"
+            raise ConfigError([Problem("--out", "", f"{out} {what}, wanted a new or empty folder")]) from error
+        except (OSError, ValueError) as error:
+            raise ConfigError([Problem("--out", "", f"cannot make {out}: {error}")]) from error
         return out
-    if out.exists() and not out.is_dir():
-        raise ConfigError([Problem("--out", "", f"{out} is a file, wanted a folder that is empty or does not exist")])
-    if out.is_dir() and any(out.iterdir()):
-        raise ConfigError(
-            [Problem("--out", "", f"{out} is not empty, wanted a folder that is empty or does not exist")]
-        )
-    return out
+    stamp = datetime.datetime.now(datetime.UTC).strftime("%Y%m%dT%H%M%SZ")
+    attempt = 1
+    while True:
+        folder = Path("runs") / (f"{name}-{stamp}" + (f"-{attempt}" if attempt > 1 else ""))
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            attempt += 1
+            continue
+        except OSError as error:
+            raise ConfigError(
+                [Problem("--out", "", f"cannot make {folder}: {error} (choose another folder)")]
+            ) from error
+        (folder / CLAIM).touch()
+        return folder
 
 
 class RunDirectory:
-    """A run directory being written; without a manifest it counts as unfinished.
+    """A run directory being written; while it holds ``unfinished`` and no manifest, the run has not ended.
 
     Args:
-        folder: Where; created with its parents.
+        folder: Where; see `claim_folder`.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._checksums: dict[str, str] = {}
-        folder.mkdir(parents=True, exist_ok=True)
 
     def write(self, name: str, content: bytes) -> None:
         """Write one file, `name` relative to the folder."""
@@ -87,6 +102,7 @@ class RunDirectory:
         """Write the manifest: `facts`, versions, machine, and the checksum of every file written."""
         manifest = facts | {"software": versions(), "machine": machine(), "files": self._checksums}
         atomic_write(self.folder / MANIFEST, json_bytes(manifest))
+        (self.folder / CLAIM).unlink(missing_ok=True)
 
 
 def json_bytes(value: Any) -> bytes:
@@ -108,6 +124,11 @@ def machine() -> dict[str, str]:
         "libc": " ".join(platform.libc_ver()),
         "byteorder": sys.byteorder,
     }
+
+
+def checksums(paths: Iterable[Path]) -> dict[str, str]:
+    """Return the SHA-256 of each file by its name."""
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
 
 
 def check_run(folder: Path) -> dict[str, Any]:

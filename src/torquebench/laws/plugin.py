@@ -28,7 +28,7 @@ def load_plugin(path: Path) -> tuple[str, ...]:
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
         spec.loader.exec_module(module)
-    except Exception as error:  # a user's file may raise anything; it is bad input, not an internal error
+    except (Exception, SystemExit) as error:  # a user's file may raise anything: bad input, not an internal error
         message = f"{type(error).__name__}: {error}" if not isinstance(error, ControllerError) else str(error)
         raise ConfigError([Problem("--plugin", str(path), message)]) from error
     added = tuple(sorted(set(law_names()) - before))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import copy
+import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,7 +32,7 @@ class Controller:
     """A law with its gains, under the name it has in results."""
 
     name: str
-    law: Law
+    law: Law = field(repr=False)
     gains: Any
     """The tuple the law receives; see `Law.pack_gains`."""
 
@@ -98,9 +100,9 @@ def simulate(
     substeps = substeps_per_period(control_period, plant.timestep)
     n_steps = substeps_per_period(duration, control_period, ("duration", "control_period"))
     t: Array = np.arange(n_steps, dtype=np.float64) * control_period
-    desired = reference if isinstance(reference, Reference) else reference(t)
+    desired = _each_joint(reference if isinstance(reference, Reference) else reference(t), n)
     start = np.zeros(n) if initial_q is None else np.array(initial_q, dtype=np.float64)
-    _check_shapes(n, n_steps, model, desired, disturbance, start)
+    _check_shapes(n, n_steps, controller, model, desired, disturbance, start)
 
     record = {name: np.full((n_steps, n), np.nan) for name in SIGNALS}
     # the law gets copies, so that one that writes to its arguments changes neither the plant nor the next run
@@ -110,7 +112,7 @@ def simulate(
     memory = controller.law.new_memory(n)
     kept = {name: np.full((n_steps, n), np.nan) for name in memory._fields if name not in ("s", "nothing")}
     has_s = "s" in memory._fields
-    tau_law, outcome, detail, failed_at = np.zeros(n), Outcome.COMPLETED, "", None
+    outcome, detail, failed_at = Outcome.COMPLETED, "", None
     plant.reset(start, np.zeros(n))
 
     for k in range(n_steps):
@@ -120,7 +122,7 @@ def simulate(
         record["q_meas"][k], record["qd_meas"][k] = q, qd
         record["q_ref"][k], record["qd_ref"][k], record["qdd_ref"][k] = ref
 
-        outcome, detail = call(k * control_period, q, qd, ref, memory, tau_law)
+        tau_law, outcome, detail = call(k * control_period, q, qd, ref, memory)
         record["tau_law"][k] = tau_law
         if outcome is not Outcome.CONTROLLER_ERROR:
             if has_s:
@@ -156,31 +158,43 @@ def simulate(
 
 
 def _call(
-    law: Law, gains: Any, belief: Model, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array
-) -> tuple[Outcome, str]:
+    law: Law, gains: Any, belief: Model, t: float, q: Array, qd: Array, ref: Reference, memory: Any
+) -> tuple[Array, Outcome, str]:
     """Call the law once; a law that returns an array instead of filling `tau` is accepted too."""
-    tau[:] = 0.0
+    n = len(q)
+    tau = np.full(n, np.nan)  # so that a joint the law forgets is noticed
+    function: Callable[..., Any] = law.function
     try:
         with np.errstate(all="ignore"):
-            function: Callable[..., Any] = law.function
             returned = function(gains, belief, t, q, qd, ref, memory, tau)
+            if np.iscomplexobj(returned):
+                return tau, Outcome.CONTROLLER_ERROR, "the law returned complex numbers"
             if returned is not None:
-                values = np.asarray(returned, dtype=np.float64)
-                if values.shape != tau.shape:
-                    raise TypeError(f"the law returned shape {values.shape}, wanted {tau.shape}")
-                tau[:] = values
-    except ArithmeticError as error:
-        tau[:] = np.nan
-        return Outcome.BAD_TORQUE, f"{type(error).__name__}: {error}"
-    except Exception as error:  # noqa: BLE001  a user's law may raise anything; the run reports it and stops
-        tau[:] = np.nan
+                tau = np.array(returned, dtype=np.float64)
+    except (Exception, SystemExit) as error:  # noqa: BLE001  a user's law may raise anything; the run reports it
         # what `math` says of an argument outside a function's domain, up to Python 3.13 and from 3.14 on
         domain = isinstance(error, ValueError) and str(error).startswith(("math domain error", "expected a"))
-        return (Outcome.BAD_TORQUE if domain else Outcome.CONTROLLER_ERROR), f"{type(error).__name__}: {error}"
+        arithmetic = isinstance(error, ArithmeticError) or domain
+        return np.full(n, np.nan), Outcome.BAD_TORQUE if arithmetic else Outcome.CONTROLLER_ERROR, _describe(error)
+    for name, array in {"torque": tau, **memory._asdict()}.items():
+        if np.shape(array) != (n,) and name != "nothing":
+            wrong = f"the law's {name} has shape {np.shape(array)}, wanted {(n,)}"
+            return np.full(n, np.nan), Outcome.CONTROLLER_ERROR, wrong
     if not np.all(np.isfinite(tau)):
         joint = int(np.argmin(np.isfinite(tau)))
-        return Outcome.BAD_TORQUE, f"joint {joint + 1}: tau = {tau[joint]}"
-    return Outcome.COMPLETED, ""
+        why = " (not written by the law, or not a number)" if np.isnan(tau[joint]) else ""
+        return tau, Outcome.BAD_TORQUE, f"joint {joint + 1}: tau = {tau[joint]}{why}"
+    return tau, Outcome.COMPLETED, ""
+
+
+def _describe(error: BaseException) -> str:
+    """Return what went wrong and the line of the law's file where it did."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    try:
+        text = str(error)
+    except Exception:  # noqa: BLE001  an exception's own text may fail as well
+        text = "(no text)"
+    return f"{type(error).__name__}: {text} ({Path(frame.filename).name}, line {frame.lineno})"
 
 
 def _check_state(q: Array, qd: Array) -> tuple[Outcome, str]:
@@ -192,11 +206,27 @@ def _check_state(q: Array, qd: Array) -> tuple[Outcome, str]:
     return Outcome.DIVERGED, f"joint {joint + 1}: q = {q[joint]:g} rad, qd = {qd[joint]:g} rad/s after the step"
 
 
+def _each_joint(desired: Reference, n: int) -> Reference:
+    """Repeat a reference of one column, made from plain numbers, for every joint."""
+    return Reference(*(np.repeat(x, n, axis=1) if np.ndim(x) == 2 and x.shape[1] == 1 else x for x in desired))
+
+
 def _check_shapes(
-    n: int, n_steps: int, model: RobotModel, desired: Reference, disturbance: Array | None, start: Array
+    n: int,
+    n_steps: int,
+    controller: Controller,
+    model: RobotModel,
+    desired: Reference,
+    disturbance: Array | None,
+    start: Array,
 ) -> None:
+    if not isinstance(model, RobotModel):
+        raise TypeError(f"model is a {type(model).__name__}, wanted a RobotModel: what the law believes, not the plant")
     if model.n != n:
         raise ValueError(f"the model has {model.n} joints, the plant {n}")
+    for gain in controller.gains:
+        if np.ndim(gain) == 1 and len(gain) != n:
+            raise ValueError(f"controller '{controller.name}' has gains for {len(gain)} joints, the plant has {n}")
     for name, array in desired._asdict().items():
         if array.shape != (n_steps, n):
             raise ValueError(f"reference {name} has shape {array.shape}, wanted {(n_steps, n)}")

@@ -28,7 +28,7 @@ class Outcome(Enum):
 SIGNALS = ("q", "qd", "q_meas", "qd_meas", "q_ref", "qd_ref", "qdd_ref", "s", "tau_law", "tau", "tau_applied")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Trajectory:
     """Samples of one closed loop at its control instants t_k = k control_period, k = 0 .. N-1.
 
@@ -72,6 +72,11 @@ class Trajectory:
         for array in (self.t, *(getattr(self, name) for name in SIGNALS), *self.extra.values()):
             array.setflags(write=False)
 
+    def __repr__(self) -> str:
+        """Name the outcome and the size instead of printing every array."""
+        n_steps, n = self.q.shape
+        return f"<Trajectory {self.outcome.name}, {n_steps} instants, {n} joints>"
+
     @property
     def completed(self) -> bool:
         """Whether the run reached its end."""
@@ -98,14 +103,14 @@ class Trajectory:
         return buffer.getvalue()
 
 
-def load_trajectory(path: Path) -> Trajectory:
+def load_trajectory(path: str | Path) -> Trajectory:
     """Read a stored trajectory.
 
     Raises:
         ResultError: the file is missing, torn, or lacks an array.
     """
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
+        with np.load(io.BytesIO(Path(path).read_bytes()), allow_pickle=False) as stored:
             content = {name: stored[name] for name in stored.files}
         failed_at = int(content.pop("failed_at"))
         outcome = Outcome[str(content.pop("outcome"))]
