@@ -57,6 +57,28 @@ def test_the_law_of_the_readme_runs(tmp_path, monkeypatch):
     assert main(["run", "my.yaml", "--plugin", "my_law.py", "--out", "out", "--no-figures"]) == 0
 
 
+def test_the_law_of_the_guide_runs(tmp_path, monkeypatch):
+    """docs/writing-a-law.md: memory, options and a sliding variable that is recorded; it follows to a milliradian."""
+    from torquebench import load_trajectory
+    from torquebench.laws import base
+
+    guide = (data_root() / "docs" / "writing-a-law.md").read_text()
+    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_law.py").write_text(re.search(r"^```python\n(.*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)[1])
+    (tmp_path / "my.yaml").write_text(
+        "name: mine\nplant: {engine: mujoco, model: puma560}\ncontrollers:\n"
+        f"  - {re.search(r'`({name: mine.*?}})`', guide)[1]}\n"
+        "reference: {kind: sine, amplitude: 0.5, frequency_hz: 0.5}\n"
+        "run: {duration: 1.0, metrics_from: 0.2}\n"
+    )
+    assert main(["run", "my.yaml", "--plugin", "my_law.py", "--out", "out", "--no-figures"]) == 0
+    run = load_trajectory("out/mine/trajectory.npz")
+    assert np.all(np.isfinite(run.s))
+    assert set(run.extra) == {"integral", "qdd"}
+    assert np.max(np.abs(run.q_ref - run.q)) < 1e-3
+
+
 def test_the_python_of_the_readme_runs(capsys):
     """The script shown runs and follows its reference to a few milliradians."""
     scope = {}
