@@ -61,7 +61,8 @@ def together() -> str:
     wrong, true_rms = torques.power_rms()
     return f"""## All slips together
 
-Largest velocity torque of each joint with every speed at most 2 rad/s, N m:
+Largest velocity torque of each joint with every speed at most 2 rad/s, N m. Here and in what follows the largest is
+sought over speeds of -2, 0 and 2 rad/s and a grid of 10 degrees, so the true one may be a little larger:
 
 {table("torque | joint 1 | 2 | 3 | 4 | 5 | 6", rows)}
 
@@ -69,7 +70,7 @@ As printed, joint 3's velocity torque can be wrong by more than its largest true
 
 The velocity torques V of a rigid body do no work of their own: qd.V = 0.5 qd.(dA/dt) qd. The paper's stability
 proof, from (108) on, stands on this property (it says that dA/dt - 2V is skew-symmetric). As printed they do work:
-up to {num(still)} W at 2 rad/s with the wrist at rest and {num(moving)} W with it moving (with dA/dt of the printed
+{num(still)} W or more at 2 rad/s with the wrist at rest and {num(moving)} W with it moving (with dA/dt of the printed
 A: {num(own)} W); rms {num(wrong)} W over random speeds, where qd.V itself has {num(true_rms)} W rms. The corrected
 pattern keeps the property to round-off with the wrist at rest and to {num(pattern)} W with it moving."""
 
