@@ -84,7 +84,7 @@ def test_one_panel_per_joint_with_units(n: int) -> None:
         "error": "error e [mrad]",
         "torque": "torque [N m]",
         "sliding": "sliding variable s [mrad/s]",
-        "spectrum": "torque [% of limit]",
+        "spectrum": "torque amplitude [% of limit]",
     }
     for key, fig in figures.items():
         assert len(fig.axes) == (2 * n if key == "torque" else n)
@@ -124,7 +124,7 @@ def test_runs_differ_in_colour_and_in_dash_and_the_restless_one_lies_below(six: 
         assert len(set(seen)) == 3
         colours[tuple(seen)] = True
     assert len(colours) == 1
-    drawn = panel(six["torque"], "joint 1").get_lines()[:3]
+    drawn = panel(six["torque"], "joint 1").get_lines()[:3]  # in the order of the runs, the restless one first
     assert drawn[0].get_zorder() < min(line.get_zorder() for line in drawn[1:])
     assert drawn[0].get_linewidth() < min(line.get_linewidth() for line in drawn[1:])
     assert len({line.get_linestyle() for line in panel(six["position"], "joint 1").get_lines()[:2]}) == 2

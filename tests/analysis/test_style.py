@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from torquebench.analysis.style import band_maxima, choose_unit, decimate, limits
+from torquebench.analysis.style import COLOURS, DASHES, band_maxima, choose_unit, decimate, isolated_peaks, limits
 
 
 @settings(max_examples=50, deadline=None)
@@ -50,6 +50,32 @@ def test_band_maxima() -> None:
     where, greatest = band_maxima(f, a, 1)
     assert where.tolist() == [1.0, 2.0, 4.0, 11.0, 16.0, 32.0]
     assert greatest == pytest.approx([1.0, 0.5, 0.25, 5.0, 1 / 16, 1 / 32])
+
+
+def test_isolated_peaks() -> None:
+    """A line 20 times as high as all around counts, inside or last, alone or with a taper's skirts; others do not."""
+    f = np.arange(1.0, 501.0)
+    flat = 1.0 + 0.5 * np.random.default_rng(3).random(500)
+    assert isolated_peaks(f, flat).tolist() == []
+    for place in (99, 499):
+        a = flat.copy()
+        a[place] = 30.0
+        assert isolated_peaks(f, a).tolist() == [place]
+        a[place - 1] = 15.0
+        assert isolated_peaks(f, a).tolist() == [place]
+        a[place - 1] = 30.0  # the taper makes the last two lines of a torque switching every instant equal
+        assert isolated_peaks(f, a).tolist() == [place]
+        a[place - 4] = 15.0  # no longer alone
+        assert isolated_peaks(f, a).tolist() == []
+    assert isolated_peaks(f, np.exp(f / 100.0)).tolist() == []  # a rise is no line
+    assert isolated_peaks(f, np.zeros(500)).tolist() == []
+    assert isolated_peaks(f[:3], np.array([1.0, 50.0, 1.0])).tolist() == []  # nothing to stand out from
+
+
+def test_looks_repeat_late() -> None:
+    """Seven controllers have seven colours; 35 differ in colour or in dash."""
+    assert len(set(COLOURS)) == 7
+    assert len({(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]) for k in range(35)}) == 35
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -25,10 +26,11 @@ def new_page(rows: int, least: float, most: float) -> Figure:
     return fig
 
 
-def panel_grid(names: Sequence[str], x_label: str, y_label: str) -> tuple[Figure, list[Axes]]:
+def panel_grid(names: Sequence[str], x_label: str, y_labels: Sequence[str]) -> tuple[Figure, list[Axes]]:
     """Return a page with one panel per joint: two columns (three above eight joints), rows filled first.
 
-    The x label stands under the lowest panel of each column, the y label beside the first column.
+    The x label stands under the lowest panel of each column. A panel's y label stands beside it in the first
+    column, and in the others where it differs from the one at its left.
     """
     n = len(names)
     columns = 1 if n == 1 else 2 if n <= 8 else 3
@@ -40,8 +42,8 @@ def panel_grid(names: Sequence[str], x_label: str, y_label: str) -> tuple[Figure
         ax = fig.add_subplot(grid[i // columns, i % columns])
         ax.set_label(name)
         ax.set_title(printable(name), loc="left", pad=3.0)
-        if i % columns == 0:
-            ax.set_ylabel(y_label)
+        if i % columns == 0 or y_labels[i] != y_labels[i - 1]:
+            ax.set_ylabel(y_labels[i] if rows <= 3 else y_labels[i].replace(" [", "\n["))
         lowest = i + columns >= n
         ax.set_xlabel(x_label if lowest else "")
         ax.tick_params(labelbottom=lowest)
@@ -71,11 +73,40 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
         engine.set(rect=(0.004, 0.004, 0.99, 1.0 - header / height - 0.004))  # type: ignore[call-arg]
     fig.draw_without_rendering()
     fig.set_layout_engine("none")  # solved again, panels would move by round-off, and bytes with them
+    for ax in fig.axes:  # the solver's round-off follows memory addresses: not the same in every run
+        x, y, width, height = (round(float(edge), 6) for edge in ax.get_position().bounds)
+        ax.set_position((x, y, width, height))
 
 
 def printable(text: str) -> str:
     """Replace control characters, which an SVG file cannot hold."""
     return "".join(c if c.isprintable() else " " for c in text)
+
+
+def level_lines(ax: Axes, level: float, used: tuple[float, float], look: dict[str, Any]) -> bool:
+    """Draw +-`level` across `ax` with the line properties `look`, where it is in view; say whether it is.
+
+    The range of the axis takes a sign in where what is drawn, whose range is `used`, reaches half of it.
+    """
+    low, high = ax.get_ylim()
+    low = min(low, -1.1 * level) if used[0] < -0.5 * level else low
+    high = max(high, 1.1 * level) if used[1] > 0.5 * level else high
+    ax.set_ylim(low, high)
+    seen = [y for y in (level, -level) if low < y < high]
+    for y in seen:
+        ax.axhline(y, **look)
+    return bool(seen)
+
+
+def write_note(ax: Axes, text: str) -> None:
+    """Write what is too far away to be drawn, in room made for it at the top."""
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + 0.25 * (high - low))
+    ax.annotate(
+        text, (1.0, 1.0), (-3.0, -3.0), "axes fraction", "offset points",
+        ha="right", va="top", fontsize=7.0, color="0.3", zorder=5.0,
+        bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.8},
+    )  # fmt: skip
 
 
 def _legend(fig: Figure, handles: Sequence[Artist]) -> tuple[Legend, float]:

@@ -11,15 +11,17 @@ from typing import Any, Literal, NamedTuple
 
 import matplotlib.style
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from torquebench.kernel import Array
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-"""Okabe-Ito without black, which is the reference's, and without yellow, which is lost on white."""
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#882255")
+"""Okabe-Ito without black, which is the reference's; a wine red stands for its yellow, which is lost on white."""
 DASHES: tuple[Any, ...] = ("-", (0, (5.0, 1.6)), (0, (6.0, 1.4, 1.2, 1.4)), (0, (1.4, 1.2)), (0, (9.0, 2.0)))
+"""Prime to the number of colours in number: both together repeat after 35 controllers only."""
 PNG_DPI = 150
 
 _RC: dict[str, Any] = {
@@ -93,6 +95,35 @@ def band_maxima(f: Array, a: Array, per_octave: int) -> tuple[Array, Array]:
     first = np.flatnonzero(np.diff(band, prepend=-1.0))
     index = np.array([low + int(np.argmax(part)) for low, part in zip(first, np.split(a, first[1:]), strict=True)])
     return f[index], a[index]
+
+
+def isolated_peaks(f: Array, a: Array, ratio: float = 10.0) -> npt.NDArray[np.intp]:
+    """Find the lines of a spectrum that stand alone, such as the one line of a torque that switches every instant.
+
+    A line counts when it is `ratio` times as high as every other line within a quarter of an octave and at least
+    six lines on either side. The two lines next to it on either side only must not be higher: a Hann taper spreads
+    a sinusoid over them. Of equal neighbours the last counts.
+
+    Args:
+        f: Frequencies of all lines, equally spaced, (N,) [Hz].
+        a: Their amplitudes, (N,).
+        ratio: How much higher the line must be.
+
+    Returns:
+        Indices of the lines, ascending.
+    """
+    beside = np.pad(a, 3)
+    found = []
+    for k in np.flatnonzero((a > 0.0) & (a >= ratio * np.maximum(beside[:-6], beside[6:]))).tolist():
+        low = max(0, min(int(np.searchsorted(f, f[k] * 2.0**-0.25)), k - 6))
+        high = max(int(np.searchsorted(f, f[k] * 2.0**0.25, side="right")), k + 7)
+        far = np.concatenate([a[low : max(0, k - 2)], a[k + 3 : high]])
+        highest = (
+            a[k] >= (1.0 - 1e-9) * a[max(0, k - 2) : k + 1].max() and (a[k] > a[k + 1 : k + 3] * (1.0 + 1e-9)).all()
+        )
+        if highest and far.size and a[k] >= ratio * far.max():
+            found.append(k)
+    return np.array(found, dtype=np.intp)
 
 
 class Unit(NamedTuple):

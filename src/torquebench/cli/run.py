@@ -9,11 +9,13 @@ from torquebench.cli.terminal import complain, progress_bar, say, table
 from torquebench.disturbances import Stream
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.run import ExperimentResult, run_experiment
+from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
 from torquebench.experiment.schema import AnalyticPlant, Experiment
 from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes
+from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
 from torquebench.robot.library import model_folder
+from torquebench.robot.model import SLIDE
 from torquebench.sim.trajectory import Trajectory
 
 
@@ -65,7 +67,14 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
 def write_results(
     result: ExperimentResult, directory: RunDirectory, plugins: Sequence[Path], with_figures: bool
 ) -> None:
-    """Write metrics, figures and, last, the manifest of a run whose trajectories are written."""
+    """Write metrics, figures and, last, the manifest of a run whose trajectories are written.
+
+    Args:
+        result: The run.
+        directory: Where.
+        plugins: Files of laws that were loaded, for the manifest.
+        with_figures: Whether to draw figures.
+    """
     experiment = result.experiment
     metrics = {name: result.metrics[name].to_json() if name in result.metrics else None for name in result.runs}
     conditions = {
@@ -105,10 +114,13 @@ def write_figures(result: ExperimentResult, directory: RunDirectory) -> None:
     from torquebench.analysis.figures import figure_bytes, make_figures
 
     experiment = result.experiment
+    found = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
+    bands = {name: as_vector(band, experiment.n) for name, band in found.items() if band is not None}
     figures = make_figures(
         result.runs, title=experiment.name, subtitle=conditions_text(experiment), joint_names=result.loop.joint_names,
         tau_max=result.loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period, metrics=result.metrics,
+        bands=bands, slides=[kind == SLIDE for kind in result.loop.model.flat.kind],
     )  # fmt: skip
     with progress_bar(2 * len(figures), "figure", "drawing") as bar:
         for name, figure in figures.items():
