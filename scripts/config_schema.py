@@ -61,6 +61,8 @@ def _variants(node: Node, groups: list[Node], definitions: Node) -> list[str]:
     values = [group["properties"][tag]["const"] for group in groups]
     about = {"enum": values, "description": first[tag]["description"].partition(". ")[0].rstrip(".") + "."}
     common = {tag: about, **{key: first[key] for key in shared}}
+    if all("gains" in group["properties"] for group in groups):
+        common["gains"] = {**first["gains"], "description": "Gains of the law, listed with each law."}
     parts = [_table({"properties": common, "required": [tag, *groups[0]["required"]]}, definitions)]
     for value, group in zip(values, groups, strict=True):
         own = {key: item for key, item in group["properties"].items() if key not in (tag, *shared)}

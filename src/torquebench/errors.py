@@ -61,11 +61,13 @@ def did_you_mean(name: object, valid: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the valid name nearest to `name`, or the list of valid names.
 
     Args:
-        name: What the user wrote.
+        name: What the user wrote; upper and lower case count as the same.
         valid: Names that would have been accepted.
     """
-    names = list(valid)
-    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    names, wrote = list(valid), str(name)
+    close = difflib.get_close_matches(wrote.lower(), {known.lower() for known in names}, n=1, cutoff=0.5)
     if close:
-        return f" (did you mean '{close[0]}'?)"
+        alike = [known for known in names if known.lower() == close[0]]
+        best = max(alike, key=lambda known: difflib.SequenceMatcher(None, wrote, known).ratio())
+        return f" (did you mean '{best}'?)"
     return f" (one of: {', '.join(names)})" if names else ""

@@ -95,6 +95,14 @@ def test_default_folder_is_named_after_the_experiment(quick, command):
     assert all(name.startswith("quick-20") for name in folders)
 
 
+def test_a_motion_beyond_all_numbers_is_bad_input(quick, command):
+    """A frequency whose square overflows is answered before anything is written."""
+    status, out, err = command("run", quick, "--set", "reference.frequency_hz=1e200", "--out", "result")
+    assert (status, out) == (2, "")
+    assert "reference: its acceleration is beyond" in err
+    assert not (quick.parent / "result").exists()
+
+
 def test_bad_configs_are_refused_with_every_mistake_and_nothing_written(quick, command):
     """Exit 2, one line a mistake with file:line:col and the nearest name, no traceback, no folder."""
     quick.write_text(

@@ -177,6 +177,7 @@ BAD_NUMBERS = [
     Bad("metrics_from: 1.25", "metrics_from: -1", "run.metrics_from", "at least 0"),
     Bad("relative: 0.3", "relative: 0", "model.mismatch.relative", "more than 0"),
     Bad("relative: 0.3", "relative: 1", "model.mismatch.relative", "less than 1"),
+    Bad("relative: 0.3", "relative: 30", "model.mismatch.relative", "it is a fraction: 0.3 for 30 %"),
     Bad("at: 0.2", "at: -0.2", "reference.at", "at least 0", text=STEP),
     Bad("rise_time: 2", "rise_time: 0", "reference.rise_time", "more than 0", text=QUINTIC),
     Bad("frequency_hz: 0.75", "frequency_hz: [1, 1, -2, 1, 1, 1]", "reference.frequency_hz[2]", "at least 0"),
@@ -201,6 +202,8 @@ BAD_NAMES = [
     Bad("structure: corrected", "structure: corected", "model.structure", "did you mean 'corrected'"),
     Bad("constants: printed", "constants: print", "model.constants", "did you mean 'printed'"),
     Bad("law: smc", "law: smcc", "controllers[0].law", "did you mean 'smc'"),
+    Bad("law: smc", "law: SMC", "controllers[0].law", "did you mean 'smc'"),
+    Bad("law: smc", "law: backstepping", "controllers[0].law", "--plugin FILE"),
     Bad("law: linear-band-smc", "law: linear-bend-smc", "controllers[1].law", "did you mean 'linear-band-smc'"),
     Bad(
         "switching: saturation",
@@ -222,6 +225,7 @@ BAD_NAMES = [
     Bad("name: good", "name: " + "a" * 65, "name", "slug"),
     Bad("name: linear-band", "name: linear_band", "controllers[1].name", "slug"),
     Bad("name: linear-band", "name: conventional", "controllers[1].name", "already"),
+    Bad("name: linear-band", "name: figures", "controllers[1].name", "the figures' folder"),
 ]
 
 CONTRADICTIONS = [
@@ -256,11 +260,12 @@ CONTRADICTIONS = [
         STEP.replace("  metrics_from: 1.25\n", ""),
     ),
     Bad("at: 0.2", "at: 4", "reference.at", "less than run.duration", text=STEP),
+    Bad("rise_time: 2", "rise_time: 4.01", "reference.rise_time", "never reached", text=QUINTIC),
     Bad(
         "constants: fitted",
         "constants: printed",
         "plant.constants",
-        "seven ties",
+        "seven exact ties",
         text=ANALYTIC.replace("structure: printed", "structure: exact"),
     ),
     Bad("switching: saturation", "switching: sign", f"{GAINS}.phi", "no effect", "phi: [0.1"),
@@ -276,7 +281,7 @@ CONTRADICTIONS = [
         "  structure: corrected\n  constants: printed\n  mismatch:\n    relative: 0.3",
         "  constants: printed",
         "model.constants",
-        "seven ties",
+        "seven exact ties",
     ),
     Bad("timestep: 0.001", "timestep: 1e-8", "run.duration", "lower run.duration", "duration: 4"),
     Bad("duration: 4", "duration: 4000", "run.duration", "GiB"),

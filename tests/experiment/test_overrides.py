@@ -42,6 +42,12 @@ def test_overrides_apply_in_order_and_make_sections() -> None:
 BAD_OVERRIDES = [
     ("run.duraton=2", "run.duraton", "did you mean 'duration'"),
     ("rum.duration=2", "rum", "did you mean 'run'"),
+    ("controllers.linear-band.gains.kvv=2", "controllers[1].gains.kvv", "did you mean 'kv'"),
+    ("disturbances.0.hold=1", "disturbances.0", "1 item, counted from 0: write disturbances[0]"),
+    ("disturbances.noise.hold=1", "disturbances.noise", "write disturbances[0]"),
+    ("reference.amplitude.3=9", "reference.amplitude.3", "write reference.amplitude[3]"),
+    ("controllers.1.expect=failed", "controllers.1", "write controllers[1]"),
+    ("controllers.5.expect=failed", "controllers.5", "2 items, counted from 0: write controllers[0]"),
     ("run.duration=two", "run.duration", "wanted a number [s]"),
     ("run.duration='2'", "run.duration", "remove the quotes"),
     ("run.duration=", "run.duration", "nothing"),

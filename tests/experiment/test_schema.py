@@ -1,8 +1,11 @@
-"""The JSON schema for editors is current, complete, and agrees with the loader."""
+"""The JSON schema for editors and the key reference are current, complete, and agree with the loader."""
 
 from __future__ import annotations
 
 import json
+import runpy
+
+import pytest
 
 from tests.experiment.examples import ALL, properties
 from torquebench.experiment import experiment_json_schema
@@ -19,6 +22,50 @@ def test_committed_schema_is_current() -> None:
     """configs/schema.json is what the code says; if not, run scripts/config_schema.py."""
     stored = json.loads((data_root() / "configs" / "schema.json").read_text())
     assert stored == json.loads(json.dumps(experiment_json_schema(shipped_laws())))
+
+
+def test_committed_key_reference_is_current() -> None:
+    """docs/config.md is what the code says; if not, run scripts/config_schema.py."""
+    script = runpy.run_path(str(data_root() / "scripts" / "config_schema.py"))
+    written = script["reference"](experiment_json_schema(shipped_laws()))
+    assert (data_root() / "docs" / "config.md").read_text(encoding="utf-8") == written
+
+
+def test_key_reference_has_every_key_in_a_table_of_four_columns() -> None:
+    """Each key of the schema has as many rows as there are sections with it; no cell breaks its table."""
+    text = (data_root() / "docs" / "config.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert all(line.replace("\\|", "").count("|") == 5 for line in rows)
+    described = {key for key, _ in properties(experiment_json_schema(shipped_laws()))}
+    assert {line.split("`")[1] for line in rows if line.startswith("| `")} == described
+    for law in map(find_law, shipped_laws()):
+        section = text.partition(f"### law: {law.name}\n")[2].partition("\n### ")[0].partition("\n## ")[0]
+        listed = [line.split("`")[1] for line in section.splitlines() if line.startswith("| `")]
+        assert listed == [*law.options, *law.gains]
+
+
+FACTS = [
+    ("initial_q", "home is every joint at zero. References start at zero whatever initial_q is"),
+    ("expect", "failed makes a failing run the expected outcome"),
+    ("draw", "Number of the random draw under one seed"),
+    ("amplitude", "[rad], in m for slide joints"),
+    ("target", "[rad], in m for slide joints"),
+    ("integrator", "euler is semi-implicit"),
+    ("relative", "| number, > 0, < 1 | required |"),
+    ("timestep", "| number, > 0 | `0.001` |"),
+    ("equivalent_control", "| `true`, `false` | `true` |"),
+    ("metrics_from", "| see meaning |"),
+    ("phi", "| vector, > 0 | "),
+]
+
+
+@pytest.mark.parametrize(("key", "fact"), FACTS)
+def test_key_reference_states_what_users_ask(key: str, fact: str) -> None:
+    """What a value means that its name does not tell, and limits and defaults, are in every row of the key."""
+    text = (data_root() / "docs" / "config.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith(f"| `{key}` |")]
+    assert rows
+    assert all(fact in row for row in rows)
 
 
 def test_schema_describes_every_key_with_its_unit() -> None:

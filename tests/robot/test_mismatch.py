@@ -80,7 +80,7 @@ def test_draws_without_a_positive_definite_mass_matrix_are_redrawn(structure: st
     """
     nominal = load_model("puma560", structure, "printed")
     rejected = 0
-    for draw in range(12):
+    for draw in (*range(12), 19):  # draw 19 passes by a model whose least eigenvalue is 0.031, just not enough
         drawn, redraws = mismatched(nominal, 0.9, rng(draw))
         # the package looks at 300 other poses; between them the eigenvalue may be a little lower
         assert least_eigenvalue(drawn) > 0.9 * LEAST

@@ -8,6 +8,7 @@ import numpy as np
 
 from torquebench import references
 from torquebench.disturbances import Stream, band_limited_noise, generator
+from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
@@ -37,9 +38,12 @@ def build(experiment: schema.Experiment) -> Loop:
     """Make the objects of an experiment; all randomness is drawn here, from its seed and draw.
 
     Raises:
+        ConfigError: the reference leaves the range of floating-point numbers.
         ModelError: a model is malformed, or no acceptable mismatch was found.
     """
     n, run = experiment.n, experiment.run
+    reference = build_reference(experiment.reference, n)
+    check_finite(reference, experiment)
     model = load_model(experiment.plant.model, experiment.model.structure, experiment.model.constants)
     redraws = 0
     if experiment.model.mismatch is not None:
@@ -48,7 +52,7 @@ def build(experiment: schema.Experiment) -> Loop:
     controllers = [Controller.of(c.law, n, c.gains, c.options, c.name) for c in experiment.controllers]
     return Loop(
         build_plant(experiment.plant), model.joint_names, model, redraws, tuple(controllers),
-        build_reference(experiment.reference, n), build_disturbance(experiment),
+        reference, build_disturbance(experiment),
         np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
     )  # fmt: skip
 
@@ -76,6 +80,20 @@ def build_reference(keys: schema.Reference, n: int) -> ReferenceSource:
             return references.ramp(as_vector(keys.target, n), keys.rise_time)
         case schema.QuinticReference():
             return references.quintic(as_vector(keys.target, n), keys.rise_time)
+
+
+def check_finite(reference: ReferenceSource, experiment: schema.Experiment) -> None:
+    """Refuse a desired motion that is not finite at every control instant.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    t = np.arange(experiment.n_steps, dtype=np.float64) * experiment.run.control_period
+    with np.errstate(all="ignore"):
+        samples = reference(t)
+    for name, values in zip(("position", "velocity", "acceleration"), samples, strict=True):
+        if not np.all(np.isfinite(values)):
+            raise ConfigError([Problem("", "reference", f"its {name} is beyond what floating-point numbers can hold")])
 
 
 def build_disturbance(experiment: schema.Experiment) -> Array | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from torquebench.experiment.document import Document, KeyPath
 from torquebench.experiment.schema import (
@@ -15,6 +15,7 @@ from torquebench.experiment.schema import (
     Disturbance,
     Mismatch,
     Plant,
+    QuinticReference,
     Reference,
     Run,
     whole_steps,
@@ -26,6 +27,9 @@ MIN_WINDOW = 0.5  # s; the steady-state error is taken over this last part of a 
 MAX_BYTES = 2 << 30
 MAX_SUBSTEPS = 10**8
 ARRAYS = 12  # (N, n) arrays of 8-byte numbers kept for each controller
+FAR_OFF = 10.0  # a number this many times too large is not what its counterpart should be changed to
+ABSURD = 1e15  # amounts above are not printed
+LARGEST_STEP = 0.1  # s; no larger step is proposed
 _RELATIVE = 1e-9  # decimal periods are not exact in binary; a real mismatch is far larger
 
 
@@ -67,7 +71,10 @@ def _check_structures(document: Document, parts: Parts) -> None:
     for section in ["model"] + ["plant"] * analytic:
         structure, constants = parts.get(section, "structure"), parts.get(section, "constants")
         if structure == "exact" and constants == "printed":
-            message = "exact with printed is refused: seven ties make it no rigid body"
+            message = (
+                "structure exact cannot have constants printed: the printed constants break the seven exact ties "
+                "that those of a rigid body satisfy"
+            )
             document.add(_first_given(parts, (section, "constants"), (section, "structure")), message)
         if arm is None or arm == CLOSED_FORM_MODEL:
             continue
@@ -108,6 +115,8 @@ def _check_times(document: Document, parts: Parts) -> None:
         _multiple(document, (*noise.path, "hold"), hold, "run.control_period", period, place)
     if duration is not None and start is not None and duration < (start + MIN_WINDOW) * (1.0 - _RELATIVE):
         shortest = f"the run must last at least {MIN_WINDOW:g} s longer, {start + MIN_WINDOW:.12g} s"
+        if start > FAR_OFF * max(duration, 1.0):  # surely the start is wrong, not the run's length
+            shortest = f"wanted it at least {MIN_WINDOW:g} s before the run ends"
         if parts.given("run", "metrics_from"):
             document.add(("run", "metrics_from"), f"got {start:.12g} s with run.duration {duration:.12g} s: {shortest}")
         else:
@@ -117,6 +126,12 @@ def _check_times(document: Document, parts: Parts) -> None:
     if at is not None and duration is not None and at >= duration:
         message = f"got {at:.12g} s, wanted less than run.duration, {duration:.12g} s: there would be no step"
         document.add(("reference", "at"), message)
+    rise = parts.get("reference", "rise_time")
+    quintic = parts.reference is not None and parts.reference.model is QuinticReference
+    if quintic and None not in (rise, duration) and rise > duration * (1.0 + _RELATIVE):
+        message = f"got {rise:.12g} s, wanted at most run.duration, {duration:.12g} s"
+        reason = "the metrics of the motion would be measured against a target that is never reached"
+        document.add(("reference", "rise_time"), f"{message}: {reason}")
 
 
 def _check_work(document: Document, parts: Parts) -> None:
@@ -124,19 +139,37 @@ def _check_work(document: Document, parts: Parts) -> None:
     duration, laws = parts.get("run", "duration"), max(len(parts.controllers), 1)
     if timestep is None or period is None or duration is None:
         return
-    place = ("run", "duration")
-    substeps = max(duration / timestep, duration / period) * laws
-    if not substeps <= MAX_SUBSTEPS:
-        longest = MAX_SUBSTEPS / laws * min(timestep, period)
-        cure = f"lower run.duration to at most {longest:.4g} s, raise plant.timestep, or fewer controllers"
-        document.add(place, f"needs {substeps:.3g} physics steps in all, at most {MAX_SUBSTEPS:.0e} are run: {cure}")
-    if parts.n is None:
-        return
-    size = duration / period * parts.n * ARRAYS * 8 * laws
-    if not size <= MAX_BYTES:
-        longest = duration * MAX_BYTES / size if math.isfinite(size) else 0.0
-        cure = f"lower run.duration to at most {longest:.4g} s, raise run.control_period, or fewer controllers"
-        document.add(place, f"needs {size / 2**30:.3g} GiB of memory, at most {MAX_BYTES >> 30} GiB are used: {cure}")
+    needs = [_Need("plant.timestep", min(timestep, period), MAX_SUBSTEPS / laws, 1.0, "physics steps in all")]
+    if parts.n is not None:
+        each = parts.n * ARRAYS * 8  # bytes a control instant takes for one controller
+        needs.append(_Need("run.control_period", period, MAX_BYTES / (each * laws), each / 2**30, "GiB of memory"))
+    longest = min(need.step * need.most for need in needs)
+    limits = (f"at most {MAX_SUBSTEPS:.0e} are run", f"at most {MAX_BYTES >> 30} GiB are used")
+    for need, limit in zip(needs, limits, strict=False):
+        if duration / need.step <= need.most:
+            continue
+        amount = duration / need.step * need.size * laws
+        shown = f"{amount:.3g}" if amount < ABSURD else "far too many"
+        # Each proposal must help by itself, and be one to make.
+        cures = [f"lower run.duration to at most {longest:.5g} s"] * (longest >= MIN_WINDOW * (1.0 - _RELATIVE))
+        cures += [f"raise {need.step_key}"] * (duration / need.most <= LARGEST_STEP)
+        cures += ["fewer controllers"] * (laws > 1 and duration / need.step <= need.most * laws)
+        *others, last = cures or [f"run.duration is too long for such a {need.step_key}"]
+        cure = f"{', '.join(others)}, or {last}" if others else last
+        document.add(("run", "duration"), f"needs {shown} {need.unit}, {limit}: {cure}")
+
+
+class _Need(NamedTuple):
+    """Something of which a run takes some at each step, and of which there is a limit."""
+
+    step_key: str
+    step: float
+    """Length of a step [s]."""
+    most: float
+    """Number of steps within the limit."""
+    size: float
+    """What one step of one controller takes, in `unit`."""
+    unit: str
 
 
 def _multiple(
@@ -155,6 +188,8 @@ def _multiple(
         return True
     message = f"got {value:.12g} s, wanted a whole multiple of {unit_key}, {unit:.12g} s"
     nearest = f"; the nearest is {steps * unit:.12g}"
+    if unit > FAR_OFF * value:  # surely the unit is wrong, not the value
+        nearest = f"; {unit_key} must not be longer than that"
     document.add(path, message + nearest, place=document.place(place or path))
     return False
 

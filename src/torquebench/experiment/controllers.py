@@ -12,6 +12,8 @@ from torquebench.experiment.sections import Checked, as_mapping, check_tagged, c
 from torquebench.experiment.values import Vector, shown
 from torquebench.laws.base import Law, find_law, law_names
 
+TAKEN = frozenset({"figures"})  # each controller has a folder of its name beside this one
+
 
 def check_controllers(document: Document, path: KeyPath, raw: Any) -> list[Checked[ControllerKeys]]:
     """Return what could be made of each controller; the gains of each are under ``values['gains']``."""
@@ -29,6 +31,9 @@ def check_controllers(document: Document, path: KeyPath, raw: Any) -> list[Check
         if name in first:
             where = document.where(document.place(first[name]))
             document.add((*controller.path, "name"), f"'{name}' is already the name of another controller ({where})")
+        elif name in TAKEN:
+            message = f"a controller may not be called '{name}': in the run's folder, that is the figures' folder"
+            document.add((*controller.path, "name"), message)
         elif name is not None:
             first[name] = (*controller.path, "name")
     return controllers
@@ -64,6 +69,7 @@ def _check_controller(document: Document, path: KeyPath, raw: Any) -> Checked[Co
         {"gains": keep},
         noun="key or option",
         elsewhere=elsewhere,
+        more="; a law of your own needs --plugin FILE, the file that registers it",
     )
     if checked is None or checked.model is None:
         return checked
@@ -101,7 +107,8 @@ def _check_gains(
     meant = set()
     for key in mapping:
         if key not in law.gains and not document.full:
-            near, hint = nearest(key, absent, list(law.gains))
+            every = list(law.gains)
+            near, hint = nearest(key, every if document.overridden((*path, key)) else absent, every)
             meant.add(near)
             is_option = f": '{key}' is an option of the law, write it beside gains" if key in law.options else hint
             document.add((*path, key), f"unknown gain{is_option}", at="key")

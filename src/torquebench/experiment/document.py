@@ -82,6 +82,10 @@ class Document:
                     return places[path[:length]]
         return Place(0, 1, 1)
 
+    def overridden(self, path: KeyPath) -> bool:
+        """Whether an override names this very key, so that it may replace what the file gives."""
+        return path in self._keys and self._keys[path].override > 0
+
     def where(self, place: Place) -> str:
         """Return `place` as text: ``file:line:column``, or the command-line option."""
         if place.override:

@@ -87,7 +87,11 @@ def _refusal(node: Any, path: KeyPath, part: str | int) -> str:
     parent = dotted(path)
     if not isinstance(node, list):
         return f"{parent} is not a {'mapping' if isinstance(part, str) else 'list'}"
+    has = f"{parent} has {len(node)} item{'s' * (len(node) != 1)}, counted from 0"
     if isinstance(part, int):
-        return f"{parent} has {len(node)} items, counted from 0"
+        return has
     names = [str(item["name"]) for item in node if isinstance(item, dict) and "name" in item]
+    if node and (part.isdecimal() or not names):
+        index = int(part) if part.isdecimal() and int(part) < len(node) else 0
+        return f"{has}: write {parent}[{index}]{' for the first' * (index == 0)}"
     return f"nothing in {parent} is named {shortened(part)}{did_you_mean(part, names)}"

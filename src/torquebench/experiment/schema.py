@@ -46,7 +46,7 @@ class AnyPlant(Keys):
     model: str = Field(description="Arm: the name of a folder in models/.")
     timestep: Positive = Field(0.001, description="Physics step [s].")
     integrator: Literal["rk4", "euler"] = Field(
-        "rk4", description="Integration scheme: 4th-order Runge-Kutta, or semi-implicit Euler."
+        "rk4", description="Integration scheme: rk4 is 4th-order Runge-Kutta; euler is semi-implicit, 1st-order."
     )
 
 
@@ -60,14 +60,18 @@ class AnalyticPlant(AnyPlant):
     """The arm simulated from equations of motion, without MuJoCo."""
 
     engine: Literal["analytic"] = Field(description="What simulates the arm.")
-    structure: StructureName = Field("exact", description="Equations of motion of the plant.")
-    constants: ConstantsName = Field("fitted", description="Set of numbers in the plant's equations.")
+    structure: StructureName = Field("exact", description="Equations of motion of the plant: as in model.structure.")
+    constants: ConstantsName = Field("fitted", description="Numbers in the plant's equations: as in model.constants.")
 
 
 class Mismatch(Keys):
     """Errors put on purpose into the model that the laws use."""
 
-    relative: float = Field(gt=0, lt=1, description="Every constant is multiplied by 1 + r or 1 - r [1].")
+    relative: float = Field(
+        gt=0,
+        lt=1,
+        description="Every constant is multiplied by 1 + r or 1 - r, as drawn; r is a fraction, 0.3 for 30 % [1].",
+    )
 
 
 class Belief(Keys):
@@ -75,10 +79,13 @@ class Belief(Keys):
 
     structure: StructureName = Field(
         "exact",
-        description="Equations of motion: rigid body, the paper's corrected, or the paper's as printed.",
+        description="Equations of motion: exact is the rigid body; corrected and printed are the paper's, "
+        "puma560 only.",
     )
     constants: ConstantsName = Field(
-        "fitted", description="Numbers in the equations: those of the rigid body, or the paper's tables."
+        "fitted",
+        description="Numbers in the equations: fitted fit a rigid body; printed are the paper's tables, puma560 only "
+        "and not with structure exact.",
     )
     mismatch: Mismatch | None = Field(None, description="Errors put on purpose into the constants.")
 
@@ -86,10 +93,14 @@ class Belief(Keys):
 class ControllerKeys(Keys):
     """Keys that every controller has, whatever its law."""
 
-    name: Slug = Field(description="Name of the controller, unique in the file; also the name of its folder.")
+    name: Slug = Field(
+        description="Name of the controller, unique in the file; also the name of its folder, so not figures."
+    )
     law: str = Field(description="Name of the torque law.")
     expect: Literal["completed", "failed"] = Field(
-        "completed", description="Outcome that counts as right; failed is for laws shown to fail."
+        "completed",
+        description="Outcome that counts as right; failed makes a failing run the expected outcome, "
+        "and one that completes the wrong one.",
     )
 
 
@@ -108,11 +119,11 @@ class AnyReference(Keys):
 
 
 class SineReference(AnyReference):
-    """Raised sine A/2 (1 - cos 2 pi f t)."""
+    """Raised sine A/2 (1 - cos 2 pi f t), at rest at zero when it starts."""
 
     kind: Literal["sine"] = Field(description="Form of the desired motion.")
-    amplitude: AnyVector = Field(description="Peak-to-peak excursion of each joint [rad].")
-    frequency_hz: NotNegativeVector = Field(description="Frequency of each joint [Hz].")
+    amplitude: AnyVector = Field(description="Peak-to-peak excursion A of each joint [rad], in m for slide joints.")
+    frequency_hz: NotNegativeVector = Field(description="Frequency f of each joint [Hz].")
 
 
 class StepReference(AnyReference):
@@ -120,25 +131,26 @@ class StepReference(AnyReference):
 
     metrics_from: ClassVar[float] = 2.0
     kind: Literal["step"] = Field(description="Form of the desired motion.")
-    target: AnyVector = Field(description="Position of each joint after the step [rad].")
-    at: NotNegative = Field(description="Time of the step [s].")
+    target: AnyVector = Field(description="Position of each joint after the step [rad], in m for slide joints.")
+    at: NotNegative = Field(description="Time of the step; less than run.duration [s].")
 
 
 class _Rising(AnyReference):
-    target: AnyVector = Field(description="Final position of each joint [rad].")
-    rise_time: Positive = Field(description="Duration of the motion [s].")
+    target: AnyVector = Field(description="Final position of each joint [rad], in m for slide joints.")
+    rise_time: Positive = Field(description="Time from zero to the target [s].")
 
 
 class RampReference(_Rising):
-    """Constant speed to the target, then held."""
+    """Constant speed from zero to the target, then held; a run may end before the target is reached."""
 
     kind: Literal["ramp"] = Field(description="Form of the desired motion.")
 
 
 class QuinticReference(_Rising):
-    """Minimum-jerk polynomial to the target, then held."""
+    """Minimum-jerk polynomial from zero to the target, then held."""
 
     kind: Literal["quintic"] = Field(description="Form of the desired motion.")
+    rise_time: Positive = Field(description="Time from zero to the target, at most run.duration [s].")
 
 
 class AnyDisturbance(Keys):
@@ -153,7 +165,7 @@ class BandLimitedNoise(AnyDisturbance):
     kind: Literal["band-limited-noise"] = Field(description="Form of the disturbance.")
     channel: Literal["torque"] = Field(description="What it is added to: the joint torque, after saturation.")
     sigma: NotNegativeVector = Field(description="Standard deviation before clipping [N m].")
-    hold: Positive = Field(0.01, description="Time for which each value lasts [s].")
+    hold: Positive = Field(0.01, description="Time each value lasts, a whole multiple of run.control_period [s].")
     clip_sigma: Positive = Field(3.0, description="Values are clipped at this many standard deviations [1].")
 
 
@@ -166,14 +178,28 @@ class Run(Keys):
 
     model_config = ConfigDict(json_schema_extra=_metrics_from_is_optional)
 
-    duration: Positive = Field(description="Length of the run [s].")
-    control_period: Positive = Field(0.001, description="Time between two calls of a law [s].")
-    initial_q: HomeOrVector = Field("home", description="Position at the start: home, or one for each joint [rad].")
-    seed: int = Field(0, ge=0, le=2**63 - 1, description="Source of all random numbers [1].")
-    metrics_from: NotNegative = Field(
-        description="Start of the window for metrics; 2 for a step, 1 for other references if left out [s]."
+    duration: Positive = Field(description="Length of the run, a whole multiple of run.control_period [s].")
+    control_period: Positive = Field(
+        0.001, description="Time between two calls of a law, a whole multiple of plant.timestep [s]."
     )
-    draw: int = Field(0, ge=0, le=2**63 - 1, description="Number of the random draw, for repeating one of many [1].")
+    initial_q: HomeOrVector = Field(
+        "home",
+        description="Position at the start, at rest [rad], in m for slide joints; home is every joint at zero. "
+        "References start at zero whatever initial_q is.",
+    )
+    seed: int = Field(
+        0, ge=0, le=2**63 - 1, description="Source of all random numbers: the same seed and draw, the same numbers [1]."
+    )
+    metrics_from: NotNegative = Field(
+        description="Start of the window for metrics, at least 0.5 s before the end of the run; if left out, 2 for a "
+        "step and 1 for other references [s]."
+    )
+    draw: int = Field(
+        0,
+        ge=0,
+        le=2**63 - 1,
+        description="Number of the random draw under one seed: each draw has its own mismatch and noise [1].",
+    )
 
 
 Plant: TypeAlias = MujocoPlant | AnalyticPlant
@@ -191,7 +217,9 @@ class Experiment(Keys):
     controllers: tuple[Controller, ...] = Field(
         min_length=1, max_length=MAX_CONTROLLERS, description="What is compared."
     )
-    reference: Reference = Field(discriminator="kind", description="Desired motion.")
+    reference: Reference = Field(
+        discriminator="kind", description="Desired motion; starts at zero whatever run.initial_q is."
+    )
     chain: Literal["ideal"] = Field("ideal", description="Sensors and actuators; ideal: exact and instantaneous.")
     disturbances: tuple[Disturbance, ...] = Field(
         (), max_length=MAX_DISTURBANCES, description="What acts on the joints besides the law."
@@ -214,8 +242,8 @@ class Experiment(Keys):
         return whole_steps(self.run.control_period, self.plant.timestep)
 
     def hold_steps(self, disturbance: Disturbance) -> int:
-        """Control periods for which one value of a disturbance lasts."""
-        return whole_steps(disturbance.hold, self.run.control_period)
+        """Control periods for which one value of a disturbance lasts, at most the whole run."""
+        return whole_steps(min(disturbance.hold, self.run.duration), self.run.control_period)
 
 
 def whole_steps(duration: float, step: float) -> int:

@@ -84,7 +84,7 @@ def check_fields(
         if key not in every:
             message = elsewhere(key)
             if message is None:
-                near, hint = nearest(key, absent, every)
+                near, hint = nearest(key, every if document.overridden((*path, key)) else absent, every)
                 meant.add(near)
                 message = f"unknown {noun}{hint}"
             document.add((*path, key), message, at="key")
@@ -135,6 +135,7 @@ def check_tagged(
     *,
     noun: str = "key",
     elsewhere: Callable[[str], str | None] = lambda key: None,
+    more: str = "",
 ) -> Checked[M] | None:
     """Check a mapping whose key `tag` decides which other keys there are.
 
@@ -148,6 +149,7 @@ def check_tagged(
         handlers: Key -> function that checks its value instead of pydantic.
         noun: What an unknown key is called.
         elsewhere: Explains a key that is valid, but not here.
+        more: Where further values of `tag` may come from; ends the message about an unknown one.
     """
     mapping = as_mapping(document, path, raw, f"a mapping with the key '{tag}'")
     if mapping is None:
@@ -157,7 +159,7 @@ def check_tagged(
         if isinstance(value, str) and value in variants:
             return value
         near = did_you_mean(value, variants) if isinstance(value, str) else ""
-        hint = near if "did you mean" in near else ""
+        hint = (near if "did you mean" in near else "") + (more if isinstance(value, str) else "")
         document.add(here, f"got {shown(value)}, wanted one of {', '.join(variants)}{hint}")
         return BROKEN
 
@@ -176,12 +178,13 @@ def check_tagged(
     return Checked(path, None, check_fields(document, path, mapping, base, checks, noun=noun, also=every), given)
 
 
-def nearest(key: str, absent: Sequence[str], every: Sequence[str]) -> tuple[str | None, str]:
+def nearest(key: str, first: Sequence[str], every: Sequence[str]) -> tuple[str | None, str]:
     """Return the name that `key` was most likely meant to be, and the hint that says so.
 
-    Names not given yet come first: ``kx`` beside ``k`` was meant to be ``kv``.
+    In a file, names not given yet come `first`: ``kx`` beside ``k`` was meant to be ``kv``. An override may as
+    well replace a name already given: for it all names come first.
     """
-    for names in (absent, every):
+    for names in (first, every):
         hint = did_you_mean(key, names)
         near = next((name for name in names if f"did you mean '{name}'" in hint), None)
         if near is not None:

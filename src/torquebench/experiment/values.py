@@ -146,5 +146,8 @@ def explain(error: ErrorDetails, info: FieldInfo) -> str:
         "bool_type": "true or false" + ("; yes, no, on and off are text" if isinstance(value, str) else ""),
         "too_short": "at least one number",
     }
+    if kind == "less_than" and limits.get("lt") == 1:
+        percent = value if isinstance(value, int | float) and value < 100 else 30
+        phrases[kind] += f"; it is a fraction: {percent / 100:g} for {percent:g} %"
     said = f"wanted {phrases[kind]}" if kind in phrases else error["msg"]
     return f"got {shown(value)}, {said}"
