@@ -99,7 +99,14 @@ def parse_side(text: str, argument: str) -> Side:
             + did_you_mean(engine, ENGINES)
         )
     except (ModelError, ValueError) as error:
-        raise ConfigError([Problem(argument, text, str(error))]) from error
+        message = str(error).removeprefix(f"{source_of(text)}: ")
+        raise ConfigError([Problem(argument, text, message)]) from error
+
+
+def source_of(text: str) -> str:
+    """Return the model's name or file in a side's text."""
+    engine, _, rest = text.partition(":")
+    return rest.split(":")[0] if engine in ENGINES else text
 
 
 def _mujoco_side(text: str, source: str) -> Side:
