@@ -18,13 +18,15 @@ def torus(step):
     return q
 
 
-def test_exact_mass_matrix_is_symmetric_and_positive_definite_on_the_torus():
+def test_exact_mass_matrix_is_symmetric_and_positive_definite_on_the_torus(figure):
     """M = M^T to the last bit, and its least eigenvalue stays above the least motor inertia's 0.179 kg m^2."""
     q = torus(2.0)
     M = Puma560().mass_matrix(q)
     assert np.array_equal(M, M.transpose(0, 2, 1))
     # M = (links, positive semi-definite) + diag(Im), so no eigenvalue is below min(Im) = Im5 = 0.179
-    assert np.linalg.eigvalsh(M).min() >= 0.179
+    least = np.linalg.eigvalsh(M).min()
+    figure("least eigenvalue of M on the theta2-theta3 torus [kg m^2]", least, "> 0")
+    assert least >= 0.179
 
 
 def test_printed_mass_matrix_is_not_symmetric():
@@ -51,7 +53,7 @@ def derivative_of_mass_matrix(arm, q):
     return out
 
 
-def test_mdot_minus_2c_is_skew_with_the_wrist_moving():
+def test_mdot_minus_2c_is_skew_with_the_wrist_moving(figure):
     """Mdot - 2C is skew to 1e-9, C built from the public b and centrifugal matrices: C_ij = sum_k c_ijk qd_k.
 
     Christoffel symbols: c_ijk = b_ijk / 2 for j != k and c_ijj = C_ij, symmetric in j and k.
@@ -59,6 +61,7 @@ def test_mdot_minus_2c_is_skew_with_the_wrist_moving():
     arm = Puma560()
     q, qd, _ = random_states(6, 50, seed=3)
     first, second = np.triu_indices(6, 1)
+    worst = 0.0
     for position, speed in zip(q, qd, strict=True):
         symbols = np.zeros((6, 6, 6))
         symbols[:, first, second] = symbols[:, second, first] = 0.5 * arm.coriolis(position)
@@ -66,8 +69,10 @@ def test_mdot_minus_2c_is_skew_with_the_wrist_moving():
         C = symbols @ speed
         Mdot = np.einsum("kij,k->ij", derivative_of_mass_matrix(arm, position), speed)
         S = Mdot - 2.0 * C
-        assert np.max(np.abs(S + S.T)) <= 1e-9
+        worst = max(worst, np.max(np.abs(S + S.T)))
         assert np.max(np.abs(S)) > 1e-3  # the property is not met by being zero
+    figure("Mdot - 2C, wrist moving: symmetric part [kg m^2/s]", worst, "<= 1e-9")
+    assert worst <= 1e-9
 
 
 @pytest.mark.parametrize(("structure", "constants"), VARIANTS)
@@ -107,7 +112,7 @@ def test_closed_forms_ignore_the_wrist(structure):
     assert np.array_equal(arm.bias_forces(q, qd), arm.bias_forces(still, qd))
 
 
-def test_corrected_against_exact_on_the_frozen_wrist():
+def test_corrected_against_exact_on_the_frozen_wrist(figure):
     """The terms (36), (48), (62) drop are worth <= 3.2e-3 kg m^2 in M and <= 0.04 N m in V at |qd| <= 2 rad/s.
 
     Over 10^4 random states. With all six speeds at the worst corner of their box V reaches 0.0409 N m on joint 1:
@@ -117,9 +122,12 @@ def test_corrected_against_exact_on_the_frozen_wrist():
     q[:, 3:] = 0.0
     qd *= 2.0 / 3.0
     exact, corrected = Puma560(), Puma560("corrected")
-    assert np.max(np.abs(exact.mass_matrix(q) - corrected.mass_matrix(q))) <= 3.2e-3
+    gap = np.max(np.abs(exact.mass_matrix(q) - corrected.mass_matrix(q)))
+    figure("corrected against exact, frozen wrist, M [kg m^2]", gap, "<= 3.2e-3")
+    assert gap <= 3.2e-3
     V = exact.bias_forces(q, qd) - exact.gravity(q)
     W = corrected.bias_forces(q, qd) - corrected.gravity(q)
+    figure("corrected against exact, frozen wrist, V at |qd| <= 2 rad/s [N m]", np.max(np.abs(V - W)), "<= 0.04")
     assert np.max(np.abs(V - W)) <= 0.04
     assert np.max(np.abs(exact.gravity(q) - corrected.gravity(q))) <= 1e-12
 
