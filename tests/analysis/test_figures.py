@@ -247,7 +247,7 @@ def test_names_and_titles_are_text_not_markup() -> None:
         joint_names=["$_j"],
     )
     for fig in figures.values():
-        ElementTree.fromstring(figure_bytes(fig, "svg"))
+        assert ElementTree.fromstring(figure_bytes(fig, "svg")).tag.endswith("svg")
 
 
 def test_bad_input_is_refused() -> None:
