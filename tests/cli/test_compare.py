@@ -51,6 +51,8 @@ def test_a_looser_tolerance_turns_it_green(command):
         (("analytic:puma560", "analytic:puma560", "--states", "0"), ["--states"]),
         (("analytic:puma560", "analytic:puma560", "--tolerance", "nan"), ["--tolerance"]),
         (("analytic:puma560", "analytic:puma560", "--rollout", "-1"), ["--rollout"]),
+        (("analytic:puma560", "analytic:puma560", "--rollout", "1e-10"), ["--rollout"]),
+        (("analytic:puma560", "analytic:puma560", "--rollout", "0.0015"), ["--rollout"]),
         (("analytic:puma560", "analytic:puma560", "--seed", "-1"), ["--seed"]),
         (("analytic:puma560", "analytic:puma560", "--frozen-joints", "7"), ["--frozen-joints"]),
     ],

@@ -47,6 +47,13 @@ RIGHT = {
     "frame": (B, B + '<frame euler="0.3 0 0"><site name="tool" pos="0.1 0 0"/></frame>'),
     "default armature": (WORLD, '<default><joint armature="0.2"/></default>' + WORLD),
     "wind without a medium": (OPTION, OPTION.replace("/>", ' wind="5 0 0"/>')),
+    "a table after the arm": (
+        "</worldbody>",
+        '<body pos="1 1 0"><inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/></body></worldbody>',
+    ),
+    "sleep": (OPTION, OPTION.replace("/>", ' sleep_tolerance="1"><flag sleep="enable"/></option>')),
+    "discrete inverse dynamics": (OPTION, OPTION.replace("/>", '><flag invdiscrete="enable"/></option>')),
+    "names that look like numbers": (B, B + '<site name="nan"/><frame name="inf"/>'),
     "degrees": ('angle="radian"', 'angle="degree"'),
 }
 
@@ -91,6 +98,17 @@ REFUSED = {
         + '<geom name="g" size="0.1" contype="0" conaffinity="0"/>',
         "colliding geoms",
     ),
+    "flexible body": (
+        WORLD,
+        WORLD + '<flexcomp name="f" type="grid" dim="2" count="3 3 1" spacing=".1 .1 .1" mass="1" rigid="true"/>',
+        "flexible bodies",
+    ),
+    "tool on another link": (
+        '<body name="two"',
+        '<site name="tool"/><frame name="frame"/><body name="two"',
+        "'tool' is not on the last link",
+    ),
+    "another file": (WORLD, '<asset><material name="x"/></asset><keyframe file="y"/>' + WORLD, "stand alone"),
     "mocap body": (WORLD, WORLD + '<body mocap="true"/>', "mocap bodies"),
 }
 
@@ -98,7 +116,7 @@ REFUSED = {
 def variant(tmp_path, old, new):
     """The arm with one replacement, as a file."""
     text = ARM.replace(old, new) if old else ARM
-    if "<site name=" in new and "frame" not in new:
+    if "<site name=" in new and "<frame" not in new:
         text = text.replace("</actuator>", f'<general site="s" biastype="affine" biasprm="3 0 0" {LIMITS}/></actuator>')
     if "geom2" in new:
         text = text.replace(B, B + '<geom name="h" size="0.1" mass="0.1" contype="0" conaffinity="0"/>')

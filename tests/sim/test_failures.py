@@ -49,7 +49,7 @@ FAULTS: dict[str, tuple[Callable[[Any, float], Any], Outcome, str]] = {
     "wrong shape": (lambda tau, one: np.zeros(3), ERROR, r"the law.s torque has shape \(3,\), wanted \(2,\)"),
     "scalar": (lambda tau, one: 1.0, ERROR, r"the law.s torque has shape \(\), wanted \(2,\)"),
     "column": (lambda tau, one: np.zeros((2, 1)), ERROR, r"the law.s torque has shape \(2, 1\)"),
-    "text": (lambda tau, one: "torque", ERROR, "ValueError: could not convert"),
+    "text": (lambda tau, one: "torque", ERROR, "the law returned <U6 values"),
     "own error": (lambda tau, one: raises(RuntimeError("no solution")), ERROR, "RuntimeError: no solution"),
     "own value error": (lambda tau, one: raises(ValueError("bad horizon")), ERROR, "ValueError: bad horizon"),
     "index": (lambda tau, one: tau[5], ERROR, "IndexError: index 5 is out of bounds"),
@@ -110,7 +110,7 @@ def test_the_error_says_who_what_and_when_and_carries_the_run() -> None:
     assert kept.digest() == go(plant_of("analytic"), law).digest()  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("stop", [KeyboardInterrupt, GeneratorExit])
+@pytest.mark.parametrize("stop", [KeyboardInterrupt])
 def test_a_user_who_stops_the_program_is_not_a_faulty_law(stop: type[BaseException]) -> None:
     """Ctrl-C inside a law ends the program, not only the run."""
 
@@ -262,8 +262,12 @@ def test_a_law_that_ends_the_program_fails_its_run_instead() -> None:
     lambda memory, tau: memory.s.resize(3, refcheck=False),
     lambda memory, tau: tau.resize(3, refcheck=False),
     lambda memory, tau: tau.setflags(write=False),
-    lambda memory, tau: (tau.fill(1.0), 1j * tau)[1],
-], ids=["memory resized", "torque resized", "torque made read-only", "complex torque"])  # fmt: skip
+    lambda memory, tau: 1j * np.ones(6),
+    lambda memory, tau: np.full(6, "1"),
+    lambda memory, tau: np.full(6, "2020-01-01", dtype="datetime64[D]"),
+    lambda memory, tau: np.ma.masked_array(np.ones(6), mask=True),
+    lambda memory, tau: [None] * 6,
+], ids=["memory resized", "torque resized", "read-only", "complex", "text", "dates", "masked", "nothing"])  # fmt: skip
 def test_a_law_that_spoils_its_arrays_fails_its_run(spoil: Callable[[Any, Any], Any]) -> None:
     """Whatever a law does to what it was given, the run ends with an outcome and the next one is unharmed."""
     law = find_law("smc")
@@ -289,3 +293,29 @@ def test_an_error_in_a_law_names_its_line() -> None:
 
     detail = go(plant_of("analytic"), wrong).detail
     assert re.search(r"IndexError: .*\(test_failures\.py, line \d+\)", detail), detail
+
+
+class Sly(Exception):
+    """An exception whose own text ends the program."""
+
+    def __str__(self) -> str:
+        """Never give a text."""
+        raise SystemExit(0)
+
+
+@pytest.mark.parametrize(("error", "outcome", "text"), [
+    (Sly(), ERROR, r"Sly: \(no text\)"),
+    (GeneratorExit(), ERROR, "GeneratorExit"),
+    (ValueError("expected a positive gain"), ERROR, "expected a positive gain"),
+    (ValueError("one\ntwo\x1b[31m"), ERROR, r"one two \[31m"),
+])  # fmt: skip
+def test_whatever_a_law_raises_is_one_printable_line(error: BaseException, outcome: Outcome, text: str) -> None:
+    """Odd exceptions end the run, not the program, and cannot write to the terminal but in plain text."""
+
+    def law(*arguments: Any) -> None:
+        raise error
+
+    run = go(plant_of("analytic"), law)
+    assert run.outcome is outcome
+    assert re.search(text, run.detail)
+    assert run.detail.isprintable()

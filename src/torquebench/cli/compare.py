@@ -96,7 +96,7 @@ def _check(options: argparse.Namespace) -> None:
     if not (math.isfinite(options.tolerance) and options.tolerance >= 0):
         problems.append(Problem("--tolerance", "", f"got {options.tolerance}, wanted a finite number, zero or more"))
     steps = options.rollout * 1000
-    if not 0 <= options.rollout <= 1000 or abs(steps - round(steps)) > 1e-6:
+    if not 0 <= options.rollout <= 1000 or abs(steps - round(steps)) > 1e-6 or 0 < steps < 1:
         problems.append(Problem("--rollout", "", f"got {options.rollout}, wanted 0 to 1000 s in whole milliseconds"))
     if any(j < 1 for j in options.frozen_joints):
         problems.append(Problem("--frozen-joints", "", "joints are counted from 1"))

@@ -59,7 +59,10 @@ def parser() -> argparse.ArgumentParser:
 
 def joint_list(text: str) -> list[int]:
     """Read joint numbers separated by commas."""
-    return [int(word) for word in text.split(",")]
+    try:
+        return [int(word) for word in text.split(",")]
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"got {text!r}, wanted joint numbers separated by commas") from error
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,7 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         status = dispatch(options)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
         return status
     except ConfigError as error:
         for problem in error.problems:

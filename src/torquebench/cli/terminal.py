@@ -27,9 +27,13 @@ def say(text: str = "") -> None:
 
 
 def complain(text: str) -> None:
-    """Write a line to standard error, if there is one."""
-    if sys.stderr is not None:
-        sys.stderr.write(text + "\n")
+    """Write a line to standard error, if there is one that takes it: the exit status says the rest."""
+    try:
+        if sys.stderr is not None:
+            sys.stderr.write(text + "\n")
+            sys.stderr.flush()
+    except OSError:
+        sys.stderr = None
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -55,5 +59,6 @@ def progress_bar(total: int, unit: str, begin: str) -> Iterator[Bar]:
     """
     from tqdm import tqdm
 
-    with tqdm(total=total, desc=begin, unit=unit, unit_scale=True, leave=False, disable=None, file=sys.stderr) as bar:
+    hidden = sys.stderr is None or not sys.stderr.isatty()
+    with tqdm(total=total, desc=begin, unit=unit, unit_scale=True, leave=False, disable=hidden, file=sys.stderr) as bar:
         yield bar

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import hashlib
 import json
@@ -51,6 +52,7 @@ def claim_folder(out: Path | None, name: str) -> Path:
         ConfigError: the chosen folder is not empty or cannot be made.
     """
     if out is not None:
+        fresh = not out.exists()
         try:
             out.mkdir(parents=True, exist_ok=True)
             if any(out.iterdir()):
@@ -61,23 +63,22 @@ def claim_folder(out: Path | None, name: str) -> Path:
             what = "is a file" if not out.is_dir() else "was just taken by another run"
             raise ConfigError([Problem("--out", "", f"{out} {what}, wanted a new or empty folder")]) from error
         except (OSError, ValueError) as error:
+            if fresh:
+                with contextlib.suppress(OSError, ValueError):
+                    out.rmdir()
             raise ConfigError([Problem("--out", "", f"cannot make {out}: {error}")]) from error
         return out
     stamp = datetime.datetime.now(datetime.UTC).strftime("%Y%m%dT%H%M%SZ")
     attempt = 1
     while True:
         folder = Path("runs") / (f"{name}-{stamp}" + (f"-{attempt}" if attempt > 1 else ""))
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            attempt += 1
-            continue
-        except OSError as error:
-            raise ConfigError(
-                [Problem("--out", "", f"cannot make {folder}: {error} (choose another folder)")]
-            ) from error
-        (folder / CLAIM).touch()
-        return folder
+        if not folder.exists():
+            try:
+                return claim_folder(folder, name)
+            except ConfigError:
+                if not folder.exists():
+                    raise
+        attempt += 1
 
 
 class RunDirectory:

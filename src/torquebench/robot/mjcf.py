@@ -18,6 +18,7 @@ from torquebench.robot.model import HINGE, SLIDE, Model, rigid_model
 MAX_BYTES = 4 * 1024 * 1024
 _OUTSIDE = ("include", "plugin", "extension", "mesh", "hfield", "texture", "skin", "model", "attach", "replicate")
 _JOINT = mujoco.mjtTrn.mjTRN_JOINT
+_TEXT = ("name", "class", "childclass", "model", "joint", "body", "site")
 _NOT_NEGATIVE = ("mass", "density", "armature", "diaginertia", "damping", "frictionloss")
 
 
@@ -46,7 +47,11 @@ def compile_mjcf(path: Path) -> Any:
     for element in root.iter():
         if element.tag in _OUTSIDE:
             raise ModelError(f"{path}: <{element.tag}> is refused: a model must stand alone")
+        if "file" in element.attrib:
+            raise ModelError(f"{path}: <{element.tag} file=...> is refused: a model must stand alone")
         for key, value in element.attrib.items():
+            if key in _TEXT:
+                continue
             numbers = _numbers(value)
             if not np.all(np.isfinite(numbers)) or (key in _NOT_NEGATIVE and np.any(numbers < 0)):
                 # MuJoCo's compiler turns a negative mass into zero without a word
@@ -95,6 +100,7 @@ def check_smooth(m: Any, where: str) -> None:
         "actuator damping": nonzero("actuator_damping", "actuator_dampingpoly"),
         "plugins": m.nplugin > 0,
         "mocap bodies": m.nmocap > 0,
+        "flexible bodies": m.nflex > 0,
         "colliding geoms": contacts and (m.npair > 0 or nonzero("geom_contype", "geom_conaffinity")),
         "no joint at all": m.nv == 0,
     }
@@ -125,7 +131,7 @@ def flatten(m: Any, where: str) -> Model:
 
     Frame i sits at joint i's anchor with z along its axis (the body's axes, where its z is the joint's). Bodies
     without joints belong to the link that carries them; a body with several joints becomes several links, all but
-    the last without mass. A site called ``tool`` gives the tool frame, else the last body's frame does.
+    the last without mass. See `tool_frame` for the tool.
 
     Raises:
         ModelError: the model has something the analytic side cannot represent; see `check_smooth`.
@@ -144,8 +150,7 @@ def flatten(m: Any, where: str) -> Model:
         if j == m.body_jntadr[body] + m.body_jntnum[body] - 1:
             rigid = [b for b in range(1, m.nbody) if _carrier(m, b) == body]
             mass[j], com[j], inertia[j] = _lump(m, d, rigid, world_R[j + 1], world_p[j + 1])
-    site = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_SITE, "tool")
-    tool_R, tool_p = (d.site_xmat[site], d.site_xpos[site]) if site >= 0 else (d.xmat[-1], d.xpos[-1])
+    tool_R, tool_p = tool_frame(m, d, where)
     model = rigid_model(
         kind=[HINGE if t == mujoco.mjtJoint.mjJNT_HINGE else SLIDE for t in m.jnt_type],
         rotation=np.array([world_R[j].T @ world_R[j + 1] for j in range(n)]),
@@ -158,6 +163,24 @@ def flatten(m: Any, where: str) -> Model:
     model = model._replace(inertia_scale=np.diag(arm.mass_matrix(np.zeros(n))).copy())
     check_physical(model, where)
     return model
+
+
+def tool_frame(m: Any, d: Any, where: str) -> tuple[Array, Array]:
+    """Return orientation (9,) and origin (3,) [m] of the tool in the world, from data with kinematics done.
+
+    The site ``tool``, which must be on the last link, else the last body that belongs to that link.
+
+    Raises:
+        ModelError: the site is somewhere else.
+    """
+    last = int(m.jnt_bodyid[-1])
+    site = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_SITE, "tool")
+    if site < 0:
+        body = max(b for b in range(1, m.nbody) if _carrier(m, b) == last)
+        return d.xmat[body], d.xpos[body]
+    if _carrier(m, int(m.site_bodyid[site])) != last:
+        raise ModelError(f"{where}: the site 'tool' is not on the last link")
+    return d.site_xmat[site], d.site_xpos[site]
 
 
 def joint_names(m: Any) -> list[str]:

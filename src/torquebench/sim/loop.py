@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -23,6 +24,8 @@ from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory
 
 MAX_POSITION = 1e4
 """A joint position beyond this [rad] counts as diverged."""
+MATH_ERROR = re.compile(r"math domain error|expected a (\w+ input|number in range)")
+"""What `math` says of an argument outside a function's domain, up to Python 3.13 and from 3.14 on."""
 MAX_VELOCITY = 1e4
 """A joint velocity beyond this [rad/s] counts as diverged."""
 
@@ -167,13 +170,13 @@ def _call(
     try:
         with np.errstate(all="ignore"):
             returned = function(gains, belief, t, q, qd, ref, memory, tau)
-            if np.iscomplexobj(returned):
-                return tau, Outcome.CONTROLLER_ERROR, "the law returned complex numbers"
             if returned is not None:
-                tau = np.array(returned, dtype=np.float64)
-    except (Exception, SystemExit) as error:  # noqa: BLE001  a user's law may raise anything; the run reports it
-        # what `math` says of an argument outside a function's domain, up to Python 3.13 and from 3.14 on
-        domain = isinstance(error, ValueError) and str(error).startswith(("math domain error", "expected a"))
+                values = np.asarray(returned)
+                if values.dtype.kind not in "iuf" or np.ma.is_masked(returned):
+                    return tau, Outcome.CONTROLLER_ERROR, f"the law returned {values.dtype} values, wanted real numbers"
+                tau = np.array(values, dtype=np.float64)
+    except (Exception, SystemExit, GeneratorExit) as error:  # noqa: BLE001  a user's law may raise anything; the run reports it
+        domain = isinstance(error, ValueError) and MATH_ERROR.match(_text(error)) is not None
         arithmetic = isinstance(error, ArithmeticError) or domain
         return np.full(n, np.nan), Outcome.BAD_TORQUE if arithmetic else Outcome.CONTROLLER_ERROR, _describe(error)
     for name, array in {"torque": tau, **memory._asdict()}.items():
@@ -190,11 +193,15 @@ def _call(
 def _describe(error: BaseException) -> str:
     """Return what went wrong and the line of the law's file where it did."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {_text(error)} ({Path(frame.filename).name}, line {frame.lineno})"
+
+
+def _text(error: BaseException) -> str:
+    """Return an exception's text in one printable line; making it may fail as well."""
     try:
-        text = str(error)
-    except Exception:  # noqa: BLE001  an exception's own text may fail as well
-        text = "(no text)"
-    return f"{type(error).__name__}: {text} ({Path(frame.filename).name}, line {frame.lineno})"
+        return "".join(c if c.isprintable() else " " for c in str(error))
+    except (Exception, SystemExit, GeneratorExit):  # noqa: BLE001
+        return "(no text)"
 
 
 def _check_state(q: Array, qd: Array) -> tuple[Outcome, str]:

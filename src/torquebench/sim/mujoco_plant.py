@@ -12,7 +12,7 @@ import numpy.typing as npt
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.loading import mjcf_path
-from torquebench.robot.mjcf import compile_mjcf, joint_names, torque_limits
+from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
 from torquebench.sim.plant import INTEGRATORS, substeps_per_period
 
 _CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
@@ -33,6 +33,7 @@ def load_mujoco(source: str | Path) -> Any:
         raise ModelError(f"{source}: wanted hinge and slide joints only, at least one")
     torque_limits(m, str(source))  # refuses actuators that would act by themselves
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    m.opt.enableflags = 0  # sleeping bodies freeze in mid-air; discrete inverse dynamics is another quantity
     return m
 
 
@@ -94,8 +95,6 @@ class MujocoModel:
         self.name = str(source)
         self.n = int(self._m.nv)
         self.joint_names = tuple(joint_names(self._m))
-        site = mujoco.mj_name2id(self._m, mujoco.mjtObj.mjOBJ_SITE, "tool")
-        self._tool = site if site >= 0 else None
 
     def mass_matrix(self, q: npt.ArrayLike) -> Array:
         """Mass matrix, armature included, (N, n, n) [kg m^2], at positions `q` (N, n) [rad]."""
@@ -129,14 +128,13 @@ class MujocoModel:
         return np.array(out)
 
     def forward_kinematics(self, q: npt.ArrayLike) -> Array:
-        """Pose of the site ``tool`` (or of the last body) in the world, (N, 4, 4) [-, m]."""
+        """Pose of the tool in the world, (N, 4, 4) [-, m]; see `tool_frame`."""
         out = np.tile(np.eye(4), (len(np.asarray(q)), 1, 1))
         for i, position in enumerate(np.asarray(q)):
             self._d.qpos[:] = position
             mujoco.mj_kinematics(self._m, self._d)
-            d, site = self._d, self._tool
-            out[i, :3, :3] = (d.xmat[-1] if site is None else d.site_xmat[site]).reshape(3, 3)
-            out[i, :3, 3] = d.xpos[-1] if site is None else d.site_xpos[site]
+            rotation, origin = tool_frame(self._m, self._d, self.name)
+            out[i, :3, :3], out[i, :3, 3] = rotation.reshape(3, 3), origin
         return out
 
     def _forward(self, q: Array, qd: Array) -> None:

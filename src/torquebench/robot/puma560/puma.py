@@ -67,7 +67,7 @@ class Puma560(RobotModel):
     ) -> None:
         for what, value, valid in (("structure", structure, STRUCTURES), ("constants", constants, CONSTANT_SETS)):
             if value not in valid:
-                raise ValueError(f"{what} is {value!r}, wanted one of {', '.join(valid)}{did_you_mean(value, valid)}")
+                raise ValueError(f"{what} is {value!r}{did_you_mean(value, valid)}")
         if structure == "exact" and constants == "printed":
             raise ValueError(
                 "structure 'exact' cannot have constants 'printed': the printed constants break the seven exact ties "
