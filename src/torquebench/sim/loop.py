@@ -173,7 +173,8 @@ def _call(
             if returned is not None:
                 values = np.asarray(returned)
                 if values.dtype.kind not in "iuf" or np.ma.is_masked(returned):
-                    return tau, Outcome.CONTROLLER_ERROR, f"the law returned {values.dtype} values, wanted real numbers"
+                    wrong = f"the law returned {values.dtype} values, wanted real numbers"
+                    return np.full(n, np.nan), Outcome.CONTROLLER_ERROR, wrong
                 tau = np.array(values, dtype=np.float64)
     except (Exception, SystemExit, GeneratorExit) as error:  # noqa: BLE001  a user's law may raise anything; the run reports it
         domain = isinstance(error, ValueError) and MATH_ERROR.match(_text(error)) is not None
