@@ -11,11 +11,20 @@ from torquebench import references
 from torquebench.analysis.sides import Dynamics, Side
 from torquebench.kernel import Array
 from torquebench.robot.arm import RobotModel
+from torquebench.robot.model import own_copy
 from torquebench.sim.loop import Controller, simulate
 from torquebench.sim.trajectory import Trajectory
 
 ROLLOUT_TOLERANCE = 1e-12
 """Largest joint-angle gap of two closed loops that still counts as agreement [rad]."""
+ROLLOUT_LAWS: tuple[tuple[str, str, dict[str, float]], ...] = (
+    ("sign", "smc", {"lam": 10, "k": 0.3}),
+    ("linear band", "linear-band-smc", {"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20}),
+)
+"""Laws of the closed loops: title, name, gains."""
+ROLLOUT_MOTIONS = ("sine", "step", "ramp")
+LOOPS = len(ROLLOUT_LAWS) * len(ROLLOUT_MOTIONS)
+"""Number of closed loops on each side."""
 SPEED, ACCELERATION = 3.0, 5.0
 """Random states: |qd| [rad/s] and |qdd| [rad/s^2] up to these, positions over the full circle."""
 
@@ -97,6 +106,19 @@ def compare_links(a: RobotModel, b: RobotModel, tolerance: float) -> list[Row]:
     return [_row(title, unit, getattr(a.flat, key), getattr(b.flat, key), tolerance) for title, unit, key in parameters]
 
 
+def slightly_wrong(a: Side, b: Side) -> RobotModel:
+    """Return the model the laws use on both plants: links 5 % too heavy.
+
+    With a perfect model s is mere round-off while the arm rests, and its sign differs between any two plants.
+    """
+    true = a.links or b.links
+    if true is None:
+        closed_form: RobotModel = a.dynamics
+        return closed_form
+    flat = own_copy(true.flat)._replace(mass=1.05 * true.flat.mass, inertia=1.05 * true.flat.inertia)
+    return RobotModel(true.name, true.joint_names, flat)
+
+
 def compare_rollouts(
     a: Side,
     b: Side,
@@ -117,19 +139,16 @@ def compare_rollouts(
         progress: Called with the name of each loop before it runs.
     """
     n, rows = model.n, []
-    share = np.arange(1, n + 1) / n
-    motions = {
-        "sine": references.sine(np.where(np.arange(n) % 2, -1.0, 1.2), 0.4 + 0.6 * share),
-        "step": references.step(np.where(np.arange(n) % 2, -0.8, 0.8), 0.2),
-        "ramp": references.ramp(np.where(np.arange(n) % 2, -1.5, 1.5), 3.0),
-    }
+    odd = np.arange(n) % 2 == 1
+    motions = (
+        references.sine(np.where(odd, -1.0, 1.2), 0.4 + 0.6 * (np.arange(1, n + 1) / n)),
+        references.step(np.where(odd, -0.8, 0.8), 0.2),
+        references.ramp(np.where(odd, -1.5, 1.5), 3.0),
+    )
     plant_a, plant_b = a.plant(timestep), b.plant(timestep)
-    for title, law, gains in (
-        ("sign", "smc", {"lam": 10, "k": 0.3}),
-        ("linear band", "linear-band-smc", {"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20}),
-    ):
+    for title, law, gains in ROLLOUT_LAWS:
         controller = Controller.of(law, n, gains, name=title)
-        for name, motion in motions.items():
+        for name, motion in zip(ROLLOUT_MOTIONS, motions, strict=True):
             progress(f"{title}, {name}")
             runs = [
                 simulate(p, controller, model, motion, duration=duration, control_period=timestep, throw=False)

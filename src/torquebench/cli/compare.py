@@ -7,15 +7,18 @@ import json
 import math
 from dataclasses import asdict
 
-from torquebench.analysis.compare import Row, compare_links, compare_rollouts, compare_terms, random_states
+from torquebench.analysis.compare import (
+    LOOPS,
+    Row,
+    compare_links,
+    compare_rollouts,
+    compare_terms,
+    random_states,
+    slightly_wrong,
+)
 from torquebench.analysis.sides import Side, parse_side
 from torquebench.cli.terminal import progress_bar, say, table
 from torquebench.errors import ConfigError, Problem
-from torquebench.robot import RobotModel
-from torquebench.robot.model import own_copy
-
-LOOPS = 6
-"""Closed loops of a rollout comparison: two laws on three references."""
 
 
 def compare(options: argparse.Namespace) -> int:
@@ -47,7 +50,7 @@ def compare(options: argparse.Namespace) -> int:
             bar.update(1)
 
         if options.rollout > 0:
-            rows += compare_rollouts(a, b, _belief(a, b), options.rollout, progress=report)
+            rows += compare_rollouts(a, b, slightly_wrong(a, b), options.rollout, progress=report)
     agree = all(row.agrees for row in rows)
     if options.json:
         data = {"a": a.label, "b": b.label, "states": options.states, "seed": options.seed, "agree": agree}
@@ -72,19 +75,6 @@ def _sides(options: argparse.Namespace) -> tuple[Side, Side]:
     if problems:
         raise ConfigError(problems)
     return sides[0], sides[1]
-
-
-def _belief(a: Side, b: Side) -> RobotModel:
-    """Model the laws use on both plants: links 5 % too heavy, so that s is not mere round-off while the arm rests.
-
-    With a perfect model it would be, and the sign of round-off differs between any two plants.
-    """
-    true = a.links or b.links
-    if true is None:
-        closed_form: RobotModel = a.dynamics
-        return closed_form
-    flat = own_copy(true.flat)._replace(mass=1.05 * true.flat.mass, inertia=1.05 * true.flat.inertia)
-    return RobotModel(true.name, true.joint_names, flat)
 
 
 def _check(options: argparse.Namespace) -> None:

@@ -176,9 +176,9 @@ def summary(result: ExperimentResult) -> str:
     rows = []
     for keys in result.experiment.controllers:
         cells = [keys.name, keys.law, outcome_text(result, keys.name)]
-        found = dict((i.key, m) for i, m in result.metrics[keys.name].items()) if keys.name in result.metrics else {}
+        metrics = result.metrics.get(keys.name)
         for key, (_, scale) in columns.items():
-            value = found[key].value if key in found else None
+            value = None if metrics is None else getattr(metrics, key).value
             cells.append("-" if value is None else f"{value * scale:.4g}")
         rows.append(cells)
     header = ["controller", "law", "outcome", *(title for title, _ in columns.values())]

@@ -8,7 +8,7 @@ from torquebench.kernel import Array, kernel
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.dynamics import forward_dynamics
 from torquebench.robot.model import Model, own_copy
-from torquebench.sim.plant import INTEGRATORS, substeps_per_period
+from torquebench.sim.plant import check_scheme
 
 
 @kernel
@@ -67,9 +67,7 @@ class AnalyticPlant:
     """
 
     def __init__(self, model: RobotModel, timestep: float = 0.001, integrator: str = "rk4") -> None:
-        substeps_per_period(timestep, timestep, ("timestep", "timestep"))
-        if integrator not in INTEGRATORS:
-            raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
+        check_scheme(timestep, integrator)
         self.n = model.n
         self.timestep = timestep
         self.tau_max = model.flat.tau_max.copy()

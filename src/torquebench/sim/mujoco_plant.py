@@ -13,7 +13,7 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.loading import mjcf_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
-from torquebench.sim.plant import INTEGRATORS, substeps_per_period
+from torquebench.sim.plant import check_scheme
 
 _CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
 
@@ -54,9 +54,7 @@ class MujocoPlant:
     """
 
     def __init__(self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4") -> None:
-        substeps_per_period(timestep, timestep, ("timestep", "timestep"))
-        if integrator not in INTEGRATORS:
-            raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
+        check_scheme(timestep, integrator)
         mujoco.set_mju_user_warning(_quiet)
         self._m = load_mujoco(source)
         self._m.opt.timestep = timestep

@@ -34,6 +34,17 @@ class Plant(Protocol):
         ...
 
 
+def check_scheme(timestep: float, integrator: str) -> None:
+    """Refuse a time step or an integrator no plant can use.
+
+    Raises:
+        ValueError: the time step is not finite and positive, or the integrator is unknown.
+    """
+    substeps_per_period(timestep, timestep, ("timestep", "timestep"))
+    if integrator not in INTEGRATORS:
+        raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
+
+
 def substeps_per_period(
     control_period: float, timestep: float, names: tuple[str, str] = ("control_period", "timestep")
 ) -> int:
