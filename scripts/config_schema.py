@@ -36,9 +36,10 @@ def reference(schema: Node) -> str:
     definitions, sections = schema["$defs"], {k: v for k, v in schema["properties"].items() if _groups(v)}
     parts = [HEADER, "## Top level\n", _table(schema, definitions)]
     for name, node in sections.items():
-        is_list = "items" in node
+        each = " A list; each item has these keys:" if "items" in node else ""
+        each = " A mapping of names; each has these keys:" if "patternProperties" in node else each
         parts.append(f"## {name}\n")
-        parts.append(f"{_meaning(node)}{' A list; each item has these keys:' * is_list}\n")
+        parts.append(f"{_meaning(node)}{each}\n")
         groups = [definitions[group] for group in _groups(node)]
         parts += _variants(node, groups, definitions) if len(groups) > 1 else _section(name, groups[0], definitions)
     return "\n".join(parts).rstrip() + "\n"
@@ -55,7 +56,7 @@ def _section(name: str, group: Node, definitions: Node) -> list[str]:
 
 def _variants(node: Node, groups: list[Node], definitions: Node) -> list[str]:
     """Return the table of the keys that all groups share, then what is special about each."""
-    tag = node.get("discriminator", node.get("items", {}).get("discriminator"))["propertyName"]
+    tag = next(n["discriminator"] for n in (node, *_inner(node)) if "discriminator" in n)["propertyName"]
     first = groups[0]["properties"]
     shared = [key for key in first if key != tag and all(g["properties"].get(key) == first[key] for g in groups)]
     values = [group["properties"][tag]["const"] for group in groups]
@@ -64,6 +65,8 @@ def _variants(node: Node, groups: list[Node], definitions: Node) -> list[str]:
     if all("gains" in group["properties"] for group in groups):
         common["gains"] = {**first["gains"], "description": "Gains of the law, listed with each law."}
     parts = [_table({"properties": common, "required": [tag, *groups[0]["required"]]}, definitions)]
+    for key in shared:
+        parts += _subtables(key, first[key], definitions)
     for value, group in zip(values, groups, strict=True):
         own = {key: item for key, item in group["properties"].items() if key not in (tag, *shared)}
         gains = definitions[_groups(own["gains"])[0]] if "gains" in own else None
@@ -72,8 +75,18 @@ def _variants(node: Node, groups: list[Node], definitions: Node) -> list[str]:
         if options:
             parts += ["Options, beside `gains`:\n"] * (gains is not None)
             parts.append(_table({**group, "properties": options}, definitions))
+            for key, item in options.items():
+                parts += _subtables(key, item, definitions)
         if gains is not None:
             parts += ["Keys of `gains`:\n", _table(gains, definitions)] if gains["properties"] else ["No gains.\n"]
+    return parts
+
+
+def _subtables(key: str, node: Node, definitions: Node) -> list[str]:
+    """Return a table for each group of keys inside a key of a variant."""
+    parts = []
+    for name in _groups(node):
+        parts += [f"Keys of `{key}`: {definitions[name]['description']}\n", _table(definitions[name], definitions)]
     return parts
 
 
@@ -93,21 +106,29 @@ def _table(group: Node, definitions: Node) -> str:
 
 def _groups(node: Node) -> list[str]:
     """Return the names of the groups of keys that may stand at a key, or in the list there."""
-    choices = [node, *node.get("oneOf", ())]
-    choices += _items(node)
+    choices = [choice for n in (node, *_inner(node)) for choice in (n, *n.get("oneOf", ()), *n.get("anyOf", ()))]
     return [choice["$ref"].rpartition("/")[2] for choice in choices if "$ref" in choice]
 
 
-def _items(node: Node) -> list[Node]:
-    items = node.get("items", {})
-    return [items, *items.get("oneOf", ())]
+def _inner(node: Node) -> list[Node]:
+    """Return what a list's items and a mapping's values are."""
+    return [*([node["items"]] if "items" in node else []), *node.get("patternProperties", {}).values()]
 
 
 def _kind(key: str, node: Node, definitions: Node) -> str:
     """Return the values that a key takes, in words."""
     if _groups(node):
         most = f"list of {node.get('minItems', 0)} to {node['maxItems']}, " if "items" in node else ""
+        most = f"mapping of at most {node['maxProperties']}, " if "patternProperties" in node else most
         return f"{most}see below"
+    if "anyOf" in node:
+        return ", or ".join(_kind(key, choice, definitions) for choice in node["anyOf"])
+    if node.get("type") == "object":
+        return f"names, each with {_kind(key, node['additionalProperties'], definitions)}"
+    if node.get("type") == "array":
+        low, high = node["minItems"], node["maxItems"]
+        items = node.get("prefixItems", [node.get("items")])[0]
+        return f"list of {low if low == high else f'{low} to {high}'} {_kind(key, items, definitions)}s"
     if "oneOf" in node:
         words = [f", or {_code([kind['const']])}" for kind in node["oneOf"] if "const" in kind]
         return f"vector{_limits(node['oneOf'][0])}{''.join(words)}"

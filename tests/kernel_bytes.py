@@ -10,11 +10,14 @@ import json
 import os
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from tests.arms import pack
 from torquebench import AnalyticPlant, Puma560, find_law, law_names, simulate
+from torquebench.fuzzy import Functions, builtin_system, prepare
+from torquebench.fuzzy.inference import fill_activations
 from torquebench.kernel import Array, kernel
 from torquebench.references import Reference, sine
 from torquebench.robot import RobotModel, dynamics
@@ -24,7 +27,7 @@ STRUCTURES = {
     "printed": lambda: Puma560("printed", "printed"),
 }  # fmt: skip
 TARGET = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
-GAINS = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "ki": 50.0}
+GAINS = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "ki": 50.0, "kf": 0.2, "gd": 2.0}
 
 
 def digest(arrays: Iterable[Array]) -> str:
@@ -74,6 +77,27 @@ def law_torques(name: str, model: RobotModel) -> str:
     return digest(results)
 
 
+def fuzzy_outputs() -> dict[str, str]:
+    """Digest of what each way of evaluating a fuzzy system gives at two hundred inputs, and of how its rules fire."""
+    x, y = np.random.default_rng(12).uniform(-1.1, 1.1, (2, 200))
+    base = builtin_system("pd-49")
+    holes = replace(base, rules=base.rules[:20] + base.rules[23:])
+    functions = Functions.of({name: (0.3 * k, 0.1 * k, -0.2) for k, name in enumerate(base.inputs[0].names)})
+    systems = {
+        "staircase": base, "product": replace(base, conjunction="product"), "any table": holes,
+        "sum": replace(holes, aggregation="sum-min"), "functions": replace(base, output=functions),
+        "tabulated": replace(builtin_system("pd-9"), aggregation="max-bounded-product"),
+    }  # fmt: skip
+    found = {}
+    for name, system in systems.items():
+        prepared = prepare(system)
+        fired = np.zeros((len(x), *prepared.fis.rules.shape))
+        for i in range(len(x)):
+            fill_activations(prepared.fis, x[i], y[i], fired[i])
+        found[f"fuzzy {name}"] = digest([prepared.outputs(x, y), fired])
+    return found
+
+
 def closed_loop(name: str, law: str, throw: float = 0.0) -> str:
     """Digest of 0.3 s of a law on the analytic plant; with `throw`, of a run that a disturbance ends at step 20."""
     plant, belief = STRUCTURES[name](), STRUCTURES["corrected"]()
@@ -94,6 +118,7 @@ def main() -> None:
         found |= {f"{name} {term}": value for term, value in terms(make()).items()}
         laws = law_names() if name == "exact" else ("smc",)
         found |= {f"{name} law {law}": law_torques(law, make()) for law in laws}
+    found |= fuzzy_outputs()
     for law in ("smc", "linear-band-smc"):
         found[f"loop {law}"] = closed_loop("exact", law)
     # overflows to NaN in one, and to an infinite angle, whose cosine Python refuses, in the other

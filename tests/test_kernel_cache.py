@@ -34,8 +34,9 @@ def test_an_edited_callee_is_not_hidden_by_the_cache(copy):
     assert float(run(GRAVITY)) == before
     element = package / "robot" / "puma560" / "gravity.py"
     text = element.read_text()
+    after = "\n\n\n@kernel(inline=True)\ndef gravity5"
     edited = text.replace("    return k[G2] * t.s23 + k[G4]", "    return -k[G2] * t.s23 - k[G4]").replace(
-        "t.c23 + k[G5] * t.s23\n\n\n@kernel\ndef gravity5", "t.c23 - k[G5] * t.s23\n\n\n@kernel\ndef gravity5"
+        "t.c23 + k[G5] * t.s23" + after, "t.c23 - k[G5] * t.s23" + after
     )
     assert edited != text
     element.write_text(edited)

@@ -9,6 +9,8 @@ _HOMES = {
     "Array": "torquebench.kernel",
     "Controller": "torquebench.sim.loop",
     "AnalyticPlant": "torquebench.sim.analytic_plant",
+    "Fis": "torquebench.fuzzy.fis",
+    "FuzzySystem": "torquebench.fuzzy.system",
     "Gain": "torquebench.laws",
     "MujocoPlant": "torquebench.sim.mujoco_plant",
     "Option": "torquebench.laws",
@@ -16,11 +18,14 @@ _HOMES = {
     "Puma560": "torquebench.robot",
     "Reference": "torquebench.references",
     "RobotModel": "torquebench.robot",
+    "Rules": "torquebench.laws",
     "Trajectory": "torquebench.sim.trajectory",
+    "check_law": "torquebench.check.law",
     "controller": "torquebench.laws",
     "bias_forces": "torquebench.robot.dynamics",
     "find_law": "torquebench.laws",
     "gravity": "torquebench.robot.dynamics",
+    "infer": "torquebench.fuzzy.inference",
     "inverse_dynamics": "torquebench.robot.dynamics",
     "law_names": "torquebench.laws",
     "load_model": "torquebench.robot",
@@ -35,6 +40,8 @@ __all__ = [
     "AnalyticPlant",
     "Array",
     "Controller",
+    "Fis",
+    "FuzzySystem",
     "Gain",
     "MujocoPlant",
     "Option",
@@ -42,12 +49,15 @@ __all__ = [
     "Puma560",
     "Reference",
     "RobotModel",
+    "Rules",
     "Trajectory",
     "__version__",
     "bias_forces",
+    "check_law",
     "controller",
     "find_law",
     "gravity",
+    "infer",
     "inverse_dynamics",
     "law_names",
     "load_model",
@@ -59,8 +69,12 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from torquebench.check.law import check_law
+    from torquebench.fuzzy.fis import Fis
+    from torquebench.fuzzy.inference import infer
+    from torquebench.fuzzy.system import FuzzySystem
     from torquebench.kernel import Array, sat, sign
-    from torquebench.laws import Gain, Option, controller, find_law, law_names
+    from torquebench.laws import Gain, Option, Rules, controller, find_law, law_names
     from torquebench.references import Reference
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix

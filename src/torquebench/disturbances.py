@@ -14,6 +14,7 @@ class Stream(IntEnum):
 
     MISMATCH = 0
     TORQUE_NOISE = 1
+    POSITION_NOISE = 2
 
 
 def generator(seed: int, run: int, stream: Stream, index: int = 0) -> np.random.Generator:

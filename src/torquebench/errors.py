@@ -19,6 +19,31 @@ class ControllerError(TorquebenchError):
     """A control law is unknown, registered wrongly, or was given gains it cannot use."""
 
 
+class Finding(NamedTuple):
+    """Something noteworthy about a fuzzy system."""
+
+    code: str
+    """Kind of finding, a slug."""
+    severity: str
+    """``error``: the system has no meaning; ``warning``: it does, but perhaps not the one intended."""
+    where: tuple[str | int, ...]
+    """Place in the definition, as in a config below the system's name: ``("inputs", 0, "terms", "NB")``."""
+    message: str
+    """What was found, and what to do about it."""
+
+    def __str__(self) -> str:
+        place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in self.where).lstrip(".")
+        return f"{self.severity}: {place + ': ' if place else ''}{self.message} ({self.code})"
+
+
+class FuzzyError(TorquebenchError):
+    """A fuzzy system cannot be used; carries every reason found."""
+
+    def __init__(self, name: str, findings: Iterable[Finding]) -> None:
+        self.findings = tuple(findings)
+        super().__init__("\n".join(f"fuzzy system '{name}': {finding}" for finding in self.findings))
+
+
 class InconsistentReferenceError(TorquebenchError):
     """A reference is not consistent: its rates are not the derivatives of its positions."""
 

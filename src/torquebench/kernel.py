@@ -2,35 +2,56 @@
 
 Code marked `@kernel` uses only arithmetic, `math.*`, array indexing and loops of fixed order (no ``**``, no
 ``np.exp``, no ``np.sum``, no ``@``), so that the same source gives the same bytes interpreted
-(``NUMBA_DISABLE_JIT=1``) and compiled. ``tests/test_kernel_rules.py`` holds every kernel to it.
+(``NUMBA_DISABLE_JIT=1``) and compiled. `torquebench.dialect` has the rules, and ``tests/test_kernel_rules.py`` holds
+every kernel to them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, TypeAlias, TypeVar, cast, overload
 
 import numba
 import numpy as np
 import numpy.typing as npt
-from numba.core import config
 
-from torquebench.kernel_cache import cache_folder
+from torquebench.kernel_cache import own_cache
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
-def kernel(function: _F) -> _F:
-    """Compile `function` with numba, cached on disk, without any value-changing optimisation."""
-    settings: Any = config
-    before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(cache_folder())
-    try:
-        return cast(_F, numba.njit(cache=True, error_model="numpy", fastmath=False)(function))
-    finally:
-        settings.CACHE_DIR = before
+@overload
+def kernel(function: _F) -> _F: ...
+@overload
+def kernel(*, inline: bool) -> Callable[[_F], _F]: ...
+def kernel(function: _F | None = None, *, inline: bool = False) -> _F | Callable[[_F], _F]:
+    """Compile `function` with numba, cached on disk, without any value-changing optimisation.
+
+    Args:
+        function: The kernel.
+        inline: Whether to copy it into kernels that call it: for short ones that take tuples of many arrays, which
+            cost more to hand over than such a kernel costs to run.
+    """
+    if function is None:
+        return lambda wrapped: _compiled(wrapped, inline)
+    return _compiled(function, inline)
+
+
+def _compiled(function: _F, inline: bool) -> _F:
+    function.is_kernel, function.is_inline = True, inline  # type: ignore[attr-defined]
+    with own_cache():
+        compiler = numba.njit(
+            cache=True, error_model="numpy", fastmath=False, inline="always" if inline else "never", _nrt=False,
+            boundscheck=is_foreign(function),
+        )  # fmt: skip
+        return cast(_F, compiler(function))
+
+
+def is_foreign(function: Callable[..., Any]) -> bool:
+    """Whether a function is a user's: its indices are checked, those of this package's own kernels are tested."""
+    return not function.__module__.startswith("torquebench.")
 
 
 @kernel

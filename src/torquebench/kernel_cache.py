@@ -6,8 +6,28 @@ import hashlib
 import os
 import shutil
 import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
+
+from numba.core import config
+
+_lock = threading.RLock()
+
+
+@contextmanager
+def own_cache() -> Iterator[None]:
+    """Have what is compiled, or marked for compiling, in this context kept in `cache_folder`."""
+    settings: Any = config
+    with _lock:  # the setting is the whole process's, and another thread may be at the same
+        before, settings.CACHE_DIR = settings.CACHE_DIR, str(cache_folder())
+        try:
+            yield
+        finally:
+            settings.CACHE_DIR = before
 
 
 @lru_cache(maxsize=1)
@@ -19,7 +39,10 @@ def cache_folder() -> Path:
     It lies under ``NUMBA_CACHE_DIR`` if that is set, else in this package, else in the user's cache.
     """
     package = Path(__file__).resolve().parent
-    sources = [package / "kernel.py", *(f for part in ("robot", "laws", "sim") for f in (package / part).rglob("*.py"))]
+    sources = [
+        *package.glob("*.py"),
+        *(f for part in ("fuzzy", "robot", "laws", "sim") for f in (package / part).rglob("*.py")),
+    ]
     digest = hashlib.sha256()
     for source in sorted(sources):
         digest.update(str(source.relative_to(package)).encode() + b"\0" + source.read_bytes())

@@ -21,7 +21,7 @@ def test_two_runs_that_both_failed_do_not_agree():
     """An arm of feathers leaves the bounds on both plants alike; the row says so instead of agreeing."""
     arm = Puma560()
     light = own_copy(arm.flat)
-    light = light._replace(mass=light.mass * 1e-9, inertia=light.inertia * 1e-9, armature=light.armature * 1e-9)
+    light = replace(light, mass=light.mass * 1e-9, inertia=light.inertia * 1e-9, armature=light.armature * 1e-9)
     feather = RobotModel("feather", arm.joint_names, light)
     rows = compare_rollouts(side(feather), side(feather), arm, duration=0.1)
     failed = [row for row in rows if "DIVERGED" in row.where]
@@ -33,7 +33,7 @@ def test_one_run_that_failed_is_no_agreement():
     """A run that ended early is not compared with one that did not."""
     arm = Puma560()
     weak = own_copy(arm.flat)
-    weak = weak._replace(mass=weak.mass * 1e-9, inertia=weak.inertia * 1e-9, armature=weak.armature * 1e-9)
+    weak = replace(weak, mass=weak.mass * 1e-9, inertia=weak.inertia * 1e-9, armature=weak.armature * 1e-9)
     rows = compare_rollouts(side(RobotModel("x", arm.joint_names, weak)), side(arm), arm, duration=0.1)
     assert not all(row.agrees for row in rows)
 
@@ -102,7 +102,7 @@ def test_a_small_term_that_is_wrong_is_still_a_difference():
     """The floor under a term's scale hides round-off only: gravity wrong by 1e-6 of itself is seen on the PUMA."""
     arm = Puma560()
     flat = own_copy(arm.flat)
-    heavier = RobotModel("x", arm.joint_names, flat._replace(gravity=flat.gravity * (1 + 1e-6)))
+    heavier = RobotModel("x", arm.joint_names, replace(flat, gravity=flat.gravity * (1 + 1e-6)))
     rows = {row.term: row for row in compare_terms(arm, heavier, random_states(6, 50, seed=1), 1e-12)}
     assert not rows["gravity"].agrees
     assert rows["mass matrix"].agrees

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -29,7 +30,7 @@ def belief(literal: tuple[str, ...], constants: str = "fitted") -> RobotModel:
     """The corrected model with the equations `literal` taken as printed."""
     model = Puma560("corrected", constants)  # type: ignore[arg-type]
     flags = np.array([int(number in literal) for number in MISPRINTED])
-    flat = model.flat._replace(literal=flags, scratch=scratch_for(6))
+    flat = replace(model.flat, literal=flags, scratch=scratch_for(6))
     return RobotModel("belief", model.joint_names, flat)
 
 

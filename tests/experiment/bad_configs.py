@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tests.experiment.examples import ANALYTIC, GOOD, QUINTIC, STEP, edited, line_of
+from tests.experiment.examples import ANALYTIC, FUZZY, GOOD, QUINTIC, STEP, edited, line_of
 
 
 class Bad(NamedTuple):
@@ -214,7 +214,7 @@ BAD_NAMES = [
     Bad("expect: completed", "expect: complete", "controllers[1].expect", "did you mean 'completed'"),
     Bad("kind: sine", "kind: sin", "reference.kind", "did you mean 'sine'"),
     Bad("kind: quintic", "kind: quinitc", "reference.kind", "did you mean 'quintic'", text=QUINTIC),
-    Bad("chain: ideal", "chain: fast", "chain", "wanted one of ideal"),
+    Bad("chain: ideal", "chain: fats", "chain", "did you mean 'fast'?"),
     Bad("kind: band-limited-noise", "kind: bandlimited-noise", "disturbances[0].kind", "'band-limited-noise'"),
     Bad("channel: torque", "channel: torqe", "disturbances[0].channel", "did you mean 'torque'"),
     Bad("initial_q: home", "initial_q: hom", "run.initial_q", "did you mean 'home'"),
@@ -315,4 +315,87 @@ BAD_YAML = [
     Bad("description: every", "description: \u202eevery", "", "U+202E"),
 ]
 
+THREE, LIST = "fuzzy.three", "fuzzy.list"
+WIDE, NARROW = "terms: {N: -2, Z: 0, P: 2}\n      - terms", "{N: [-1, -1, 0], Z: [-0.5, -0.1, 0.1, 0.5], P: [0, 1, 1]}"
+
+
+def bad_fuzzy(old: str, new: str, key: str, word: str, on: str | None = None) -> Bad:
+    """Return one edit of the config with fuzzy systems."""
+    return Bad(old, new, key, word, on, FUZZY)
+
+
+FUZZY_SYSTEMS = [
+    bad_fuzzy("fuzzy: three", "fuzzy: tree", "controllers[1].fuzzy", "did you mean 'three'"),
+    bad_fuzzy("fuzzy: three", "fuzzy: pd-94", "controllers[1].fuzzy", "pd-49, pd-25, pd-9, three, list"),
+    bad_fuzzy("fuzzy: three", "fuzzy: 49", "controllers[1].fuzzy", "got 49, wanted a fuzzy system"),
+    bad_fuzzy("    law: smc", "    law: smc\n    fuzzy: three", "controllers[0].fuzzy", "law: fuzzy-linear-band-smc"),
+    bad_fuzzy("kv: 20", "kv: 20\n      fuzzy: pd-9", "controllers[1].gains.fuzzy", "unknown gain"),
+    bad_fuzzy("kf: 0.3", "kf: -0.3", "controllers[1].gains.kf", "at least 0"),
+    Bad(
+        "      gd: 1.0\n",
+        "",
+        "controllers[1].gains.gd",
+        "gain 'gd' is missing",
+        "gains: # 2",
+        FUZZY.replace("three\n    gains:", "three\n    gains: # 2"),
+    ),
+    bad_fuzzy("  list:\n", "  List:\n", "fuzzy.List", "not a slug"),
+    bad_fuzzy("  list:\n", "  pd-25:\n", "fuzzy.pd-25", "'pd-25' is built in"),
+    bad_fuzzy("  list:\n", "  empty:\n  list:\n", "fuzzy.empty", "wanted a mapping with the key 'kind'"),
+    bad_fuzzy("    kind: mamdani\n", "", f"{THREE}.kind", "missing", "  three:"),
+    bad_fuzzy("kind: mamdani", "kind: mamdami", f"{THREE}.kind", "did you mean 'mamdani'"),
+    bad_fuzzy("    kind: sugeno", "    kind: sugeno\n    aggregation: max-min", f"{LIST}.aggregation", "kind: mamdani"),
+    bad_fuzzy("conjunction: product", "conjunktion: product", f"{THREE}.conjunktion", "did you mean 'conjunction'"),
+    bad_fuzzy("conjunction: product", "conjunction: prod", f"{THREE}.conjunction", "did you mean 'product'"),
+    bad_fuzzy("max-bounded-product", "max-product", f"{THREE}.aggregation", "did you mean 'max-"),
+    bad_fuzzy("defuzzification: cog", "defuzzification: centroid", f"{THREE}.defuzzification", "coa, cog"),
+    bad_fuzzy("range: [-2, 2]", "range: [2, -2]", f"{THREE}.inputs[0].range", "the lower one first"),
+    bad_fuzzy("range: [-2, 2]", "range: 2", f"{THREE}.inputs[0].range", "a list of two numbers"),
+    bad_fuzzy("range: [-2, 2]", "range: [-2, two]", f"{THREE}.inputs[0].range[1]", "wanted a number"),
+    bad_fuzzy("range: [-2, 2]", "range: [-2, .inf]", f"{THREE}.inputs[0].range[1]", "finite"),
+    bad_fuzzy("range: [-2, 2]", "rang: [-2, 2]", f"{THREE}.inputs[0].rang", "did you mean 'range'"),
+    bad_fuzzy(NARROW, NARROW.replace("-0.5, -0.1", "-0.1, -0.5"), f"{THREE}.inputs[1].terms.Z", "ascending order"),
+    bad_fuzzy(
+        NARROW, NARROW.replace("[0, 1, 1]", "[0, 1]"), f"{THREE}.inputs[1].terms.P", "got a list of 2, wanted one"
+    ),
+    bad_fuzzy(NARROW, NARROW.replace("[0, 1, 1]", "one"), f"{THREE}.inputs[1].terms.P", "3 numbers (a triangle)"),
+    bad_fuzzy(NARROW, NARROW.replace("[0, 1, 1]", "[0, true, 1]"), f"{THREE}.inputs[1].terms.P[1]", "wanted a number"),
+    bad_fuzzy(NARROW, NARROW.replace("[0, 1, 1]", "[1, 1, 1]"), f"{THREE}.inputs[1].terms.P", "no width"),
+    bad_fuzzy(NARROW, "[-1, 0, 1]", f"{THREE}.inputs[1].terms", "a mapping of names to one number"),
+    bad_fuzzy(NARROW, NARROW.replace("Z:", '"a b":'), f"{THREE}.inputs[1].terms.'a b'", "letters"),
+    bad_fuzzy(WIDE, WIDE.replace("Z: 0", "Z: -3"), f"{THREE}.inputs[0].terms.Z", "from low to high"),
+    bad_fuzzy("{low: -1, high: 1}", "{low: -1}", f"{LIST}.inputs[0].terms.low", "no neighbours"),
+    bad_fuzzy("      - terms: {low: -1, high: 1}", "      []", f"{LIST}.inputs", "one or two inputs", "      []"),
+    bad_fuzzy(
+        "{down: [0, -0.5], up: 1}", "{down: [0, 1, 1], up: 1}", f"{LIST}.output.functions.down", "wanted one, or 2"
+    ),
+    bad_fuzzy("{down: [0, -0.5], up: 1}", "{down: [], up: 1}", f"{LIST}.output.functions.down", "an empty list"),
+    bad_fuzzy(
+        "      functions: {down",
+        "      terms: {down: -1, up: 1}\n      functions: {down",
+        f"{LIST}.output.terms",
+        "it belongs to kind: mamdani",
+    ),
+    bad_fuzzy(
+        "      - [N, N, Z]\n",
+        "",
+        f"{THREE}.rules",
+        "got 2 rows, wanted 3, one for each term of input 1 (N, Z, P)",
+        "- [N, Z, none]",
+    ),
+    bad_fuzzy("[N, N, Z]", "[N, N]", f"{THREE}.rules[0]", "got 2 consequents, wanted 3"),
+    bad_fuzzy("[N, N, Z]", "[N, N, Y]", f"{THREE}.rules[0][2]", "unknown consequent 'Y'"),
+    bad_fuzzy("[N, Z, none]", "[N, Z, ~]", f"{THREE}.rules[1][2]", "got nothing, wanted a name"),
+    bad_fuzzy("[N, Z, none]", "[N, Z, 0]", f"{THREE}.rules[1][2]", "got 0, wanted a name"),
+    bad_fuzzy("- [Z, P, P]", "- {if: [P, P], then: P}", f"{THREE}.rules[2]", "like the first"),
+    bad_fuzzy(
+        "if: low", "if: lo", f"{LIST}.rules[0]", "unknown term 'lo' of input 1 (did you mean 'low'?)", "- if: lo"
+    ),
+    bad_fuzzy("if: low", "if: [low, high]", f"{LIST}.rules[0]", "names 2 terms", "- if: [low, high]"),
+    bad_fuzzy("if: [high]", "if: [low]", f"{LIST}.rules[1]", "contradicts an earlier rule"),
+    bad_fuzzy("then: up", "than: up", f"{LIST}.rules[1].than", "did you mean 'then'"),
+    bad_fuzzy("if: [high]", "if: []", f"{LIST}.rules[1].if", "an empty list, wanted names"),
+]
+
 BAD = UNKNOWN_KEYS + MISSING_KEYS + WRONG_TYPES + WRONG_SHAPES + BAD_NUMBERS + BAD_NAMES + CONTRADICTIONS + BAD_YAML
+BAD += FUZZY_SYSTEMS

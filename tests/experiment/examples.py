@@ -75,7 +75,74 @@ controllers: [{name: only, law: pd, gains: {lam: 5, kv: 10}}]
 reference: {kind: step, target: 0.5, at: 0.1}
 run: {duration: 2.5}
 """
-ALL = {"good": GOOD, "step": STEP, "ramp": RAMP, "quintic": QUINTIC, "analytic": ANALYTIC, "minimal": MINIMAL}
+FUZZY = GOOD.replace(
+    """\
+  - name: linear-band
+    law: linear-band-smc
+    equivalent_control: false
+    gains:
+      lam: 10.5
+      k: 0.25
+      phi: 0.35
+      kv: 20
+""",
+    """\
+  - name: fuzzy-band
+    law: fuzzy-linear-band-smc
+    equivalent_control: false
+    fuzzy: three
+    gains:
+      lam: 10.5
+      k: 0.25
+      phi: 0.35
+      kv: 20
+      kf: 0.3
+      gd: 1.0
+      ki: 0
+""",
+).replace(
+    "reference:\n",
+    """\
+fuzzy:
+  three:
+    kind: mamdani
+    inputs:
+      - range: [-2, 2]
+        terms: {N: -2, Z: 0, P: 2}
+      - terms: {N: [-1, -1, 0], Z: [-0.5, -0.1, 0.1, 0.5], P: [0, 1, 1]}
+    output:
+      range: [-3, 3]
+      terms: {N: -2, Z: 0, P: 2}
+    rules:
+      - [N, N, Z]
+      - [N, Z, none]
+      - [Z, P, P]
+    conjunction: product
+    aggregation: max-bounded-product
+    defuzzification: cog
+  list:
+    kind: sugeno
+    inputs:
+      - terms: {low: -1, high: 1}
+    output:
+      functions: {down: [0, -0.5], up: 1}
+    rules:
+      - if: low
+        then: down
+      - if: [high]
+        then: up
+reference:
+""",
+)
+ALL = {
+    "good": GOOD,
+    "step": STEP,
+    "ramp": RAMP,
+    "quintic": QUINTIC,
+    "analytic": ANALYTIC,
+    "fuzzy": FUZZY,
+    "minimal": MINIMAL,
+}
 
 
 def edited(old: str, new: str, text: str = GOOD) -> str:

@@ -170,7 +170,7 @@ def test_an_option_may_not_take_the_name_of_a_common_key() -> None:
     """A law whose option would shadow ``expect`` cannot be registered, and the keys reserved are the schema's."""
     with pytest.raises(ControllerError, match="no option may be called 'expect'"):
         controller("clash", gains=ClashingGains)(lambda: None)
-    assert set(RESERVED) == {*ControllerKeys.model_fields, "gains"}
+    assert set(RESERVED) == {*ControllerKeys.model_fields, "gains", "fuzzy"}
 
 
 TWO_LINKS = """\

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from torquebench.errors import ControllerError
+from torquebench.fuzzy import Fis, builtin_system, infer, prepare
 from torquebench.kernel import Array
-from torquebench.laws import Gain, Option, base, controller, find_law, law_names
+from torquebench.laws import Gain, Option, Rules, base, controller, find_law, law_names
 
 SMC = {"lam": 10.0, "k": 0.3}
 
@@ -40,6 +41,26 @@ class Kept(NamedTuple):
 
     s: Array
     z: Array
+
+
+class Ruled(NamedTuple):
+    """A gain and a fuzzy system."""
+
+    k: Annotated[Array, Gain("gain", "1")]
+    fis: Annotated[Fis, Rules("how much of it")]
+
+
+class TwiceRuled(NamedTuple):
+    """Two fuzzy systems, of which a config could choose only one."""
+
+    one: Annotated[Fis, Rules("one")]
+    two: Annotated[Fis, Rules("two")]
+
+
+class Unruled(NamedTuple):
+    """A fuzzy system that does not say what it is for."""
+
+    fis: Fis
 
 
 def law(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Any, memory: Any, tau: Array) -> None:
@@ -165,3 +186,38 @@ def test_registering_returns_the_function_itself_and_its_memory_is_zero() -> Non
     assert found.pack_gains(2, {"k": 0}, {}).k.tolist() == [0.0, 0.0]
     with pytest.raises(ControllerError, match="wanted finite and zero or positive"):
         found.pack_gains(2, {"k": -1}, {})
+
+
+def test_a_fuzzy_system_is_a_third_kind_of_field() -> None:
+    """The law gets the system that is named or handed over, 49 rules by default, in arrays of its own."""
+    controller("ruled", gains=Ruled)(law)
+    found = find_law("ruled")
+    assert (list(found.gains), list(found.options), list(found.rules)) == (["k"], [], ["fis"])
+    packed = found.pack_gains(2, {"k": 1}, {})
+    assert infer(packed.fis, 0.33, 0.33) == pytest.approx(0.6536, abs=5e-5)
+    small = builtin_system("pd-9")
+    for choice in ("pd-9", small):
+        chosen = found.pack_gains(2, {"k": 1}, {}, choice)
+        assert infer(chosen.fis, 0.33, 0.33) == infer(prepare(small).fis, 0.33, 0.33) != infer(packed.fis, 0.33, 0.33)
+    packed.fis.table[:] = 0.0
+    assert infer(found.pack_gains(2, {"k": 1}, {}).fis, 1.0, 1.0) == 1.0
+
+
+@pytest.mark.parametrize(("gains", "message"), [
+    (TwiceRuled, "has two fuzzy systems, 'one' and 'two'"),
+    (Unruled, r"fuzzy system 'fis' needs Annotated\[Fis, Rules\(...\)\]"),
+])  # fmt: skip
+def test_fuzzy_fields_that_are_refused(gains: Any, message: str) -> None:
+    """At most one system, and it says what it is for."""
+    with pytest.raises(ControllerError, match=message):
+        controller("ruled-wrongly", gains=gains)(law)
+    assert "ruled-wrongly" not in law_names()
+
+
+def test_a_fuzzy_system_that_cannot_be_had() -> None:
+    """An unknown name is answered with the nearest one; a law without rules takes none."""
+    controller("ruled", gains=Ruled)(law)
+    with pytest.raises(ControllerError, match=r"unknown fuzzy system 'pd-94' \(did you mean 'pd-9'\?\)"):
+        find_law("ruled").pack_gains(1, {"k": 1}, {}, "pd-94")
+    with pytest.raises(ControllerError, match="law 'smc': it has no fuzzy system to choose"):
+        find_law("smc").pack_gains(1, SMC, {}, "pd-9")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from tests.arms import pack, pendulum, pendulum_terms, two_link, two_link_terms
+from tests.fuzzy.independent import exact_output
+from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable
 from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
 from torquebench.references import Reference
@@ -48,7 +51,7 @@ TWO_LINK = Case(
     Reference(np.array([0.45, -1.2]), np.array([0.4, 0.2]), np.array([-1.1, 2.3])),
 )  # fmt: skip
 CASES = [pytest.param(PENDULUM, id="pendulum"), pytest.param(TWO_LINK, id="two-link")]
-VALUES = {"lam": 10.0, "kv": 20.0, "ki": 50.0, "k": 0.3, "phi": 0.3}
+VALUES = {"lam": 10.0, "kv": 20.0, "ki": 50.0, "k": 0.3, "phi": 0.3, "kf": 0.2, "gd": 2.0}
 """Value of each gain, unless a test says otherwise."""
 
 
@@ -69,7 +72,7 @@ def call(
     if integral is not None:
         memory.integral[:] = integral[: case.n]
     tau = np.full(case.n, 99.0)
-    belief = case.arm.flat._replace(control_period=T)
+    belief = replace(case.arm.flat, control_period=T)
     controller.law.function(controller.gains, belief, 0.7, case.q.copy(), case.qd.copy(), case.ref, memory, tau)
     return tau, memory
 
@@ -163,6 +166,41 @@ def test_linear_band(case: Case, with_model: bool) -> None:
     assert memory.s == pytest.approx(s, rel=EXACT)
 
 
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("with_model", [True, False])
+def test_fuzzy_linear_band(case: Case, with_model: bool) -> None:
+    """The linear band, KF FIS(10 e/2, de/2) with KF = 0.2 tau_max, and 50 Mbar int e, which counts afterwards.
+
+    The second joint of the two-joint arm asks for more than its limit along its error, so its integral waits.
+    """
+    e, de, s = errors(case)
+    start = INTEGRAL[: case.n]
+    fuzzy = np.array([exact_output(x, y) for x, y in zip(5.0 * e, 0.5 * de, strict=True)])
+    band = call("linear-band-smc", case, {"equivalent_control": with_model})[0]
+    wanted = band + 0.2 * case.arm.flat.tau_max * fuzzy + 50.0 * case.arm.flat.inertia_scale * start
+    tau, memory = call("fuzzy-linear-band-smc", case, {"equivalent_control": with_model}, INTEGRAL)
+    assert tau == pytest.approx(wanted, rel=EXACT)
+    assert memory.s == pytest.approx(s, rel=EXACT)
+    waits = (np.abs(wanted) > case.arm.flat.tau_max) & (wanted * e > 0.0)
+    assert waits.tolist() == [False, True][: case.n]
+    assert memory.integral == pytest.approx(np.where(waits, start, start + T * e), rel=EXACT)
+
+
+def test_the_fuzzy_part_by_hand() -> None:
+    """E = 0.05 and de = 0.5 are x = y = 1/4, where FIS = 31/69: the fuzzy part is 0.2 of 40 N m times that.
+
+    Of each input Z holds to 1/4, PS to 3/4: Z-Z, Z-PS and PS-Z fire at 1/4, PS-PS at 3/4. Clipped triangles about 0,
+    1 and 2 thirds with the areas 7/16, 7/16 and 15/16 share 3/16 about 1/2 and 3/2: (7 + 30 - 6) / (29 - 6) / 3.
+    """
+    case = Case(
+        pendulum(gravity=0.0), pendulum_terms, np.zeros(1), np.zeros(1),
+        Reference(np.array([0.05]), np.array([0.5]), np.zeros(1)),
+    )  # fmt: skip
+    options = {"equivalent_control": False}
+    fuzzy = call("fuzzy-linear-band-smc", case, options)[0] - call("linear-band-smc", case, options)[0]
+    assert fuzzy[0] == pytest.approx(0.2 * 40.0 * 31.0 / 69.0, rel=1e-13)
+
+
 def variants() -> Iterator[tuple[str, dict[str, Any]]]:
     """Every law that ships with the package, under each combination of its options."""
     for name in law_names():
@@ -254,6 +292,39 @@ def test_anti_windup(law: str) -> None:
     # the torque is beyond its limit because of the integral, and the error brings it back
     assert integral_after(-0.1, 4.0) == pytest.approx(-T * 0.1, rel=1e-9)
     assert integral_after(0.1, -4.0) == pytest.approx(T * 0.1, rel=1e-9)
+
+
+def test_the_first_input_is_the_error_and_the_second_its_rate() -> None:
+    """With a system that is not symmetric in its inputs: FIS(lambda e/gd, de/gd), not the reverse."""
+    first, second = Variable.of({"N": -1.0, "P": 1.0}), Variable.of({"any": (-1.0, -1.0, 1.0, 1.0)})
+    rules = (Rule(("N", "any"), "a"), Rule(("P", "any"), "b"))
+    system = FuzzySystem("slanted", (first, second), Functions.of({"a": (-0.6, 0.0, 0.1), "b": (0.2, 0.0, 0.1)}), rules)
+    law = find_law("fuzzy-linear-band-smc")
+    gains = law.pack_gains(2, gains_of(law.name, {}), {"equivalent_control": False}, system)
+    tau = np.zeros(2)
+    law.function(gains, TWO_LINK.arm.flat, 0.0, TWO_LINK.q, TWO_LINK.qd, TWO_LINK.ref, law.new_memory(2), tau)
+    e, de, _ = errors(TWO_LINK)
+    # between N and P the constants are a straight line from -0.6 to 0.2
+    fuzzy = -0.2 + 0.4 * np.clip(5.0 * e, -1.0, 1.0) + 0.1 * np.clip(0.5 * de, -1.0, 1.0)
+    band = call("linear-band-smc", TWO_LINK, {"equivalent_control": False})[0]
+    assert tau == pytest.approx(band + 0.2 * TWO_LINK.arm.flat.tau_max * fuzzy, rel=EXACT)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_anti_windup_of_the_fuzzy_law(side: float) -> None:
+    """Its integral waits beyond the limit along the error, which all parts together decide, and moves otherwise."""
+    arm = pendulum(gravity=0.0)
+
+    def integral_after(e: float, start: float, **gains: float) -> float:
+        case = Case(arm, pendulum_terms, np.zeros(1), np.zeros(1), Reference(np.array([e]), np.zeros(1), np.zeros(1)))
+        return float(call("fuzzy-linear-band-smc", case, integral=np.array([start]), **gains)[1].integral[0] - start)
+
+    # 12 N m of the band, 100 N m/rad of e and 8 N m of the fuzzy system against a limit of 40 N m
+    assert integral_after(side * 0.3, 0.0) == 0.0
+    assert integral_after(side * 0.3, 0.0, kf=0.0) == 0.0
+    assert integral_after(side * 0.25, 0.0) == 0.0
+    assert integral_after(side * 0.25, 0.0, kf=0.0) == pytest.approx(side * T * 0.25, rel=EXACT)
+    assert integral_after(side * -0.1, side * 4.0) == pytest.approx(side * -T * 0.1, rel=1e-9)
 
 
 @pytest.mark.parametrize(("law", "options"), VARIANTS)

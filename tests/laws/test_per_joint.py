@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.arms import pack, two_link, two_link_terms
+from tests.fuzzy.independent import exact_output
 from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
 from torquebench.references import Reference
@@ -25,7 +27,7 @@ INTEGRAL = np.array([0.05, -0.03])
 """State of the integral [rad s]."""
 GAINS = {
     "lam": np.array([10.0, 4.0]), "kv": np.array([20.0, 7.0]), "ki": np.array([50.0, 90.0]),
-    "k": np.array([0.3, 0.55]), "phi": np.array([0.6, 1.5]),
+    "k": np.array([0.3, 0.55]), "phi": np.array([0.6, 1.5]), "kf": np.array([0.2, 0.35]), "gd": np.array([2.0, 5.0]),
 }  # fmt: skip
 """s = de + lam e is 0.2 and 0.8, inside its joint's band; with the other joint's slope it is -0.1 and -1.0."""
 TAU_MAX, MBAR = np.array([80.0, 25.0]), np.array([2.5, 0.4])
@@ -52,6 +54,10 @@ def torque_of(law: str, options: dict[str, Any], gains: dict[str, Array], integr
             return equivalent + k * TAU_MAX * (np.sign(s) if options["switching"] == "sign" else saturated)
         case "linear-band-smc":
             return equivalent + k * TAU_MAX * saturated + kv * MBAR * s
+        case "fuzzy-linear-band-smc":
+            rules = [exact_output(x, y) for x, y in zip(lam * E / gains["gd"], DE / gains["gd"], strict=True)]
+            fuzzy = gains["kf"] * TAU_MAX * np.array(rules)
+            return equivalent + k * TAU_MAX * saturated + kv * MBAR * s + fuzzy + ki * MBAR * integral
     raise ValueError(f"law '{law}' has no equation here: add it")
 
 
@@ -68,7 +74,7 @@ def call(law: str, options: dict[str, Any], gains: dict[str, Array], integral: A
     if "integral" in getattr(memory, "_fields", ()):
         memory.integral[:] = integral
     tau = np.full(2, 99.0)
-    belief = two_link().flat._replace(control_period=T)
+    belief = replace(two_link().flat, control_period=T)
     controller.law.function(controller.gains, belief, 0.7, Q.copy(), QD.copy(), REF, memory, tau)
     return tau, memory
 

@@ -17,7 +17,7 @@ from tests.sim.loops import PLANTS, go, idle, law_of, plant_of, spring
 from torquebench import Controller, Puma560, find_law, references, simulate
 from torquebench.errors import SimulationError
 from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import MAX_POSITION, MAX_VELOCITY
+from torquebench.sim.closed_loop import MAX_POSITION, MAX_VELOCITY
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.trajectory import SIGNALS, Outcome
 
@@ -215,7 +215,8 @@ def test_a_law_that_rewrites_its_arguments_changes_neither_the_plant_nor_the_nex
 
     def vandal(g: Any, model: Any, t: float, q: Any, qd: Any, ref: Any, memory: Any, tau: Any) -> None:
         for array in (model.mass, model.inertia, model.armature, model.com, model.tau_max, g.lam, q, qd, ref.q):
-            array[...] = 7.0
+            if array.flags.writeable:
+                array[...] = 7.0
         tau[:] = 0.0
 
     motion = references.sine(np.full(6, 0.5), np.full(6, 0.5))

@@ -115,7 +115,7 @@ def slightly_wrong(a: Side, b: Side) -> RobotModel:
     if true is None:
         closed_form: RobotModel = a.dynamics
         return closed_form
-    flat = own_copy(true.flat)._replace(mass=1.05 * true.flat.mass, inertia=1.05 * true.flat.inertia)
+    flat = own_copy(true.flat, mass=1.05 * true.flat.mass, inertia=1.05 * true.flat.inertia)
     return RobotModel(true.name, true.joint_names, flat)
 
 

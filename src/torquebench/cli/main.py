@@ -54,6 +54,34 @@ def parser() -> argparse.ArgumentParser:
     compare.add_argument("--rollout", type=float, default=0.0, metavar="SECONDS",
                          help="also compare closed loops of this length on both plants (default: none)")  # fmt: skip
     compare.add_argument("--json", action="store_true", help="print the result as JSON")
+
+    fuzzy = commands.add_parser(
+        "fuzzy", help="a fuzzy system: how it is evaluated, what is odd about it, and its figures",
+        description="Describe the fuzzy systems of a config, or a built-in one (pd-49, pd-25, pd-9), and draw them.",
+    )  # fmt: skip
+    fuzzy.add_argument("source", metavar="CONFIG", help="experiment, a YAML file, or the name of a built-in system")
+    fuzzy.add_argument("--name", help="the only system of the file to describe (default: all)")
+    fuzzy.add_argument("--out", type=Path, help="folder for the figures, new or empty (default: runs/fuzzy-NAME-UTC)")
+    fuzzy.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
+                       help="Python file that registers laws which the config uses")  # fmt: skip
+
+    check = commands.add_parser(
+        "check", help="contract test of your own laws: what the loop relies on, and whether they can be compiled",
+        description="Try every law that FILE registers with @controller, on two arms and on both paths.",
+    )  # fmt: skip
+    check.add_argument("file", metavar="FILE", type=Path, help="Python file of laws, as for --plugin")
+    check.add_argument("--law", metavar="NAME", help="the only law of the file to try (default: all)")
+    check.add_argument("--json", action="store_true", help="print the result as JSON")
+
+    bench = commands.add_parser(
+        "bench", help="speed against peers, as ratios within one run",
+        description="Time the closed loop, MuJoCo's open loop and other ways to write the same, in turn, many times.",
+    )  # fmt: skip
+    bench.add_argument("--json", type=Path, metavar="FILE", help="also write the rows as JSON")
+    bench.add_argument("--markdown", action="store_true", help="print the table as Markdown, with what each row is")
+    bench.add_argument("--quick", action="store_true", help="short runs, few rounds")
+    bench.add_argument("--rounds", type=int, help="how often each case is timed (default 15, with --quick 3)")
+    bench.add_argument("--threads", type=int, default=2, help="threads of the largest case (default 2)")
     return top
 
 
@@ -105,6 +133,18 @@ def dispatch(options: argparse.Namespace) -> int:
         from torquebench.cli.run import run
 
         return run(options.config, options.out, options.overrides, options.plugin, not options.no_figures)
+    if options.command == "fuzzy":
+        from torquebench.cli.fuzzy import fuzzy
+
+        return fuzzy(options.source, options.name, options.out, options.plugin)
+    if options.command == "check":
+        from torquebench.cli.check import check
+
+        return check(options.file, options.law, options.json)
+    if options.command == "bench":
+        from torquebench.cli.bench import bench
+
+        return bench(options)
     from torquebench.cli.compare import compare
 
     return compare(options)

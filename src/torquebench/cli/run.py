@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from torquebench.cli.fuzzy import remarks, run_figures, used
 from torquebench.cli.terminal import complain, progress_bar, say, table
 from torquebench.disturbances import Stream
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
@@ -40,11 +41,13 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
     directory.write("experiment.yaml", dump_experiment(experiment).encode())
     begin = "starting (compiles on first use)"
     with progress_bar(experiment.n_steps * len(experiment.controllers), "step", begin) as bar:
+        done = dict.fromkeys((keys.name for keys in experiment.controllers), 0)
 
         def report(name: str, k: int) -> None:
-            if k % 50 == 49:
+            if k + 1 - done[name] >= 50 or k + 1 == experiment.n_steps:
                 bar.set_description_str(name, refresh=False)
-                bar.update(50)
+                bar.update(k + 1 - done[name])
+                done[name] = k + 1
 
         def keep(name: str, trajectory: Trajectory) -> None:
             directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
@@ -52,8 +55,12 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
         result = run_experiment(experiment, loop, progress=report, finished=keep)
     write_results(result, directory, plugins, with_figures)
     say(summary(result))
+    for remark in remarks(experiment):
+        say(remark)
     say()
     say(f"results: {directory.folder}")
+    for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
+        complain(f"torquebench: on the readable path, the same bytes but slower: {reason}")
     for name in result.unexpected:
         trajectory = result.runs[name]
         detail = f" ({trajectory.detail})" if trajectory.detail else ""
@@ -95,9 +102,14 @@ def write_results(
             },
             "model_files": checksums(sorted(p for p in model_folder(experiment.plant.model).iterdir() if p.is_file())),
             "plugins": checksums(plugins),
-            "loop": "interpreted",
+            "fuzzy": {
+                name: {"method": prepared.method, "error_bound": prepared.bound}
+                for name, prepared in used(experiment).items()
+            },
             "outcomes": {
                 name: {
+                    "path": trajectory.path,
+                    "path_reason": trajectory.path_reason,
                     "outcome": trajectory.outcome.name,
                     "failed_at": trajectory.failed_at,
                     "detail": trajectory.detail,
@@ -122,6 +134,7 @@ def write_figures(result: ExperimentResult, directory: RunDirectory) -> None:
         control_period=experiment.run.control_period, metrics=result.metrics,
         bands=bands, slides=[kind == SLIDE for kind in result.loop.model.flat.kind],
     )  # fmt: skip
+    figures |= run_figures(result, conditions_text(experiment))
     with progress_bar(2 * len(figures), "figure", "drawing") as bar:
         for name, figure in figures.items():
             for fmt in ("svg", "png"):

@@ -11,6 +11,9 @@ from typing import Protocol
 class Bar(Protocol):
     """A progress bar."""
 
+    total: float | None
+    """Number of units of work, when it is known."""
+
     def update(self, n: float | None = 1) -> bool | None:
         """Advance by `n`."""
         ...
@@ -36,13 +39,14 @@ def complain(text: str) -> None:
         sys.stderr = None
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table with the first column left-aligned, the others right-aligned, and a rule under the header."""
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    """Return a table: the first `left` columns left-aligned, the others right-aligned, a rule under the header."""
     widths = [max(len(str(row[i])) for row in (header, *rows)) for i in range(len(header))]
 
     def line(cells: Sequence[str]) -> str:
-        first, *rest = cells
-        padded = [first.ljust(widths[0])] + [cell.rjust(w) for cell, w in zip(rest, widths[1:], strict=True)]
+        padded = [
+            cell.ljust(w) if i < left else cell.rjust(w) for i, (cell, w) in enumerate(zip(cells, widths, strict=True))
+        ]
         return "  ".join(padded).rstrip()
 
     return "\n".join([line(header), "  ".join("-" * w for w in widths), *map(line, rows)])

@@ -10,11 +10,14 @@ from torquebench import references
 from torquebench.disturbances import Stream, band_limited_noise, generator
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import schema
+from torquebench.experiment.fuzzy_system import systems_of
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
-from torquebench.references import ReferenceSource
+from torquebench.laws import find_law
+from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.puma560.mismatch import mismatched
+from torquebench.sim.chain import CHAINS
 from torquebench.sim.loop import Controller
 from torquebench.sim.plant import Plant
 
@@ -28,9 +31,12 @@ class Loop(NamedTuple):
     redraws: int
     """Rejected draws of the model's mismatch."""
     controllers: tuple[Controller, ...]
-    reference: ReferenceSource
+    reference: Reference
+    """Desired motion at each control instant, (N, n)."""
+    position_noise: Array | None
+    """Added to the measured position at each control instant, (N, n) [rad]."""
     disturbance: Array | None
-    """Torque added after saturation at each control instant, (N, n) [N m]."""
+    """Torque added after saturation and lag at each control instant, (N, n) [N m]."""
     initial_q: Array
 
 
@@ -42,17 +48,21 @@ def build(experiment: schema.Experiment) -> Loop:
         ModelError: a model is malformed, or no acceptable mismatch was found.
     """
     n, run = experiment.n, experiment.run
-    reference = build_reference(experiment.reference, n)
-    check_finite(reference, experiment)
+    reference = sampled(build_reference(experiment.reference, n), experiment)
     model = load_model(experiment.plant.model, experiment.model.structure, experiment.model.constants)
     redraws = 0
     if experiment.model.mismatch is not None:
         rng = generator(run.seed, run.draw, Stream.MISMATCH)
         model, redraws = mismatched(model, experiment.model.mismatch.relative, rng)
-    controllers = [Controller.of(c.law, n, c.gains, c.options, c.name) for c in experiment.controllers]
+    systems = systems_of(experiment)
+    controllers = []
+    for c in experiment.controllers:
+        law = find_law(c.law)
+        fuzzy = systems[c.fuzzy] if c.fuzzy is not None else None
+        controllers.append(Controller(c.name, law, law.pack_gains(n, c.gains, c.options, fuzzy)))
     return Loop(
         build_plant(experiment.plant), model.joint_names, model, redraws, tuple(controllers),
-        reference, build_disturbance(experiment),
+        reference, build_position_noise(experiment), build_disturbance(experiment),
         np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
     )  # fmt: skip
 
@@ -82,11 +92,11 @@ def build_reference(keys: schema.Reference, n: int) -> ReferenceSource:
             return references.quintic(as_vector(keys.target, n), keys.rise_time)
 
 
-def check_finite(reference: ReferenceSource, experiment: schema.Experiment) -> None:
-    """Refuse a desired motion that is not finite at every control instant.
+def sampled(reference: ReferenceSource, experiment: schema.Experiment) -> Reference:
+    """Return the desired motion at every control instant.
 
     Raises:
-        ConfigError: it is not.
+        ConfigError: it is not finite there.
     """
     t = np.arange(experiment.n_steps, dtype=np.float64) * experiment.run.control_period
     with np.errstate(all="ignore"):
@@ -94,6 +104,16 @@ def check_finite(reference: ReferenceSource, experiment: schema.Experiment) -> N
     for name, values in zip(("position", "velocity", "acceleration"), samples, strict=True):
         if not np.all(np.isfinite(values)):
             raise ConfigError([Problem("", "reference", f"its {name} is beyond what floating-point numbers can hold")])
+    return samples
+
+
+def build_position_noise(experiment: schema.Experiment) -> Array | None:
+    """Draw the noise of the chain's encoders, (N, n) [rad]; None when they have none."""
+    sigma, run = CHAINS[experiment.chain].position_sigma, experiment.run
+    if sigma == 0.0:
+        return None
+    rng = generator(run.seed, run.draw, Stream.POSITION_NOISE)
+    return sigma * rng.standard_normal((experiment.n_steps, experiment.n))
 
 
 def build_disturbance(experiment: schema.Experiment) -> Array | None:

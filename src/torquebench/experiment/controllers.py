@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from torquebench.experiment.document import BROKEN, Document, KeyPath
+from torquebench.experiment.fuzzy_checks import check_fuzzy_name
 from torquebench.experiment.law_schema import OWN_KEYS, gains_model, law_model
 from torquebench.experiment.schema import MAX_CONTROLLERS, Controller, ControllerKeys
 from torquebench.experiment.sections import Checked, as_mapping, check_tagged, check_value, nearest
@@ -44,7 +45,7 @@ def build_controller(checked: Checked[ControllerKeys]) -> Controller:
     values = checked.values
     common = {key: values[key] for key in ControllerKeys.model_fields}
     options = {key: value for key, value in values.items() if key not in OWN_KEYS}
-    return Controller(**common, options=options, gains=values["gains"])
+    return Controller(**common, options=options, gains=values["gains"], fuzzy=values.get("fuzzy"))
 
 
 def _check_controller(document: Document, path: KeyPath, raw: Any) -> Checked[ControllerKeys] | None:
@@ -66,7 +67,7 @@ def _check_controller(document: Document, path: KeyPath, raw: Any) -> Checked[Co
         "law",
         ControllerKeys,
         _LawModels(),
-        {"gains": keep},
+        {"gains": keep, "fuzzy": lambda here, value: check_fuzzy_name(document, here, value)},
         noun="key or option",
         elsewhere=elsewhere,
         more="; a law of your own needs --plugin FILE, the file that registers it",

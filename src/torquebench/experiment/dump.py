@@ -27,11 +27,14 @@ _Dumper.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.012345
 def plain(experiment: Experiment) -> dict[str, Any]:
     """Return the resolved experiment as plain values, keys as in the file, every default filled in."""
     data = experiment.model_dump(mode="json", exclude_none=True)
+    if not data["fuzzy"]:
+        del data["fuzzy"]
     for controller in data["controllers"]:
         options, gains = controller.pop("options"), controller.pop("gains")
         common = {key: controller.pop(key) for key in ControllerKeys.model_fields}
         expect = common.pop("expect")
-        controller.update(common | options | {"gains": gains, "expect": expect})
+        fuzzy = {"fuzzy": controller.pop("fuzzy")} if "fuzzy" in controller else {}
+        controller.update(common | options | fuzzy | {"gains": gains, "expect": expect})
     return data
 
 

@@ -10,8 +10,10 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import BaseModel, BeforeValidator, Field, create_model
 from pydantic_core import PydanticCustomError
 
-from torquebench.experiment.schema import MAX_CONTROLLERS, ControllerKeys, Experiment, Keys
+from torquebench.experiment.keys import Keys
+from torquebench.experiment.schema import MAX_CONTROLLERS, ControllerKeys, Experiment
 from torquebench.experiment.values import EachJoint, Vector
+from torquebench.fuzzy import BUILTIN, DEFAULT
 from torquebench.laws.base import RESERVED, Gain, Law, Option, find_law, law_names
 
 OWN_KEYS = frozenset(RESERVED)
@@ -39,6 +41,9 @@ def _law_model(name: str, gains_type: type[Any]) -> type[ControllerKeys]:
         "gains": (gains, Field(... if needed else {}, description=text)),
     }
     options = {option: _option(declared) for option, declared in law.options.items()}
+    for rules in law.rules.values():
+        text = f"{rules.meaning}: a name under the top level's fuzzy, or {', '.join(BUILTIN)}."
+        options["fuzzy"] = str, Field(DEFAULT, description=text)
     return _create(law.name, ControllerKeys, fields | options, law.summary)
 
 

@@ -12,6 +12,7 @@ from torquebench.experiment import schema
 from torquebench.experiment.checks import Parts, check_across
 from torquebench.experiment.controllers import build_controller, check_controllers
 from torquebench.experiment.document import BROKEN, Document, KeyPath
+from torquebench.experiment.fuzzy_checks import check_fuzzy
 from torquebench.experiment.overrides import apply_overrides
 from torquebench.experiment.sections import (
     Checked,
@@ -82,11 +83,12 @@ class _Reader:
             "plant": self._plant,
             "model": self._model,
             "controllers": lambda path, raw: check_controllers(self._document, path, raw),
+            "fuzzy": lambda path, raw: check_fuzzy(self._document, path, raw),
             "reference": self._reference,
             "disturbances": self._disturbances,
             "run": self._run,
         }
-        raw = {"model": {}, "disturbances": [], **self._document.root}
+        raw = {"model": {}, "fuzzy": {}, "disturbances": [], **self._document.root}
         top = check_fields(self._document, (), raw, schema.Experiment, handlers, elsewhere=_home)
         parts = Parts(
             plant=top.get("plant"),
@@ -104,6 +106,7 @@ class _Reader:
         """Return the experiment; only when no mistakes were found."""
         sections = {key: value.build() if isinstance(value, Checked) else value for key, value in top.items()}
         sections["controllers"] = tuple(build_controller(controller) for controller in top["controllers"])
+        sections["fuzzy"] = {name: system.build() for name, system in top["fuzzy"].items()}
         sections["disturbances"] = tuple(disturbance.build() for disturbance in top["disturbances"])
         return schema.Experiment(**sections)
 

@@ -11,7 +11,9 @@ from torquebench.experiment.schema import Experiment
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, compute_metrics
-from torquebench.sim.loop import simulate
+from torquebench.sim.batch import Trial, run_trial
+from torquebench.sim.chain import CHAINS
+from torquebench.sim.loop import Controller, PathName
 from torquebench.sim.trajectory import Trajectory
 
 
@@ -40,6 +42,7 @@ def run_experiment(
     experiment: Experiment,
     loop: Loop | None = None,
     *,
+    path: PathName = "auto",
     progress: Callable[[str, int], None] | None = None,
     finished: Callable[[str, Trajectory], None] | None = None,
 ) -> ExperimentResult:
@@ -48,6 +51,7 @@ def run_experiment(
     Args:
         experiment: A validated experiment.
         loop: Its objects; None to build them.
+        path: As for `simulate`.
         progress: Called with the controller's name and the index of the control instant just finished.
         finished: Called with each controller's name and run as soon as it has ended.
 
@@ -59,10 +63,8 @@ def run_experiment(
     metrics: dict[str, Metrics] = {}
     for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
         name = controller.name
-        runs[name] = simulate(
-            loop.plant, controller, loop.model, loop.reference,
-            duration=experiment.run.duration, control_period=experiment.run.control_period,
-            disturbance=loop.disturbance, initial_q=loop.initial_q, throw=False,
+        runs[name] = run_trial(
+            loop.plant, trial_of(experiment, loop, controller), path,
             progress=None if progress is None else partial(progress, name),
         )  # fmt: skip
         if finished is not None:
@@ -75,6 +77,14 @@ def run_experiment(
                 phi=None if band is None else as_vector(band, experiment.n),
             )  # fmt: skip
     return ExperimentResult(experiment, loop, runs, metrics)
+
+
+def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Trial:
+    """Return what one controller of an experiment is run with."""
+    return Trial(
+        controller, loop.model, loop.reference, experiment.run.duration, experiment.run.control_period,
+        CHAINS[experiment.chain], loop.position_noise, loop.disturbance, loop.initial_q,
+    )  # fmt: skip
 
 
 def band_of(law: str, gains: Mapping[str, float | tuple[float, ...]]) -> float | tuple[float, ...] | None:

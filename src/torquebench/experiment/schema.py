@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
+from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, FuzzyKeys
+from torquebench.experiment.keys import Keys
 from torquebench.experiment.values import (
     AnyVector,
     HomeOrVector,
@@ -31,12 +33,6 @@ def joint_count(model_name: str) -> int:
         ModelError: there is no such model, or it is malformed.
     """
     return load_model(model_name).n
-
-
-class Keys(BaseModel):
-    """A group of keys: read-only, no others accepted, no type converted into another."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, protected_namespaces=())
 
 
 class AnyPlant(Keys):
@@ -109,6 +105,7 @@ class Controller(ControllerKeys):
 
     options: dict[str, str | bool] = Field(description="Option name -> value; in the file at the controller's level.")
     gains: dict[str, AnyVector] = Field(description="Gain name -> one number, or one for each joint.")
+    fuzzy: str | None = Field(None, description="Name of the law's fuzzy system, of a law that has one.")
 
 
 class AnyReference(Keys):
@@ -217,10 +214,21 @@ class Experiment(Keys):
     controllers: tuple[Controller, ...] = Field(
         min_length=1, max_length=MAX_CONTROLLERS, description="What is compared."
     )
+    fuzzy: dict[Slug, Annotated[FuzzyKeys, Field(discriminator="kind")]] = Field(
+        default_factory=dict,
+        max_length=MAX_SYSTEMS,
+        json_schema_extra={"additionalProperties": False},
+        description="Fuzzy systems for laws that take one, by name; pd-49, pd-25 and pd-9 are built in.",
+    )
     reference: Reference = Field(
         discriminator="kind", description="Desired motion; starts at zero whatever run.initial_q is."
     )
-    chain: Literal["ideal"] = Field("ideal", description="Sensors and actuators; ideal: exact and instantaneous.")
+    chain: Literal["ideal", "fast", "slow"] = Field(
+        "ideal",
+        description="Sensors and actuators. ideal: exact and instantaneous; fast: position with noise of 0.1 mrad, "
+        "velocity differentiated from it and filtered at 500 rad/s, actuators lagging by 2 ms; slow: the same noise, "
+        "200 rad/s, 8 ms.",
+    )
     disturbances: tuple[Disturbance, ...] = Field(
         (), max_length=MAX_DISTURBANCES, description="What acts on the joints besides the law."
     )

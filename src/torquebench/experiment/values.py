@@ -21,8 +21,9 @@ Vector: TypeAlias = float | tuple[float, ...]
 """One number for all joints, or one for each."""
 
 
-def _positive_zero(x: float) -> float:
-    return x + 0.0  # -0.0 becomes 0.0: equal experiments must not differ in their text
+def positive_zero(x: float) -> float:
+    """Return x, with 0.0 for -0.0: equal experiments must not differ in their text."""
+    return x + 0.0
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class EachJoint:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Return pydantic's schema for a number, or a list of them, in strict mode."""
         limits = Field(strict=True, allow_inf_nan=False, gt=self.gt, ge=self.ge)
-        number = Annotated[float, limits, AfterValidator(_positive_zero)]
+        number = Annotated[float, limits, AfterValidator(positive_zero)]
         numbers = Annotated[tuple[number, ...], Field(strict=False, min_length=1)]
         kinds: Any = Annotated[number, Tag("number")] | Annotated[numbers, Tag("list")]
         if self.word is not None:
@@ -51,7 +52,7 @@ class EachJoint:
 
 Slug: TypeAlias = Annotated[str, Field(pattern=r"^[a-z0-9]([a-z0-9-]{0,62}[a-z0-9])?$")]
 Positive: TypeAlias = Annotated[float, Field(gt=0)]
-NotNegative: TypeAlias = Annotated[float, Field(ge=0), AfterValidator(_positive_zero)]
+NotNegative: TypeAlias = Annotated[float, Field(ge=0), AfterValidator(positive_zero)]
 AnyVector: TypeAlias = Annotated[Vector, EachJoint()]
 NotNegativeVector: TypeAlias = Annotated[Vector, EachJoint(ge=0)]
 HomeOrVector: TypeAlias = Annotated[Vector | Literal["home"], EachJoint(word="home")]

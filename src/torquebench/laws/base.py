@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import re
 import types
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from torquebench.errors import ControllerError, did_you_mean
+from torquebench.fuzzy import DEFAULT, Fis, FuzzySystem, builtin_system, prepare
 from torquebench.kernel import Array
 
 SLUG = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,62}[a-z0-9])?")
@@ -38,13 +40,23 @@ class Option(NamedTuple):
     """Accepted values; the first is the default."""
 
 
-@dataclass(frozen=True, slots=True)
+class Rules(NamedTuple):
+    """The law's fuzzy system: a field of type `Fis`, at most one; a config chooses the system by name."""
+
+    meaning: str
+    """What its output does, in words."""
+    inputs: Callable[[Any, int, float, float], tuple[float, float]] | None = None
+    """Kernel (gains, joint, e, de) -> the system's two normalised inputs, by which the law scales them. Figures use it
+    to tell which rules fired; without it they do not."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Law:
     """A registered torque law.
 
     `function(gains, model, t, q, qd, ref, memory, tau)` fills `tau` (n,) [N m] in place; `memory` is its only
     state and starts at zero. `gains` and `memory` are NamedTuples of (n,) arrays; options in `gains` are integers
-    (see `Option`).
+    (see `Option`), and a fuzzy system in it is a `Fis` (see `Rules`).
     """
 
     name: str
@@ -53,6 +65,7 @@ class Law:
     memory_type: type[Any] | None
     gains: Mapping[str, Gain]
     options: Mapping[str, Option]
+    rules: Mapping[str, Rules] = field(default_factory=dict)
 
     @property
     def summary(self) -> str:
@@ -65,16 +78,24 @@ class Law:
         cls = Nothing if self.memory_type is None else self.memory_type
         return cls(*(np.zeros(n) for _ in fields)) if fields else cls(np.zeros(0))
 
-    def pack_gains(self, n: int, values: Mapping[str, Any], options: Mapping[str, str | bool]) -> Any:
+    def pack_gains(
+        self,
+        n: int,
+        values: Mapping[str, Any],
+        options: Mapping[str, str | bool],
+        fuzzy: FuzzySystem | str | None = None,
+    ) -> Any:
         """Return the gains tuple the law receives.
 
         Args:
             n: Number of joints; scalars are repeated for each.
             values: Gain name -> scalar or (n,) sequence, finite and not negative.
             options: Option name -> one of its values; missing options take their first value.
+            fuzzy: Fuzzy system, or the name of a built-in one, of a law that has one; None for the default.
 
         Raises:
-            ControllerError: a gain is unknown, missing, without effect, of wrong length, or out of range.
+            ControllerError: a gain is unknown, missing, without effect, of wrong length, or out of range; or the
+                fuzzy system is unknown or the law has none.
         """
         chosen = {name: options.get(name, option.values[0]) for name, option in self.options.items()}
         problems = [f"unknown option '{k}'{did_you_mean(k, self.options)}" for k in options if k not in self.options]
@@ -103,6 +124,11 @@ class Law:
                     packed[name] = np.array(np.broadcast_to(array, (n,)))
             else:
                 packed[name] = np.ones(n)  # without effect under these options; never read by the law
+        if self.rules:
+            system = builtin_system(fuzzy or DEFAULT) if not isinstance(fuzzy, FuzzySystem) else fuzzy
+            packed |= dict.fromkeys(self.rules, copy.deepcopy(prepare(system).fis))  # the law may write to it
+        elif fuzzy is not None:
+            problems.append("it has no fuzzy system to choose")
         if problems:
             raise ControllerError(f"law '{self.name}': " + "; ".join(problems))
         return self.gains_type(**packed)
@@ -130,7 +156,7 @@ class Nothing(NamedTuple):
 
 
 _REGISTRY: dict[str, Law] = {}
-RESERVED = ("name", "law", "gains", "expect")
+RESERVED = ("name", "law", "fuzzy", "gains", "expect")
 """Keys of a controller in a config, which an option would collide with."""
 
 
@@ -142,12 +168,12 @@ def controller(
     Args:
         name: Slug by which configs call the law.
         gains: NamedTuple class; array fields are gains (annotate with `Gain`), integer fields are options
-            (annotate with `Option`).
+            (annotate with `Option`), a field of type `Fis` is the law's fuzzy system (annotate with `Rules`).
         memory: NamedTuple class of (n,) arrays kept between control instants; a field called `s` is recorded as
             the sliding variable.
 
     Raises:
-        ControllerError: the name is taken or is not a slug, or a field is neither a gain nor an option.
+        ControllerError: the name is taken or is not a slug, or a field is not a gain, an option or a fuzzy system.
     """
     if not SLUG.fullmatch(name):
         raise ControllerError(f"law name '{name}' is not a slug (lower-case letters, digits and '-', at most 64)")
@@ -155,8 +181,8 @@ def controller(
     def register(function: Callable[..., None]) -> Callable[..., None]:
         if name in _REGISTRY and not _same_place(_REGISTRY[name].function, function):
             raise ControllerError(f"a law named '{name}' is already registered")
-        vectors, choices = _fields(name, gains)
-        _REGISTRY[name] = Law(name, function, gains, memory, vectors, choices)
+        vectors, choices, systems = _fields(name, gains)
+        _REGISTRY[name] = Law(name, function, gains, memory, vectors, choices, systems)
         return function
 
     return register
@@ -167,12 +193,13 @@ def _same_place(old: Callable[..., None], new: Callable[..., None]) -> bool:
     return (old.__module__, old.__qualname__) == (new.__module__, new.__qualname__) and old.__module__ == "__main__"
 
 
-def _fields(law: str, gains: type[Any]) -> tuple[Mapping[str, Gain], Mapping[str, Option]]:
+def _fields(law: str, gains: type[Any]) -> tuple[Mapping[str, Gain], Mapping[str, Option], Mapping[str, Rules]]:
     vectors: dict[str, Gain] = {}
     choices: dict[str, Option] = {}
+    systems: dict[str, Rules] = {}
     for name, hint in get_type_hints(gains, include_extras=True).items():
         notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-        note = next((x for x in notes if isinstance(x, Gain | Option)), None)
+        note = next((x for x in notes if isinstance(x, Gain | Option | Rules)), None)
         plain = get_args(hint)[0] if notes else hint
         if isinstance(note, Option):
             if name in RESERVED:
@@ -180,11 +207,17 @@ def _fields(law: str, gains: type[Any]) -> tuple[Mapping[str, Gain], Mapping[str
             choices[name] = note
         elif isinstance(note, Gain):
             vectors[name] = note
+        elif isinstance(note, Rules):
+            if systems:
+                raise ControllerError(f"law '{law}': has two fuzzy systems, '{next(iter(systems))}' and '{name}'")
+            systems[name] = note
+        elif plain is Fis:
+            raise ControllerError(f"law '{law}': fuzzy system '{name}' needs Annotated[Fis, Rules(...)]")
         elif plain is int or plain is bool:
             raise ControllerError(f"law '{law}': option '{name}' needs Annotated[int, Option(...)] to list its values")
         else:
             vectors[name] = Gain("gain of a user's law", "not stated", positive=False)
-    return types.MappingProxyType(vectors), types.MappingProxyType(choices)
+    return types.MappingProxyType(vectors), types.MappingProxyType(choices), types.MappingProxyType(systems)
 
 
 def find_law(name: str) -> Law:

@@ -24,7 +24,6 @@ class Memory(NamedTuple):
     """State of the computed-torque law."""
 
     integral: Array
-    acceleration: Array
 
 
 @controller("computed-torque", gains=Gains, memory=Memory)
@@ -38,8 +37,9 @@ def computed_torque(
     """
     for i in range(len(tau)):
         e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]
-        memory.acceleration[i] = ref.qdd[i] + gains.kv[i] * (de + gains.lam[i] * e) + gains.ki[i] * memory.integral[i]
-    inverse_dynamics(model, q, qd, memory.acceleration, tau)
+        wanted = gains.kv[i] * (de + gains.lam[i] * e) + gains.ki[i] * memory.integral[i]
+        model.scratch.free[i] = ref.qdd[i] + wanted
+    inverse_dynamics(model, q, qd, model.scratch.free, tau)
     for i in range(len(tau)):
         e = ref.q[i] - q[i]
         if not (abs(tau[i]) > model.tau_max[i] and tau[i] * e > 0.0):

@@ -26,7 +26,7 @@ UseModel: TypeAlias = Annotated[
 
 @kernel
 def equivalent_control(
-    use: int, lam: Array, model: Model, q: Array, qd: Array, ref: Reference, work: Array, tau: Array
+    use: int, lam: Array, model: Model, q: Array, qd: Array, ref: Reference, tau: Array
 ) -> None:
     """Fill `tau` (n,) [N m] with tau_eq = M^(q) (qdd_ref + lambda de) + N^(q, qd), equation (98) without e's qdd.
 
@@ -35,16 +35,15 @@ def equivalent_control(
     Args:
         use: 1 for tau_eq, 0 for zero torque.
         lam: Slope lambda, (n,) [1/s].
-        model: The law's belief.
+        model: The law's belief; ``scratch.free`` is overwritten.
         q, qd: Measured position [rad] and velocity [rad/s], (n,).
         ref: Desired motion at this instant.
-        work: Overwritten, (n,).
         tau: Result.
     """
     if use:
         for i in range(len(q)):
-            work[i] = ref.qdd[i] + lam[i] * (ref.qd[i] - qd[i])
-        inverse_dynamics(model, q, qd, work, tau)
+            model.scratch.free[i] = ref.qdd[i] + lam[i] * (ref.qd[i] - qd[i])
+        inverse_dynamics(model, q, qd, model.scratch.free, tau)
     else:
         for i in range(len(q)):
             tau[i] = 0.0

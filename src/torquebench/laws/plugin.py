@@ -10,11 +10,12 @@ from torquebench.errors import ConfigError, ControllerError, Problem
 from torquebench.laws.base import law_names
 
 
-def load_plugin(path: Path) -> tuple[str, ...]:
+def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
     """Run a Python file that registers laws with `@controller`, and return the names it added.
 
     Args:
         path: The file; its code runs with the user's rights.
+        where: Argument of the command that names it, for messages.
 
     Raises:
         ConfigError: the file cannot be read, raises, or registers no law.
@@ -30,8 +31,8 @@ def load_plugin(path: Path) -> tuple[str, ...]:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # a user's file may raise anything: bad input, not an internal error
         message = f"{type(error).__name__}: {error}" if not isinstance(error, ControllerError) else str(error)
-        raise ConfigError([Problem("--plugin", str(path), message)]) from error
+        raise ConfigError([Problem(where, str(path), message)]) from error
     added = tuple(sorted(set(law_names()) - before))
     if not added:
-        raise ConfigError([Problem("--plugin", str(path), "registers no law (wanted a function with @controller)")])
+        raise ConfigError([Problem(where, str(path), "registers no law (wanted a function with @controller)")])
     return added

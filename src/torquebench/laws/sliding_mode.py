@@ -34,10 +34,9 @@ class LinearBandGains(NamedTuple):
 
 
 class SlidingMemory(NamedTuple):
-    """The sliding variable, kept so that it is recorded, and working memory."""
+    """The sliding variable, kept so that it is recorded."""
 
     s: Array
-    acceleration: Array
 
 
 @controller("smc", gains=SmcGains, memory=SlidingMemory)
@@ -45,7 +44,7 @@ def smc(
     gains: SmcGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: SlidingMemory, tau: Array
 ) -> None:
     """Conventional sliding mode: tau = [tau_eq +] K sgn(s), or K sat(s/phi); s = de + lambda e; (97), (102), (126)."""
-    equivalent_control(gains.equivalent_control, gains.lam, model, q, qd, ref, memory.acceleration, tau)
+    equivalent_control(gains.equivalent_control, gains.lam, model, q, qd, ref, tau)
     for i in range(len(tau)):
         s = ref.qd[i] - qd[i] + gains.lam[i] * (ref.q[i] - q[i])
         switch = sign(s) if gains.switching == SIGN else sat(s / gains.phi[i])
@@ -69,7 +68,7 @@ def linear_band_smc(
     (149) keeps sgn(s) beside the linear term and (148) takes Kd = 1 N m s/rad; so read, it chatters as much as the
     conventional law.
     """
-    equivalent_control(gains.equivalent_control, gains.lam, model, q, qd, ref, memory.acceleration, tau)
+    equivalent_control(gains.equivalent_control, gains.lam, model, q, qd, ref, tau)
     for i in range(len(tau)):
         s = ref.qd[i] - qd[i] + gains.lam[i] * (ref.q[i] - q[i])
         memory.s[i] = s

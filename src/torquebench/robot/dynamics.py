@@ -14,6 +14,7 @@ from torquebench.robot.puma560.closed_form import (
     fill_centrifugal,
     fill_coriolis,
     fill_gravity,
+    fill_inverse,
     fill_mass_matrix,
 )
 from torquebench.robot.rigid_body import composite_mass_matrix, newton_euler, place_frames
@@ -56,22 +57,26 @@ def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, tau: Array) 
         place_frames(model, q)
         newton_euler(model, qd, qdd, 1.0, tau)
     else:
-        fill_bias(model.constants, model.literal, q, qd, tau)
-        M = model.scratch.matrix
-        fill_mass_matrix(model.constants, model.literal, q, M)
-        for i in range(len(q)):
-            for j in range(len(q)):
-                tau[i] += M[i, j] * qdd[j]
+        fill_inverse(model.constants, model.literal, q, qd, qdd, tau)
 
 
 @kernel
 def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, qdd: Array) -> None:
     """Fill `qdd` (n,) [rad/s^2] with M(q)^-1 (tau - N(q, qd)), the acceleration under `tau`; (30)."""
-    bias_forces(model, q, qd, model.scratch.vector)
-    mass_matrix(model, q, model.scratch.matrix)
-    for i in range(len(q)):
-        qdd[i] = tau[i] - model.scratch.vector[i]
-    solve_in_place(model.scratch.matrix, qdd)
+    M, N = model.scratch.matrix, model.scratch.vector
+    if model.structure == EXACT:
+        place_frames(model, q)
+        newton_euler(model, qd, model.scratch.zeros, 1.0, N)
+        composite_mass_matrix(model, M)
+        for i in range(len(q)):
+            qdd[i] = tau[i] - N[i]
+        solve_symmetric_in_place(M, qdd)
+    else:
+        fill_bias(model.constants, model.literal, q, qd, N)
+        fill_mass_matrix(model.constants, model.literal, q, M)
+        for i in range(len(q)):
+            qdd[i] = tau[i] - N[i]
+        solve_in_place(M, qdd)
 
 
 @kernel
@@ -136,3 +141,26 @@ def solve_in_place(A: Array, x: Array) -> None:
         for c in range(i + 1, n):
             total -= A[i, c] * x[c]
         x[i] = total / A[i, i]
+
+
+@kernel
+def solve_symmetric_in_place(A: Array, x: Array) -> None:
+    """Replace `x` (n,) by A^-1 x and destroy `A` (n, n), symmetric and positive definite: L D L^T in a fixed order.
+
+    Only the lower triangle of `A` is read. A singular matrix gives values that are not finite.
+    """
+    n = len(x)
+    for j in range(n):
+        inverse = 1.0 / A[j, j]
+        for i in range(j + 1, n):
+            factor = A[i, j] * inverse
+            for c in range(j + 1, i + 1):
+                A[i, c] -= factor * A[c, j]
+            x[i] -= factor * x[j]
+        for i in range(j + 1, n):
+            A[i, j] *= inverse
+        x[j] *= inverse
+    for back in range(n):
+        i = n - 1 - back
+        for c in range(i):
+            x[c] -= A[i, c] * x[i]

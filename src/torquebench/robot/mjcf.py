@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,20 +73,15 @@ def _numbers(text: str) -> Array:
         return np.zeros(0)
 
 
-def check_smooth(m: Any, where: str) -> None:
-    """Refuse what the analytic side has no counterpart for.
-
-    Raises:
-        ModelError: the model has anything but hinges, slides, rigid bodies and motors, or is not a single chain.
-    """
+def features(m: Any) -> dict[str, bool]:
+    """Return what an arm of hinges, slides, rigid bodies and motors has not, and whether this model has it."""
 
     def nonzero(*names: str) -> bool:
         return any(np.any(getattr(m, name) != 0) for name in names)
 
     contacts = not m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
-    several = m.body_jntnum[m.jnt_bodyid] > 1
     hinge_or_slide = np.isin(m.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
-    features = {
+    return {
         "joints other than hinges and slides": not np.all(hinge_or_slide),
         "joint damping": nonzero("dof_damping", "dof_dampingpoly"),
         "joint friction": nonzero("dof_frictionloss"),
@@ -104,7 +100,16 @@ def check_smooth(m: Any, where: str) -> None:
         "colliding geoms": contacts and (m.npair > 0 or nonzero("geom_contype", "geom_conaffinity")),
         "no joint at all": m.nv == 0,
     }
-    wrong = [name for name, present in features.items() if present]
+
+
+def check_smooth(m: Any, where: str) -> None:
+    """Refuse what the analytic side has no counterpart for.
+
+    Raises:
+        ModelError: the model has anything but hinges, slides, rigid bodies and motors, or is not a single chain.
+    """
+    several = m.body_jntnum[m.jnt_bodyid] > 1
+    wrong = [name for name, present in features(m).items() if present]
     if not wrong and np.any(several & (m.qpos0 != 0)):
         wrong.append("a reference angle on a body with several joints")
     parents = [_moving_parent(m, b) for b in range(1, m.nbody) if m.body_jntnum[b] > 0]
@@ -160,7 +165,7 @@ def flatten(m: Any, where: str) -> Model:
         tau_max=torque_limits(m, where), inertia_scale=np.ones(n),
     )  # fmt: skip
     arm = RobotModel(where, tuple(joint_names(m)), model)
-    model = model._replace(inertia_scale=np.diag(arm.mass_matrix(np.zeros(n))).copy())
+    model = replace(model, inertia_scale=np.diag(arm.mass_matrix(np.zeros(n))).copy())
     check_physical(model, where)
     return model
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from torquebench.kernel import Array, IntArray
+import torquebench.packing_types  # noqa: F401  tells numba what a Structure is
+from torquebench.kernel import Array, IntArray, kernel
+from torquebench.packing import Structure
 
 EXACT = 0
 """Structure code: rigid-body dynamics of all joints."""
@@ -22,26 +25,31 @@ SLIDE = 1
 class Scratch(NamedTuple):
     """Working memory of the dynamics kernels, so that they allocate nothing; one per thread."""
 
-    rotation: Array
+    rotation: Annotated[Array, 3]
     """Orientation of frame i in frame i-1, (n, 3, 3)."""
-    offset: Array
+    offset: Annotated[Array, 2]
     """Origin of frame i in frame i-1, (n, 3) [m]."""
-    force: Array
+    force: Annotated[Array, 2]
     """Force on link i, later composite first moments, (n, 3)."""
-    moment: Array
+    moment: Annotated[Array, 2]
     """Moment on link i about its origin, (n, 3)."""
-    composite: Array
+    composite: Annotated[Array, 2]
     """Composite mass, first moment and inertia of the links from i outwards, (n, 10)."""
-    matrix: Array
+    matrix: Annotated[Array, 2]
     """Mass matrix, destroyed by the solver, (n, n)."""
     vector: Array
     """Right-hand side of the solver, (n,)."""
     zeros: Array
     """Zeros, never written, (n,)."""
+    free: Array
+    """Not used by the dynamics: for a law's own intermediate results within one call, (n,)."""
 
 
-class Model(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Model(Structure):
     """A robot as the kernels see it. Frame i moves with link i and its z axis is joint i's axis.
+
+    Its arrays are read-only but for the scratch space; `dataclasses.replace` makes a changed model.
 
     A belief (what a law computes with) and an analytic plant (the truth) are two objects of this type.
     """
@@ -50,21 +58,21 @@ class Model(NamedTuple):
     """EXACT or CLOSED_FORM."""
     kind: IntArray
     """HINGE or SLIDE for each joint, (n,)."""
-    rotation: Array
+    rotation: Annotated[Array, 3]
     """Orientation of frame i in frame i-1 at q = 0, (n, 3, 3)."""
-    offset: Array
+    offset: Annotated[Array, 2]
     """Origin of frame i in frame i-1 at q = 0, (n, 3) [m]."""
     mass: Array
     """Link masses, (n,) [kg]."""
-    com: Array
+    com: Annotated[Array, 2]
     """Centres of mass in frame i, (n, 3) [m]."""
-    inertia: Array
+    inertia: Annotated[Array, 3]
     """Inertia tensors about the centre of mass, axes of frame i, (n, 3, 3) [kg m^2]."""
     armature: Array
     """Reflected rotor inertia added to the diagonal of the mass matrix, (n,) [kg m^2]."""
     gravity: Array
     """Acceleration of gravity in the base frame, (3,) [m/s^2]."""
-    tool_rotation: Array
+    tool_rotation: Annotated[Array, 2]
     """Orientation of the tool frame in the last link's frame, (3, 3)."""
     tool_offset: Array
     """Origin of the tool frame in the last link's frame, (3,) [m]."""
@@ -79,21 +87,60 @@ class Model(NamedTuple):
     control_period: float
     """Time between control instants [s]."""
     scratch: Scratch
+    about_origin: Annotated[Array, 2] = field(init=False)
+    """Each link about its frame's origin: mass, first moment x y z, inertia xx yy zz xy xz yz, (n, 10); derived."""
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only, as copies where somebody may write to them, and derive `about_origin`."""
+        for field_ in fields(self):
+            value = getattr(self, field_.name) if field_.init else None
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                frozen = value.copy()
+                frozen.setflags(write=False)
+                object.__setattr__(self, field_.name, frozen)
+        derived = np.empty((len(self.mass), 10))
+        refer_to_origin(self.mass, self.com, self.inertia, derived)
+        derived.setflags(write=False)
+        object.__setattr__(self, "about_origin", derived)
+
+
+@kernel
+def refer_to_origin(mass: Array, com: Array, inertia: Array, out: Array) -> None:
+    """Fill `out` (n, 10) with the inertial parameters of links about their frames' origins: see `Model.about_origin`.
+
+    Args:
+        mass: Masses, (n,) [kg].
+        com: Centres of mass, (n, 3) [m].
+        inertia: Inertias about them, (n, 3, 3) [kg m^2].
+        out: Result.
+    """
+    for i in range(len(mass)):
+        m, x, y, z = mass[i], com[i, 0], com[i, 1], com[i, 2]
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = m, m * x, m * y, m * z
+        out[i, 4] = inertia[i, 0, 0] + m * (y * y + z * z)
+        out[i, 5] = inertia[i, 1, 1] + m * (x * x + z * z)
+        out[i, 6] = inertia[i, 2, 2] + m * (x * x + y * y)
+        out[i, 7] = inertia[i, 0, 1] - m * x * y
+        out[i, 8] = inertia[i, 0, 2] - m * x * z
+        out[i, 9] = inertia[i, 1, 2] - m * y * z
 
 
 def scratch_for(n: int) -> Scratch:
     """Return working memory for `n` joints."""
     return Scratch(
         np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
-        np.zeros((n, 10)), np.zeros((n, n)), np.zeros(n), np.zeros(n),
+        np.zeros((n, 10)), np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n),
     )  # fmt: skip
 
 
-def own_copy(model: Model) -> Model:
-    """Return a model that shares no array with `model`, with scratch space of its own."""
-    fields: dict[str, Any] = model._asdict()
-    arrays = {name: value.copy() for name, value in fields.items() if isinstance(value, np.ndarray)}
-    return Model(**(fields | arrays | {"scratch": scratch_for(len(model.armature))}))
+def own_copy(model: Model, **changes: Any) -> Model:
+    """Return a model for another user: the same constants, which nobody can write to, and scratch space of its own.
+
+    Args:
+        model: What to copy.
+        changes: Fields to change, as for `dataclasses.replace`.
+    """
+    return replace(model, **changes, scratch=scratch_for(len(model.armature)))
 
 
 def rigid_model(

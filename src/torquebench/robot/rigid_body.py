@@ -15,16 +15,18 @@ from torquebench.robot.model import HINGE, Model
 @kernel
 def place_frames(model: Model, q: Array) -> None:
     """Write the pose of each frame in the previous one, at joint position `q` (n,), into the scratch space."""
+    kind, fixed_rotation, fixed_offset = model.kind, model.rotation, model.offset
+    moved_rotation, moved_offset = model.scratch.rotation, model.scratch.offset
     for i in range(len(q)):
-        fixed, rotation, offset = model.rotation[i], model.scratch.rotation[i], model.scratch.offset[i]
+        fixed, rotation, offset = fixed_rotation[i], moved_rotation[i], moved_offset[i]
         c, s, z = 1.0, 0.0, q[i]
-        if model.kind[i] == HINGE:
+        if kind[i] == HINGE:
             c, s, z = math.cos(q[i]), math.sin(q[i]), 0.0
         for r in range(3):
             rotation[r, 0] = fixed[r, 0] * c + fixed[r, 1] * s
             rotation[r, 1] = fixed[r, 1] * c - fixed[r, 0] * s
             rotation[r, 2] = fixed[r, 2]
-            offset[r] = model.offset[i, r] + fixed[r, 2] * z
+            offset[r] = fixed_offset[i, r] + fixed[r, 2] * z
 
 
 @kernel
@@ -38,6 +40,8 @@ def newton_euler(model: Model, qd: Array, qdd: Array, gravity: float, tau: Array
         tau: Result, (n,) [N m].
     """
     n = len(qd)
+    kind, mass, com, inertia, armature = model.kind, model.mass, model.com, model.inertia, model.armature
+    rotation, offset = model.scratch.rotation, model.scratch.offset
     force, moment = model.scratch.force, model.scratch.moment
     wx = wy = wz = 0.0  # angular velocity of frame i, in its own axes
     ax = ay = az = 0.0  # angular acceleration
@@ -45,7 +49,7 @@ def newton_euler(model: Model, qd: Array, qdd: Array, gravity: float, tau: Array
     ly = -gravity * model.gravity[1]
     lz = -gravity * model.gravity[2]
     for i in range(n):
-        R, p = model.scratch.rotation[i], model.scratch.offset[i]
+        R, p = rotation[i], offset[i]
         # a_origin = a_parent + alpha x p + w x (w x p), in the parent's axes
         ux, uy, uz = wy * p[2] - wz * p[1], wz * p[0] - wx * p[2], wx * p[1] - wy * p[0]
         tx = lx + ay * p[2] - az * p[1] + wy * uz - wz * uy
@@ -62,7 +66,7 @@ def newton_euler(model: Model, qd: Array, qdd: Array, gravity: float, tau: Array
         wx = R[0, 0] * tx + R[1, 0] * ty + R[2, 0] * tz
         wy = R[0, 1] * tx + R[1, 1] * ty + R[2, 1] * tz
         wz = R[0, 2] * tx + R[1, 2] * ty + R[2, 2] * tz
-        if model.kind[i] == HINGE:
+        if kind[i] == HINGE:
             ax += wy * qd[i]
             ay -= wx * qd[i]
             az += qdd[i]
@@ -72,7 +76,7 @@ def newton_euler(model: Model, qd: Array, qdd: Array, gravity: float, tau: Array
             ly -= 2.0 * wx * qd[i]
             lz += qdd[i]
         # centre of mass, then Newton and Euler
-        c, J, m = model.com[i], model.inertia[i], model.mass[i]
+        c, J, m = com[i], inertia[i], mass[i]
         ux, uy, uz = wy * c[2] - wz * c[1], wz * c[0] - wx * c[2], wx * c[1] - wy * c[0]
         fx = m * (lx + ay * c[2] - az * c[1] + wy * uz - wz * uy)
         fy = m * (ly + az * c[0] - ax * c[2] + wz * ux - wx * uz)
@@ -86,9 +90,9 @@ def newton_euler(model: Model, qd: Array, qdd: Array, gravity: float, tau: Array
         moment[i, 2] = J[2, 0] * ax + J[2, 1] * ay + J[2, 2] * az + wx * hy - wy * hx + c[0] * fy - c[1] * fx
     for k in range(n):
         i = n - 1 - k
-        tau[i] = (moment[i, 2] if model.kind[i] == HINGE else force[i, 2]) + model.armature[i] * qdd[i]
+        tau[i] = (moment[i, 2] if kind[i] == HINGE else force[i, 2]) + armature[i] * qdd[i]
         if i > 0:
-            R, p = model.scratch.rotation[i], model.scratch.offset[i]
+            R, p = rotation[i], offset[i]
             fx, fy, fz = rotate(R, force[i, 0], force[i, 1], force[i, 2])
             tx, ty, tz = rotate(R, moment[i, 0], moment[i, 1], moment[i, 2])
             force[i - 1, 0] += fx
@@ -116,41 +120,35 @@ def composite_mass_matrix(model: Model, M: Array) -> None:
     Composite k is (mass, first moment (3), inertia about the frame's origin xx yy zz xy xz yz) of links k..n-1.
     """
     n = len(model.mass)
-    comp = model.scratch.composite
+    comp, about_origin = model.scratch.composite, model.about_origin
+    rotation, offset, kind, armature = model.scratch.rotation, model.scratch.offset, model.kind, model.armature
     for i in range(n):
-        m, c, J = model.mass[i], model.com[i], model.inertia[i]
-        comp[i, 0] = m
-        comp[i, 1], comp[i, 2], comp[i, 3] = m * c[0], m * c[1], m * c[2]
-        comp[i, 4] = J[0, 0] + m * (c[1] * c[1] + c[2] * c[2])
-        comp[i, 5] = J[1, 1] + m * (c[0] * c[0] + c[2] * c[2])
-        comp[i, 6] = J[2, 2] + m * (c[0] * c[0] + c[1] * c[1])
-        comp[i, 7] = J[0, 1] - m * c[0] * c[1]
-        comp[i, 8] = J[0, 2] - m * c[0] * c[2]
-        comp[i, 9] = J[1, 2] - m * c[1] * c[2]
+        for c in range(10):
+            comp[i, c] = about_origin[i, c]
     for k in range(n):
         i = n - 1 - k
         m, hx, hy = comp[i, 0], comp[i, 1], comp[i, 2]
         # force and moment that accelerate the composite by one unit of joint i, in frame i
-        if model.kind[i] == HINGE:
+        if kind[i] == HINGE:
             fx, fy, fz = -hy, hx, 0.0
             tx, ty, tz = comp[i, 8], comp[i, 9], comp[i, 6]
-            M[i, i] = tz + model.armature[i]
+            M[i, i] = tz + armature[i]
         else:
             fx, fy, fz = 0.0, 0.0, m
             tx, ty, tz = hy, -hx, 0.0
-            M[i, i] = fz + model.armature[i]
+            M[i, i] = fz + armature[i]
         for back in range(i):
             j = i - 1 - back
-            R, p = model.scratch.rotation[j + 1], model.scratch.offset[j + 1]
+            R, p = rotation[j + 1], offset[j + 1]
             fx, fy, fz = rotate(R, fx, fy, fz)
             tx, ty, tz = rotate(R, tx, ty, tz)
             tx += p[1] * fz - p[2] * fy
             ty += p[2] * fx - p[0] * fz
             tz += p[0] * fy - p[1] * fx
-            M[j, i] = tz if model.kind[j] == HINGE else fz
+            M[j, i] = tz if kind[j] == HINGE else fz
             M[i, j] = M[j, i]
         if i > 0:
-            add_to_parent(comp[i], model.scratch.rotation[i], model.scratch.offset[i], comp[i - 1])
+            add_to_parent(comp[i], rotation[i], offset[i], comp[i - 1])
 
 
 @kernel

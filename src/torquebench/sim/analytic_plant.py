@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import copy
+from dataclasses import dataclass, replace
+from typing import Annotated
+
 import numpy as np
 
 from torquebench.kernel import Array, kernel
+from torquebench.packing import Structure
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.dynamics import forward_dynamics
 from torquebench.robot.model import Model, own_copy
-from torquebench.sim.plant import check_scheme
+from torquebench.sim.plant import NativePlant, check_own, check_scheme, stages
 
 
 @kernel
-def rk4_steps(model: Model, q: Array, qd: Array, tau: Array, h: float, steps: int, work: Array) -> None:
+def rk4_steps(
+    model: Model, q: Array, qd: Array, start: Array, middle: Array, end: Array, h: float, steps: int, work: Array
+) -> None:
     """Advance `q`, `qd` (n,) by `steps` steps of length `h` [s] of the classical Runge-Kutta method.
 
     Args:
         model: The plant's dynamics.
         q, qd: State, overwritten [rad, rad/s].
-        tau: Torque held constant, (n,) [N m].
+        start, middle, end: Torque at these times of each step, (n,) [N m].
         h: Step [s].
         steps: Number of steps.
         work: Working memory, (5, n).
@@ -30,7 +37,8 @@ def rk4_steps(model: Model, q: Array, qd: Array, tau: Array, h: float, steps: in
             position[i], velocity[i] = q[i], qd[i]
             sum_v[i] = sum_a[i] = 0.0
         for stage in range(4):
-            forward_dynamics(model, position, velocity, tau, acceleration)
+            torque = start if stage == 0 else end if stage == 3 else middle
+            forward_dynamics(model, position, velocity, torque, acceleration)
             weight = 2.0 if stage == 1 or stage == 2 else 1.0
             ahead = h if stage == 2 else 0.5 * h
             for i in range(n):
@@ -44,14 +52,35 @@ def rk4_steps(model: Model, q: Array, qd: Array, tau: Array, h: float, steps: in
 
 
 @kernel
-def euler_steps(model: Model, q: Array, qd: Array, tau: Array, h: float, steps: int, work: Array) -> None:
+def euler_steps(model: Model, q: Array, qd: Array, torque: Array, h: float, steps: int, work: Array) -> None:
     """Advance `q`, `qd` by `steps` steps of semi-implicit Euler; arguments as in `rk4_steps`."""
     acceleration = work[2]
     for _ in range(steps):
-        forward_dynamics(model, q, qd, tau, acceleration)
+        forward_dynamics(model, q, qd, torque, acceleration)
         for i in range(len(q)):
             qd[i] += h * acceleration[i]
             q[i] += h * qd[i]
+
+
+@dataclass(frozen=True, eq=False)
+class Integrated(Structure):
+    """An analytic plant as compiled code sees it."""
+
+    model: Model
+    rk4: bool
+    timestep: float
+    q: Array
+    qd: Array
+    work: Annotated[Array, 2]
+
+
+@kernel
+def integrate(arm: Integrated, start: Array, middle: Array, end: Array, steps: int) -> None:
+    """Advance the plant by `steps` time steps under the torque (n,) [N m] at the start, middle and end of each."""
+    if arm.rk4:
+        rk4_steps(arm.model, arm.q, arm.qd, start, middle, end, arm.timestep, steps, arm.work)
+    else:
+        euler_steps(arm.model, arm.q, arm.qd, start, arm.timestep, steps, arm.work)
 
 
 class AnalyticPlant:
@@ -71,23 +100,45 @@ class AnalyticPlant:
         self.n = model.n
         self.timestep = timestep
         self.tau_max = model.flat.tau_max.copy()
-        self._steps = rk4_steps if integrator == "rk4" else euler_steps
-        self._model = own_copy(model.flat)
-        self._q, self._qd, self._work = np.zeros(model.n), np.zeros(model.n), np.zeros((5, model.n))
+        n = model.n
+        self._arm = Integrated(
+            own_copy(model.flat), integrator == "rk4", timestep, np.zeros(n), np.zeros(n), np.zeros((5, n))
+        )
 
     def reset(self, q: Array, qd: Array) -> None:
         """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,)."""
-        self._q[:], self._qd[:] = q, qd
+        self._arm.q[:], self._arm.qd[:] = q, qd
 
     def state(self) -> tuple[Array, Array]:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
-        return self._q.copy(), self._qd.copy()
+        return self._arm.q.copy(), self._arm.qd.copy()
 
     def step(self, tau: Array, substeps: int) -> None:
-        """Integrate `substeps` time steps under the constant joint torque `tau` (n,) [N m]."""
+        """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`."""
+        start, middle, end = stages(tau)
         try:
             with np.errstate(all="ignore"):
-                self._steps(self._model, self._q, self._qd, tau, self.timestep, substeps, self._work)
+                integrate(self._arm, start, middle, end, substeps)
         except (ArithmeticError, ValueError):
             # an overflowing state: interpreted, math.cos(inf) raises where compiled code gives NaN
-            self._q[:] = self._qd[:] = np.nan
+            self._arm.q[:] = self._arm.qd[:] = np.nan
+
+    def native(self) -> NativePlant:
+        """Return what the compiled loop needs; see `NativePlant`.
+
+        Raises:
+            NativeError: a subclass, whose own methods the compiled loop would pass over.
+        """
+        check_own(self, AnalyticPlant)
+        from torquebench.sim.native_analytic import compiled_step
+
+        return NativePlant(compiled_step().address, self._arm, self._arm.q, self._arm.qd)
+
+    def replica(self) -> AnalyticPlant:
+        """Return another plant of the same arm, for another thread."""
+        twin = copy.copy(self)
+        twin._arm = replace(
+            self._arm, model=own_copy(self._arm.model), q=self._arm.q.copy(), qd=self._arm.qd.copy(),
+            work=self._arm.work.copy(),
+        )  # fmt: skip
+        return twin

@@ -12,9 +12,12 @@ import numpy as np
 
 from torquebench.kernel import Array
 from torquebench.laws import Law
+from torquebench.laws.dialect import keeps_dialect
 from torquebench.references import Reference
 from torquebench.robot.model import Model
-from torquebench.sim.trajectory import Outcome
+from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED
+from torquebench.sim.python_numbers import python_numbers
+from torquebench.sim.setup import Setup
 
 MATH_ERROR = re.compile(r"math domain error|expected a (\w+ input|number in range)")
 """What `math` says of an argument outside a function's domain, up to Python 3.13 and from 3.14 on."""
@@ -22,10 +25,12 @@ MATH_ERROR = re.compile(r"math domain error|expected a (\w+ input|number in rang
 
 def call_law(
     law: Law, gains: Any, belief: Model, t: float, q: Array, qd: Array, ref: Reference, memory: Any
-) -> tuple[Array, Outcome, str]:
+) -> tuple[Array, int, str]:
     """Call a law once and return its torque (n,) [N m], how that went, and what went wrong.
 
-    A law that returns an array instead of filling `tau` is accepted too.
+    A law that returns an array instead of filling `tau` is accepted too. How it went is COMPLETED (the torque may
+    still not be finite), RAISED or CONTROLLER_ERROR; see `closed_loop`. A law in the dialect computes with Python's own
+    numbers, which divide by zero as its compiled form does, by raising; any other computes with numpy's.
 
     Args:
         law: The law.
@@ -37,28 +42,47 @@ def call_law(
     n = len(q)
     tau = np.full(n, np.nan)  # so that a joint the law forgets is noticed
     function: Callable[..., Any] = law.function
+    in_dialect = keeps_dialect(law)
+    given: tuple[Any, ...] = (gains, belief, t, q, qd, ref, memory, tau)
+    if in_dialect:
+        given = tuple(map(python_numbers, given))
     try:
         with np.errstate(all="ignore"):
-            returned = function(gains, belief, t, q, qd, ref, memory, tau)
+            returned = function(*given)
             if returned is not None:
                 values = np.asarray(returned)
                 if values.dtype.kind not in "iuf" or np.ma.is_masked(returned):
-                    wrong = f"the law returned {values.dtype} values, wanted real numbers"
-                    return np.full(n, np.nan), Outcome.CONTROLLER_ERROR, wrong
+                    return tau, CONTROLLER_ERROR, f"the law returned {values.dtype} values, wanted real numbers"
                 tau = np.array(values, dtype=np.float64)
     except (Exception, SystemExit, GeneratorExit) as error:  # noqa: BLE001  a user's law may raise anything; the run reports it
-        domain = isinstance(error, ValueError) and MATH_ERROR.match(_text(error)) is not None
-        arithmetic = isinstance(error, ArithmeticError) or domain
-        return np.full(n, np.nan), Outcome.BAD_TORQUE if arithmetic else Outcome.CONTROLLER_ERROR, _describe(error)
+        # a law in the dialect raises nothing itself: a ValueError there is one of `math`
+        domain = isinstance(error, ValueError) and (in_dialect or MATH_ERROR.match(_text(error)) is not None)
+        return tau, RAISED if isinstance(error, ArithmeticError) or domain else CONTROLLER_ERROR, _describe(error)
     for name, array in {"torque": tau, **memory._asdict()}.items():
         if np.shape(array) != (n,) and name != "nothing":
-            wrong = f"the law's {name} has shape {np.shape(array)}, wanted {(n,)}"
-            return np.full(n, np.nan), Outcome.CONTROLLER_ERROR, wrong
-    if not np.all(np.isfinite(tau)):
-        joint = int(np.argmin(np.isfinite(tau)))
-        why = " (not written by the law, or not a number)" if np.isnan(tau[joint]) else ""
-        return tau, Outcome.BAD_TORQUE, f"joint {joint + 1}: tau = {tau[joint]}{why}"
-    return tau, Outcome.COMPLETED, ""
+            return tau, CONTROLLER_ERROR, f"the law's {name} has shape {np.shape(array)}, wanted {(n,)}"
+    return tau, COMPLETED, ""
+
+
+def replay(setup: Setup) -> tuple[int, str]:
+    """Return how the call went at which a compiled law raised, and what was wrong, from calling it interpreted.
+
+    Compiled code only knows that something was raised. The call is made again with the memory of the instant before.
+
+    Args:
+        setup: A run that has ended as RAISED; memory and its record become those of the interpreted call.
+    """
+    job, k = setup.job, int(setup.job.at[0])
+    job.memory[...] = job.record_memory[:, k - 1] if k > 0 else 0.0
+    ref = Reference(job.q_ref[k].copy(), job.qd_ref[k].copy(), job.qdd_ref[k].copy())
+    _, status, detail = call_law(
+        setup.law, setup.gains, setup.belief, k * job.control_period, job.measured_q.copy(), job.measured_qd.copy(),
+        ref, setup.memory,
+    )  # fmt: skip
+    job.record_memory[:, k] = job.memory
+    if status == COMPLETED:
+        return RAISED, "the compiled law raised where the interpreted one did not"
+    return status, detail
 
 
 def _describe(error: BaseException) -> str:

@@ -1,29 +1,30 @@
-"""The closed loop, to be read: measure, law, clip, disturb, step."""
+"""Running one closed loop: checks, the choice between the two paths, and what is left behind."""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from torquebench.errors import SimulationError
+from torquebench.errors import ControllerError, SimulationError
+from torquebench.fuzzy import FuzzySystem
 from torquebench.kernel import Array
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot.arm import RobotModel
-from torquebench.robot.model import own_copy
-from torquebench.sim.calling import call_law
+from torquebench.sim.chain import IDEAL, Chain
+from torquebench.sim.closed_loop import COMPLETED
+from torquebench.sim.native_path import NativeRun, obstacle
 from torquebench.sim.plant import Plant, substeps_per_period
-from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory
+from torquebench.sim.python_path import PythonRun
+from torquebench.sim.result import trajectory_of
+from torquebench.sim.setup import set_up
+from torquebench.sim.trajectory import Trajectory
 
-MAX_POSITION = 1e4
-"""A joint position beyond this [rad] counts as diverged."""
-MAX_VELOCITY = 1e4
-"""A joint velocity beyond this [rad/s] counts as diverged."""
+PathName = Literal["auto", "python", "native"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,7 @@ class Controller:
         gains: Mapping[str, Any],
         options: Mapping[str, str | bool] | None = None,
         name: str | None = None,
+        fuzzy: FuzzySystem | str | None = None,
     ) -> Controller:
         """Return a controller of a registered law.
 
@@ -52,12 +54,13 @@ class Controller:
             gains: Gain name -> a number, or one for each joint.
             options: Option name -> value; those left out take their defaults.
             name: Name in results; None for the law's.
+            fuzzy: Fuzzy system of a law that takes one: its definition, or the name of a built-in one.
 
         Raises:
             ControllerError: no such law, or gains or options it cannot use.
         """
         found = find_law(law)
-        return cls(name or law, found, found.pack_gains(n, gains, options or {}))
+        return cls(name or law, found, found.pack_gains(n, gains, options or {}, fuzzy))
 
 
 def simulate(
@@ -68,16 +71,19 @@ def simulate(
     *,
     duration: float,
     control_period: float = 0.001,
+    chain: Chain = IDEAL,
+    position_noise: Array | None = None,
     disturbance: Array | None = None,
     initial_q: Array | None = None,
+    path: PathName = "auto",
     throw: bool = True,
     progress: Callable[[int], None] | None = None,
 ) -> Trajectory:
     """Run one closed loop from rest and return what happened.
 
     At control instant k, time k control_period: the law computes a torque from the measured state, the desired
-    motion and its `model`; the torque is clipped to the plant's limits; the disturbance is added; the plant is
-    integrated to the next instant with that torque held.
+    motion and its `model`; the torque is clipped to the plant's limits; the actuators follow it; the disturbance is
+    added; the plant is integrated to the next instant with the commanded torque held.
 
     Args:
         plant: The truth; reset here, so one plant serves many runs.
@@ -86,13 +92,18 @@ def simulate(
         reference: Desired motion as a function of time, or sampled at the control instants (see `from_samples`).
         duration: Length of the run [s]; N = duration / control_period instants.
         control_period: Time between control instants [s], a whole multiple of ``plant.timestep``.
-        disturbance: Torque added after clipping, (N, n) [N m]; None for none.
+        chain: Sensors and actuators.
+        position_noise: Added to the measured position, (N, n) [rad]; None for none.
+        disturbance: Torque added after clipping and lag, (N, n) [N m]; None for none.
         initial_q: Position at rest at t = 0, (n,) [rad]; None for zero.
+        path: ``native`` compiles law, loop and plant; ``python`` interprets law and loop; ``auto`` is native where
+            that is possible, and `Trajectory.path_reason` says why where it is not. Both give the same bytes.
         throw: Raise when the run does not complete, instead of returning the truncated trajectory.
-        progress: Called with each k.
+        progress: Called with the index of the control instant just finished; on the native path now and then.
 
     Raises:
         ValueError: durations, shapes or joint counts that do not fit.
+        ControllerError: `path` is ``native`` and the run cannot be compiled.
         SimulationError: the run did not complete, and `throw` is set; it carries the trajectory.
     """
     n = plant.n
@@ -101,68 +112,36 @@ def simulate(
     t: Array = np.arange(n_steps, dtype=np.float64) * control_period
     desired = _each_joint(reference if isinstance(reference, Reference) else reference(t), n)
     start = np.zeros(n) if initial_q is None else np.array(initial_q, dtype=np.float64)
-    _check_shapes(n, n_steps, controller, model, desired, disturbance, start)
-
-    record = {name: np.full((n_steps, n), np.nan) for name in SIGNALS}
-    # the law gets copies, so that one that writes to its arguments changes neither the plant nor the next run
-    belief = own_copy(model.flat)._replace(control_period=control_period)
-    gains = type(controller.gains)(*copy.deepcopy(tuple(controller.gains)))
-    call = partial(call_law, controller.law, gains, belief)
-    memory = controller.law.new_memory(n)
-    kept = {name: np.full((n_steps, n), np.nan) for name in memory._fields if name not in ("s", "nothing")}
-    has_s = "s" in memory._fields
-    outcome, detail, failed_at = Outcome.COMPLETED, "", None
+    _check_shapes(n, n_steps, controller, model, desired, start)
+    _check_added(n, n_steps, disturbance=disturbance, position_noise=position_noise)
+    reason = "" if path == "python" else obstacle(plant, controller.law)
+    if path == "native" and reason:
+        raise ControllerError(f"controller '{controller.name}' cannot run on the native path: {reason}")
+    native = None if path == "python" or reason else plant.native()  # type: ignore[attr-defined]
     plant.reset(start, np.zeros(n))
-
-    for k in range(n_steps):
-        q, qd = plant.state()
-        ref = Reference(desired.q[k].copy(), desired.qd[k].copy(), desired.qdd[k].copy())
-        record["q"][k], record["qd"][k] = q, qd
-        record["q_meas"][k], record["qd_meas"][k] = q, qd
-        record["q_ref"][k], record["qd_ref"][k], record["qdd_ref"][k] = ref
-
-        tau_law, outcome, detail = call(k * control_period, q, qd, ref, memory)
-        record["tau_law"][k] = tau_law
-        if outcome is not Outcome.CONTROLLER_ERROR:
-            if has_s:
-                record["s"][k] = memory.s
-            for name, channel in kept.items():
-                channel[k] = getattr(memory, name)
-        if outcome is not Outcome.COMPLETED:
-            failed_at = k
-            break
-        tau = np.clip(tau_law, -plant.tau_max, plant.tau_max)
-        applied = tau if disturbance is None else tau + disturbance[k]
-        record["tau"][k], record["tau_applied"][k] = tau, applied
-
-        plant.step(applied, substeps)
-        outcome, detail = _check_state(*plant.state())
-        if outcome is not Outcome.COMPLETED:
-            failed_at = k
-            break
-        if progress is not None:
-            progress(k)
-
-    end = n_steps if failed_at is None else failed_at + 1
-    trajectory = Trajectory(
-        t=t[:end].copy(), **{name: array[:end].copy() for name, array in record.items()}, outcome=outcome,
-        failed_at=failed_at, detail=detail, extra={name: array[:end].copy() for name, array in kept.items()},
+    # an interpreted law gets copies, so that one that writes to its arguments changes neither plant nor next run
+    gains = copy.deepcopy(controller.gains) if native is None else controller.gains
+    setup = set_up(
+        controller.law, gains, model.flat, plant, desired, chain,
+        control_period=control_period, substeps=substeps, position_noise=position_noise, disturbance=disturbance,
+        native=native,
     )  # fmt: skip
+    run = PythonRun(setup) if native is None else NativeRun(setup, native)
+    status, done, at_once = COMPLETED, 0, max(1, run.longest // substeps)
+    while done < n_steps and status == COMPLETED:
+        last = min(done + at_once, n_steps)
+        status = run(done, last)
+        done = last
+        if progress is not None and status == COMPLETED:
+            progress(last - 1)
+    trajectory = trajectory_of(setup, t, status, run.detail, "python" if native is None else "native", reason)
     if throw and not trajectory.completed:
         raise SimulationError(
-            f"controller '{controller.name}', t = {trajectory.t[-1]:g} s (step {failed_at}): {outcome.value}: {detail}",
+            f"controller '{controller.name}', t = {trajectory.t[-1]:g} s (step {trajectory.failed_at}): "
+            f"{trajectory.outcome.value}: {trajectory.detail}",
             trajectory,
         )
     return trajectory
-
-
-def _check_state(q: Array, qd: Array) -> tuple[Outcome, str]:
-    # written so that NaN fails too
-    inside = (np.abs(q) <= MAX_POSITION) & (np.abs(qd) <= MAX_VELOCITY)
-    if np.all(inside):
-        return Outcome.COMPLETED, ""
-    joint = int(np.argmin(inside))
-    return Outcome.DIVERGED, f"joint {joint + 1}: q = {q[joint]:g} rad, qd = {qd[joint]:g} rad/s after the step"
 
 
 def _each_joint(desired: Reference, n: int) -> Reference:
@@ -176,7 +155,6 @@ def _check_shapes(
     controller: Controller,
     model: RobotModel,
     desired: Reference,
-    disturbance: Array | None,
     start: Array,
 ) -> None:
     if not isinstance(model, RobotModel):
@@ -184,7 +162,7 @@ def _check_shapes(
     if model.n != n:
         raise ValueError(f"the model has {model.n} joints, the plant {n}")
     for gain in controller.gains:
-        if np.ndim(gain) == 1 and len(gain) != n:
+        if isinstance(gain, np.ndarray) and gain.shape != (n,):
             raise ValueError(f"controller '{controller.name}' has gains for {len(gain)} joints, the plant has {n}")
     for name, array in desired._asdict().items():
         if array.shape != (n_steps, n):
@@ -193,5 +171,9 @@ def _check_shapes(
             raise ValueError(f"reference {name} has values that are not finite")
     if start.shape != (n,) or not np.all(np.isfinite(start)):
         raise ValueError(f"initial_q is {start}, wanted {n} finite numbers")
-    if disturbance is not None and (disturbance.shape != (n_steps, n) or not np.all(np.isfinite(disturbance))):
-        raise ValueError(f"disturbance has shape {disturbance.shape}, wanted {(n_steps, n)}, all finite")
+
+
+def _check_added(n: int, n_steps: int, **signals: Array | None) -> None:
+    for name, array in signals.items():
+        if array is not None and (array.shape != (n_steps, n) or not np.all(np.isfinite(array))):
+            raise ValueError(f"{name} has shape {array.shape}, wanted {(n_steps, n)}, all finite")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.loading import mjcf_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
-from torquebench.sim.plant import check_scheme
+from torquebench.sim.plant import NativePlant, check_own, check_scheme, stages
 
 _CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
 
@@ -60,6 +61,8 @@ class MujocoPlant:
         self._m.opt.timestep = timestep
         self._m.opt.integrator = _CODES[integrator]
         self._d = mujoco.MjData(self._m)
+        self._native: NativePlant | None = None
+        self._lean: bool | None = None
         self.n = int(self._m.nv)
         self.timestep = timestep
         self.tau_max = torque_limits(self._m, str(source))
@@ -75,9 +78,55 @@ class MujocoPlant:
         return self._d.qpos.copy(), self._d.qvel.copy()
 
     def step(self, tau: Array, substeps: int) -> None:
-        """Integrate `substeps` time steps under the constant joint torque `tau` (n,) [N m]."""
-        self._d.qfrc_applied[:] = tau
-        mujoco.mj_step(self._m, self._d, substeps)
+        """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`."""
+        start, middle, end = stages(tau)
+        if tau.ndim == 1 or self._m.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
+            self._d.qfrc_applied[:] = start
+            mujoco.mj_step(self._m, self._d, substeps)
+        else:
+            for _ in range(substeps):
+                self._runge_kutta(start, middle, end)
+
+    def _runge_kutta(self, start: Array, middle: Array, end: Array) -> None:
+        """One step as ``mj_step`` makes it, but with the torque of each stage's own time."""
+        d, h = self._d, self.timestep
+        q, qd = d.qpos.copy(), d.qvel.copy()
+        velocity, acceleration = np.zeros(self.n), np.zeros(self.n)
+        stages_of = ((start, 0.5, 1.0 / 6.0), (middle, 0.5, 1.0 / 3.0), (middle, 1.0, 1.0 / 3.0), (end, 0.0, 1.0 / 6.0))
+        for torque, ahead, weight in stages_of:
+            d.qfrc_applied[:] = torque
+            mujoco.mj_forward(self._m, d)
+            velocity += d.qvel * weight
+            acceleration += d.qacc * weight
+            at = d.qvel.copy()
+            d.qpos[:], d.qvel[:] = q + h * (ahead * at), qd + h * (ahead * d.qacc)
+        d.qpos[:], d.qvel[:] = q + h * velocity, qd + h * acceleration
+        d.qacc_warmstart[:] = d.qacc  # where constraints start from in the next step
+
+    def native(self) -> NativePlant:
+        """Return what the compiled loop needs; see `NativePlant`.
+
+        Raises:
+            NativeError: MuJoCo's library cannot be called from compiled code, or this is a subclass, whose own
+                methods the compiled loop would pass over.
+        """
+        check_own(self, MujocoPlant)
+        if self._native is None:
+            from torquebench.sim.lean_arm import native_arm
+            from torquebench.sim.mujoco_step import compiled_step
+
+            arm = native_arm(self._m, self._d, self._lean)
+            self._lean = arm.lean
+            self._native = NativePlant(compiled_step().address, arm, self._d.qpos, self._d.qvel)
+        return self._native
+
+    def replica(self) -> MujocoPlant:
+        """Return another plant of the same arm, for another thread."""
+        twin = copy.copy(self)
+        twin._m = copy.copy(self._m)
+        twin._d = mujoco.MjData(twin._m)
+        twin._native = None
+        return twin
 
 
 class MujocoModel:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
+from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
+from torquebench.packing import Structure
 
 INTEGRATORS = ("rk4", "euler")
 """Classical Runge-Kutta of order 4, and semi-implicit Euler (velocity first)."""
@@ -30,8 +32,50 @@ class Plant(Protocol):
         ...
 
     def step(self, tau: Array, substeps: int) -> None:
-        """Integrate `substeps` time steps under the constant joint torque `tau` (n,) [N m]; never resets itself."""
+        """Integrate `substeps` time steps; never resets itself.
+
+        Args:
+            tau: Joint torque [N m]: constant, (n,), or at the start, in the middle and at the end of each time step,
+                (3, n), as a lagging actuator gives it. Euler's method uses the first row.
+            substeps: Number of time steps.
+        """
         ...
+
+    def replica(self) -> Plant:
+        """Return another plant of the same arm that shares nothing it writes to, for another thread."""
+        ...
+
+
+class NativeError(TorquebenchError):
+    """A plant has no native form here; the message says why."""
+
+
+class NativePlant(NamedTuple):
+    """What the compiled loop needs of a plant, from its method ``native()``; a plant without one is not compiled."""
+
+    step: int
+    """Address of a native function (structure, torque (3, n), substeps, varying) -> 0."""
+    structure: Structure
+    """What that function works on; kept alive by whoever holds this."""
+    q: Array
+    """The plant's own position, which the function moves on, (n,) [rad]."""
+    qd: Array
+    """The plant's own velocity, likewise, (n,) [rad/s]."""
+
+
+def check_own(plant: Plant, known: type[Any]) -> None:
+    """Refuse the native form of a plant whose methods may not be those that form stands for.
+
+    Raises:
+        NativeError: `plant` is an instance of a subclass of `known`.
+    """
+    if type(plant) is not known:
+        raise NativeError(f"the plant is a {type(plant).__name__}; only a {known.__name__} itself has a native form")
+
+
+def stages(tau: Array) -> tuple[Array, Array, Array]:
+    """Return the torque at the start, in the middle and at the end of a time step, from what `Plant.step` takes."""
+    return (tau, tau, tau) if tau.ndim == 1 else (tau[0], tau[1], tau[2])
 
 
 def check_scheme(timestep: float, integrator: str) -> None:

@@ -67,6 +67,10 @@ class Trajectory:
     """What exactly failed: joint and value, or the exception's text."""
     extra: Mapping[str, Array] = field(default_factory=dict)
     """The law's remaining memory channels by name, each (N, n)."""
+    path: str = ""
+    """How it was computed: ``native`` or ``python``; empty when read from a file. Both give the same bytes."""
+    path_reason: str = ""
+    """Why the native path was not taken."""
 
     def __post_init__(self) -> None:
         for array in (self.t, *(getattr(self, name) for name in SIGNALS), *self.extra.values()):

@@ -11,7 +11,7 @@ from torquebench.robot.puma560.coriolis import b112, b113, b115, b123, b223, b23
 from torquebench.robot.puma560.symbols import I4, I5, I8, I9, I12, I13, I16, I18, Angles
 
 
-@kernel
+@kernel(inline=True)
 def c12(k: Array, t: Angles) -> float:
     """Equation (63).
 
@@ -20,7 +20,7 @@ def c12(k: Array, t: Angles) -> float:
     return k[I4] * t.c2 - k[I8] * t.s23 - k[I9] * t.s2 + k[I13] * t.c23 + k[I18] * t.s23
 
 
-@kernel
+@kernel(inline=True)
 def c13(k: Array, t: Angles) -> float:
     """Equation (64), 0.5 b123.
 
@@ -29,7 +29,7 @@ def c13(k: Array, t: Angles) -> float:
     return 0.5 * b123(k, t)
 
 
-@kernel
+@kernel(inline=True)
 def c21(k: Array, t: Angles, printed: int) -> float:
     """Equation (65), -0.5 b112; it repeats the wrong sign of I15 of (49).
 
@@ -39,7 +39,7 @@ def c21(k: Array, t: Angles, printed: int) -> float:
     return -0.5 * b112(k, t, printed)
 
 
-@kernel
+@kernel(inline=True)
 def c23(k: Array, t: Angles, printed: int) -> float:
     """Slot (2, 3): equation (67) carries its label, equation (66) its value.
 
@@ -51,7 +51,7 @@ def c23(k: Array, t: Angles, printed: int) -> float:
     return 0.5 * b223(k, t)
 
 
-@kernel
+@kernel(inline=True)
 def c31(k: Array, t: Angles, printed: int) -> float:
     """Slot (3, 1): equation (68) carries its label, equation (67) its value.
 
@@ -63,7 +63,7 @@ def c31(k: Array, t: Angles, printed: int) -> float:
     return -0.5 * b113(k, t, 0)
 
 
-@kernel
+@kernel(inline=True)
 def c32(k: Array, t: Angles, printed: int) -> float:
     """Slot (3, 2): equation (69) carries its label, equation (68) its value.
 
@@ -75,7 +75,7 @@ def c32(k: Array, t: Angles, printed: int) -> float:
     return -c23(k, t, 0)
 
 
-@kernel
+@kernel(inline=True)
 def c51(k: Array, t: Angles, printed: int) -> float:
     """Slot (5, 1): (62) and (71) use it, nothing defines it; equation (69), repaired, is its value.
 
@@ -87,7 +87,7 @@ def c51(k: Array, t: Angles, printed: int) -> float:
     return -0.5 * b115(k, t, 0)
 
 
-@kernel
+@kernel(inline=True)
 def c52(k: Array, t: Angles) -> float:
     """Equation (70), -0.5 b225.
 

@@ -39,6 +39,7 @@ from torquebench.robot.puma560.symbols import (
     E68,
     E69,
     E71,
+    Angles,
     angles,
 )
 
@@ -117,13 +118,12 @@ def fill_gravity(k: Array, q: Array, G: Array) -> None:
     G[5] = 0.0
 
 
-@kernel
-def fill_bias(k: Array, literal: IntArray, q: Array, qd: Array, N: Array) -> None:
-    """Fill N = b [qd qd] + C [qd^2] + G (6,) [N m] row by row as (61), (71) and (72) have it.
+@kernel(inline=True)
+def bias_rows(k: Array, literal: IntArray, t: Angles, qd: Array, N: Array) -> None:
+    """Fill N = b [qd qd] + C [qd^2] + G (6,) [N m] row by row as (61), (71) and (72) have it; constants k, angles t.
 
     As printed, row 3 of (71) multiplies joint 1's squared speed by c13 instead of c31.
     """
-    t = angles(q)
     d1, d2, d3, d4, d5 = qd[0], qd[1], qd[2], qd[3], qd[4]
     b225 = 0.0 if literal[E55] else b235(k, t)
     row3 = c13(k, t) if literal[E71] else c31(k, t, literal[E68])
@@ -139,3 +139,24 @@ def fill_bias(k: Array, literal: IntArray, q: Array, qd: Array, N: Array) -> Non
     N[3] = b412(k, t) * d1 * d2 + b413(k, t, literal[E58]) * d1 * d3 + b415(k, t) * d1 * d5
     N[4] = b514(k, t) * d1 * d4 + c51(k, t, literal[E62]) * d1 * d1 + c52(k, t) * d2 * d2 + gravity5(k, t)
     N[5] = 0.0
+
+
+@kernel
+def fill_bias(k: Array, literal: IntArray, q: Array, qd: Array, N: Array) -> None:
+    """Fill N (6,) [N m] with the bias at position `q` and velocity `qd`; see `bias_rows`."""
+    bias_rows(k, literal, angles(q), qd, N)
+
+
+@kernel
+def fill_inverse(k: Array, literal: IntArray, q: Array, qd: Array, qdd: Array, tau: Array) -> None:
+    """Fill `tau` (6,) [N m] with A qdd + N at (q, qd), (27), constants k: the nonzero elements of (36) only."""
+    t = angles(q)
+    bias_rows(k, literal, t, qd, tau)
+    d12, d13, d23, d35 = a12(k, t), a13(k, t), a23(k, t), a35(k)
+    d53 = 0.0 if literal[E36] else d35
+    tau[0] = tau[0] + a11(k, t, literal[E37]) * qdd[0] + d12 * qdd[1] + d13 * qdd[2]
+    tau[1] = tau[1] + d12 * qdd[0] + a22(k, t, literal[E40]) * qdd[1] + d23 * qdd[2]
+    tau[2] = tau[2] + d13 * qdd[0] + d23 * qdd[1] + a33(k) * qdd[2] + d35 * qdd[4]
+    tau[3] = tau[3] + a44(k) * qdd[3]
+    tau[4] = tau[4] + d53 * qdd[2] + a55(k) * qdd[4]
+    tau[5] = tau[5] + a66(k) * qdd[5]

@@ -29,7 +29,7 @@ from torquebench.robot.puma560.symbols import (
 )
 
 
-@kernel
+@kernel(inline=True)
 def b112(k: Array, t: Angles, printed: int) -> float:
     """Equation (49).
 
@@ -45,7 +45,7 @@ def b112(k: Array, t: Angles, printed: int) -> float:
     return 2.0 * bracket + k[I10] * cos46 + k[I11] * (1.0 - 2.0 * t.s2 * t.s2)
 
 
-@kernel
+@kernel(inline=True)
 def b113(k: Array, t: Angles, printed: int) -> float:
     """Equation (50).
 
@@ -61,7 +61,7 @@ def b113(k: Array, t: Angles, printed: int) -> float:
     return 2.0 * bracket + k[I10] * cos46
 
 
-@kernel
+@kernel(inline=True)
 def b115(k: Array, t: Angles, printed: int) -> float:
     """Equation (51).
 
@@ -74,7 +74,7 @@ def b115(k: Array, t: Angles, printed: int) -> float:
     return 2.0 * (-k[I20] * t.s23 * t.c23 + k[I15] * t.s23 * t.c23 + rest)
 
 
-@kernel
+@kernel(inline=True)
 def b123(k: Array, t: Angles) -> float:
     """Equation (52).
 
@@ -83,7 +83,7 @@ def b123(k: Array, t: Angles) -> float:
     return 2.0 * (-k[I8] * t.s23 + k[I13] * t.c23 + k[I18] * t.s23)
 
 
-@kernel
+@kernel(inline=True)
 def b214(k: Array, t: Angles) -> float:
     """Equation (53).
 
@@ -92,7 +92,7 @@ def b214(k: Array, t: Angles) -> float:
     return k[I14] * t.s23 + k[I19] * t.s23 + 2.0 * k[I20] * t.s23 * 0.5
 
 
-@kernel
+@kernel(inline=True)
 def b223(k: Array, t: Angles) -> float:
     """Equation (54).
 
@@ -101,7 +101,7 @@ def b223(k: Array, t: Angles) -> float:
     return 2.0 * (-k[I12] * t.s3 + k[I5] * t.c3 + k[I16] * t.c3)
 
 
-@kernel
+@kernel(inline=True)
 def b235(k: Array, t: Angles) -> float:
     """Equation (55); b225, which (48) and (61) use and nothing defines, has the same value.
 
@@ -110,7 +110,7 @@ def b235(k: Array, t: Angles) -> float:
     return 2.0 * (k[I16] * t.c3 + k[I22])
 
 
-@kernel
+@kernel(inline=True)
 def b314(k: Array, t: Angles) -> float:
     """Equation (56).
 
@@ -119,7 +119,7 @@ def b314(k: Array, t: Angles) -> float:
     return 2.0 * (k[I20] * t.s23 * 0.5) + k[I14] * t.s23 + k[I19] * t.s23
 
 
-@kernel
+@kernel(inline=True)
 def b412(k: Array, t: Angles) -> float:
     """Equation (57); its label also says b412 = b214, which its own right side contradicts.
 
@@ -128,7 +128,7 @@ def b412(k: Array, t: Angles) -> float:
     return -(k[I14] * t.s23 + k[I19] * t.s23 + 2.0 * k[I20] * t.s23 * 0.5)
 
 
-@kernel
+@kernel(inline=True)
 def b413(k: Array, t: Angles, printed: int) -> float:
     """Equation (58).
 
@@ -140,7 +140,7 @@ def b413(k: Array, t: Angles, printed: int) -> float:
     return -(2.0 * (k[I20] * t.s23 * 0.5) + k[I14] * t.s23 + k[I19] * t.s23)
 
 
-@kernel
+@kernel(inline=True)
 def b415(k: Array, t: Angles) -> float:
     """Equation (59).
 
@@ -149,7 +149,7 @@ def b415(k: Array, t: Angles) -> float:
     return -k[I20] * t.s23 - k[I17] * t.s23
 
 
-@kernel
+@kernel(inline=True)
 def b514(k: Array, t: Angles) -> float:
     """Equation (60).
 

@@ -6,7 +6,7 @@ from torquebench.kernel import Array, kernel
 from torquebench.robot.puma560.symbols import G1, G2, G3, G4, G5, Angles
 
 
-@kernel
+@kernel(inline=True)
 def gravity2(k: Array, t: Angles) -> float:
     """Equation (73).
 
@@ -15,7 +15,7 @@ def gravity2(k: Array, t: Angles) -> float:
     return k[G1] * t.c2 + k[G2] * t.s23 + k[G3] * t.s2 + k[G4] * t.c23 + k[G5] * t.s23
 
 
-@kernel
+@kernel(inline=True)
 def gravity3(k: Array, t: Angles) -> float:
     """Equation (74).
 
@@ -24,7 +24,7 @@ def gravity3(k: Array, t: Angles) -> float:
     return k[G2] * t.s23 + k[G4] * t.c23 + k[G5] * t.s23
 
 
-@kernel
+@kernel(inline=True)
 def gravity5(k: Array, t: Angles) -> float:
     """Equation (75).
 

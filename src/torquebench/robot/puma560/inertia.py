@@ -39,7 +39,7 @@ from torquebench.robot.puma560.symbols import (
 )
 
 
-@kernel
+@kernel(inline=True)
 def a11(k: Array, t: Angles, printed: int) -> float:
     """Equation (37).
 
@@ -59,7 +59,7 @@ def a11(k: Array, t: Angles, printed: int) -> float:
     return outside + 2.0 * bracket
 
 
-@kernel
+@kernel(inline=True)
 def a12(k: Array, t: Angles) -> float:
     """Equation (38).
 
@@ -68,7 +68,7 @@ def a12(k: Array, t: Angles) -> float:
     return k[I4] * t.s2 + k[I8] * t.c23 + k[I9] * t.c2 + k[I13] * t.s23 - k[I18] * t.c23
 
 
-@kernel
+@kernel(inline=True)
 def a13(k: Array, t: Angles) -> float:
     """Equation (39).
 
@@ -77,7 +77,7 @@ def a13(k: Array, t: Angles) -> float:
     return k[I8] * t.c23 + k[I13] * t.s23 - k[I18] * t.c23
 
 
-@kernel
+@kernel(inline=True)
 def a22(k: Array, t: Angles, printed: int) -> float:
     """Equation (40).
 
@@ -88,7 +88,7 @@ def a22(k: Array, t: Angles, printed: int) -> float:
     return k[IM2] + k[I2] + k[I6] + 2.0 * (k[I5] * t.s3 + k[I12] * cosine + k[I15] + k[I16] * t.s3)
 
 
-@kernel
+@kernel(inline=True)
 def a23(k: Array, t: Angles) -> float:
     """Equation (41).
 
@@ -97,7 +97,7 @@ def a23(k: Array, t: Angles) -> float:
     return k[I5] * t.s3 + k[I6] + k[I12] * t.c3 + k[I16] * t.s3 + 2.0 * k[I15]
 
 
-@kernel
+@kernel(inline=True)
 def a33(k: Array) -> float:
     """Equation (42).
 
@@ -106,7 +106,7 @@ def a33(k: Array) -> float:
     return k[IM3] + k[I6] + 2.0 * k[I15]
 
 
-@kernel
+@kernel(inline=True)
 def a35(k: Array) -> float:
     """Equation (43).
 
@@ -115,7 +115,7 @@ def a35(k: Array) -> float:
     return k[I15] + k[I17]
 
 
-@kernel
+@kernel(inline=True)
 def a44(k: Array) -> float:
     """Equation (44).
 
@@ -124,7 +124,7 @@ def a44(k: Array) -> float:
     return k[IM4] + k[I14]
 
 
-@kernel
+@kernel(inline=True)
 def a55(k: Array) -> float:
     """Equation (45).
 
@@ -133,7 +133,7 @@ def a55(k: Array) -> float:
     return k[IM5] + k[I17]
 
 
-@kernel
+@kernel(inline=True)
 def a66(k: Array) -> float:
     """Equation (46).
 

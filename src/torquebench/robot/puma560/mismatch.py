@@ -33,7 +33,7 @@ def mismatched(model: RobotModel, relative: float, rng: np.random.Generator) -> 
     poses = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSES, model.n))
     for redraws in range(MAX_REDRAWS):
         signs = 2.0 * rng.integers(0, 2, len(model.flat.constants)) - 1.0
-        flat = own_copy(model.flat)._replace(constants=model.flat.constants * (1.0 + relative * signs))
+        flat = own_copy(model.flat, constants=model.flat.constants * (1.0 + relative * signs))
         drawn = RobotModel(model.name, model.joint_names, flat)
         M = drawn.mass_matrix(poses)
         if np.linalg.eigvalsh(0.5 * (M + M.transpose(0, 2, 1))).min() > LEAST_EIGENVALUE:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
@@ -80,10 +81,8 @@ class Puma560(RobotModel):
         flat = own_copy(links)
         if structure != "exact":
             values = table.value.copy() if constants == "printed" else fitted_constants(links, geometry)
-            flag = 1 if structure == "printed" else 0
-            flat = flat._replace(
-                structure=CLOSED_FORM, constants=values, literal=np.full(len(MISPRINTED), flag, dtype=np.int64)
-            )
+            literal = np.full(len(MISPRINTED), int(structure == "printed"), dtype=np.int64)
+            flat = replace(flat, structure=CLOSED_FORM, constants=values, literal=literal)
         super().__init__("puma560", JOINT_NAMES, flat)
 
     def constant(self, name: str) -> float:

@@ -34,7 +34,7 @@ class Angles(NamedTuple):
     c223: float
 
 
-@kernel
+@kernel(inline=True)
 def angles(q: Array) -> Angles:
     """Return the sines and cosines of the closed forms at joint position `q` (6,) [rad]."""
     s2, c2, s3, c3 = math.sin(q[1]), math.cos(q[1]), math.sin(q[2]), math.cos(q[2])

@@ -1,0 +1,133 @@
+"""``torquebench fuzzy``: what a fuzzy system is, how it is evaluated, and what is odd about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from torquebench.cli.terminal import progress_bar, say
+from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.experiment import load_experiment
+from torquebench.experiment.fuzzy_system import systems_of
+from torquebench.experiment.run import ExperimentResult
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
+from torquebench.fuzzy import BUILTIN, FuzzySystem, Prepared, builtin_system, prepare
+from torquebench.fuzzy.lint import lint
+from torquebench.laws.plugin import load_plugin
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Path]) -> int:
+    """Describe fuzzy systems, write their figures, and return the exit status, 0.
+
+    Args:
+        source: A config file, or the name of a built-in system.
+        name: The only system of the file to describe; None for all.
+        out: Folder for the figures; None for ``runs/fuzzy-NAME-UTC``.
+        plugins: Files that register laws which the config uses.
+
+    Raises:
+        ConfigError: bad input; nothing has been written.
+    """
+    for plugin in plugins:
+        load_plugin(plugin)
+    label, systems = _systems(source, name)
+    prepared = {key: prepare(system) for key, system in systems.items()}
+    folder = claim_folder(out, f"fuzzy-{label}")
+    say("\n\n".join(description(system) for system in prepared.values()))
+    from torquebench.analysis.figures import figure_bytes
+    from torquebench.analysis.fuzzy_figures import system_figures
+
+    with progress_bar(6 * len(prepared), "figure", "drawing") as bar:
+        for key, system in prepared.items():
+            for what, figure in system_figures(system).items():
+                for fmt in ("svg", "png"):
+                    atomic_write(folder / f"{key}-{what}.{fmt}", figure_bytes(figure, fmt))
+                    bar.update(1)
+    (folder / CLAIM).unlink()
+    say(f"\nfigures: {folder}")
+    return 0
+
+
+def _systems(source: str, name: str | None) -> tuple[str, Mapping[str, FuzzySystem]]:
+    """Return what to call the result, and the systems to describe by name."""
+    if source in BUILTIN and not Path(source).exists():
+        if name not in (None, source):
+            raise ConfigError([Problem("--name", str(name), f"goes with a config file; {source} is built in")])
+        return source, {source: builtin_system(source)}
+    if not Path(source).exists():
+        near = did_you_mean(source, BUILTIN)
+        raise ConfigError([Problem(source, "", f"is neither a file nor a built-in fuzzy system{near}")])
+    experiment = load_experiment(Path(source))
+    systems = systems_of(experiment)
+    if not systems:
+        raise ConfigError([Problem(source, "fuzzy", "there is no fuzzy system in it, and no controller uses one")])
+    if name is None:
+        return experiment.name, systems
+    if name not in systems:
+        raise ConfigError([Problem("--name", name, f"no such fuzzy system in {source}{did_you_mean(name, systems)}")])
+    return name, {name: systems[name]}
+
+
+def description(prepared: Prepared) -> str:
+    """Return a system's size, how it is evaluated, the bound of the error, and what lint says, in lines."""
+    system = prepared.system
+    sizes = " x ".join(str(len(variable.terms)) for variable in system.inputs)
+    findings = [f"  {finding}" for finding in lint(prepared)] or ["  nothing to remark"]
+    return "\n".join([
+        f"fuzzy system {system.name}: {len(system.rules)} rules on {sizes} terms",
+        f"evaluated: {evaluation(prepared)}", "lint:", *findings,
+    ])  # fmt: skip
+
+
+def evaluation(prepared: Prepared) -> str:
+    """Return how a system is evaluated, and how far that is from its definition at most."""
+    if prepared.bound == 0.0:
+        return prepared.method
+    return f"{prepared.method}, error at most {prepared.bound:.2g} of the output's 1"
+
+
+def used(experiment: Experiment) -> dict[str, Prepared]:
+    """Return the fuzzy systems that an experiment's controllers use, by name."""
+    systems = systems_of(experiment)
+    names = dict.fromkeys(c.fuzzy for c in experiment.controllers if c.fuzzy is not None)
+    return {name: prepare(systems[name]) for name in names}
+
+
+def remarks(experiment: Experiment) -> list[str]:
+    """Return a line for each fuzzy system in use, saying how it is evaluated, and one for each warning about it."""
+    lines = []
+    for name, prepared in used(experiment).items():
+        lines.append(f"fuzzy system {name}: {evaluation(prepared)}")
+        lines += [f"fuzzy system {name}: {finding}" for finding in lint(prepared)]
+    return lines
+
+
+def run_figures(result: ExperimentResult, subtitle: str) -> Iterator[tuple[str, Figure]]:
+    """Draw the fuzzy systems in use, and which of their rules fired in each run; yield name and figure.
+
+    Args:
+        result: The run.
+        subtitle: What was run.
+    """
+    from torquebench.analysis.firing import rule_shares
+    from torquebench.analysis.fuzzy_figures import system_figures
+    from torquebench.analysis.fuzzy_rules import firing_figure
+
+    systems = used(result.experiment)
+    for name, prepared in systems.items():
+        for what, figure in system_figures(prepared).items():
+            yield f"fuzzy-{name}-{what}", figure
+    for keys, controller in zip(result.experiment.controllers, result.loop.controllers, strict=True):
+        for field, rules in controller.law.rules.items():
+            if keys.fuzzy is None or rules.inputs is None:
+                continue
+            fis = getattr(controller.gains, field)
+            shares = rule_shares(controller.gains, fis, rules.inputs, result.runs[controller.name])
+            title = f"{result.experiment.name}: rules of {keys.fuzzy} that fired under {controller.name}"
+            figure = firing_figure(systems[keys.fuzzy], shares, result.loop.joint_names, title, subtitle)
+            yield f"fuzzy-{controller.name}-rules", figure

@@ -1,0 +1,142 @@
+"""Lint of a rule base: continuous, complete, consistent, as the paper asks, and what else is likely a slip.
+
+What leaves a system without meaning is an error, raised when the system is made (`system.system_errors`); what is found
+here are warnings about a system that works, but perhaps not as intended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from torquebench.errors import Finding
+from torquebench.fuzzy.aggregation import POINTS
+from torquebench.fuzzy.fis import TABLE
+from torquebench.fuzzy.prepare import Prepared
+from torquebench.fuzzy.system import FuzzySystem, Rule
+from torquebench.fuzzy.terms import SAME, Variable
+
+WEAK = 0.5
+"""An output that reaches less than this part of its range is worth a warning."""
+THIN = 6
+"""A term of fewer steps of the output's universe is worth a warning: its area comes out wrong."""
+_GRID = np.linspace(-1.0, 1.0, 61)  # has both ends, the origin, and the peaks of 7, 5 and 3 even terms
+_ODD = 1e-9  # asymmetry that is more than rounding
+
+
+def lint(prepared: Prepared) -> tuple[Finding, ...]:
+    """Return the warnings about a system, in the order of its definition."""
+    system = prepared.system
+    found = [*_terms(system), *_thin_terms(prepared), *_rules(system), *_outputs(prepared)]
+    return tuple(Finding(code, "warning", where, message) for code, where, message in found)
+
+
+def _terms(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+    for i, variable in enumerate(system.inputs):
+        where = ("inputs", i, "terms")
+        for term in variable.terms:
+            if not variable.reaches(term.name):
+                yield ("dead-term", (*where, term.name), "lies outside the range, so no rule with it ever fires: move "
+                       "it, or widen the range")  # fmt: skip
+        for low, high in gaps(variable):
+            yield ("gap", where, f"no term covers {low:g} to {high:g}; there no rule fires and the output is 0: widen "
+                   "the terms beside it")  # fmt: skip
+    used = {rule.then for rule in system.rules}
+    key = "terms" if isinstance(system.output, Variable) else "functions"
+    for name in system.output.names:
+        if name not in used:
+            yield "dead-term", ("output", key, name), "no rule has this consequent: use it or remove it"
+
+
+def _thin_terms(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+    output = prepared.system.output
+    if prepared.fis.method != TABLE or not isinstance(output, Variable):
+        return
+    low, high = min(term.a for term in output.terms), max(term.d for term in output.terms)
+    for term in output.terms:
+        if term.d - term.a < THIN * (high - low) / (POINTS - 1):
+            yield ("thin-term", ("output", "terms", term.name), f"is narrower than {THIN} of the {POINTS - 1} steps "
+                   f"from {low:g} to {high:g} in which the output is computed: widen it")  # fmt: skip
+
+
+def gaps(variable: Variable) -> list[tuple[float, float]]:
+    """Return the stretches of an input's range in which every term has degree 0, in its own units."""
+    found, covered = [], variable.low
+    for term in sorted(variable.terms, key=lambda term: term.a):
+        if term.a > covered + SAME * variable.half and covered < variable.high:
+            found.append((covered, min(term.a, variable.high)))
+        covered = max(covered, term.d)
+    if covered < variable.high - SAME * variable.half:
+        found.append((covered, variable.high))
+    return found
+
+
+def _rules(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+    for place in np.argwhere(system.table < 0):
+        words = [v.names[k] for v, k in zip(system.inputs, place.tolist(), strict=True)]
+        yield ("missing-rule", ("rules",), f"no rule for {' and '.join(words)}: where only that would fire the output "
+               "is 0; add it")  # fmt: skip
+    said: set[Rule] = set()
+    for k, rule in enumerate(system.rules):
+        if rule in said:
+            yield "duplicate-rule", ("rules", k), f"repeats an earlier rule (if {' and '.join(rule.when)}): remove one"
+        said.add(rule)
+        dead = [w for v, w in zip(system.inputs, rule.when, strict=True) if not v.reaches(w)]
+        if dead:
+            yield "dead-rule", ("rules", k), f"never fires, because {' and '.join(dead)} lies outside the range"
+    if isinstance(system.output, Variable):
+        yield from _jumps(system, system.output)
+
+
+def _jumps(system: FuzzySystem, output: Variable) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+    """Neighbouring rules are continuous when their consequents overlap."""
+    at = {rule.when: k for k, rule in reversed(list(enumerate(system.rules)))}
+    for axis, variable in enumerate(system.inputs):
+        for rule in dict.fromkeys(system.rules):
+            k = variable.names.index(rule.when[axis])
+            if k + 1 == len(variable.names):
+                continue
+            beside = (*rule.when[:axis], variable.names[k + 1], *rule.when[axis + 1 :])
+            if beside not in at:
+                continue
+            other = system.rules[at[beside]].then
+            one, two = (output.terms[output.names.index(name)] for name in (rule.then, other))
+            if not (one.a < two.d and two.a < one.d):
+                yield ("jump", ("rules", at[rule.when]), f"jumps from {rule.then} to {other} beside it (if "
+                       f"{' and '.join(beside)}), whose terms do not overlap: choose one between them")  # fmt: skip
+
+
+def _outputs(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+    system = prepared.system
+    two = len(system.inputs) == 2
+    x, y = np.meshgrid(_GRID, _GRID if two else np.zeros(1), indexing="ij")
+    outputs = prepared.outputs(x, y)
+    at_rest = float(prepared.outputs(np.zeros(1), np.zeros(1))[0])
+    if abs(at_rest) > _ODD:
+        yield "origin", (), f"the output at the origin is {at_rest:.4g}, wanted 0: a law would push with no error"
+    skew = np.abs(outputs + outputs[::-1, ::-1])
+    worst = np.unravel_index(int(np.argmax(skew)), skew.shape)
+    if skew[worst] > 2.0 * abs(at_rest) + _ODD:
+        place = f"({x[worst]:.3g}, {y[worst]:.3g})" if two else f"{x[worst]:.3g}"
+        mirrored = [f"{' and '.join(rule.when)}" for rule in _lopsided(prepared)]
+        blame = f"; rules without their mirror image: {', '.join(mirrored[:4])}" if mirrored else ""
+        yield ("asymmetric", ("rules",), f"the output is not odd about the origin: at {place} and at its mirror image "
+               f"it adds up to {skew[worst]:.3g}, not 0{blame}")  # fmt: skip
+    reach = float(np.max(np.abs(outputs)))
+    if reach < WEAK:
+        message = f"the output reaches only {100 * reach:.2g} % of its range"
+        if isinstance(system.output, Variable):
+            message += f"; {system.aggregation} may give no more"
+        yield "weak", ("output", "range"), f"{message}: narrow the range, or choose other operators"
+
+
+def _lopsided(prepared: Prepared) -> list[Rule]:
+    """Rules whose place, mirrored at the origin, does not hold the mirrored consequent, by number of terms."""
+    system = prepared.system
+    table = system.table
+    mirrored = table[tuple(slice(None, None, -1) for _ in system.inputs)]
+    last = len(system.output.names) - 1
+    wrong = (table >= 0) & (mirrored != last - table)
+    places = {tuple(v.names[k] for v, k in zip(system.inputs, place, strict=True)) for place in np.argwhere(wrong)}
+    return [rule for rule in dict.fromkeys(system.rules) if rule.when in places]

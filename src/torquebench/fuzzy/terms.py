@@ -1,0 +1,187 @@
+"""Linguistic variables: a range of numbers, and named terms that overlap on it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from torquebench.errors import Finding, FuzzyError
+from torquebench.kernel import Array
+
+Shape: TypeAlias = float | tuple[float, ...]
+"""A number, the peak of a triangle; or a triangle's [a, b, c]; or a trapezoid's [a, b, c, d]."""
+
+MAX_TERMS = 25
+SAME = 1e-9
+"""Corners of terms this close, in units of half the range, count as the same."""
+TERM = re.compile(r"[\w+-]{1,24}")
+NONE = "none"
+"""Stands in a rule table where there is no rule, so no term may have this name."""
+
+
+class Term(NamedTuple):
+    """A trapezoid: degree 0 outside its feet a and d, 1 between its shoulders b and c; a triangle has b = c."""
+
+    name: str
+    a: float
+    b: float
+    c: float
+    d: float
+
+    @property
+    def peak(self) -> float:
+        """Middle of the shoulders."""
+        return 0.5 * (self.b + self.c)
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """An input or output: its terms from low to high, and the range that the law sees as [-1, 1].
+
+    Terms of an output may reach beyond the range; an input is clipped to it.
+    """
+
+    terms: tuple[Term, ...]
+    low: float = -1.0
+    high: float = 1.0
+
+    @classmethod
+    def of(cls, shapes: Mapping[str, Shape], low: float = -1.0, high: float = 1.0) -> Variable:
+        """Return a variable from the shapes of its terms.
+
+        Args:
+            shapes: Name -> shape. A single number is the peak of a triangle whose feet lie under the neighbours'
+                peaks; the first and the last such triangle are symmetric.
+            low, high: The range.
+
+        Raises:
+            FuzzyError: a shape has a mistake.
+        """
+        mistakes = shape_errors(shapes)
+        if mistakes:
+            raise FuzzyError("(variable)", mistakes)
+        return cls(resolve(shapes), low, high)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the terms."""
+        return tuple(term.name for term in self.terms)
+
+    @property
+    def middle(self) -> float:
+        """The number that the law sees as 0."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def half(self) -> float:
+        """Half the width of the range: what the law sees as 1."""
+        return 0.5 * (self.high - self.low)
+
+    def reaches(self, name: str) -> bool:
+        """Whether anything in the range belongs to a term at all."""
+        term = self.terms[self.names.index(name)]
+        return term.a < self.high and term.d > self.low
+
+    def corners(self) -> Array:
+        """Return feet and shoulders of the terms, (n, 4), in units in which the range is [-1, 1]."""
+        return (np.array([term[1:] for term in self.terms], dtype=np.float64) - self.middle) / self.half
+
+
+@dataclass(frozen=True, slots=True)
+class Functions:
+    """Output of Sugeno's kind: each name is a function c0 + c1 x1 (+ c2 x2) of the inputs, in the inputs' own units."""
+
+    coefficients: tuple[tuple[str, tuple[float, ...]], ...]
+    """(name, (c0,) or (c0, c1[, c2])) in the order of the definition."""
+    low: float = -1.0
+    high: float = 1.0
+    """The range that the law sees as [-1, 1]."""
+
+    @classmethod
+    def of(cls, shapes: Mapping[str, float | Sequence[float]], low: float = -1.0, high: float = 1.0) -> Functions:
+        """Return functions from name -> a constant, or the numbers c0, c1 (, c2); `low` and `high` bound the range."""
+        pairs = ((name, tuple(x) if isinstance(x, Sequence) else (float(x),)) for name, x in shapes.items())
+        return cls(tuple(pairs), low, high)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the functions."""
+        return tuple(name for name, _ in self.coefficients)
+
+    @property
+    def middle(self) -> float:
+        """The number that the law sees as 0."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def half(self) -> float:
+        """Half the width of the range: what the law sees as 1."""
+        return 0.5 * (self.high - self.low)
+
+
+def resolve(shapes: Mapping[str, Shape]) -> tuple[Term, ...]:
+    """Return the terms that shapes stand for; see `Variable.of`."""
+    spans = [_span(shape) for shape in shapes.values()]
+    terms = []
+    for k, (name, (a, b, c, d)) in enumerate(zip(shapes, spans, strict=True)):
+        if math.isnan(a):
+            left = spans[k - 1][2] if k > 0 else 2.0 * b - spans[k + 1][1]
+            right = spans[k + 1][1] if k + 1 < len(spans) else 2.0 * b - spans[k - 1][2]
+            a, d = left, right
+        terms.append(Term(name, a, b, c, d))
+    return tuple(terms)
+
+
+def _span(shape: Shape) -> tuple[float, float, float, float]:
+    """Return feet and shoulders; the feet of a lone peak are NaN."""
+    if isinstance(shape, int | float):
+        return math.nan, float(shape), float(shape), math.nan
+    a, *middle, d = (float(x) for x in shape)
+    return a, middle[0], middle[-1], d
+
+
+def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
+    """Return what is wrong with the shapes of a variable's terms; places are below the variable."""
+    found = []
+
+    def add(name: str, message: str) -> None:
+        found.append(Finding("shape", "error", ("terms", name), message))
+
+    if not 1 <= len(shapes) <= MAX_TERMS:
+        message = f"got {len(shapes)} terms, wanted 1 to {MAX_TERMS}"
+        return [Finding("shape", "error", ("terms",), message)]
+    for name, shape in shapes.items():
+        if not TERM.fullmatch(name):
+            add(name, "its name is not 1 to 24 letters, digits, _, + or -")
+        if name == NONE:
+            add(name, f"no term may be called '{NONE}', which stands for a missing rule")
+        if isinstance(shape, Sequence):
+            wanted = "wanted 3 numbers (a triangle) or 4 (a trapezoid)"
+            if not all(math.isfinite(x) for x in shape):
+                add(name, f"got {_text(shape)}, wanted finite numbers")
+            elif len(shape) not in (3, 4):
+                add(name, f"got {len(shape)} numbers, {wanted}, or one number, a peak")
+            elif any(x > y for x, y in itertools.pairwise(shape)):
+                add(name, f"got {_text(shape)}, {wanted} in ascending order")
+            elif shape[0] == shape[-1]:
+                add(name, f"got {_text(shape)}, which has no width: move the feet apart")
+        elif not math.isfinite(shape):
+            add(name, f"got {shape}, wanted a finite number")
+        elif len(shapes) == 1:
+            add(name, "a peak alone has no neighbours to reach to: give [a, b, c]")
+    if not found:
+        for (_, low), (name, high) in itertools.pairwise((n, _span(s)) for n, s in shapes.items()):
+            if not low[1] + low[2] < high[1] + high[2]:
+                add(name, f"its peak, {0.5 * (high[1] + high[2]):g}, is not above that of the term before it, "
+                    f"{0.5 * (low[1] + low[2]):g}: list the terms from low to high")  # fmt: skip
+    return found
+
+
+def _text(shape: Sequence[float]) -> str:
+    return f"[{', '.join(f'{x:g}' for x in shape)}]"

@@ -1,0 +1,97 @@
+"""From the arguments of `simulate` to the arrays that both paths work on."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from torquebench.kernel import Array
+from torquebench.laws.base import Law, Nothing
+from torquebench.references import Reference
+from torquebench.robot.model import Model, own_copy
+from torquebench.sim.chain import Chain
+from torquebench.sim.job import Job
+from torquebench.sim.plant import NativePlant, Plant
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """One run, ready to go."""
+
+    law: Law
+    gains: Any
+    belief: Model
+    memory: Any
+    """The law's memory: a NamedTuple of rows of ``job.memory``."""
+    plant: Plant
+    native: NativePlant | None
+    """The plant's native form when the run is to be compiled."""
+    job: Job
+
+
+def set_up(
+    law: Law, gains: Any, belief: Model, plant: Plant, desired: Reference, chain: Chain, *,
+    control_period: float, substeps: int, position_noise: Array | None, disturbance: Array | None,
+    native: NativePlant | None,
+) -> Setup:  # fmt: skip
+    """Allocate a run.
+
+    Args:
+        law, gains: The law and its gains, which an interpreted law may write to.
+        belief: What the law believes.
+        plant: The truth.
+        desired: Desired motion at the control instants, (N, n).
+        chain: Sensors and actuators.
+        control_period: Time between control instants [s].
+        substeps: Physics steps in it.
+        position_noise, disturbance: Sampled at the control instants, (N, n), or None.
+        native: The plant's native form, when the run is to be compiled.
+    """
+    n_steps, n = desired.q.shape
+    none = np.zeros((0, n))
+    fields = law.memory_type._fields if law.memory_type is not None else ()
+    block = np.zeros((len(fields), n))
+    memory = law.memory_type(*block) if law.memory_type is not None and fields else Nothing(np.zeros(0))
+
+    decay = chain.decay(plant.timestep, control_period)
+    measured = position_noise is not None or chain.velocity_rate > 0.0
+    acting = len(decay) > 0 or disturbance is not None
+    # one block for all records: the operating system hands out its pages, which is slow, only once
+    records = np.empty((4 + 2 * measured + acting + len(fields), n_steps, n))
+    one = iter(records)
+    inputs = [np.ascontiguousarray(x, dtype=np.float64) for x in desired]
+    q, qd = (np.zeros(n), np.zeros(n)) if native is None else (native.q, native.qd)
+    job = Job(
+        substeps=substeps, control_period=control_period, tau_max=np.array(plant.tau_max),
+        q_ref=inputs[0], qd_ref=inputs[1], qdd_ref=inputs[2],
+        disturbance=none if disturbance is None else np.ascontiguousarray(disturbance, dtype=np.float64),
+        position_noise=none if position_noise is None else np.ascontiguousarray(position_noise, dtype=np.float64),
+        velocity_gain=chain.velocity_gain(control_period), decay=decay,
+        q=q, qd=qd, measured_q=np.zeros(n) if measured else q, measured_qd=np.zeros(n) if measured else qd,
+        output=np.zeros(n), torque=np.zeros((3, n)), memory=block,
+        record_q=next(one), record_qd=next(one),
+        record_q_meas=next(one) if measured else none, record_qd_meas=next(one) if measured else none,
+        record_tau_law=next(one), record_tau=next(one),
+        record_tau_applied=next(one) if acting else none,
+        record_memory=records[len(records) - len(fields) :], at=np.zeros(1, dtype=np.int64),
+        call=np.zeros(7, dtype=np.int64),
+    )  # fmt: skip
+    own = own_copy(belief, control_period=control_period) if native is None else own_belief(belief, control_period)
+    return Setup(law, gains, own, memory, plant, native, job)
+
+
+_own = threading.local()
+
+
+def own_belief(belief: Model, control_period: float) -> Model:
+    """Return a belief for the compiled runs of this thread alone: the last one again when it is asked for again."""
+    last = getattr(_own, "last", None)
+    if last is None or last[0] is not belief or last[1].control_period != control_period:
+        last = _own.last = belief, own_copy(belief, control_period=control_period)
+    found: Model = last[1]
+    for array in found.scratch:
+        array.fill(0.0)  # a law may have left something there
+    return found

@@ -1,0 +1,325 @@
+"""Which laws can be compiled: every way of leaving the dialect is found at its line, with a cure."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.user_files import load
+from torquebench.laws import base
+from torquebench.laws.base import Law, find_law
+from torquebench.laws.dialect import Complaint, complaints
+
+HEAD = '''"""A user's file."""
+
+import math
+import random
+import time
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from torquebench import Array, Gain, Option, controller, gravity, inverse_dynamics, mass_matrix, sat, sign
+from torquebench.kernel import kernel
+
+LIMIT = 3.0
+drift = 0.5
+BUFFER = np.zeros(6)
+SEEN = []
+RNG = np.random.default_rng(0)
+STEP = np.float64(0.5)
+COUNT = 0
+
+
+class Gains(NamedTuple):
+    lam: Annotated[Array, Gain("slope", "1/s")]
+    k: Array
+    mode: Annotated[int, Option("mode", ("a", "b"))]
+
+
+class Memory(NamedTuple):
+    s: Array
+    work: Array
+
+
+def plain(x):
+    return 2.0 * x
+
+
+@kernel
+def soft(x: float) -> float:
+    return x / (1.0 + abs(x))
+
+
+@kernel
+def fill(a: Array, b: Array) -> None:
+    for i in range(len(a)):
+        b[i] = a[i]
+
+
+@kernel
+def swap(a: Array, b: Array) -> None:
+    fill(b, a)
+
+
+@kernel
+def shifting(x: float) -> float:
+    return x + drift
+
+
+@kernel
+def scratch(model: Any, x: Array) -> None:
+    work = model.scratch.vector
+    for i in range(len(x)):
+        work[i] = x[i]
+
+
+@kernel
+def heavier(model: Any) -> None:
+    model.mass[0] = 2.0
+
+
+@controller("user-law", gains=Gains, memory=Memory)
+def user_law(gains, model, t, q, qd, ref, memory, tau):
+    """A law."""
+'''
+LINE = HEAD.count("\n") + 1
+"""Line of the first statement of the law."""
+
+
+@pytest.fixture(autouse=True)
+def registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forget the laws that a test registers."""
+    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+
+
+def read(tmp_path: Path, body: str, head: str = HEAD) -> list[Complaint]:
+    """Return the complaints about a law of this body."""
+    load(tmp_path, head + "".join(f"    {line}\n" for line in body.splitlines()))
+    return complaints(find_law("user-law"))
+
+
+LOOP = "for i in range(len(tau)):\n    "
+GOOD = {
+    "everything allowed": """gravity(model, q, tau)
+inverse_dynamics(model, q, qd, memory.work, tau)
+mass_matrix(model, q, model.scratch.matrix)
+M, work = model.scratch.matrix, memory.work
+fill(q, work)
+scratch(model, qd)
+total, i = 0.0, 0
+while i < len(tau):
+    work[i] += soft(M[i, i]) * sat(gains.lam[i] * (ref.q[i] - q[i]) / LIMIT) - sign(qd[i])
+    memory.s[i] = total if gains.mode == 1 and not total < 0.0 else -abs(t)
+    total += math.sin(q[i]) + math.exp(-t) + model.tau_max[i] * model.control_period
+    tau[i], i = work[i], i + 1""",
+    "parts under names": LOOP + "e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]\n    tau[i] = gains.k[i] * (de + gains.lam[i] * e)",
+    "whole numbers": LOOP + "n = i // 2 + len(q) % 3\n    tau[i] = math.floor(q[i]) + n",
+    "another time": "t = 2.0 * t\n" + LOOP + "tau[i] = t",
+    "swapped by a kernel": "swap(tau, q)",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("body", GOOD)
+def test_a_law_in_the_dialect_has_no_complaints(body: str, tmp_path: Path) -> None:
+    """Arithmetic, math, kernels of the package and of the file, constants, memory and scratch space."""
+    assert read(tmp_path, GOOD[body]) == []
+
+
+BAD: dict[str, tuple[str, int, str, str]] = {
+    # body, line from the first on, what, cure
+    "power": ("x = q[0]\ntau[0] = x ** 2", 1, "operator **", "write x * x, or math.sqrt for a root"),
+    "numpy exponential": ("tau[0] = np.exp(q[0])", 0, "np.exp()", "write math.exp(x)"),
+    "numpy clip": ("tau[0] = np.clip(q[0], -1.0, 1.0)", 0, "np.clip()", "sat(x)"),
+    "numpy sum": ("tau[0] = np.sum(q)", 0, "np.sum()", "loop over the elements"),
+    "allocation": ("x = np.zeros(6)\ntau[0] = x[0]", 0, "np.zeros()", "working memory is a field of memory"),
+    "minimum": ("tau[0] = min(q[0], 1.0)", 0, "min()", "x if x < y else y"),
+    "power of math": ("tau[0] = math.pow(q[0], 2)", 0, "math.pow()", "x * x"),
+    "misspelt math": ("tau[0] = math.sinn(q[0])", 0, "math.sinn()", "did you mean 'sin'?"),
+    "print": ("print(q)", 0, "print()", "every field of memory is recorded"),
+    "plain function": ("tau[0] = plain(q[0])", 0, "plain()", "mark plain with @kernel"),
+    "unknown function": ("tau[0] = satt(q[0])", 0, "satt(), which is not defined", "did you mean 'sat'?"),
+    "unknown name": ("tau[0] = LIMITS", 0, "LIMITS, which is not defined", "did you mean 'LIMIT'?"),
+    "method": ("tau[0] = q.sum()", 0, "a call of q.sum()", "loop over the elements"),
+    "slice": ("tau[:] = 0.0", 0, "the slice tau[:]", "loop over the elements"),
+    "text": ("x = 'a'", 0, "the constant 'a'", "numbers only"),
+    "list": ("x = [0.0]\ntau[0] = x[0]", 0, "a list", "working memory"),
+    "returned array": ("return np.zeros(6)", 0, "a value is returned", "fill tau[i]"),
+    "returned sum": ("return gains.k * (ref.q - q)", 0, "a value is returned", "allocated at every call"),
+    "whole arrays": (
+        "e = ref.q - q\ntau[0] = e[0]",
+        0,
+        "ref.q is a whole array in arithmetic",
+        "loop over the elements",
+    ),
+    "whole array in a call": ("tau[0] = sat(memory.s)", 0, "memory.s is a whole array", "loop over the elements"),
+    "whole array compared": ("if q > 0.0:\n    tau[0] = 1.0", 0, "q is a whole array", "loop over"),
+    "whole array stored": ("tau[0] = 1.0 if t > 0.0 else 2.0\ntau[1] = q", 1, "q is a whole array", "loop over"),
+    "rebinding": ("tau = q", 0, "tau = ... only rebinds the name", "fill tau[i]"),
+    "rebinding in place": ("q += 1.0", 0, "q = ... only rebinds the name", "another name"),
+    "writing q": ("q[0] = 0.0", 0, "writes to q (q[0] = ...)", "tau and memory only"),
+    "writing qd": ("qd[0] += 0.1", 0, "writes to qd (qd[0] = ...)", "tau and memory only"),
+    "writing a gain": ("gains.lam[0] = 1.0", 0, "writes to gains.lam", "tau and memory only"),
+    "writing the reference": ("ref.qd[1] = 0.0", 0, "writes to ref.qd", "tau and memory only"),
+    "writing the model": ("model.mass[0] *= 1.1", 0, "writes to model.mass", "tau and memory only"),
+    "writing through a name": (
+        "a = gains\nb, c = a.lam, t\nb[0] = c",
+        2,
+        "writes to gains.lam (b[0] = ...)",
+        "tau and",
+    ),
+    "writing through a branch": (
+        "x = memory.s if t > 1.0 else q\nx[0] = 1.0",
+        1,
+        "writes to q (x[0] = ...)",
+        "tau and",
+    ),
+    "writing a row": ("row = model.rotation[0]\nrow[0, 0] = 1.0", 1, "writes to model.rotation", "tau and memory"),
+    "filling an input": ("gravity(model, q, qd)", 0, "writes to qd (gravity() fills it)", "tau and memory only"),
+    "filling through two kernels": ("swap(q, tau)", 0, "writes to q (swap() fills it)", "tau and memory only"),
+    "filling the model": ("heavier(model)", 0, "writes to model.mass (heavier() fills it)", "tau and memory only"),
+    "an attribute": ("memory.s = q", 0, "the attribute memory.s is assigned", "memory.s[i] = ..."),
+    "a global array": ("BUFFER[0] = q[0]", 0, "BUFFER, a ndarray outside the law", "memory"),
+    "reading a global array": ("tau[0] = BUFFER[0]", 0, "BUFFER, a ndarray outside the law", "memory"),
+    "a global list": ("SEEN.append(q[0])", 0, "SEEN, a list outside the law", "memory"),
+    "a global statement": ("global COUNT\nCOUNT = COUNT + 1", 0, "a global statement", "memory"),
+    "a global in small letters": ("tau[0] = drift", 0, "the global drift", "call it DRIFT"),
+    "a constant of numpy's": ("tau[0] = STEP", 0, "STEP, a float64", "plain Python number"),
+    "a random number": ("tau[0] = random.gauss(0, 1)", 0, "random.gauss()", "noise belongs to the experiment"),
+    "numpy's random numbers": ("tau[0] = np.random.rand()", 0, "np.random.rand()", "noise belongs to the experiment"),
+    "a generator": ("tau[0] = RNG.normal()", 0, "RNG, a Generator", "noise belongs to the experiment"),
+    "the clock": ("tau[0] = time.time()", 0, "time.time()", "the time is t"),
+    "no value yet": ("if t > 1.0:\n    x = 1.0\ntau[0] = x", 2, "x may not have a value yet", "before the branch"),
+    "integer or float": ("x = 0\nx = x + q[0]\ntau[0] = -x", 0, "x is an integer here and a float", "0.0"),
+    "an import": ("import math", 0, "an import", "top of the file"),
+    "a try": ("try:\n    tau[0] = 1.0\nexcept ValueError:\n    tau[0] = 0.0", 0, "a try statement", "beforehand"),
+    "a yield": ("yield q[0]", 0, "the expression Yield", "arithmetic"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_lies_outside_is_found_at_its_line(name: str, tmp_path: Path) -> None:
+    """One complaint, or the first of a few, names the line, what stands there and what to write instead."""
+    body, line, what, cure = BAD[name]
+    found = read(tmp_path, body)
+    assert any(c.line == LINE + line and what in c.what and cure in c.cure for c in found), [str(c) for c in found]
+    assert all(str(c) == f"line {c.line}: {c.what}: {c.cure}" for c in found)
+
+
+def test_a_kernel_of_the_file_is_read_too(tmp_path: Path) -> None:
+    """A law is as good as the kernels that it calls; the complaint names the kernel's line."""
+    (found,) = read(tmp_path, "tau[0] = shifting(q[0])")
+    line = HEAD[: HEAD.index("return x + drift")].count("\n") + 1
+    assert (found.line, found.what) == (line, "the global drift")
+
+
+def test_a_kernel_of_another_file_is_refused(tmp_path: Path) -> None:
+    """The compiled law would not be made again when the other file changes."""
+    other = load(
+        tmp_path, "from torquebench.kernel import kernel\n@kernel\ndef far(x: float) -> float:\n    return x\n"
+    )
+    head = HEAD.replace("LIMIT = 3.0", f"from {other.__name__} import far")
+    (found,) = read(tmp_path, "tau[0] = far(q[0])", head)
+    assert found.line == LINE
+    assert found.what == "far() is a kernel of another file"
+
+
+SIGNATURE = "def user_law(gains, model, t, q, qd, ref, memory, tau):"
+
+
+@pytest.mark.parametrize(("signature", "what"), [
+    ("def user_law(gains, model, t, q, qd, ref, tau):", "the arguments are (gains, model, t, q, qd, ref, tau)"),
+    ("def user_law(k, model, t, q, qd, ref, memory, tau):", "the arguments are (k, model, t, q, qd, ref, memory, tau)"),
+    ("def user_law(gains, model, t, qd, q, ref, memory, tau):", "the arguments are (gains, model, t, qd, q, "),
+    ("def user_law(gains, model, t, q, qd, ref, memory, tau, seen=[]):", "has *args, **kwargs, or defaults"),
+    ("def user_law(gains, model, t, q, qd, ref, memory, tau, *rest):", "has *args, **kwargs, or defaults"),
+    ("def user_law(*arguments):", "has *args, **kwargs, or defaults"),
+])  # fmt: skip
+def test_another_signature_is_found(signature: str, what: str, tmp_path: Path) -> None:
+    """Eight arguments under their names, and no defaults, which would be a state that survives a run."""
+    found = read(tmp_path, "pass", HEAD.replace(SIGNATURE, signature))
+    assert any(what in c.what for c in found), [str(c) for c in found]
+    assert all(c.line in (LINE - 3, LINE - 2, LINE - 1) for c in found)
+
+
+@pytest.mark.parametrize(("old", "new", "what", "cure"), [
+    ("    k: Array\n", "    k: float\n", "Gains.k is annotated float", "annotate it Array, from torquebench"),
+    ("    k: Array\n", "    k: np.ndarray\n", "Gains.k is annotated <class 'numpy.ndarray'>", "annotate it Array"),
+    ("    k: Array\n", "    k: Annotated[Array, 2]\n", "Gains.k is annotated", "annotate it Array"),
+    ("    work: Array\n", "    work: int\n", "Memory.work is annotated int", "annotate it Array"),
+    ("    work: Array\n", "    work: list\n", "Memory.work is annotated <class 'list'>", "annotate it Array"),
+])  # fmt: skip
+def test_gains_and_memory_that_compiled_code_cannot_receive(
+    old: str, new: str, what: str, cure: str, tmp_path: Path
+) -> None:
+    """Gains are vectors and options, memory is vectors; the complaint names the field's line."""
+    head = "from __future__ import annotations\n" + HEAD.replace(old, new)
+    (found,) = read(tmp_path, "tau[0] = 0.0", head)
+    assert what in found.what
+    assert cure in found.cure
+    assert found.line == head[: head.index(new)].count("\n") + 1
+
+
+def law_of(function: Any, gains: Any = None) -> Law:
+    """Return a law of a function that is in no file of its own."""
+    return Law("made", function, gains or find_law("pd").gains_type, None, {}, {})
+
+
+def test_a_number_around_the_law_is_a_constant_and_anything_else_is_not(tmp_path: Path) -> None:
+    """A closure over a number that is never given another value is fine; over a list, or over a counter, it is not."""
+    text = """
+def make(limit, seen):
+    count = 0
+    for step in range(2):
+        pass
+    def fine(gains, model, t, q, qd, ref, memory, tau):
+        tau[0] = limit
+    def listing(gains, model, t, q, qd, ref, memory, tau):
+        tau[0] = seen[0]
+    def looping(gains, model, t, q, qd, ref, memory, tau):
+        tau[0] = step
+    def counting(gains, model, t, q, qd, ref, memory, tau):
+        tau[0] = count
+    def more():
+        nonlocal count
+        count += 1
+    return fine, listing, looping, counting
+"""
+    fine, listing, looping, counting = load(tmp_path, text).make(2.0, [1.0])
+    assert complaints(law_of(fine)) == []
+    for function, what in (
+        (listing, "seen, a list"),
+        (looping, "step, which changes"),
+        (counting, "count, which changes"),
+    ):
+        (found,) = complaints(law_of(function))
+        assert found.what.startswith(what)
+        assert found.line == function.__code__.co_firstlineno + 1
+
+
+def test_what_cannot_be_read_is_a_complaint() -> None:
+    """Code without source, a partial, a lambda: the readable path, with the reason."""
+    scope: dict[str, Any] = {}
+    exec("def ghost(gains, model, t, q, qd, ref, memory, tau):\n    tau[0] = 0.0\n", scope)
+    assert "cannot be read" in complaints(law_of(scope["ghost"]))[0].what
+    assert "is a partial" in complaints(law_of(functools.partial(scope["ghost"])))[0].what
+    assert complaints(law_of(lambda gains, model, t, q, qd, ref, memory, tau: None)) != []
+
+
+def test_gains_without_fields_are_a_complaint() -> None:
+    """A law in no registry may have any object for gains; compiled code receives a NamedTuple."""
+    assert any("its gains are a tuple" in c.what for c in complaints(law_of(plain_law, tuple)))
+
+
+def plain_law(gains: Any, model: Any, t: float, q: Any, qd: Any, ref: Any, memory: Any, tau: Any) -> None:
+    """Ask for nothing."""
+    for i in range(len(tau)):
+        tau[i] = 0.0
+
+
+def test_the_packages_own_laws_are_not_read_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the package is installed without its source they run all the same."""
+    monkeypatch.setattr("linecache.getlines", lambda *arguments: [])
+    assert complaints(find_law("smc")) == []

@@ -1,0 +1,153 @@
+"""What both paths are compared on: every law with every option, arms, plants, the protocol's references and chains.
+
+Gains come from each law's own declaration, by unit, so that a law registered later is taken in without a change here.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from torquebench.fuzzy import BUILTIN
+from torquebench.kernel import Array
+from torquebench.laws import find_law, law_names
+from torquebench.references import ReferenceSource, quintic, ramp, sine, step
+from torquebench.robot import Puma560, RobotModel, load_model
+from torquebench.sim.analytic_plant import AnalyticPlant
+from torquebench.sim.chain import CHAINS, IDEAL, Chain
+from torquebench.sim.loop import Controller, simulate
+from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.trajectory import Trajectory
+
+GAIN = {"1/s": 15.0, "1": 0.3, "rad/s": 0.5, "1/s^3": 200.0}
+"""Size of a gain by its unit: rates and slopes, fractions, bands, integral gains."""
+HOME = (0.1, -0.2, 0.15, 0.3, -0.25, 0.2)
+"""Where runs start, so that no joint is at a special angle [rad]."""
+
+
+class Variant(NamedTuple):
+    """A law in one of its forms."""
+
+    law: str
+    options: tuple[tuple[str, str | bool], ...]
+    fuzzy: str | None
+
+    def controller(self, n: int) -> Controller:
+        """Return the controller for `n` joints; each joint has gains of its own."""
+        found = find_law(self.law)
+        options, spread = dict(self.options), 1.0 + 0.05 * np.arange(n)
+        gains = {
+            name: GAIN[gain.unit] * spread
+            for name, gain in found.gains.items()
+            if gain.only_with is None or options[gain.only_with[0]] == gain.only_with[1]
+        }
+        return Controller(str(self), found, found.pack_gains(n, gains, options, self.fuzzy))
+
+    def __str__(self) -> str:
+        return " ".join([self.law, *(f"{name}={value}" for name, value in self.options), self.fuzzy or ""]).rstrip()
+
+
+def variants() -> list[Variant]:
+    """Return every registered law with every choice of its options and every built-in fuzzy system."""
+    found = []
+    for name in law_names():
+        law = find_law(name)
+        choices = [[(key, value) for value in option.values] for key, option in law.options.items()]
+        systems = BUILTIN if law.rules else (None,)
+        found += [Variant(name, o, f) for o, f in itertools.product(itertools.product(*choices), systems)]
+    return found
+
+
+ARMS: dict[str, tuple[Any, Any]] = {
+    "mujoco puma560": (None, lambda: Puma560()),
+    "mujoco two-link": (None, lambda: load_model("two-link")),
+    "analytic puma560": (lambda: Puma560(), lambda: Puma560("corrected", "printed")),
+    "analytic corrected": (lambda: Puma560("corrected", "printed"), lambda: Puma560("printed", "printed")),
+    "analytic two-link": (lambda: load_model("two-link"), lambda: load_model("two-link")),
+}
+"""Truth and belief by the plant's name; a MuJoCo plant has no analytic truth."""
+PLANTS = tuple(ARMS)
+REFERENCES = {
+    "sine": lambda n: sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0][:n], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0][:n]),
+    "step": lambda n: step([1.0, -0.8, 0.8, 0.6, 0.6, 0.6][:n], 0.2),
+    "ramp": lambda n: ramp([2.5, -1.5, 1.5, 1.5, 1.5, 1.5][:n], 3.0),
+    "quintic": lambda n: quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0][:n], 1.0),
+}
+"""The protocol's references for the first n joints."""
+CONDITIONS: dict[str, tuple[Chain, bool]] = {
+    "ideal": (IDEAL, False), "ideal, noisy": (IDEAL, True), "fast, noisy": (CHAINS["fast"], True),
+    "slow, noisy": (CHAINS["slow"], True), "slow": (CHAINS["slow"], False),
+}  # fmt: skip
+"""Chain, and whether there are position noise and a torque disturbance."""
+
+
+@cache
+def plant_of(name: str, integrator: str = "rk4", timestep: float = 0.001) -> MujocoPlant | AnalyticPlant:
+    """Return a plant of `ARMS`; one object serves every run, as `simulate` resets it."""
+    if name.startswith("mujoco"):
+        return MujocoPlant(name.removeprefix("mujoco "), timestep, integrator)
+    return AnalyticPlant(ARMS[name][0](), timestep, integrator)
+
+
+@cache
+def belief_of(name: str) -> RobotModel:
+    """Return what a law believes on the plant called `name`."""
+    model: RobotModel = ARMS[name][1]()
+    return model
+
+
+@cache
+def signals(n: int, n_steps: int) -> tuple[Array, Array]:
+    """Return position noise of 1e-4 rad and a disturbance of 2 N m, (n_steps, n) each."""
+    rng = np.random.default_rng(5)
+    return 1e-4 * rng.normal(size=(n_steps, n)), 2.0 * rng.normal(size=(n_steps, n))
+
+
+class Case(NamedTuple):
+    """One closed loop, but for the path and its length."""
+
+    plant: str
+    variant: Variant
+    reference: str
+    integrator: str
+    condition: str
+    substeps: int
+
+    def run(self, n_steps: int, path: Any) -> Trajectory:
+        """Run `n_steps` control instants; a failure is returned, not raised."""
+        plant, (chain, noisy) = plant_of(self.plant, self.integrator), CONDITIONS[self.condition]
+        n, period = plant.n, self.substeps * plant.timestep
+        noise, disturbance = signals(n, n_steps) if noisy else (None, None)
+        target: ReferenceSource = REFERENCES[self.reference](n)
+        return simulate(
+            plant, self.variant.controller(n), belief_of(self.plant), target, duration=n_steps * period,
+            control_period=period, chain=chain, position_noise=noise, disturbance=disturbance,
+            initial_q=np.array(HOME[:n]), path=path, throw=False,
+        )  # fmt: skip
+
+    def __str__(self) -> str:
+        parts = (self.plant, self.variant, self.reference, self.integrator, self.condition, f"x{self.substeps}")
+        return ", ".join(map(str, parts))
+
+
+def cases(plant: str) -> Iterator[Case]:
+    """Every law and option, reference, integrator, condition and control period, on one plant."""
+    axes = (variants(), REFERENCES, INTEGRATORS, CONDITIONS, (1, 4))
+    return (Case(plant, *values) for values in itertools.product(*axes))
+
+
+def differing_bytes(a: Trajectory, b: Trajectory) -> int:
+    """Return the number of bytes in which two trajectories differ; all of an array's where its shapes do."""
+    first, second, count = a.arrays(), b.arrays(), 0
+    for name in first.keys() | second.keys():
+        x, y = (side.get(name, np.zeros(0)) for side in (first, second))
+        if x.shape == y.shape:
+            count += int(np.count_nonzero(np.frombuffer(x.tobytes(), np.uint8) != np.frombuffer(y.tobytes(), np.uint8)))
+        else:
+            count += max(x.nbytes, y.nbytes)
+    return count
