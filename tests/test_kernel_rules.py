@@ -56,10 +56,10 @@ EXCUSED = {"fuzzy.closed_form.staircase": "a division in an inline kernel"}
 
 
 def test_the_checker_sees_the_kernels_and_the_laws() -> None:
-    """The shared functions, the dynamics, the integrators, the loop's parts and every registered law are among those."""
+    """The shared functions, the dynamics, integrators, the loop's parts and every registered law are among them."""
     assert {
         "kernel.sat", "robot.rigid_body.newton_euler", "robot.dynamics.forward_dynamics",
-        "sim.analytic_plant.rk4_steps", "sim.analytic_plant.euler_steps", "robot.puma560.closed_form.fill_bias",
+        "sim.integration.rk4_steps", "sim.integration.euler_steps", "robot.puma560.closed_form.fill_bias",
         "fuzzy.inference.infer", "sim.closed_loop.measure", "sim.closed_loop.actuate", "sim.closed_loop.lag",
     } <= set(KERNELS)  # fmt: skip
     written = {n for file, tree in TREES.items() if file.startswith("laws/") for n in marked(tree, "controller")}
@@ -204,8 +204,7 @@ BRANCHES = {
     "while x[0] > 0.0:\n        y = x[0]\n        break\n    out[0] = y": "y",
     "y += 1.0\n    out[0] = y": "y",
     "for i in range(3):\n        if x[i] > 0.0:\n            continue\n        y = 1.0\n    out[i] = 1.0": "i",
-    "if x[0] > 0.0:\n        y = 1.0\n    elif x[0] < 0.0:\n        y = 2.0\n    else:\n        out[0] = 1.0\n    out[0] = y":
-        "y",
+    "if x[0] > 0.0:\n        y = 1.0\n    elif x[1]:\n        y = 2.0\n    else:\n        pass\n    return y": "y",
     "y = 1.0 if x[0] > 0.0 else z\n    z = 2.0\n    out[0] = y": "z",
 }  # fmt: skip
 
@@ -221,7 +220,7 @@ def test_a_variable_that_may_have_no_value_is_found(body: str, tmp_path: Path) -
 @pytest.mark.parametrize("body", [
     "if x[0] > 0.0:\n        y = 1.0\n    else:\n        return 0.0\n    return y",
     "y = 0.0\n    for i in range(3):\n        y += x[i]\n    return y",
-    "for i in range(3):\n        if x[i] > 0.0:\n            y = 1.0\n        else:\n            continue\n        out[i] = y",
+    "for i in range(3):\n        if i > 1:\n            y = 1.0\n        else:\n            break\n        return y",
 ])  # fmt: skip
 def test_a_variable_with_a_value_on_every_way_is_fine(body: str, tmp_path: Path) -> None:
     """Branches that return or go on with the loop do not count."""

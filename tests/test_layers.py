@@ -16,8 +16,8 @@ from tests.source_tree import ALL, FILES, TREES, imports
 
 LAYERS = (
     ("errors",), ("kernel_cache",), ("kernel",), ("packing",), ("packing_types",), ("fuzzy", "robot"),
-    ("references", "disturbances"), ("dialect",), ("laws",), ("sim",), ("measures",), ("metrics",), ("experiment",),
-    ("analysis",), ("bench",), ("cli",), ("__main__",),
+    ("references", "disturbances"), ("dialect",), ("laws",), ("sim",), ("check",), ("measures",), ("metrics",),
+    ("experiment",), ("analysis",), ("bench",), ("cli",), ("__main__",),
 )  # fmt: skip
 """From the bottom up; a unit imports itself and units below, never one beside or above it."""
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
@@ -43,6 +43,7 @@ HOMES = {
     "pydantic": {name for name in ALL if name.startswith("experiment/")},
     "pydantic_core": {name for name in ALL if name.startswith("experiment/")},
     "numba": {
+        "check/paths.py",
         "kernel.py",
         "packing_types.py",
         "sim/checked_math.py",
@@ -237,8 +238,8 @@ print(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))
     "import torquebench",
     "import torquebench; dir(torquebench); torquebench.__version__",
     *(HELP.format(arguments=arguments) for arguments in (["--help"], ["run", "--help"], ["compare", "--help"],
-                                                         ["fuzzy", "--help"])),
-], ids=["import", "dir", "help", "run help", "compare help", "fuzzy help"])  # fmt: skip
+                                                         ["fuzzy", "--help"], ["check", "--help"])),
+], ids=["import", "dir", "help", "run help", "compare help", "fuzzy help", "check help"])  # fmt: skip
 def test_help_and_import_are_light(statement: str) -> None:
     """Neither importing the package nor asking for help loads numpy, numba, MuJoCo, matplotlib or pydantic."""
     command = [sys.executable, "-c", LOADED.format(statement=statement)]

@@ -125,6 +125,23 @@ def test_every_kind_of_field_arrives() -> None:
 
 
 @kernel
+def strides_of(s: Outer, out: IntArray) -> None:
+    """Write the distances in memory of neighbours in each array of several dimensions."""
+    for i in range(2):
+        out[i], out[2 + i], out[4 + i] = s.sheet.strides[i], s.deep.inner.rows.strides[i], s.grid.strides[i]
+    for i in range(3):
+        out[6 + i] = s.block.strides[i]
+
+
+def test_strides_are_numpys() -> None:
+    """What compiled code says of an array's layout is what numpy says, though it does not need it to read elements."""
+    s, out = outer(), np.zeros(9, dtype=np.int64)
+    strides_of(s, out)
+    wanted = [x for array in (s.sheet, s.deep.inner.rows, s.grid, s.block) for x in array.strides]
+    assert out.tolist() == wanted
+
+
+@kernel
 def number_of(s: Outer, out: Array) -> None:
     """Write the number."""
     out[0] = s.number

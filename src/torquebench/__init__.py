@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0.dev0"
 
 _HOMES = {
-    "Array": "torquebench.kernel",
-    "Controller": "torquebench.sim.loop",
     "AnalyticPlant": "torquebench.sim.analytic_plant",
+    "Array": "torquebench.kernel",
+    "CHAINS": "torquebench.sim.chain",
+    "Chain": "torquebench.sim.chain",
+    "Controller": "torquebench.sim.loop",
     "Fis": "torquebench.fuzzy.fis",
     "FuzzySystem": "torquebench.fuzzy.system",
     "Gain": "torquebench.laws",
@@ -20,9 +22,10 @@ _HOMES = {
     "RobotModel": "torquebench.robot",
     "Rules": "torquebench.laws",
     "Trajectory": "torquebench.sim.trajectory",
+    "Trial": "torquebench.sim.batch",
+    "bias_forces": "torquebench.robot.dynamics",
     "check_law": "torquebench.check.law",
     "controller": "torquebench.laws",
-    "bias_forces": "torquebench.robot.dynamics",
     "find_law": "torquebench.laws",
     "gravity": "torquebench.robot.dynamics",
     "infer": "torquebench.fuzzy.inference",
@@ -34,11 +37,14 @@ _HOMES = {
     "sat": "torquebench.kernel",
     "sign": "torquebench.kernel",
     "simulate": "torquebench.sim.loop",
+    "simulate_many": "torquebench.sim.batch",
 }
 
 __all__ = [
+    "CHAINS",
     "AnalyticPlant",
     "Array",
+    "Chain",
     "Controller",
     "Fis",
     "FuzzySystem",
@@ -51,6 +57,7 @@ __all__ = [
     "RobotModel",
     "Rules",
     "Trajectory",
+    "Trial",
     "__version__",
     "bias_forces",
     "check_law",
@@ -66,6 +73,7 @@ __all__ = [
     "sat",
     "sign",
     "simulate",
+    "simulate_many",
 ]
 
 if TYPE_CHECKING:
@@ -79,6 +87,8 @@ if TYPE_CHECKING:
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
     from torquebench.sim.analytic_plant import AnalyticPlant
+    from torquebench.sim.batch import Trial, simulate_many
+    from torquebench.sim.chain import CHAINS, Chain
     from torquebench.sim.loop import Controller, simulate
     from torquebench.sim.mujoco_plant import MujocoPlant
     from torquebench.sim.trajectory import Outcome, Trajectory, load_trajectory

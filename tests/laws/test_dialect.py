@@ -115,7 +115,7 @@ while i < len(tau):
     memory.s[i] = total if gains.mode == 1 and not total < 0.0 else -abs(t)
     total += math.sin(q[i]) + math.exp(-t) + model.tau_max[i] * model.control_period
     tau[i], i = work[i], i + 1""",
-    "parts under names": LOOP + "e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]\n    tau[i] = gains.k[i] * (de + gains.lam[i] * e)",
+    "parts under names": LOOP + "e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]\n    tau[i] = gains.k[i] * (de + e)",
     "whole numbers": LOOP + "n = i // 2 + len(q) % 3\n    tau[i] = math.floor(q[i]) + n",
     "another time": "t = 2.0 * t\n" + LOOP + "tau[i] = t",
     "swapped by a kernel": "swap(tau, q)",

@@ -5,20 +5,23 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+from tests.arms import pack
 from tests.sim import loops
-from tests.sim.loops import arm, go
+from tests.sim.loops import TARGET, arm, go
 from tests.sim.protocol import PLANTS, Case, cases, differing_bytes, variants
 from torquebench.kernel import Array
 from torquebench.laws import law_names
 from torquebench.laws.base import Law
 from torquebench.references import Reference
 from torquebench.robot.model import Model
-from torquebench.sim.loop import Controller
+from torquebench.sim.loop import Controller, simulate
+from torquebench.sim.native_path import NativeRun
 from torquebench.sim.trajectory import Outcome
 
 STRIDE = 13
@@ -73,6 +76,21 @@ def test_the_count_of_bytes_sees_one_bit() -> None:
     assert differing_bytes(run, dataclasses.replace(run, extra={"x": run.q})) >= run.q.nbytes
 
 
+@pytest.mark.parametrize("at_once", [1, 7, 40, 50, 51, 10_000])
+@pytest.mark.parametrize("condition", ["ideal", "slow, noisy"])
+def test_a_run_in_pieces_is_the_same_run(condition: str, at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many instants are asked for at once, lag and filter go on where they were; progress counts to the end."""
+    for plant in ("mujoco two-link", "analytic two-link"):
+        case = next(c for c in cases(plant) if c.condition == condition and c.substeps == 4)
+        whole = case.run(50, "native")
+        told: list[int] = []
+        with monkeypatch.context() as patch:
+            patch.setattr(NativeRun, "longest", at_once * case.substeps)
+            patch.setattr("tests.sim.protocol.simulate", partial(simulate, progress=told.append))
+            assert case.run(50, "native").digest() == whole.digest()
+        assert told == [min(k, 50) - 1 for k in range(at_once, 50 + at_once, at_once)]
+
+
 class HoardGains(NamedTuple):
     """One gain."""
 
@@ -98,3 +116,22 @@ def test_nothing_is_left_of_the_run_before(plant: str, path: Any) -> None:
         run = go(loops.plant_of(plant), mine, 0.01, model=model, path=path)
         assert run.path == path
         assert run.tau_law.tolist() == [[k, 0.5 * k] for k in range(1, 11)]
+
+
+@pytest.mark.parametrize("path", ["python", "native"])
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_what_the_caller_passes_stays_the_callers(plant: str, path: Any) -> None:
+    """A run neither locks nor changes the arrays it was given, and writing to them later does not change the run."""
+    samples, rng = TARGET(np.arange(50) * 0.001), np.random.default_rng(1)
+    given = [*samples, 1e-4 * rng.normal(size=(50, 2)), rng.normal(size=(50, 2)), np.array([0.1, 0.2])]
+    before = [array.copy() for array in given]
+    run = go(
+        loops.plant_of(plant), pack("pd", 2, lam=8, kv=12), reference=samples, position_noise=given[3],
+        disturbance=given[4], initial_q=given[5], path=path,
+    )  # fmt: skip
+    digest = run.digest()
+    for array, kept in zip(given, before, strict=True):
+        assert array.flags.writeable
+        assert array.tobytes() == kept.tobytes()
+        array[:] = 7.0
+    assert run.digest() == digest

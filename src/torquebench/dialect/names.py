@@ -46,7 +46,12 @@ class Names:
         self.callables = {a.arg for a in node.args.args if "Callable" in ast.unparse(a.annotation or a)}
 
     def complain(self, node: ast.AST, what: str, cure: str, topic: str = FORM) -> None:
-        """Note something that lies outside the dialect."""
+        """Note something that lies outside the dialect.
+
+        Args:
+            node: Where.
+            what, cure, topic: See `Complaint`.
+        """
         self.complaints.append(Complaint(getattr(node, "lineno", self.source.node.lineno), what, cure, topic))
 
     def value(self, node: ast.expr) -> Any:

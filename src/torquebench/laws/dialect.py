@@ -98,17 +98,17 @@ def _structures(law: Law) -> Iterator[Complaint]:
                                 f"annotate it {need}{', from torquebench' if need == 'Array' else ''}")  # fmt: skip
 
 
-def line_of(cls: Any, name: str, function: Any) -> int:
+def line_of(structure: Any, name: str, function: Any) -> int:
     """Return the line on which a field of gains or memory stands: of the class, or else of the law, if it is elsewhere.
 
     Args:
-        cls: The NamedTuple class.
+        structure: The NamedTuple class.
         name: Its field; empty for the class.
         function: The law, whose file is read.
     """
     source = read(function) if isinstance(function, FunctionType) else None
     for node in ast.walk(source.module) if source is not None else ():
-        if isinstance(node, ast.ClassDef) and node.name == getattr(cls, "__name__", None):
+        if isinstance(node, ast.ClassDef) and node.name == getattr(structure, "__name__", None):
             fields = {ast.unparse(x.target): x.lineno for x in node.body if isinstance(x, ast.AnnAssign)}
             return fields.get(name, node.lineno)
     return _line(function)

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 from torquebench.packing_types import at, vector
-from torquebench.sim.analytic_plant import Integrated, integrate
+from torquebench.sim.integration import Integrated, integrate
 from torquebench.sim.native_calls import STEP_SIGNATURE, native
 
 arm_at = at(Integrated)

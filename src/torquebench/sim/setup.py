@@ -62,7 +62,8 @@ def set_up(
     # one block for all records: the operating system hands out its pages, which is slow, only once
     records = np.empty((4 + 2 * measured + acting + len(fields), n_steps, n))
     one = iter(records)
-    inputs = [np.ascontiguousarray(x, dtype=np.float64) for x in desired]
+    # copies: they become the trajectory's, which nobody may write to, and the caller's own arrays stay the caller's
+    inputs = [np.array(x, dtype=np.float64, order="C") for x in desired]
     q, qd = (np.zeros(n), np.zeros(n)) if native is None else (native.q, native.qd)
     job = Job(
         substeps=substeps, control_period=control_period, tau_max=np.array(plant.tau_max),

@@ -1,0 +1,69 @@
+"""``torquebench check``: a table of what a user's laws keep of the contract, and where they do not."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+from torquebench.check.driving import silence
+from torquebench.check.law import check_law
+from torquebench.check.report import Report
+from torquebench.cli.terminal import progress_bar, say, table
+from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.laws.plugin import load_plugin
+
+WIDTH = 96
+"""Longest line of what was found."""
+
+
+def check(file: Path, law: str | None, as_json: bool) -> int:
+    """Try the laws of a file and return 0 when everything held, else 1.
+
+    Args:
+        file: Python file that registers laws.
+        law: The only one to try; None for all.
+        as_json: Whether to print JSON instead of tables.
+
+    Raises:
+        ConfigError: the file registers no law, or not this one.
+    """
+    with silence():
+        names = load_plugin(file, "FILE")
+    if law is not None and law not in names:
+        raise ConfigError([Problem("--law", "", f"{file} registers no law '{law}'{did_you_mean(law, names)}")])
+    names = names if law is None else (law,)
+    reports = []
+    with progress_bar(len(names), "law", "starting (compiles on first use)") as bar:
+        for name in names:
+            bar.set_description_str(name, refresh=True)
+            reports.append(check_law(name))
+            bar.update(1)
+    held = all(report.held for report in reports)
+    if as_json:
+        say(json.dumps({"held": held, "laws": [report.to_json() for report in reports]}, indent=2))
+    else:
+        say("\n\n".join(_text(report) for report in reports))
+    return 0 if held else 1
+
+
+def _rows(report: Report) -> Iterator[tuple[str, str, str]]:
+    """Return the cells of a report's checks, long ones over several rows."""
+    for check in report.checks:
+        first, *rest = textwrap.wrap(check.detail, WIDTH, break_long_words=False, break_on_hyphens=False) or [""]
+        yield check.name, check.verdict, first
+        yield from (("", "", line) for line in rest)
+
+
+def _text(report: Report) -> str:
+    """Return a law's table, the places that keep it from being compiled, and the verdict."""
+    lines = [f"law '{report.law}' ({report.file}:{report.line})", ""]
+    lines.append(table(["check", "", "what was tried, or what was found"], list(_rows(report)), left=3))
+    if report.complaints:
+        lines += ["", f"Outside the dialect ({len(report.complaints)}), so that the law is interpreted:"]
+        lines += [f"  {report.file}:{c.line}: {c.what}: {c.cure}" for c in report.complaints]
+    failed = sum(check.verdict == "FAIL" for check in report.checks)
+    path = "on the readable path only" if report.complaints else "on both paths"
+    lines += ["", f"{failed} of {len(report.checks)} checks FAILED" if failed else f"the contract holds, {path}"]
+    return "\n".join(lines)

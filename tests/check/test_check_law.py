@@ -1,0 +1,396 @@
+"""The contract test of laws: good ones pass, and each way of breaking the contract is caught at its line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numba
+import pytest
+
+from tests.user_files import load
+from torquebench import check_law, find_law, law_names
+from torquebench.check import cases, contract, driving, paths
+from torquebench.check.report import FAIL, NOTE, PASS, Check, Report
+from torquebench.errors import ControllerError
+from torquebench.laws import base
+from torquebench.robot.library import data_root
+
+HEAD = '''"""A user's file."""
+
+import math
+import random
+import time
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from torquebench import Array, Gain, Option, controller, gravity, inverse_dynamics, sat
+from torquebench.kernel import kernel
+
+COUNT = 0
+SEEN = []
+KEPT = {}
+LAST = np.zeros(6)
+
+
+class Gains(NamedTuple):
+    lam: Annotated[Array, Gain("slope", "1/s")]
+    k: Annotated[Array, Gain("share of the torque limit", "1")]
+
+
+class Memory(NamedTuple):
+    s: Array
+
+
+@controller("user-law", gains=Gains, memory=Memory)
+def user_law(gains, model, t, q, qd, ref, memory, tau):
+'''
+SPRING = """for i in range(len(tau)):
+    memory.s[i] = ref.qd[i] - qd[i] + gains.lam[i] * (ref.q[i] - q[i])
+    tau[i] = gains.k[i] * model.tau_max[i] * sat(memory.s[i])
+"""
+LAW = HEAD.count("\n") - 1
+"""Line of the decorator."""
+
+
+@pytest.fixture(autouse=True)
+def registry(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Forget the laws that a test registers, and try fewer loops: the full number is tried on the package's laws."""
+    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(paths, "SCALES", (1.0,))
+    monkeypatch.setattr(paths, "DURATION", 0.03)
+    return
+
+
+def report_on(folder: Path, body: str, head: str = HEAD) -> Report:
+    """Return the report on a law of this body."""
+    load(folder, head + "".join(f"    {line}\n" for line in body.splitlines()))
+    return check_law("user-law")
+
+
+def failed(report: Report) -> set[str]:
+    """Return the names of the checks that did not hold."""
+    return {check.name for check in report.checks if check.verdict == FAIL}
+
+
+def detail(report: Report, name: str) -> str:
+    """Return what a check found."""
+    return next(check.detail for check in report.checks if check.name == name)
+
+
+def test_a_good_law_passes_everything(tmp_path: Path) -> None:
+    """Every check passes, on both paths, and costs are measured on both."""
+    report = report_on(tmp_path, SPRING)
+    assert report.held
+    assert {check.verdict for check in report.checks} == {PASS, NOTE}
+    assert [check.name for check in report.checks if check.verdict == NOTE] == ["cost"]
+    assert [check.name for check in report.checks] == [
+        "arguments", "torque", "finite", "repeatable", "inputs", "state", "gains", "joints", "allocation", "dialect",
+        "loop", "paths", "compiled once", "quiet", "cost",
+    ]  # fmt: skip
+    assert report.line == LAW
+    assert report.complaints == []
+    assert report.cost is not None
+    assert report.cost.native is not None
+    assert 0.0 < report.cost.native < report.cost.python < 1e4
+
+
+# a marked line is where the law does it; the report names it
+BAD: dict[str, tuple[str, set[str]]] = {
+    "not a number at times": (SPRING + "    if t > 5.0:\n        tau[i] = math.nan", {"finite"}),
+    "a root of what may be negative": (
+        SPRING + "    tau[i] += math.sqrt(memory.s[i])  # here", {"finite", "loop"},
+    ),
+    "divides by the error": (SPRING + "    tau[i] += 1e-9 / (ref.q[i] - q[i])  # here", {"finite", "loop"}),
+    "forgets a joint": (SPRING.replace("len(tau)", "len(tau) - 1"), {"finite", "loop"}),
+    "counts on six joints": (SPRING.replace("len(tau)", "6"), {"torque", "loop", "?paths"}),
+    "counts on two joints": (SPRING.replace("len(tau)", "2"), {"finite", "loop"}),
+    "wrong shape": ("return np.zeros(3)  # here", {"torque", "loop"}),
+    "complex": ("return 1j * (ref.q - q)  # here", {"torque", "loop"}),
+    "raises": (SPRING + "if t > 1.0:\n    raise RuntimeError('no solution')  # here", {"torque"}),
+    "mutates q": (SPRING + "    q[i] = 0.0  # here", {"inputs"}),
+    "mutates qd by a kernel": (SPRING + "gravity(model, q, qd)  # here", {"inputs"}),
+    "mutates all of q": (SPRING + "q += 1.0  # here", {"inputs"}),
+    "mutates gains": (SPRING + "    gains.k[i] *= 1.01  # here", {"inputs"}),
+    "mutates the reference": (SPRING + "    ref.q[i] -= 0.1  # here", {"inputs"}),
+    "mutates the model": (SPRING + "    model.inertia_scale[i] = 1.0  # here", {"?inputs", "?torque", "?loop"}),
+    "counts in a global": (
+        "global COUNT  # here\nCOUNT += 1\n" + SPRING + "    tau[i] += COUNT", {"repeatable", "state"},
+    ),
+    "keeps a list": (
+        "SEEN.append(q[0])  # here\n" + SPRING + "    tau[i] += SEEN[-2] if len(SEEN) > 1 else 0.0",
+        {"repeatable", "state"},
+    ),
+    "keeps a list, cleared at the start": (
+        "if t < 0.0005 or t in (0.5, 1.0, 7.3, 2.0, 60.0):\n    SEEN.clear()  # here\n" + SPRING
+        + "    tau[i] += SEEN[-1] if SEEN else 0.0\nSEEN.append(q[0])", {"state"},
+    ),
+    "keeps something by the place of its memory": (
+        SPRING + "KEPT[id(memory)] = KEPT.get(id(memory), 0.0) + 1.0  # here\ntau[0] += KEPT[id(memory)]",
+        {"state", "?repeatable"},
+    ),
+    "keeps something by the place of its memory, begun anew in each run": (
+        "if t in (0.0, 0.5, 1.0, 7.3, 2.0, 60.0):\n    KEPT[id(memory)] = 0.0  # here\n" + SPRING
+        + "KEPT[id(memory)] = KEPT.get(id(memory), 0.0) + q[0]\ntau[0] += KEPT[id(memory)]", {"state"},
+    ),
+    "keeps a global array": (
+        SPRING + "    tau[i] += LAST[i]\n    LAST[i] = q[i]  # here", {"repeatable", "state"},
+    ),
+    "random": (SPRING + "    tau[i] += random.gauss(0.0, 0.1)  # here", {"repeatable", "state"}),
+    "numpy's random": (SPRING + "    tau[i] += np.random.normal()  # here", {"repeatable", "state"}),
+    "looks at the clock": (SPRING + "    tau[i] += time.perf_counter()  # here", {"repeatable", "state"}),
+    "ignores a gain": (SPRING.replace("gains.k[i] * ", "0.5 * "), {"gains"}),
+    "ignores a joint's gain": (SPRING.replace("gains.k[i]", "gains.k[0]"), {"gains"}),
+    "swaps joints": (
+        "n = len(tau)\nfor i in range(n):\n    j = n - 1 - i\n"
+        "    s = ref.qd[j] - qd[j] + gains.lam[j] * (ref.q[j] - q[j])\n"
+        "    tau[i] = gains.k[i] * model.tau_max[i] * sat(s)",
+        {"joints"},
+    ),
+    "holds a joint still": (SPRING + "tau[1] = 0.0", {"joints", "gains"}),
+    "rebinds the torque": ("tau = gains.k * (ref.q - q)  # here", {"finite", "loop"}),
+    "ends the program": (SPRING + "raise SystemExit(0)  # here", {"torque", "loop"}),
+    "changes the size of its memory": (SPRING + "memory.s.resize(9, refcheck=False)  # here", {"torque", "loop"}),
+    "an infinite memory": (SPRING + "    memory.s[i] = math.inf", {"finite"}),
+}  # fmt: skip
+assert len(BAD) >= 30
+FIELDS = {"ignores a gain": "k", "ignores a joint's gain": "k", "holds a joint still": ""}
+"""Cases in which the line of a field of Gains is named."""
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_law_is_caught_at_its_line(name: str, tmp_path: Path) -> None:
+    """The checks that fail are those that should, and the report names the line of the file."""
+    body, wanted = BAD[name]
+    report = report_on(tmp_path, body)
+    certain = {check for check in wanted if not check.startswith("?")}
+    assert certain <= failed(report) <= {check.lstrip("?") for check in wanted}, str(report)
+    assert not report.held
+    here = next((k for k, line in enumerate(body.splitlines()) if "# here" in line), None)
+    line = LAW + 2 + here if here is not None else LAW
+    if name in FIELDS:
+        line = HEAD[: HEAD.index(f"    {FIELDS[name] or 'k'}: ")].count("\n") + 1
+    texts = [check.detail for check in report.checks if check.verdict == FAIL]
+    named = {int(x) for text in texts for group in re.findall(r"lines? ([\d, ]+)\)", text) for x in group.split(", ")}
+    assert line in named, str(report)
+
+
+SIGNATURES = {
+    "seven arguments": ("def user_law(gains, model, t, q, qd, ref, tau):", {"arguments"}),
+    "nine arguments": ("def user_law(gains, model, t, q, qd, ref, memory, tau, more):", {"arguments"}),
+    "a default that is kept": (
+        "def user_law(gains, model, t, q, qd, ref, memory, tau, seen=[]):\n    seen.append(1.0)",
+        {"repeatable", "state"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SIGNATURES)
+def test_a_bad_signature_is_caught(name: str, tmp_path: Path) -> None:
+    """Too few or too many arguments end the test; a mutable default is hidden state."""
+    signature, wanted = SIGNATURES[name]
+    head = HEAD.replace("def user_law(gains, model, t, q, qd, ref, memory, tau):", signature)
+    body = SPRING.replace("memory.s[i]", "e").replace("e = ref", "e = ref") + (
+        "    tau[i] += len(seen)" if "seen" in head else ""
+    )
+    report = report_on(tmp_path, body, head)
+    assert failed(report) == wanted, str(report)
+    assert any(f"line {LAW + k}" in check.detail for check in report.checks for k in (0, 1))
+
+
+def test_state_around_the_law_is_caught(tmp_path: Path) -> None:
+    """A law made by another function keeps its count in that function's variable."""
+    text = (
+        HEAD[: HEAD.index("@controller")]
+        + """
+def make():
+    count = [0.0]
+    @controller("user-law", gains=Gains, memory=Memory)
+    def user_law(gains, model, t, q, qd, ref, memory, tau):
+        count[0] += 1.0
+        for i in range(len(tau)):
+            tau[i] = gains.k[i] * (ref.q[i] - q[i]) + gains.lam[i] * (ref.qd[i] - qd[i]) + count[0]
+make()
+"""
+    )
+    load(tmp_path, text)
+    report = check_law("user-law")
+    assert failed(report) == {"repeatable", "state"}
+    assert f"lines {text[: text.index('count[0] += 1.0')].count(chr(10)) + 1}, " in detail(report, "state")
+
+
+NOTES = {
+    "a power": (SPRING.replace("sat(memory.s[i])", "sat(memory.s[i]) ** 3  # here"), "operator **"),
+    "numpy's exponential": (SPRING.replace("sat(memory.s[i])", "np.exp(-abs(memory.s[i]))  # here"), "np.exp()"),
+    "an array returned": (
+        "return gains.k * np.tanh(gains.lam * (ref.q - q) + ref.qd - qd)  # here", "a value is returned",
+    ),
+    "a slice": ("tau[:] = gains.k * (gains.lam * (ref.q - q) + ref.qd - qd)  # here", "the slice tau[:]"),
+    "a helper": ("def f(x):  # here\n    return math.tanh(x)\n" + SPRING.replace("sat(", "f("), "a function within"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NOTES)
+def test_a_law_outside_the_dialect_holds_the_contract(name: str, tmp_path: Path) -> None:
+    """It runs interpreted: a note with the line and the cure, no failure."""
+    body, what = NOTES[name]
+    report = report_on(tmp_path, body)
+    assert report.held, str(report)
+    assert {"dialect", "paths"} <= {check.name for check in report.checks if check.verdict == NOTE}
+    line = LAW + 2 + next(k for k, text in enumerate(body.splitlines()) if "# here" in text)
+    assert any(c.line == line and what in c.what and c.cure for c in report.complaints), str(report)
+    assert report.cost is not None
+    assert report.cost.native is None
+    assert ("returns an array" in str(report)) == (name == "an array returned")
+
+
+def test_integer_gains_keep_a_law_interpreted(tmp_path: Path) -> None:
+    """A gain annotated as a number is handed over as an array all the same, which compiled code could not receive."""
+    report = report_on(tmp_path, SPRING, HEAD.replace("k: Annotated[Array,", "k: Annotated[float,"))
+    assert report.held
+    line = HEAD[: HEAD.index("    k: Annotated")].count("\n") + 1
+    assert [(c.line, c.cure) for c in report.complaints] == [(line, "annotate it Array, from torquebench")]
+
+
+def test_what_a_law_prints_is_noted_and_not_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Hundreds of calls would bury the table."""
+    report = report_on(tmp_path, SPRING + "print('hello', t)")
+    assert report.held
+    assert detail(report, "quiet") == "prints: 'hello 0.0'"
+    assert capsys.readouterr().out == ""
+
+
+def test_an_option_without_effect_is_caught(tmp_path: Path) -> None:
+    """Each option is tried with each value; one that makes no difference fails as an ignored gain does."""
+    option = '    mode: Annotated[int, Option("mode", ("soft", "hard"))]\n\n\nclass Memory'
+    head = HEAD.replace("\n\nclass Memory", option)
+    assert detail(report_on(tmp_path, SPRING, head), "gains") == "option 'mode' makes no difference"
+    base._REGISTRY.pop("user-law")
+    assert report_on(tmp_path, SPRING + "    tau[i] *= 1.0 + gains.mode", head).held
+
+
+def test_a_fault_under_one_choice_of_options_only_is_caught(tmp_path: Path) -> None:
+    """The report names the choice."""
+    option = '    mode: Annotated[int, Option("mode", ("soft", "hard"))]\n\n\nclass Memory'
+    body = SPRING + "    if gains.mode == 1:\n        tau[i] = math.sqrt(-1.0 - t)  # here"
+    report = report_on(tmp_path, body, HEAD.replace("\n\nclass Memory", option))
+    assert "mode: hard" in detail(report, "finite")
+    assert "finite" in failed(report)
+
+
+@pytest.mark.parametrize("name", [n for n in law_names()])
+def test_the_packages_laws_pass(name: str) -> None:
+    """Every registered law holds the contract on both paths, with every value of its options."""
+    report = check_law(name)
+    assert report.held, str(report)
+    assert [check.verdict for check in report.checks if check.name == "paths"] == [PASS]
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/writing-a-law.md"])
+def test_the_laws_of_the_documents_pass(document: str, tmp_path: Path) -> None:
+    """What is shown to copy holds the contract, on both paths."""
+    text = (data_root() / document).read_text()
+    sources = [
+        s for s in re.findall(r"^```python\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE) if "@controller" in s
+    ]
+    assert sources
+    for source in sources:
+        load(tmp_path, source)
+        report = check_law(re.search(r'@controller\("([\w-]+)"', source)[1])  # type: ignore[index]
+        assert report.held, str(report)
+        assert report.complaints == []
+
+
+def test_the_guide_shows_what_check_prints(tmp_path: Path) -> None:
+    """The table in docs/writing-a-law.md has the checks of a good law, in their order, and their words."""
+    guide = (data_root() / "docs" / "writing-a-law.md").read_text()
+    shown = re.findall(r"^([a-z ]+?) +(pass|note)  (.*)$", guide, flags=re.MULTILINE)
+    readme = (data_root() / "README.md").read_text()
+    sources = re.findall(r"^```python\n(.*?)^```$", readme, re.DOTALL | re.MULTILINE)
+    load(tmp_path, next(source for source in sources if "my-law" in source))
+    made = check_law("my-law").checks
+    assert [row[:2] for row in shown] == [(check.name, check.verdict) for check in made]
+    for (name, _, text), check in zip(shown, made, strict=True):
+        if name not in ("loop", "paths", "cost"):  # fewer loops here; times are the machine's
+            assert text == check.detail
+
+
+def test_paths_that_differ_are_caught(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If the native path's run were another in its last bit, the first step and signal that differ are named."""
+    real = paths._run
+
+    def other(law: Any, name: str, engine: str, options: Any, scale: float, path: str) -> Any:
+        return real(law, name, engine, options, scale * (1.0 + 2**-52) if path == "native" else scale, path)
+
+    monkeypatch.setattr(paths, "_run", other)
+    report = report_on(tmp_path, SPRING.replace("sat(memory.s[i])", "sat(1e-3 + memory.s[i])"))
+    assert failed(report) == {"paths"}
+    assert re.search(r"the paths differ from step \d+ on, first in \w+", detail(report, "paths"))
+
+
+def test_a_law_that_is_compiled_again_is_caught(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numba says when it compiles; after the first loops nothing may be left to compile."""
+    real = paths._run
+
+    def compiling(*arguments: Any) -> Any:
+        if arguments[4] == 3.0:  # the run that is watched
+            numba.njit(lambda x: x + 1.0)(1.0)
+        return real(*arguments)
+
+    monkeypatch.setattr(paths, "_run", compiling)
+    assert failed(report_on(tmp_path, SPRING)) == {"compiled once"}
+
+
+def test_no_such_law() -> None:
+    """The nearest name is suggested."""
+    with pytest.raises(ControllerError, match=r"did you mean 'smc'\?"):
+        check_law("smcc")
+
+
+def test_the_motions_are_what_they_say() -> None:
+    """The first is at rest on its reference; the others move, and their references state their own derivatives."""
+    first, *rest = cases.motions(2)
+    assert all(not x.any() for x in first[1:])
+    for motion in rest:
+        slope = (motion.q_ref[2:] - motion.q_ref[:-2]) / 0.002
+        assert abs(slope - motion.qd_ref[1:-1]).max() < 1e-4
+    sizes = [abs(m.q_ref - m.q).max() for m in rest]
+    assert min(sizes) < 5e-3
+    assert max(sizes) > 0.5
+
+
+def test_gains_differ_between_joints_and_are_the_same_under_every_option() -> None:
+    """So that an effect of an option is not one of other gains, and a gain of another joint's is found."""
+    law = find_law("smc")
+    some = [cases.gains_of(law, 3, options, 1) for options in cases.combinations(law)]
+    assert len(some) == 4
+    for gains in some:
+        assert len(set(gains["lam"])) == 3
+        assert gains["lam"].tolist() == some[0]["lam"].tolist()
+    assert {"phi" in gains for gains in some} == {True, False}
+
+
+def test_many_options_are_tried_one_at_a_time() -> None:
+    """2^5 combinations are too many: the defaults, and each other value once."""
+    options = {f"o{k}": base.Option("", (True, False)) for k in range(5)}
+    law = base.Law("x", lambda: None, tuple, None, {}, options)
+    found = cases.combinations(law)
+    assert len(found) == 6
+    assert sorted(sum(not value for value in chosen.values()) for chosen in found) == [0, 1, 1, 1, 1, 1]
+
+
+def test_a_report_as_text_and_as_data() -> None:
+    """A failed check is in both; a report without one has held."""
+    report = Report("x", "/somewhere/x.py", 3)
+    report.add("one", "", "fine")
+    assert report.held
+    report.add("two", "odd", "fine", NOTE)
+    report.add("three", "broken", "fine")
+    assert not report.held
+    assert report.checks == [Check("one", PASS, "fine"), Check("two", NOTE, "odd"), Check("three", FAIL, "broken")]
+    assert report.to_json()["checks"][2] == {"name": "three", "verdict": FAIL, "detail": "broken"}
+    assert "FAIL  three  broken" in str(report)
+    assert contract.takes_its_arguments(find_law("pd")) == ""
+    assert driving.CONTROL_PERIOD != 0.001
