@@ -45,6 +45,7 @@ HOMES = {
     "numba": {
         "check/paths.py",
         "kernel.py",
+        "kernel_cache.py",
         "packing_types.py",
         "sim/checked_math.py",
         "sim/closed_loop.py",

@@ -132,7 +132,7 @@ class Table:
         self.address = int(self._words.ctypes.data)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Structure:
     """Base of structures that Python code hands to kernels; a subclass is a frozen dataclass.
 

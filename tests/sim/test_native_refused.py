@@ -19,11 +19,12 @@ from tests.sim.test_native_lean import stepper
 from torquebench.references import sine
 from torquebench.robot import RobotModel
 from torquebench.sim import lean_arm
+from torquebench.sim.batch import Trial, simulate_many
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.loop import simulate
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.plant import INTEGRATORS, NativePlant
-from torquebench.sim.trajectory import Trajectory
+from torquebench.sim.trajectory import Outcome, Trajectory
 
 HARMLESS = {"a mocap body", "a motor's armature"}
 """Refused although the step would be equal: nothing moves the one, and MuJoCo's mass matrix has the other in it."""
@@ -107,6 +108,31 @@ def test_a_varying_torque_that_does_not_vary_is_the_held_torque(name: str, integ
             q, qd = plant.state()
             got.append(q.tobytes() + qd.tobytes())
         assert got == wanted
+
+
+@pytest.mark.parametrize("name", ["joint friction", "a spring"])
+def test_a_refused_arm_that_diverges_ends_at_its_step(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MuJoCo's own warning of a bad state, from several threads without the interpreter's lock, stops nothing.
+
+    Each run ends at the step at which it was pushed, with the same bytes on both paths, and no log file is written.
+    """
+    plant, pushes = plant_from(REFUSED[name](), tmp_path), []
+    (tmp_path / "cwd").mkdir()
+    monkeypatch.chdir(tmp_path / "cwd")
+    for at in range(5, 25):
+        push = np.zeros((50, 3))
+        push[at, at % 3] = (1e300, -1e12, 1.7e308)[at % 3]
+        pushes.append(Trial(pack("pd", 3, lam=8, kv=12), anything(3), sine(0.8, 2.0), 0.05, disturbance=push))
+    runs = {
+        (path, workers): list(simulate_many(plant, pushes, workers=workers, path=path))  # type: ignore[arg-type]
+        for path, workers in (("python", 1), ("native", 1), ("native", 4))
+    }
+    for kept in runs.values():
+        assert [(run.outcome, run.failed_at) for run in kept] == [(Outcome.DIVERGED, at) for at in range(5, 25)]
+    assert len({tuple(run.digest() for run in kept) for kept in runs.values()}) == 1
+    assert list(Path.cwd().iterdir()) == []
 
 
 def ulp(x: Any) -> Any:

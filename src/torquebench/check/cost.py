@@ -19,7 +19,7 @@ from torquebench.sim.calling import call_law
 from torquebench.sim.chain import IDEAL
 from torquebench.sim.native_calls import native
 from torquebench.sim.native_loop import RUN_SIGNATURE, job_at, law_of
-from torquebench.sim.native_path import NativeRun, law_obstacle
+from torquebench.sim.native_path import NativeRun, obstacle
 from torquebench.sim.setup import Setup, set_up
 
 ROUNDS, CALLS = 9, 200
@@ -32,7 +32,7 @@ def measure(law: Law) -> Cost:
     desired = sine(1.0, 0.5)(t)
     desired = Reference(*(np.repeat(x, arm("puma560").n, axis=1) for x in desired))
     plant: Any = plant_of("puma560", "analytic")
-    compiled = not law_obstacle(law)
+    compiled = not obstacle(plant, law)
     options = combinations(law)[0]
     setup = set_up(
         law, law.pack_gains(plant.n, gains_of(law, plant.n, options, 1), options), arm("puma560").flat, plant, desired,

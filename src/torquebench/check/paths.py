@@ -17,7 +17,7 @@ from torquebench.references import sine
 from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.loop import Controller, simulate
 from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.native_path import law_obstacle
+from torquebench.sim.native_path import obstacle
 from torquebench.sim.plant import Plant
 from torquebench.sim.trajectory import Outcome, Trajectory
 
@@ -46,22 +46,24 @@ def loops(law: Law) -> Iterator[tuple[str, str, Mapping[str, str | bool], float]
 
 def check_loops(law: Law, report: Report) -> None:
     """Check closed loops on the readable path and, for a law that can be compiled, that the native path equals them."""
-    obstacle = law_obstacle(law)
     failed, differs, count = "", "", 0
+    reasons: dict[str, str] = {}
     for name, engine, options, scale in loops(law):
         at = f"{engine} {name}{label(options)}, gains around {scale:g}"
         run = _run(law, name, engine, options, scale, "python")
         if not failed and _is_fault(run):
             failed = f"{at}: t = {run.t[-1]:g} s: {run.detail}"
         count += 1
-        if not obstacle:
+        reasons[engine] = obstacle(plant_of(name, engine), law)
+        if not reasons[engine]:
             other = _run(law, name, engine, options, scale, "native")
             differs = differs or ("" if other.digest() == run.digest() else f"{at}: {_difference(run, other)}")
     place = f" ({Path(report.file).name}, line {report.line})"
     report.add("loop", failed and (failed if ", line " in failed else failed + place),
                f"{count} closed loops of {DURATION:g} s on {' and '.join(PLANTS)} plants")  # fmt: skip
-    if obstacle:
-        report.add("paths", f"readable path only: {'outside the dialect' if report.complaints else obstacle}", "", NOTE)
+    if any(reasons.values()) and not differs:
+        why = "outside the dialect" if report.complaints else next(filter(None, reasons.values()))
+        report.add("paths", f"readable path only: {why}", "", NOTE)
         return
     report.add("paths", differs and differs + place, f"interpreted and compiled, {count} loops, 0 differing bytes")
     with event.install_recorder("numba:run_pass") as compiling:

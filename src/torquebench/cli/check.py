@@ -64,6 +64,7 @@ def _text(report: Report) -> str:
         lines += ["", f"Outside the dialect ({len(report.complaints)}), so that the law is interpreted:"]
         lines += [f"  {report.file}:{c.line}: {c.what}: {c.cure}" for c in report.complaints]
     failed = sum(check.verdict == "FAIL" for check in report.checks)
-    path = "on the readable path only" if report.complaints else "on both paths"
+    both = any(check.name == "paths" and check.verdict == "pass" for check in report.checks)
+    path = "on both paths" if both else "on the readable path only"
     lines += ["", f"{failed} of {len(report.checks)} checks FAILED" if failed else f"the contract holds, {path}"]
     return "\n".join(lines)

@@ -25,9 +25,7 @@ UseModel: TypeAlias = Annotated[
 
 
 @kernel
-def equivalent_control(
-    use: int, lam: Array, model: Model, q: Array, qd: Array, ref: Reference, tau: Array
-) -> None:
+def equivalent_control(use: int, lam: Array, model: Model, q: Array, qd: Array, ref: Reference, tau: Array) -> None:
     """Fill `tau` (n,) [N m] with tau_eq = M^(q) (qdd_ref + lambda de) + N^(q, qd), equation (98) without e's qdd.
 
     The printed (98) contains the measured acceleration; used literally it makes the sampled loop ring at full torque.

@@ -71,7 +71,7 @@ class Integrated(Structure):
 
 @kernel
 def integrate(arm: Integrated, start: Array, middle: Array, end: Array, steps: int) -> None:
-    """Advance the plant by `steps` time steps under the torque (n,) [N m] at the start, middle and end of each."""
+    """Advance `arm` by `steps` time steps under the torque (n,) [N m] at the start, middle and end of each."""
     if arm.rk4:
         rk4_steps(arm.model, arm.q, arm.qd, start, middle, end, arm.timestep, steps, arm.work)
     else:

@@ -11,6 +11,8 @@ from numba.core.errors import NumbaError
 from torquebench.laws.base import Law
 from torquebench.laws.dialect import complaints
 from torquebench.packing import Table
+from torquebench.sim.calling import replay
+from torquebench.sim.closed_loop import RAISED
 from torquebench.sim.native_law import compile_law
 from torquebench.sim.native_loop import compiled_loop
 from torquebench.sim.plant import NativeError, NativePlant, Plant
@@ -64,8 +66,8 @@ class NativeRun:
     def __init__(self, setup: Setup, plant: NativePlant) -> None:
         job = setup.job
         self._kept = setup, plant, Table(setup.gains), Table(setup.memory)
-        self.detail = "the law left the domain of arithmetic (path python names the line)"
-        """What is known of a law that produced no torque."""
+        self.detail = ""
+        """What went wrong, when something did."""
         job.call[:] = [
             native_law(setup.law).address, self._kept[2].address, setup.belief.address, self._kept[3].address,
             plant.step, plant.structure.address, len(job.q),
@@ -74,4 +76,7 @@ class NativeRun:
 
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1, without holding the interpreter's lock."""
-        return int(self._loop(self._kept[0].job.address, first, last))
+        status = int(self._loop(self._kept[0].job.address, first, last))
+        if status == RAISED:  # interpreted, the failing call tells what it was and where
+            status, self.detail = replay(self._kept[0])
+        return status
