@@ -47,7 +47,8 @@ BAD: dict[str, tuple[str, set[str]]] = {
     "divides by the error": (SPRING + "    tau[i] += 1e-9 / (ref.q[i] - q[i])  # here", {"finite", "loop"}),
     "forgets a joint": (SPRING.replace("len(tau)", "len(tau) - 1"), {"finite", "loop"}),
     "counts on six joints": (
-        SPRING.replace("len(tau)", "6").replace("(ref.q[i] - q[i])\n", "(ref.q[i] - q[i])  # here\n"), {"torque", "loop"},
+        SPRING.replace("len(tau)", "6").replace("(ref.q[i] - q[i])\n", "(ref.q[i] - q[i])  # here\n"),
+        {"torque", "loop"},
     ),
     "counts on two joints": (SPRING.replace("len(tau)", "2"), {"finite", "loop"}),
     "wrong shape": ("return np.zeros(3)  # here", {"torque", "loop"}),
