@@ -42,9 +42,10 @@ def kernel(function: _F | None = None, *, inline: bool = False) -> _F | Callable
 def _compiled(function: _F, inline: bool) -> _F:
     function.is_kernel, function.is_inline = True, inline  # type: ignore[attr-defined]
     with own_cache():
+        # numba would not see that a number which a user's kernel names has changed; compiled laws are kept whole
         compiler = numba.njit(
-            cache=True, error_model="numpy", fastmath=False, inline="always" if inline else "never", _nrt=False,
-            boundscheck=is_foreign(function),
+            cache=not is_foreign(function), boundscheck=is_foreign(function), error_model="numpy", fastmath=False,
+            inline="always" if inline else "never", _nrt=False,
         )  # fmt: skip
         return cast(_F, compiler(function))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -93,7 +94,9 @@ def fuzzy_controller() -> Callable[[float, float], float]:
 
     def evaluate(x: float, y: float) -> float:
         simulation.input["e"], simulation.input["de"] = x, y
-        simulation.compute()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # scikit-fuzzy uses what numpy is about to drop
+            simulation.compute()
         return float(simulation.output["u"])
 
     return evaluate

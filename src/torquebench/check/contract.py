@@ -12,7 +12,7 @@ import numpy as np
 
 from torquebench.check.cases import ARMS, Motion, arm, combinations, gains_of, label, motions
 from torquebench.check.driving import Answer, drive, driver, record
-from torquebench.check.report import NOTE, Report
+from torquebench.check.report import FAIL, NOTE, Report
 from torquebench.dialect.source import FORM, INPUTS, STATE
 from torquebench.laws import Law
 from torquebench.laws.dialect import ARGUMENTS
@@ -66,14 +66,18 @@ def check_answers(law: Law, report: Report) -> None:
     where = f" ({Path(report.file).name}, line {report.line})"
     calls = f"{tried} calls on {' and '.join(ARMS)}"
     report.add("torque", shape and _placed(shape, report, where), f"a number for each joint, {calls}")
-    report.add("finite", finite and _placed(finite, report, where), f"every torque and all of memory, {calls}")
-    report.add("repeatable", repeat and repeat + _because(report, STATE, where), "same arguments, same bytes")
+    nothing = "not fully tried, for want of a torque"
+
+    def said(name: str, problem: str, good: str) -> None:
+        # what was never computed cannot have passed
+        report.add(name, problem or (nothing if shape else ""), good, FAIL if problem else NOTE)
+
+    said("finite", finite and _placed(finite, report, where), f"every torque and all of memory, {calls}")
+    said("repeatable", repeat and repeat + _because(report, STATE, where), "same arguments, same bytes")
     names = ", ".join(dict.fromkeys(changed))
     report.add("inputs", names and f"writes to {names}{_because(report, INPUTS, where)}", "gains, q, qd, ref and model "
                "are as they were")  # fmt: skip
-    report.add(
-        "state", state and state + _because(report, STATE, where), "memory, zero at the start, is all that survives"
-    )
+    said("state", state and state + _because(report, STATE, where), "memory, zero at the start, is all that survives")
 
 
 def check_allocation(law: Law, report: Report) -> None:

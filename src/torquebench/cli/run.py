@@ -60,7 +60,7 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
     say()
     say(f"results: {directory.folder}")
     for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
-        complain(f"torquebench: on the readable path, the same bytes but slower: {reason}")
+        complain(f"torquebench: interpreted, which is slower: {reason}")
     for name in result.unexpected:
         trajectory = result.runs[name]
         detail = f" ({trajectory.detail})" if trajectory.detail else ""

@@ -12,6 +12,9 @@ import math
 from torquebench.fuzzy.fis import PRODUCT, STAIRCASE, UNION
 from torquebench.kernel import Array, kernel
 
+TRACE = 1e-12
+"""A rule that fires less than this does not fire."""
+
 
 @kernel(inline=True)
 def even(
@@ -106,6 +109,9 @@ def four_rules(table: Array, conjunction: int, method: int, scale: float, offset
     a, b, c, d = table[i, j], table[i, j + 1], table[i + 1, j], table[i + 1, j + 1]
     p, q = both(conjunction, 1.0 - u, 1.0 - v), both(conjunction, 1.0 - u, v)
     r, s = both(conjunction, u, 1.0 - v), both(conjunction, u, v)
+    # on a term's peak rounding leaves its neighbour a trace, which must not count where the peak has no rule
+    p, q = p if p > TRACE else 0.0, q if q > TRACE else 0.0
+    r, s = r if r > TRACE else 0.0, s if s > TRACE else 0.0
     if a != a:
         a, p = 0.0, 0.0
     if b != b:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 import torquebench.packing_types  # noqa: F401  tells numba what a Structure is
-from torquebench.kernel import Array, IntArray, kernel
+from torquebench.kernel import Array, IntArray
 from torquebench.packing import Structure
 
 EXACT = 0
@@ -98,31 +98,25 @@ class Model(Structure):
                 frozen = value.copy()
                 frozen.setflags(write=False)
                 object.__setattr__(self, field_.name, frozen)
-        derived = np.empty((len(self.mass), 10))
-        refer_to_origin(self.mass, self.com, self.inertia, derived)
+        derived = about_origin(self.mass, self.com, self.inertia)
         derived.setflags(write=False)
         object.__setattr__(self, "about_origin", derived)
 
 
-@kernel
-def refer_to_origin(mass: Array, com: Array, inertia: Array, out: Array) -> None:
-    """Fill `out` (n, 10) with the inertial parameters of links about their frames' origins: see `Model.about_origin`.
+def about_origin(mass: Array, com: Array, inertia: Array) -> Array:
+    """Return the inertial parameters of links about their frames' origins, (n, 10): see `Model.about_origin`.
 
     Args:
         mass: Masses, (n,) [kg].
         com: Centres of mass, (n, 3) [m].
         inertia: Inertias about them, (n, 3, 3) [kg m^2].
-        out: Result.
     """
-    for i in range(len(mass)):
-        m, x, y, z = mass[i], com[i, 0], com[i, 1], com[i, 2]
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = m, m * x, m * y, m * z
-        out[i, 4] = inertia[i, 0, 0] + m * (y * y + z * z)
-        out[i, 5] = inertia[i, 1, 1] + m * (x * x + z * z)
-        out[i, 6] = inertia[i, 2, 2] + m * (x * x + y * y)
-        out[i, 7] = inertia[i, 0, 1] - m * x * y
-        out[i, 8] = inertia[i, 0, 2] - m * x * z
-        out[i, 9] = inertia[i, 1, 2] - m * y * z
+    m, (x, y, z), J = mass, com.T, inertia
+    return np.column_stack([
+        m, m * x, m * y, m * z,
+        J[:, 0, 0] + m * (y * y + z * z), J[:, 1, 1] + m * (x * x + z * z), J[:, 2, 2] + m * (x * x + y * y),
+        J[:, 0, 1] - m * x * y, J[:, 0, 2] - m * x * z, J[:, 1, 2] - m * y * z,
+    ])  # fmt: skip
 
 
 def scratch_for(n: int) -> Scratch:

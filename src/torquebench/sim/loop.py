@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from torquebench.errors import ControllerError, SimulationError
+from torquebench.errors import ControllerError, SimulationError, did_you_mean
 from torquebench.fuzzy import FuzzySystem
 from torquebench.kernel import Array
 from torquebench.laws import Law, find_law
@@ -102,10 +102,11 @@ def simulate(
         progress: Called with the index of the control instant just finished; on the native path now and then.
 
     Raises:
-        ValueError: durations, shapes or joint counts that do not fit.
+        ValueError: durations, shapes or joint counts that do not fit, or an unknown path.
         ControllerError: `path` is ``native`` and the run cannot be compiled.
         SimulationError: the run did not complete, and `throw` is set; it carries the trajectory.
     """
+    _check_kinds(path, chain)
     n = plant.n
     substeps = substeps_per_period(control_period, plant.timestep)
     n_steps = substeps_per_period(duration, control_period, ("duration", "control_period"))
@@ -142,6 +143,13 @@ def simulate(
             trajectory,
         )
     return trajectory
+
+
+def _check_kinds(path: str, chain: Chain) -> None:
+    if path not in get_args(PathName):
+        raise ValueError(f"path is {path!r}{did_you_mean(path, get_args(PathName))}")
+    if not isinstance(chain, Chain):
+        raise TypeError(f"chain is {chain!r}, wanted a Chain, such as CHAINS['fast']")
 
 
 def _each_joint(desired: Reference, n: int) -> Reference:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from typing import Any
 
@@ -42,8 +43,17 @@ def law_obstacle(law: Law) -> str:
     try:
         native_law(law)
     except (NumbaError, TypeError) as error:
-        return f"law '{law.name}' cannot be compiled: {' '.join(str(error).split())[:300]}"
+        return f"law '{law.name}' cannot be compiled: {_short(error)}"
     return ""
+
+
+def _short(error: Exception) -> str:
+    """Return what is wrong, in one line: numba's texts are long and name addresses."""
+    text = str(error)
+    found = re.search(
+        r"Unknown attribute '\w+'|Cannot unify [^\n]*|Variable '[\w.]+' [^\n]*|No implementation[^\n]*", text
+    )
+    return " ".join(re.sub(r" at 0x[0-9a-f]+", "", found.group() if found else text.split("\n")[0]).split())
 
 
 @lru_cache(maxsize=256)
