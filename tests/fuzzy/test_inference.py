@@ -156,6 +156,19 @@ def test_random_tables_against_areas_summed_independently(terms: int, holes: flo
         assert prepared.outputs(x, y) == pytest.approx(oracle(system, x, y, 1201), abs=3e-4)
 
 
+@pytest.mark.parametrize("terms", [3, 5, 7])
+def test_rounding_fires_no_rule_on_a_peak(terms: int) -> None:
+    """On the peaks, where a missing rule leaves nothing to fire, the output is 0, as scikit-fuzzy has it too."""
+    system = random_system(np.random.default_rng(terms), terms, 0.4, "min")
+    peaks = np.linspace(-1.0, 1.0, terms)
+    x, y = (axis.ravel() for axis in np.meshgrid(peaks, peaks, indexing="ij"))
+    found = prepare(system).outputs(x, y)
+    missing = np.array([system.table[i, j] < 0 for i in range(terms) for j in range(terms)])
+    assert 0 < np.count_nonzero(missing) < len(missing)
+    assert np.all(found[missing] == 0.0)
+    assert found == pytest.approx(oracle(system, x, y, 1201), abs=3e-4)
+
+
 @pytest.mark.parametrize(("output_points", "promise", "count"), [(121, 4e-4, 20000), (1201, 1e-5, 100000)])
 def test_against_scikit_fuzzy(
     output_points: int, promise: float, count: int, figure: Callable[[str, float, str], None]

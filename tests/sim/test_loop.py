@@ -300,3 +300,13 @@ def test_plants_refuse_what_they_cannot_integrate(make: Any) -> None:
             make(h, "rk4")
     with pytest.raises(ValueError, match="integrator is 'rk5', wanted one of rk4, euler"):
         make(0.001, "rk5")
+
+
+@pytest.mark.parametrize(("options", "error", "text"), [
+    ({"path": "pyhton"}, ValueError, "did you mean 'python'"), ({"path": "compiled"}, ValueError, "path is 'compiled'"),
+    ({"chain": "fast"}, TypeError, r"wanted a Chain, such as CHAINS\['fast'\]"),
+])  # fmt: skip
+def test_a_path_or_chain_that_is_none_is_refused(options: dict[str, Any], error: type[Exception], text: str) -> None:
+    """A misspelt path would otherwise run compiled without a word."""
+    with pytest.raises(error, match=text):
+        go(plant_of("analytic"), idle, **options)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -289,6 +291,21 @@ def edited(gains, model, t, q, qd, ref, memory, tau):
         run = simulate(plant_of("analytic"), controller, arm(), TARGET, duration=0.002, path="native", throw=False)
         assert run.tau_law[0, 0] == torque
     assert len(names) == 5
+
+
+def test_a_number_that_a_kernel_names_is_read_anew(tmp_path: Path) -> None:
+    """A user's kernel is not taken from disk with a number that another file has changed since."""
+    (tmp_path / "numbers_of.py").write_text("STIFF = 300.0\n")
+    (tmp_path / "uses.py").write_text(
+        "from numbers_of import STIFF\nfrom torquebench.kernel import kernel\n\n\n"
+        "@kernel\ndef spring(x: float) -> float:\n    return STIFF * x\n\n\nprint(spring(1.0))\n"
+    )
+    for stiff in (300.0, 100.0):
+        (tmp_path / "numbers_of.py").write_text(f"STIFF = {stiff}\n")
+        done = subprocess.run(
+            [sys.executable, "-B", "uses.py"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120
+        )
+        assert float(done.stdout) == stiff
 
 
 def test_a_controller_error_is_told_apart_from_arithmetic(risky: Any, monkeypatch: pytest.MonkeyPatch) -> None:
