@@ -173,7 +173,7 @@ def test_every_fault_is_reported_at_its_instant(
     No run completes, nothing after the fault is recorded, and MuJoCo writes no log file.
     """
     monkeypatch.chdir(tmp_path)
-    rng, count, wrong, apart = np.random.default_rng(23), size(110, 1000), [], 0
+    rng, count, wrong, apart = np.random.default_rng(23), size(66, 1000), [], 0
     for i in range(count):
         fault = draw(rng, i)
         runs = [fault.run(path) for path in (("python",) if fault.kind in READABLE else ("python", "native"))]
@@ -192,9 +192,9 @@ def test_every_fault_is_reported_at_its_instant(
 
 
 def test_the_faults_are_of_every_kind_everywhere() -> None:
-    """Each kind on each plant is among the 110 of the small size, with every condition and integrator."""
+    """Each kind on each plant is among the 66 of the small size, with every condition and integrator."""
     rng = np.random.default_rng(23)
-    faults = [draw(rng, i) for i in range(110)]
+    faults = [draw(rng, i) for i in range(66)]
     assert {(f.kind, f.plant) for f in faults} == {(k, p) for k in KINDS for p in PLANTS}
     assert {f.condition for f in faults} == set(CONDITIONS)
     assert {f.integrator for f in faults} == set(INTEGRATORS)
