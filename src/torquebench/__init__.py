@@ -23,6 +23,7 @@ _HOMES = {
     "Rules": "torquebench.laws",
     "Trajectory": "torquebench.sim.trajectory",
     "Trial": "torquebench.sim.batch",
+    "Workers": "torquebench.sim.batch",
     "bias_forces": "torquebench.robot.dynamics",
     "check_law": "torquebench.check.law",
     "controller": "torquebench.laws",
@@ -58,6 +59,7 @@ __all__ = [
     "Rules",
     "Trajectory",
     "Trial",
+    "Workers",
     "__version__",
     "bias_forces",
     "check_law",
@@ -87,7 +89,7 @@ if TYPE_CHECKING:
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
     from torquebench.sim.analytic_plant import AnalyticPlant
-    from torquebench.sim.batch import Trial, simulate_many
+    from torquebench.sim.batch import Trial, Workers, simulate_many
     from torquebench.sim.chain import CHAINS, Chain
     from torquebench.sim.loop import Controller, simulate
     from torquebench.sim.mujoco_plant import MujocoPlant

@@ -18,7 +18,7 @@ import pytest
 from tests.arms import pack
 from tests.sim import faulty_laws
 from tests.sim.protocol import CONDITIONS, HOME, REFERENCES, belief_of, plant_of, signals, variants
-from torquebench.sim.batch import AHEAD, Trial, simulate_many
+from torquebench.sim.batch import AHEAD, Trial, Workers, simulate_many
 from torquebench.sim.loop import simulate
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.trajectory import Outcome, Trajectory
@@ -197,6 +197,19 @@ def test_a_trial_that_does_not_fit_raises_in_its_turn(workers: int) -> None:
     assert in_time(lambda: work([*good, bad, *good], ValueError)) == len(good)
     # a source that fails has the pool wait for what is under way; what it gave before may be lost, no more
     assert in_time(lambda: work(failing(), LookupError)) <= len(good)
+
+
+@pytest.mark.parametrize("workers", WORKERS)
+def test_workers_serve_one_batch_after_another(workers: int) -> None:
+    """Batches on the same threads, one of them given up half-way and one with failures: each run as it is alone."""
+    chosen = trials("mujoco two-link", 12)
+    wanted = [alone("mujoco two-link", trial).digest() for trial in chosen]
+    with Workers(plant_of("mujoco two-link"), workers) as own:
+        half = own.simulate(chosen)
+        assert next(half).digest() == wanted[0]
+        half.close()  # type: ignore[attr-defined]
+        for _ in range(3):
+            assert [run.digest() for run in own.simulate(chosen)] == wanted
 
 
 @pytest.mark.parametrize("workers", [0, -1])

@@ -14,7 +14,7 @@ from torquebench.experiment.build import Loop, build, build_disturbance, build_p
 from torquebench.experiment.run import trial_of
 from torquebench.experiment.schema import Experiment
 from torquebench.robot.library import data_root
-from torquebench.sim.batch import Trial, run_trial, simulate_many
+from torquebench.sim.batch import Trial, Workers, run_trial
 from torquebench.sim.plant import Plant
 from torquebench.sim.trajectory import Trajectory
 
@@ -75,10 +75,11 @@ def closed_loops(duration: float, most_threads: int) -> list[Case]:
 
 
 def many(plant: Plant, trial: Trial, threads: int) -> Callable[[], None]:
-    """Return the work of running a closed loop several times on each of some threads."""
+    """Return the work of running a closed loop several times on each of some threads, which are made before."""
+    workers = Workers(plant, threads)
 
     def run() -> None:
-        for trajectory in simulate_many(plant, [trial] * (threads * PER_THREAD), workers=threads, path="native"):
+        for trajectory in workers.simulate([trial] * (threads * PER_THREAD), "native"):
             check(trajectory)
 
     return run

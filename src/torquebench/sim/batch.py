@@ -35,6 +35,60 @@ class Trial:
     initial_q: Array | None = None
 
 
+class Workers:
+    """Threads with a plant each, to keep from one batch of closed loops to the next; a context manager.
+
+    Args:
+        plant: The truth, as it is now: what is changed in it later does not reach the threads. With more than one
+            worker it must have a method ``replica()``.
+        count: Number of threads. Compiled runs do not hold the interpreter's lock; interpreted ones do.
+
+    Raises:
+        ValueError: `count` is less than 1.
+    """
+
+    def __init__(self, plant: Plant, count: int) -> None:
+        if count < 1:
+            raise ValueError(f"workers is {count}, wanted at least 1")
+        self._plant, self._count = plant, count
+        self._plants: queue.SimpleQueue[Plant] = queue.SimpleQueue()
+        if count > 1:
+            for _ in range(count):
+                self._plants.put(plant.replica())
+        self._pool = ThreadPoolExecutor(count)
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._pool.shutdown()
+
+    def simulate(self, trials: Iterable[Trial], path: PathName = "auto") -> Iterator[Trajectory]:
+        """Run closed loops and yield their trajectories; see `simulate_many`."""
+        if self._count == 1:
+            for trial in trials:
+                yield run_trial(self._plant, trial, path)
+            return
+        pending: deque[Future[Trajectory]] = deque()
+        try:
+            for trial in trials:
+                pending.append(self._pool.submit(self._run, trial, path))
+                if len(pending) >= AHEAD * self._count:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def _run(self, trial: Trial, path: PathName) -> Trajectory:
+        own = self._plants.get()
+        try:
+            return run_trial(own, trial, path)
+        finally:
+            self._plants.put(own)
+
+
 def simulate_many(
     plant: Plant, trials: Iterable[Trial], *, workers: int = 1, path: PathName = "auto"
 ) -> Iterator[Trajectory]:
@@ -46,42 +100,15 @@ def simulate_many(
     Args:
         plant: The truth; with more than one worker it must have a method ``replica()``.
         trials: What to run.
-        workers: Number of threads. Compiled runs do not hold the interpreter's lock; interpreted ones do.
+        workers: Number of threads; see `Workers`, which keeps them for many batches.
         path: As for `simulate`.
 
     Raises:
         ValueError: `workers` is less than 1, or a trial's arguments do not fit.
         ControllerError: `path` is ``native`` and a trial cannot be compiled.
     """
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, wanted at least 1")
-    if workers == 1:
-        for trial in trials:
-            yield run_trial(plant, trial, path)
-        return
-    plants: queue.SimpleQueue[Plant] = queue.SimpleQueue()
-    for _ in range(workers):
-        plants.put(plant.replica())
-
-    def work(trial: Trial) -> Trajectory:
-        own = plants.get()
-        try:
-            return run_trial(own, trial, path)
-        finally:
-            plants.put(own)
-
-    pending: deque[Future[Trajectory]] = deque()
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            for trial in trials:
-                pending.append(pool.submit(work, trial))
-                if len(pending) >= AHEAD * workers:
-                    yield pending.popleft().result()
-            while pending:
-                yield pending.popleft().result()
-        finally:
-            for future in pending:
-                future.cancel()
+    with Workers(plant, workers) as own:
+        yield from own.simulate(trials, path)
 
 
 def run_trial(
