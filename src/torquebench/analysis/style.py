@@ -13,6 +13,7 @@ import matplotlib.style
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
@@ -194,6 +195,11 @@ def plain_numbers(ax: Axes, x_bins: int = 6, y_bins: int = 5) -> None:
 def plain_decades(ax: Axes) -> None:
     """Write the powers of ten of two logarithmic axes as plain numbers."""
     for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(numticks=6))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_locator(NullLocator())
+        plain_powers(axis)
+
+
+def plain_powers(axis: Axis) -> None:
+    """Write the powers of ten of one logarithmic axis as plain numbers."""
+    axis.set_major_locator(LogLocator(numticks=6))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())

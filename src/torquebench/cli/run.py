@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from torquebench.certificates import Certificate
+from torquebench.cli.certificates import certificate_lines, certificate_pages
 from torquebench.cli.fuzzy import remarks, run_figures, used
 from torquebench.cli.terminal import complain, progress_bar, say, table
 from torquebench.disturbances import Stream
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
 from torquebench.experiment.build import build
+from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
 from torquebench.experiment.schema import AnalyticPlant, Experiment
 from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes
@@ -37,6 +40,8 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
         load_plugin(plugin)
     experiment = load_experiment(config, overrides)
     loop = build(experiment)
+    for flag in flags(experiment, loop):
+        complain(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(out, experiment.name))
     directory.write("experiment.yaml", dump_experiment(experiment).encode())
     begin = "starting (compiles on first use)"
@@ -53,8 +58,10 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
             directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
 
         result = run_experiment(experiment, loop, progress=report, finished=keep)
-    write_results(result, directory, plugins, with_figures)
+    proofs = write_results(result, directory, plugins, with_figures)
     say(summary(result))
+    for line in certificate_lines(result, proofs):
+        say(line)
     for remark in remarks(experiment):
         say(remark)
     say()
@@ -73,14 +80,17 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
 
 def write_results(
     result: ExperimentResult, directory: RunDirectory, plugins: Sequence[Path], with_figures: bool
-) -> None:
-    """Write metrics, figures and, last, the manifest of a run whose trajectories are written.
+) -> dict[str, Certificate]:
+    """Write metrics, certificates, figures and, last, the manifest of a run whose trajectories are written.
 
     Args:
         result: The run.
         directory: Where.
         plugins: Files of laws that were loaded, for the manifest.
         with_figures: Whether to draw figures.
+
+    Returns:
+        The certificates by controller.
     """
     experiment = result.experiment
     metrics = {name: result.metrics[name].to_json() if name in result.metrics else None for name in result.runs}
@@ -88,8 +98,10 @@ def write_results(
         "window_from": experiment.run.metrics_from, "noise": noise_text(experiment), "chain": experiment.chain,
     }  # fmt: skip
     directory.write("metrics.json", json_bytes({"conditions": conditions, "controllers": metrics}))
+    proofs = certificates(experiment, result.loop, result.runs)
+    directory.write("certificates.json", json_bytes({name: found.to_json() for name, found in proofs.items()}))
     if with_figures:
-        write_figures(result, directory)
+        write_figures(result, directory, proofs)
     directory.finish(
         {
             "name": experiment.name,
@@ -119,9 +131,10 @@ def write_results(
             },
         }
     )
+    return proofs
 
 
-def write_figures(result: ExperimentResult, directory: RunDirectory) -> None:
+def write_figures(result: ExperimentResult, directory: RunDirectory, proofs: Mapping[str, Certificate]) -> None:
     """Draw every figure and write it as SVG and PNG."""
     from torquebench.analysis.figures import figure_bytes, make_figures
 
@@ -134,6 +147,7 @@ def write_figures(result: ExperimentResult, directory: RunDirectory) -> None:
         control_period=experiment.run.control_period, metrics=result.metrics,
         bands=bands, slides=[kind == SLIDE for kind in result.loop.model.flat.kind],
     )  # fmt: skip
+    figures |= certificate_pages(result, proofs, conditions_text(experiment))
     figures |= run_figures(result, conditions_text(experiment))
     with progress_bar(2 * len(figures), "figure", "drawing") as bar:
         for name, figure in figures.items():

@@ -1,0 +1,175 @@
+"""Stability certificates along a run: Lyapunov function, its rate, the reaching condition and the reaching time.
+
+Everything is computed from the stored trajectory and the true arm's mass matrix, so that it holds whatever else acted:
+payload, friction and disturbances count through the acceleration they caused. Source: equations (90)-(91), (108)-(109)
+and (122)-(124) of the paper; Slotine and Li, Applied Nonlinear Control, 1991, section 7.3 and 9.2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from torquebench.errors import ResultError
+from torquebench.kernel import Array
+from torquebench.robot.arm import RobotModel
+from torquebench.sim.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class SlidingLaw:
+    """What the certificates need to know of a law: s = de + lambda e, its switching gain and its model."""
+
+    lam: Array
+    """Slope lambda, (n,) [1/s]."""
+    K: Array
+    """Switching gain, (n,) [N m]."""
+    phi: Array | None
+    """Half-width of the boundary layer, (n,) [rad/s]; None for a law that switches."""
+    belief: RobotModel | None
+    """Model of the law's equivalent control; None for a law without one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Certificate:
+    """Certificates at the control instants but the last, (N-1, ...)."""
+
+    K: Array
+    """Switching gain, (n,) [N m]."""
+    t: Array
+    """Control instants [s]."""
+    s: Array
+    """True sliding variable s = de + lambda e, (N-1, n) [rad/s]."""
+    V: Array
+    """Lyapunov function V = s' M s / 2, (108) [J]; the energy that the arm would have at the velocity s."""
+    V_rate: Array
+    """Mean of dV/dt over the control period, (109) [W]."""
+    demand: Array
+    """Torque that the law must exceed beyond its equivalent control, (123): |M ds + C s + tau - tau_eq|, (N-1, n)
+    [N m]."""
+    margin: Array
+    """K less the demand, (N-1, n) [N m]; where it is positive it is the eta of (124)."""
+    K_u: Array
+    """K_u of (122) as printed, |M ds| + |C s| + |g|, its greatest value on the run, (n,) [N m]."""
+    layer: Array
+    """|s| within which a joint counts as sliding, (n,) [rad/s]: phi, or what K moves s in one control period."""
+    reaching_from: float
+    """Instant of the largest V, from which the reaching time counts [s]."""
+    reaching_time: float
+    """Time from there until every joint is in its layer for the first time [s]; infinite when that never happens."""
+    reaching_bound: float
+    """Bound on it, sqrt(2 V lambda_max(M)) / min eta; infinite when the margin is not positive all the way."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the headline figures; infinite times are None."""
+        k, joint = np.unravel_index(int(np.argmin(self.margin)), self.margin.shape)
+        outside = np.any(np.abs(self.s) > self.layer, axis=1)
+        rising = outside & (self.V_rate > 0.0)
+        return {
+            "V_max": float(np.max(self.V)),
+            "V_rate_max_outside": float(np.max(self.V_rate[outside])) if outside.any() else None,
+            "share_outside": float(np.mean(outside)),
+            "share_rising_outside": float(np.sum(rising) / np.sum(outside)) if outside.any() else 0.0,
+            "worst_margin": {"value": float(self.margin[k, joint]), "joint": int(joint) + 1, "t": float(self.t[k])},
+            "margin_min": [float(x) for x in np.min(self.margin, axis=0)],
+            "demand_max": [float(x) for x in np.max(self.demand, axis=0)],
+            "K_u_printed": [float(x) for x in self.K_u],
+            "reaching_from": self.reaching_from,
+            "reaching_time": self.reaching_time if math.isfinite(self.reaching_time) else None,
+            "reaching_bound": self.reaching_bound if math.isfinite(self.reaching_bound) else None,
+        }
+
+
+def coriolis_force(truth: RobotModel, q: Array, qd: Array, s: Array) -> Array:
+    """C(q, qd) s with the C of Christoffel's symbols, for which dM/dt - 2C is skew-symmetric, (N, n) [N m].
+
+    The velocity torque is a quadratic form v(x) = C(q, x) x, so C(q, qd) s = (v(qd + s) - v(qd) - v(s)) / 2.
+
+    Args:
+        truth: The arm.
+        q, qd, s: Position [rad], velocity [rad/s] and sliding variable [rad/s], (N, n).
+    """
+    return np.asarray(0.5 * (
+        truth.bias_forces(q, qd + s) - truth.bias_forces(q, qd) - truth.bias_forces(q, s) + truth.gravity(q)
+    ))  # fmt: skip
+
+
+def certify(run: Trajectory, truth: RobotModel, law: SlidingLaw, control_period: float) -> Certificate:
+    """Compute the certificates of a completed run.
+
+    With tau = tau_eq + K sgn(s) + .., (118) becomes dV/dt = s' (M ds + C s), and it is at most -sum eta |s| when K
+    exceeds every joint's |M ds + C s + tau - tau_eq| by eta: (123), in which the paper's A^, V and G are read as what
+    is left of the arm after the equivalent control. ds is taken over the control period, whose torque is constant.
+
+    Args:
+        run: The run.
+        truth: The arm as it is.
+        law: What the law is made of.
+        control_period: Time between control instants [s].
+
+    Raises:
+        ResultError: the run did not complete, or is shorter than two instants.
+    """
+    if not run.completed or len(run.t) < 2:
+        raise ResultError("certificates need a completed run of at least two control instants")
+    q, qd = run.q[:-1], run.qd[:-1]
+    e, de = run.q_ref - run.q, run.qd_ref - run.qd
+    s = de + law.lam * e
+    ds = np.diff(s, axis=0) / control_period
+    M = truth.mass_matrix(run.q)
+    V = 0.5 * np.einsum("ki,kij,kj->k", s, M, s)
+    if law.belief is None:
+        tau_eq = np.zeros_like(q)
+    else:
+        seen = law.lam * (run.qd_ref - run.qd_meas)[:-1]
+        tau_eq = law.belief.inverse_dynamics(run.q_meas[:-1], run.qd_meas[:-1], run.qdd_ref[:-1] + seen)
+    inertial = np.einsum("kij,kj->ki", M[:-1], ds)
+    turning = coriolis_force(truth, q, qd, s[:-1])
+    demand = np.abs(inertial + turning + run.tau[:-1] - tau_eq)
+    K_u = np.max(np.abs(inertial) + np.abs(turning) + np.abs(truth.gravity(q)), axis=0)
+    inverse = np.linalg.inv(M)
+    one_period = law.K * control_period * np.max(np.einsum("kii->ki", inverse), axis=0)
+    layer = one_period if law.phi is None else np.maximum(law.phi, one_period)
+    margin = law.K - demand
+    first, time, bound = _reaching(run.t, s, V, M, margin, layer)
+    return Certificate(
+        law.K, run.t[:-1], s[:-1], V[:-1], np.diff(V) / control_period, demand, margin, K_u, layer,
+        float(run.t[first]), time, bound,
+    )  # fmt: skip
+
+
+def _reaching(t: Array, s: Array, V: Array, M: Array, margin: Array, layer: Array) -> tuple[int, float, float]:
+    """Return the instant of the largest V, the time from there into the layer, and the bound on that time.
+
+    V <= lambda_max |s|^2 / 2 and dV/dt <= -eta |s| give d sqrt(V)/dt <= -eta / sqrt(2 lambda_max): the (91) of an arm.
+    """
+    first = int(np.argmax(V))
+    inside = np.all(np.abs(s[first:]) <= layer, axis=1)
+    reached = bool(inside.any())
+    last = first + int(np.argmax(inside)) if reached else len(V) - 1
+    eta = float(np.min(margin[min(first, len(margin) - 1) : max(last, first + 1)]))
+    stiffest = float(np.max(np.linalg.eigvalsh(M)[:, -1]))
+    bound = math.sqrt(2.0 * float(V[first]) * stiffest) / eta if eta > 0.0 else math.inf
+    return first, float(t[last] - t[first]) if reached else math.inf, bound
+
+
+def required_gain(
+    truth: RobotModel, law: SlidingLaw, q_ref: Array, qd_ref: Array, qdd_ref: Array, disturbance: Array | None
+) -> Array:
+    """Return the least K with which a law can hold s = 0 along its reference, (n,) [N m]; (123) at e = 0, eta = 0.
+
+    Args:
+        truth: The arm as it is.
+        law: What the law is made of.
+        q_ref, qd_ref, qdd_ref: Desired motion, (N, n).
+        disturbance: Torque that will be added, (N, n) [N m], or None.
+    """
+    needed = truth.inverse_dynamics(q_ref, qd_ref, qdd_ref)
+    if law.belief is not None:
+        needed = needed - law.belief.inverse_dynamics(q_ref, qd_ref, qdd_ref)
+    if disturbance is not None:
+        needed = needed - disturbance
+    return np.asarray(np.max(np.abs(needed), axis=0))

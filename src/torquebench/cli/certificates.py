@@ -1,0 +1,39 @@
+"""What ``torquebench run`` says and draws of stability: one line and one page for the laws that have certificates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from torquebench.certificates import Certificate
+from torquebench.experiment.run import ExperimentResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def certificate_lines(result: ExperimentResult, proofs: Mapping[str, Certificate]) -> list[str]:
+    """Return a line for each controller with certificates: worst margin of K, reaching time, where V grew."""
+    lines = []
+    for name, found in proofs.items():
+        facts = found.to_json()
+        worst = facts["worst_margin"]
+        joint = result.loop.joint_names[worst["joint"] - 1]
+        reached = "never" if math.isinf(found.reaching_time) else f"{found.reaching_time:.3g} s"
+        bound = "none: K is too small" if math.isinf(found.reaching_bound) else f"{found.reaching_bound:.3g} s"
+        lines.append(
+            f"certificate of {name}: least K - (123) {worst['value']:.3g} N m ({joint}, t = {worst['t']:.4g} s); "
+            f"reaching time {reached} (bound {bound}); V grew in {100.0 * facts['share_rising_outside']:.3g} % of the "
+            f"{100.0 * facts['share_outside']:.3g} % of instants outside the layer"
+        )
+    return ["", *lines] if lines else []
+
+
+def certificate_pages(result: ExperimentResult, proofs: Mapping[str, Certificate], subtitle: str) -> dict[str, Figure]:
+    """Draw the page of certificates, if there are any."""
+    from torquebench.analysis.certificate_figure import certificate_figure
+
+    if not proofs:
+        return {}
+    return {"certificates": certificate_figure(proofs, result.experiment.name, subtitle, list(result.runs))}

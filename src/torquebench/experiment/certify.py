@@ -1,0 +1,90 @@
+"""Certificates of an experiment's controllers: before the run the gain each needs, after it what its run shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from torquebench.certificates import Certificate, SlidingLaw, certify, required_gain
+from torquebench.experiment import schema
+from torquebench.experiment.build import Loop
+from torquebench.experiment.values import as_vector
+from torquebench.laws import find_law
+from torquebench.robot import RobotModel, load_model
+from torquebench.sim.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """A controller whose switching gain is too small for its own reaching condition along its reference."""
+
+    controller: str
+    joint: str
+    """The joint that lacks most, as a fraction of its torque limit."""
+    gain: float
+    """K there [N m]."""
+    needed: float
+    """Least K that suffices there [N m]."""
+    k_needed: float
+    """Least k = K/tau_max that suffices on every joint [1]."""
+
+    def __str__(self) -> str:
+        return (
+            f"controller '{self.controller}' cannot meet its reaching condition (123) on its reference: "
+            f"{self.joint} needs K > {self.needed:.4g} N m, has {self.gain:.4g}; "
+            f"k > {self.k_needed:.3g} would do for all joints"
+        )
+
+
+def truth_of(experiment: schema.Experiment) -> RobotModel:
+    """Return the analytic twin of an experiment's plant."""
+    plant = experiment.plant
+    if isinstance(plant, schema.AnalyticPlant):
+        return load_model(plant.model, plant.structure, plant.constants)
+    return load_model(plant.model)
+
+
+def sliding_law(keys: schema.Controller, loop: Loop, n: int) -> SlidingLaw | None:
+    """Return what a controller's certificates need, or None where they are not defined for its law.
+
+    They are for laws with a slope ``lam``, a switching gain ``k`` and the surface s = de + lambda e.
+    """
+    law = find_law(keys.law)
+    if not {"lam", "k"} <= law.gains.keys():
+        return None
+    options = {name: keys.options.get(name, option.values[0]) for name, option in law.options.items()}
+    if options.get("surface", "pd") != "pd":
+        return None
+    phi = keys.gains.get("phi")
+    return SlidingLaw(
+        as_vector(keys.gains["lam"], n), as_vector(keys.gains.get("k", 0.0), n) * np.asarray(loop.plant.tau_max),
+        None if phi is None else as_vector(phi, n),
+        loop.model if options.get("equivalent_control", False) is not False else None,
+    )  # fmt: skip
+
+
+def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag, ...]:
+    """Return the controllers that cannot meet their reaching condition, before anything is run."""
+    truth, found = truth_of(experiment), []
+    for keys in experiment.controllers:
+        law = sliding_law(keys, loop, experiment.n)
+        if law is None:
+            continue
+        needed = required_gain(truth, law, *loop.reference, loop.disturbance)
+        if np.any(needed >= law.K):
+            worst = int(np.argmax((needed - law.K) / np.asarray(loop.plant.tau_max)))
+            k_needed = float(np.max(needed / np.asarray(loop.plant.tau_max)))
+            found.append(Flag(keys.name, loop.joint_names[worst], float(law.K[worst]), float(needed[worst]), k_needed))
+    return tuple(found)
+
+
+def certificates(experiment: schema.Experiment, loop: Loop, runs: Mapping[str, Trajectory]) -> dict[str, Certificate]:
+    """Return the certificates of every completed run of a law that has them."""
+    truth, found = truth_of(experiment), {}
+    for keys in experiment.controllers:
+        law, run = sliding_law(keys, loop, experiment.n), runs[keys.name]
+        if law is not None and run.completed:
+            found[keys.name] = certify(run, truth, law, experiment.run.control_period)
+    return found
