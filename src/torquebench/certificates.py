@@ -46,7 +46,7 @@ class Certificate:
     V: Array
     """Lyapunov function V = s' M s / 2, (108) [J]; the energy that the arm would have at the velocity s."""
     V_rate: Array
-    """Mean of dV/dt over the control period, (109) [W]."""
+    """Mean of dV/dt over the control period, (109), (s + T ds/2)' (M ds + C s) [W]; without jumps of the reference."""
     demand: Array
     """Torque that the law must exceed beyond its equivalent control, (123): |M ds + C s + tau - tau_eq|, (N-1, n)
     [N m]."""
@@ -55,7 +55,8 @@ class Certificate:
     K_u: Array
     """K_u of (122) as printed, |M ds| + |C s| + |g|, its greatest value on the run, (n,) [N m]."""
     layer: Array
-    """|s| within which a joint counts as sliding, (n,) [rad/s]: phi, or what K moves s in one control period."""
+    """|s| within which a joint counts as sliding, (n,) [rad/s]: phi, and at least what K moves s in one control
+    period, T |M^-1| K."""
     reaching_from: float
     """Instant of the largest V, from which the reaching time counts [s]."""
     reaching_time: float
@@ -118,7 +119,7 @@ def certify(run: Trajectory, truth: RobotModel, law: SlidingLaw, control_period:
     q, qd = run.q[:-1], run.qd[:-1]
     e, de = run.q_ref - run.q, run.qd_ref - run.qd
     s = de + law.lam * e
-    ds = np.diff(s, axis=0) / control_period
+    ds = run.qdd_ref[:-1] + law.lam * de[:-1] - np.diff(run.qd, axis=0) / control_period
     M = truth.mass_matrix(run.q)
     V = 0.5 * np.einsum("ki,kij,kj->k", s, M, s)
     if law.belief is None:
@@ -129,14 +130,14 @@ def certify(run: Trajectory, truth: RobotModel, law: SlidingLaw, control_period:
     inertial = np.einsum("kij,kj->ki", M[:-1], ds)
     turning = coriolis_force(truth, q, qd, s[:-1])
     demand = np.abs(inertial + turning + run.tau[:-1] - tau_eq)
+    V_rate = np.einsum("ki,ki->k", s[:-1] + 0.5 * control_period * ds, inertial + turning)
     K_u = np.max(np.abs(inertial) + np.abs(turning) + np.abs(truth.gravity(q)), axis=0)
-    inverse = np.linalg.inv(M)
-    one_period = law.K * control_period * np.max(np.einsum("kii->ki", inverse), axis=0)
+    one_period = control_period * np.max(np.abs(np.linalg.inv(M)) @ law.K, axis=0)
     layer = one_period if law.phi is None else np.maximum(law.phi, one_period)
     margin = law.K - demand
     first, time, bound = _reaching(run.t, s, V, M, margin, layer)
     return Certificate(
-        law.K, run.t[:-1], s[:-1], V[:-1], np.diff(V) / control_period, demand, margin, K_u, layer,
+        law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, K_u, layer,
         float(run.t[first]), time, bound,
     )  # fmt: skip
 

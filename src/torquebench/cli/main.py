@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -64,6 +65,14 @@ def parser() -> argparse.ArgumentParser:
     fuzzy.add_argument("--out", type=Path, help="folder for the figures, new or empty (default: runs/fuzzy-NAME-UTC)")
     fuzzy.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
                        help="Python file that registers laws which the config uses")  # fmt: skip
+
+    paper = commands.add_parser(
+        "paper", help="the paper's Figs 9 to 11 and a verdict on each of its claims",
+        description="Run everything that the paper's claims rest on, on both plants, and judge each claim.",
+    )  # fmt: skip
+    paper.add_argument("--out", type=Path, help="folder for the results, new or empty (default: runs/paper-UTC)")
+    paper.add_argument("--quick", action="store_true", help="few draws: for a look, and for continuous integration")
+    paper.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads (default: one per core)")
 
     check = commands.add_parser(
         "check", help="contract test of your own laws: what the loop relies on, and whether they can be compiled",
@@ -145,6 +154,10 @@ def dispatch(options: argparse.Namespace) -> int:
         from torquebench.cli.bench import bench
 
         return bench(options)
+    if options.command == "paper":
+        from torquebench.cli.paper import paper
+
+        return paper(options)
     from torquebench.cli.compare import compare
 
     return compare(options)

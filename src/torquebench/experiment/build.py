@@ -49,11 +49,7 @@ def build(experiment: schema.Experiment) -> Loop:
     """
     n, run = experiment.n, experiment.run
     reference = sampled(build_reference(experiment.reference, n), experiment)
-    model = load_model(experiment.plant.model, experiment.model.structure, experiment.model.constants)
-    redraws = 0
-    if experiment.model.mismatch is not None:
-        rng = generator(run.seed, run.draw, Stream.MISMATCH)
-        model, redraws = mismatched(model, experiment.model.mismatch.relative, rng)
+    model, redraws = build_belief(experiment)
     systems = systems_of(experiment)
     controllers = []
     for c in experiment.controllers:
@@ -65,6 +61,32 @@ def build(experiment: schema.Experiment) -> Loop:
         reference, build_position_noise(experiment), build_disturbance(experiment),
         np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
     )  # fmt: skip
+
+
+def redrawn(experiment: schema.Experiment, loop: Loop) -> Loop:
+    """Return the objects of an experiment that differs from a loop's own in ``run.draw`` only.
+
+    Raises:
+        ModelError: no acceptable mismatch was found.
+    """
+    model, redraws = build_belief(experiment)
+    return loop._replace(
+        model=model, redraws=redraws, position_noise=build_position_noise(experiment),
+        disturbance=build_disturbance(experiment),
+    )  # fmt: skip
+
+
+def build_belief(experiment: schema.Experiment) -> tuple[RobotModel, int]:
+    """Make the model that the laws compute with, and say how many draws of its mismatch were rejected.
+
+    Raises:
+        ModelError: the model is malformed, or no acceptable mismatch was found.
+    """
+    belief, run = experiment.model, experiment.run
+    model = load_model(experiment.plant.model, belief.structure, belief.constants)
+    if belief.mismatch is None:
+        return model, 0
+    return mismatched(model, belief.mismatch.relative, generator(run.seed, run.draw, Stream.MISMATCH))
 
 
 def build_plant(keys: schema.Plant) -> Plant:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from torquebench.experiment.build import Loop, build
+from torquebench.experiment.schema import Controller as ControllerKeys
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
@@ -70,13 +71,18 @@ def run_experiment(
         if finished is not None:
             finished(name, runs[name])
         if runs[name].completed:
-            band = band_of(keys.law, keys.gains)
-            metrics[name] = compute_metrics(
-                runs[name], tau_max=loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
-                control_period=experiment.run.control_period, reference_kind=experiment.reference.kind,
-                phi=None if band is None else as_vector(band, experiment.n),
-            )  # fmt: skip
+            metrics[name] = metrics_of(experiment, loop, keys, runs[name])
     return ExperimentResult(experiment, loop, runs, metrics)
+
+
+def metrics_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Trajectory) -> Metrics:
+    """Return the metrics of one controller's completed run."""
+    band = band_of(keys.law, keys.gains)
+    return compute_metrics(
+        run, tau_max=loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
+        control_period=experiment.run.control_period, reference_kind=experiment.reference.kind,
+        phi=None if band is None else as_vector(band, experiment.n),
+    )  # fmt: skip
 
 
 def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Trial:

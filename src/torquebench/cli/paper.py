@@ -1,0 +1,141 @@
+"""``torquebench paper``: Figs 9 to 11, every claim judged, and one report."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from torquebench.cli.run import conditions_text, noise_text
+from torquebench.cli.terminal import progress_bar, say, table
+from torquebench.errors import ConfigError, Problem
+from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes, machine, versions
+from torquebench.paper.claims import claims
+from torquebench.paper.report import Picture, agreement_text, page
+from torquebench.paper.runs import Study, run_study, steps_of
+from torquebench.paper.verdicts import Claim
+from torquebench.paper.workload import NOMINAL, PAIRED_DRAWS, RELATIVE, UNCERTAIN
+
+PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
+    "fig9": (
+        "Fig 9: chattering",
+        (("fig10-following", NOMINAL, "conventional"), ("fig9-chattering", NOMINAL, "linear-band")),
+        "Conventional sliding mode and the linear band at the same K, lambda and model.",
+    ),
+    "fig10": (
+        "Fig 10: trajectory following",
+        tuple(("fig10-following", NOMINAL, name) for name in ("conventional-m", "proposed-m", "proposed-m-model")),
+        "Conventional sliding mode and the proposed law, set M, without and with the model.",
+    ),
+    "fig11": (
+        "Fig 11: 30 % band-limited noise",
+        tuple(("fig11-noise", UNCERTAIN, name) for name in ("conventional-m", "proposed-m", "proposed-m-model")),
+        "The same under noise and a model whose constants are wrong by 30 %, draw 0.",
+    ),
+}  # fmt: skip
+"""Pages: title, what is drawn, caption."""
+
+
+def paper(options: argparse.Namespace) -> int:
+    """Run the study and write what came out; return 0.
+
+    Args:
+        options: Arguments of the command; see ``torquebench paper --help``.
+
+    Raises:
+        ConfigError: bad arguments.
+    """
+    if options.workers < 1:
+        raise ConfigError([Problem("--workers", str(options.workers), "wanted at least 1")])
+    draws = PAIRED_DRAWS["quick" if options.quick else "full"]
+    directory = RunDirectory(claim_folder(options.out, "paper"))
+    with progress_bar(steps_of(draws), "step", "starting (compiles on first use)") as bar:
+
+        def report(what: str, steps: int) -> None:
+            bar.set_description_str(what, refresh=False)
+            bar.update(steps)
+
+        study = run_study(draws, options.workers, report)
+    table_of = claims(study.records)
+    directory.write("runs.json", json_bytes(study.records.to_json()))
+    directory.write("claims.json", json_bytes([claim.to_json() for claim in table_of]))
+    pictures = write_pages(study, directory)
+    write_report(study, table_of, pictures, directory, draws)
+    directory.finish({"name": "paper", "draws": draws, "mismatch_redraws": study.redraws})
+    say(claims_table(table_of))
+    say()
+    say(f"two plants: {agreement_text(study.apart)}")
+    say(f"results: {directory.folder}")
+    return 0
+
+
+def write_pages(study: Study, directory: RunDirectory) -> list[Picture]:
+    """Draw Figs 9 to 11 and write them as SVG and PNG."""
+    from torquebench.analysis.paper_pages import comparison_page
+    from torquebench.analysis.style import figure_bytes
+    from torquebench.experiment.run import metrics_of
+
+    pictures = []
+    with progress_bar(2 * len(PAGES), "figure", "drawing") as bar:
+        for name, (title, places, caption) in PAGES.items():
+            kept = {place[2]: study.kept[place] for place in places}
+            experiment, loop, _ = next(iter(kept.values()))
+            metrics = {}
+            for controller, (own, there, run) in kept.items():
+                keys = next(keys for keys in own.controllers if keys.name == controller)
+                if run.completed:
+                    metrics[controller] = metrics_of(own, there, keys, run)
+            figure = comparison_page(
+                {controller: run for controller, (_, _, run) in kept.items()}, metrics, title,
+                conditions_text(experiment), joint_names=loop.joint_names, tau_max=loop.plant.tau_max,
+                metrics_from=experiment.run.metrics_from, control_period=experiment.run.control_period,
+            )  # fmt: skip
+            content = {}
+            for fmt in ("svg", "png"):
+                content[fmt] = figure_bytes(figure, fmt)
+                directory.write(f"figures/{name}.{fmt}", content[fmt])
+                bar.update(1)
+            pictures.append(Picture(title, caption, content["svg"].decode()))
+    return pictures
+
+
+def write_report(
+    study: Study, table_of: list[Claim], pictures: list[Picture], directory: RunDirectory, draws: int
+) -> None:
+    """Measure what the study rests on, and write the page and the numbers it shows."""
+    from torquebench.paper.checks import chattering_by_period, noise_spectrum
+
+    noisy = study.kept["fig11-noise", UNCERTAIN, "proposed-m"][0]
+    chattering = chattering_by_period()
+    noise = noise_spectrum(1_000_000) | {"definition": noise_text(noisy)}
+    agreement = [
+        {"config": config, "chain": chain, "controller": name, **value._asdict()}
+        for (config, chain, name), value in study.apart.items()
+    ]
+    facts: Mapping[str, Any] = {
+        "agreement": agreement, "chattering": [row._asdict() for row in chattering], "noise": noise,
+    }  # fmt: skip
+    directory.write("checks.json", json_bytes(facts))
+    workload = (
+        f"{len(study.records.all):,} closed loops. Uncertain: the controllers' constants wrong by {100 * RELATIVE:g} % "
+        f"each, signs drawn, and the noise above; {draws} draws, the same for every law. "
+        f"{study.redraws} draws of the model were rejected."
+    )
+    software = json.dumps(versions() | machine(), indent=2)
+    directory.write("report.html", page(table_of, pictures, study.apart, chattering, noise, workload, software))
+
+
+def claims_table(table_of: list[Claim]) -> str:
+    """Return the table of claims for the terminal, conditions under it."""
+    rows = [
+        [claim.claim, claim.where, claim.verdict,
+         f"{claim.figure:.3g} [{claim.interval[0]:.3g}, {claim.interval[1]:.3g}]"]
+        for claim in table_of
+    ]  # fmt: skip
+    lines = [table(["claim", "where", "verdict", "figure [95 %]"], rows, left=3), ""]
+    for claim in table_of:
+        lines.append(f"{claim.claim}: {claim.verdict}, {claim.condition}")
+        lines.append(f"  figure: {claim.measure}; {claim.cases[0].who}, {claim.cases[0].where}")
+        lines.append(f"  {claim.ablation}")
+    return "\n".join(lines)

@@ -1,0 +1,82 @@
+"""What is kept of each run of the paper's study, and how claims look it up: pure data, stored as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from torquebench.errors import ResultError
+from torquebench.statistics import Ratio, paired_ratio
+
+METRICS = (
+    "rmse", "max_error", "steady_state_error", "hf", "total_variation", "effort", "rise_time", "overshoot",
+    "settling_time",
+)  # fmt: skip
+"""Headline metrics that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One run: where it belongs, how it ended, and its headline figures."""
+
+    reference: str
+    chain: str
+    condition: str
+    controller: str
+    draw: int
+    plant: str
+    outcome: str
+    values: Mapping[str, float | None]
+    """Metrics by key, and figures of the certificates and of the fuzzy part where they are computed."""
+
+
+class Records:
+    """All runs of a study.
+
+    Args:
+        records: The runs, in any order; every one has a place of its own.
+
+    Raises:
+        ResultError: two runs have the same place.
+    """
+
+    def __init__(self, records: Iterable[Record]) -> None:
+        self.all = tuple(records)
+        self._draws: dict[tuple[str, str, str, str], dict[int, Record]] = {}
+        for record in self.all:
+            if record.plant == "mujoco":
+                place = record.reference, record.chain, record.condition, record.controller
+                draws = self._draws.setdefault(place, {})
+                if record.draw in draws:
+                    raise ResultError(f"run twice: {', '.join(place)}, draw {record.draw}")
+                draws[record.draw] = record
+
+    def draws(self, controller: str, reference: str, chain: str, condition: str) -> list[Record]:
+        """Return the runs of one controller in one place, by draw.
+
+        Raises:
+            ResultError: it was not run there.
+        """
+        place = reference, chain, condition, controller
+        if place not in self._draws:
+            raise ResultError(f"not run: {', '.join(place)}")
+        return [record for _, record in sorted(self._draws[place].items())]
+
+    def values(self, key: str, controller: str, reference: str, chain: str, condition: str) -> list[float | None]:
+        """Return one figure of one controller in one place, by draw; None where a run failed or has no such figure."""
+        return [record.values.get(key) for record in self.draws(controller, reference, chain, condition)]
+
+    def ratio(self, key: str, one: str, other: str, reference: str, chain: str, condition: str) -> Ratio:
+        """Return how large one controller's figure is beside another's, paired by draw."""
+        place = reference, chain, condition
+        return paired_ratio(self.values(key, one, *place), self.values(key, other, *place))
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """Return plain data."""
+        return [asdict(record) for record in self.all]
+
+    @classmethod
+    def from_json(cls, data: Iterable[Mapping[str, Any]]) -> Records:
+        """Read what `to_json` wrote."""
+        return cls(Record(**row) for row in data)

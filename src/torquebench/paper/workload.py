@@ -1,0 +1,114 @@
+"""What `torquebench paper` runs: which configs, on which references, chains and conditions, how many draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from torquebench.experiment import load_experiment
+from torquebench.experiment.schema import BandLimitedNoise, Experiment, Mismatch
+from torquebench.robot.library import data_root
+
+CHAINS = ("ideal", "fast", "slow")
+NOMINAL, UNCERTAIN, MISMATCH = "nominal", "uncertain", "mismatch"
+SLOW_NOISE, LIMIT_NOISE = "noise held 100 ms", "noise of 30 % of the limit held 100 ms"
+"""Conditions: nothing else; model error and noise; model error alone; other readings of the paper's noise."""
+PAIRED_DRAWS = {"quick": 4, "full": 30}
+"""Draws behind each interval, by size."""
+RELATIVE = 0.3
+"""Error of every constant of the controllers' model in uncertain conditions [1]."""
+OF_LIMIT = (29.28, 55.92, 26.82, 7.26, 6.03, 6.39)
+"""30 % of the torque limits [N m]: the amplitude if the paper's 30 % is of the limit."""
+
+CLAIMED = (
+    "conventional", "conventional-blind", "conventional-m", "proposed-l", "proposed-l-model", "proposed-m",
+    "proposed-m-model",
+)  # fmt: skip
+"""Controllers of Figs 10 and 11."""
+BANDS = ("band", "linear-band")
+"""Controllers of Fig 9 besides the conventional one, which is Fig 10's too."""
+FORMS = ("no-fuzzy", "clipped-sum", "no-integral", "no-band", "no-linear")
+"""Ablations of the proposed law; their names follow the set's, as in ``l-no-fuzzy``."""
+
+
+class Block(NamedTuple):
+    """Some controllers of one config under one condition, for a number of draws."""
+
+    config: str
+    """File in ``configs/paper``, without its ending."""
+    chain: str
+    condition: str
+    controllers: tuple[str, ...]
+    draws: int
+    plants: tuple[str, ...] = ("mujoco",)
+    """Engines; with two, their trajectories are compared."""
+
+
+BOTH = ("mujoco", "analytic")
+
+
+def blocks(draws: int) -> list[Block]:
+    """Return everything that is run.
+
+    Args:
+        draws: Draws of model error and noise behind each interval.
+    """
+    every: list[Block] = []
+    for chain in CHAINS:
+        every += [Block(f"fig9-{name}", chain, NOMINAL, BANDS, 1, BOTH) for name in ("chattering", "step")]
+        every.append(Block("fig9-ramp", chain, NOMINAL, ("conventional", *BANDS), 1, BOTH))
+        every += [Block(f"fig10-{name}", chain, NOMINAL, CLAIMED, 1, BOTH) for name in ("following", "step")]
+        every.append(Block("literal", chain, NOMINAL, ("equation-149", "equation-98"), 1, BOTH))
+        every.append(Block("fig9-noise", chain, UNCERTAIN, BANDS, draws))
+        every.append(Block("fig11-noise", chain, UNCERTAIN, CLAIMED, draws))
+    every.append(Block("fig10-step", "ideal", UNCERTAIN, CLAIMED, draws))
+    for chain, prefix in (("ideal", "l"), ("slow", "m")):
+        every.append(Block("ablations", chain, UNCERTAIN, tuple(f"{prefix}-{form}" for form in FORMS), draws))
+    every.append(Block("fig11-noise", "ideal", MISMATCH, CLAIMED, draws))
+    noisy = ("conventional", "conventional-m", "proposed-l", "proposed-m")
+    every += [Block("fig11-noise", "ideal", condition, noisy, draws) for condition in (SLOW_NOISE, LIMIT_NOISE)]
+    return every
+
+
+def experiment_of(block: Block, plant: str = "mujoco") -> Experiment:
+    """Return a block's experiment, at draw 0.
+
+    Args:
+        block: What to run.
+        plant: Engine of the plant.
+    """
+    overrides = [f"chain={block.chain}"]
+    if plant == "analytic":
+        overrides.append("plant={engine: analytic, model: puma560, timestep: 0.001, integrator: rk4}")
+    experiment = load_experiment(data_root() / "configs" / "paper" / f"{block.config}.yaml", overrides)
+    return under(chosen(experiment, block.controllers), block.condition)
+
+
+def chosen(experiment: Experiment, controllers: Sequence[str]) -> Experiment:
+    """Return an experiment with only some of its controllers."""
+    kept = tuple(keys for keys in experiment.controllers if keys.name in controllers)
+    return experiment.model_copy(update={"controllers": kept})
+
+
+def under(experiment: Experiment, condition: str) -> Experiment:
+    """Return an experiment under a condition; the noise that a config has is the paper's."""
+    change = _CHANGES[condition]
+    noise = tuple(change(d) for d in experiment.disturbances) if change is not None else ()
+    if condition == UNCERTAIN and not noise:
+        noise = experiment_of(Block("fig11-noise", "ideal", UNCERTAIN, (), 0)).disturbances
+    error = None if condition == NOMINAL else Mismatch(relative=RELATIVE)
+    belief = experiment.model.model_copy(update={"mismatch": error})
+    return experiment.model_copy(update={"model": belief, "disturbances": noise})
+
+
+def _held(noise: BandLimitedNoise) -> BandLimitedNoise:
+    return noise.model_copy(update={"hold": 0.1})
+
+
+def _of_limit(noise: BandLimitedNoise) -> BandLimitedNoise:
+    return noise.model_copy(update={"hold": 0.1, "sigma": OF_LIMIT})
+
+
+_CHANGES: dict[str, Callable[[BandLimitedNoise], BandLimitedNoise] | None] = {
+    NOMINAL: None, MISMATCH: None, UNCERTAIN: lambda noise: noise, SLOW_NOISE: _held, LIMIT_NOISE: _of_limit,
+}  # fmt: skip
