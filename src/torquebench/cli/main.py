@@ -74,6 +74,14 @@ def parser() -> argparse.ArgumentParser:
     paper.add_argument("--quick", action="store_true", help="few draws: for a look, and for continuous integration")
     paper.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads (default: one per core)")
 
+    layer = commands.add_parser(
+        "boundary-layer", help="what a boundary layer costs: error against chattering over phi, K and lambda",
+        description="Run configs/paper/boundary-layer.yaml over a grid of phi, k and lambda, and draw the front.",
+    )  # fmt: skip
+    layer.add_argument("--out", type=Path, help="folder for the results (default: runs/boundary-layer-UTC)")
+    layer.add_argument("--quick", action="store_true", help="few draws")
+    layer.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads (default: one per core)")
+
     check = commands.add_parser(
         "check", help="contract test of your own laws: what the loop relies on, and whether they can be compiled",
         description="Try every law that FILE registers with @controller, on two arms and on both paths.",
@@ -154,6 +162,10 @@ def dispatch(options: argparse.Namespace) -> int:
         from torquebench.cli.bench import bench
 
         return bench(options)
+    if options.command == "boundary-layer":
+        from torquebench.cli.boundary_layer import boundary_layer
+
+        return boundary_layer(options)
     if options.command == "paper":
         from torquebench.cli.paper import paper
 

@@ -21,7 +21,7 @@ SETS = {
 def removes_chattering(x: Records) -> Claim:
     """Fig 9: the linear band removes chattering."""
     cases = [
-        below("linear band", f"{ref}, {chain} chain, {condition}",
+        below("linear band", (ref, chain, condition),
               geometric_mean(x.values("hf", "linear-band", ref, chain, condition)), NO_CHATTERING)
         for condition, refs in ((NOMINAL, ("sine", "step", "ramp")), (UNCERTAIN, ("sine",)))
         for chain in CHAINS for ref in refs
@@ -39,7 +39,7 @@ def removes_chattering(x: Records) -> Claim:
 def removes_chattering_as_printed(x: Records) -> Claim:
     """Equation (149) keeps sgn(S)."""
     cases = [
-        below("(149) with sgn", f"sine, {chain} chain, {NOMINAL}",
+        below("(149) with sgn", ("sine", chain, NOMINAL),
               x.ratio("hf", "equation-149", "conventional", "sine", chain, NOMINAL))
         for chain in CHAINS
     ]  # fmt: skip
@@ -53,7 +53,7 @@ def removes_chattering_as_printed(x: Records) -> Claim:
 def negligible_error(x: Records) -> Claim:
     """Fig 9: with negligible tracking error."""
     cases = [
-        below("linear band", f"{ref}, {chain} chain, {condition}",
+        below("linear band", (ref, chain, condition),
               x.ratio("rmse", "linear-band", "conventional", ref, chain, condition))
         for condition, refs in ((UNCERTAIN, ("sine",)), (NOMINAL, ("sine", "step", "ramp")))
         for chain in CHAINS for ref in refs
@@ -69,7 +69,7 @@ def negligible_error(x: Records) -> Claim:
 def conventional_is_faster(x: Records) -> Claim:
     """Fig 10: conventional sliding mode is faster than the proposed law."""
     cases = [
-        below(name, f"step, {chain} chain, {condition}",
+        below(name, ("step", chain, condition),
               x.ratio("rise_time", conventional, proposed, "step", chain, condition))
         for condition, chains in ((UNCERTAIN, ("ideal",)), (NOMINAL, CHAINS))
         for chain in chains for name, (proposed, conventional) in SETS.items()
@@ -88,11 +88,11 @@ def rejects_noise(x: Records) -> Claim:
     """Fig 11: the proposed law rejects the noise better."""
     places = [(chain, UNCERTAIN) for chain in CHAINS]
     cases = [
-        below(name, f"{chain} chain, {condition}", x.ratio("rmse", proposed, conventional, "sine", chain, condition))
+        below(name, ("sine", chain, condition), x.ratio("rmse", proposed, conventional, "sine", chain, condition))
         for chain, condition in places for name, (proposed, conventional) in SETS.items()
     ]  # fmt: skip
     cases += [
-        below(name, f"ideal chain, {condition}", x.ratio("rmse", *SETS[name], "sine", "ideal", condition))
+        below(name, ("sine", "ideal", condition), x.ratio("rmse", *SETS[name], "sine", "ideal", condition))
         for condition in (SLOW_NOISE, LIMIT_NOISE) for name in ("set L", "set M")
     ]  # fmt: skip
     return judged(

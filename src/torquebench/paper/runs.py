@@ -73,7 +73,7 @@ def run_study(draws: int, workers: int, progress: Callable[[str, int], None] | N
             loop = build(experiment)
             study.redraws += loop.redraws
             with Workers(loop.plant, workers) as own:
-                for keys, draw, at, run in _results(own, experiment, loop, block.draws):
+                for keys, draw, at, run in draws_of(own, experiment, loop, block.draws):
                     found.append(_record(block, keys, draw, plant, at, run))
                     name = keys.name
                     if draw == 0 and plant == "mujoco" and block.chain == "ideal":
@@ -95,9 +95,17 @@ def distance(a: Trajectory, b: Trajectory) -> Apart:
     return Apart(float(np.max(np.abs(a.q - b.q))), int(np.sum(np.abs(a.tau - b.tau) > 1e-6 * np.abs(a.tau))))
 
 
-def _results(
+def draws_of(
     own: Workers, experiment: Experiment, loop: Loop, draws: int
 ) -> Iterator[tuple[Controller, int, tuple[Experiment, Loop], Trajectory]]:
+    """Run every controller of an experiment in each draw; yield controller, draw, what was run, and the run.
+
+    Args:
+        own: Threads with the experiment's plant.
+        experiment: The experiment, whose own draw does not count.
+        loop: Its objects.
+        draws: Number of draws, counted from 0.
+    """
     order: deque[tuple[Controller, int, tuple[Experiment, Loop]]] = deque()
 
     def trials() -> Iterator[Trial]:

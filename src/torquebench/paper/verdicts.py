@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy import stats
 
 from torquebench.paper.records import Records
-from torquebench.paper.workload import UNCERTAIN
+from torquebench.paper.workload import CHAINS, UNCERTAIN
 from torquebench.statistics import Ratio, paired_ratio
 
 HOLDS, FAILS, ONLY_IF = "holds", "fails", "holds only if"
+
+
+Place: TypeAlias = tuple[str, str, str]
+"""Reference, chain and condition of runs."""
 
 
 class Case(NamedTuple):
@@ -21,8 +25,8 @@ class Case(NamedTuple):
 
     who: str
     """Gain set or controller."""
-    where: str
-    """Reference, chain and disturbance."""
+    place: Place
+    """Reference, chain and condition."""
     figure: float
     low: float
     high: float
@@ -33,16 +37,22 @@ class Case(NamedTuple):
     """Draws in which the claim's law, and the one it is compared with, did not complete."""
     holds: bool
 
+    @property
+    def where(self) -> str:
+        """The place in words."""
+        reference, chain, condition = self.place
+        return f"{reference}, {chain} chain, {condition}"
 
-def below(who: str, where: str, ratio: Ratio, limit: float = 1.0) -> Case:
+
+def below(who: str, place: Place, ratio: Ratio, limit: float = 1.0) -> Case:
     """Judge that a ratio is below a limit; a run that failed speaks against the claim."""
     holds = ratio.high < limit and not any(ratio.failed)
-    return Case(who, where, ratio.ratio, ratio.low, ratio.high, ratio.pairs, ratio.failed, holds)
+    return Case(who, place, ratio.ratio, ratio.low, ratio.high, ratio.pairs, ratio.failed, holds)
 
 
-def above(who: str, where: str, ratio: Ratio, limit: float) -> Case:
+def above(who: str, place: Place, ratio: Ratio, limit: float) -> Case:
     """Judge that a figure is above a limit; a run that failed speaks against the claim."""
-    return below(who, where, ratio)._replace(holds=ratio.low > limit and not any(ratio.failed))
+    return below(who, place, ratio)._replace(holds=ratio.low > limit and not any(ratio.failed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +80,10 @@ class Claim:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data; cases as a list of objects."""
-        return asdict(self) | {"interval": list(self.interval), "cases": [case._asdict() for case in self.cases]}
+        return asdict(self) | {
+            "interval": list(self.interval),
+            "cases": [case._asdict() | {"where": case.where} for case in self.cases],
+        }
 
 
 def judged(claim: str, where: str, measure: str, cases: Sequence[Case], *, ablation: str, config: str) -> Claim:
@@ -83,8 +96,7 @@ def judged(claim: str, where: str, measure: str, cases: Sequence[Case], *, ablat
     held = sum(case.holds for case in cases)
     verdict = HOLDS if held == len(cases) else FAILS if held == 0 else ONLY_IF
     if verdict == ONLY_IF:
-        true, false = [c for c in cases if c.holds], [c for c in cases if not c.holds]
-        condition = f"holds for {_listed(true)}; fails for {_listed(false)}"
+        condition = f"holds for {_listed(cases, True)}; fails for {_listed(cases, False)}"
     else:
         condition = f"in all {len(cases)} conditions tried" if len(cases) > 1 else f"{cases[0].who}, {cases[0].where}"
     first = cases[0]
@@ -93,12 +105,21 @@ def judged(claim: str, where: str, measure: str, cases: Sequence[Case], *, ablat
     )
 
 
-def _listed(cases: Sequence[Case]) -> str:
-    """Return cases as text, those of one law together."""
-    groups: dict[str, list[str]] = {}
-    for case in cases:
-        groups.setdefault(case.who, []).append(case.where)
-    return "; ".join(f"{who} ({', '.join(places)})" for who, places in groups.items())
+def _listed(cases: Sequence[Case], side: bool) -> str:
+    """Return the cases on one side as text: those of one law together, those on several chains in one phrase."""
+    found = []
+    for who in dict.fromkeys(case.who for case in cases if case.holds == side):
+        own = [case for case in cases if case.who == who]
+        groups: dict[tuple[str, str], list[str]] = {}
+        for reference, chain, condition in (case.place for case in own if case.holds == side):
+            groups.setdefault((reference, condition), []).append(chain)
+        places = [f"{reference}, {condition}, {_chains(chains)}" for (reference, condition), chains in groups.items()]
+        found.append(who if all(case.holds == side for case in own) else f"{who} ({'; '.join(places)})")
+    return ", ".join(found)
+
+
+def _chains(chains: Sequence[str]) -> str:
+    return "all chains" if set(chains) == set(CHAINS) else f"{' and '.join(chains)} chain"
 
 
 def geometric_mean(values: Sequence[float | None]) -> Ratio:

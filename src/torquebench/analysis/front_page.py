@@ -1,0 +1,79 @@
+"""Error against chattering: every choice of gains with its intervals, and the front of the best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from torquebench.analysis import style
+from torquebench.analysis.page import finish_page, new_page
+from torquebench.statistics import Ratio
+
+MARKERS = "osD^vP"
+
+
+class Spot(NamedTuple):
+    """One choice of gains."""
+
+    family: str
+    """Choices that are joined by a line, in the order given."""
+    label: str
+    """Written beside the spot."""
+    error: Ratio
+    """RMS error [rad]."""
+    chattering: Ratio
+    """HF [% of the torque limit]."""
+    best: bool
+    """Whether it is on the front."""
+
+
+def front_page(spots: Sequence[Spot], title: str, subtitle: str) -> Figure:
+    """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the front ringed.
+
+    Args:
+        spots: Choices of gains.
+        title, subtitle: Headings.
+    """
+    families = list(dict.fromkeys(spot.family for spot in spots))
+    with style.journal_style():
+        fig = new_page(1, 4.6, 4.6)
+        ax = fig.add_subplot()
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        keys = []
+        for index, family in enumerate(families):
+            own = [spot for spot in spots if spot.family == family]
+            look: dict[str, Any] = {
+                "color": style.COLOURS[index % len(style.COLOURS)],
+                "linestyle": style.DASHES[index % len(style.DASHES)], "marker": MARKERS[index % len(MARKERS)],
+                "markersize": 4.0, "linewidth": 0.9,
+            }  # fmt: skip
+            x, y = [s.chattering.ratio for s in own], [1e3 * s.error.ratio for s in own]
+            ax.errorbar(
+                x, y, elinewidth=0.9, capsize=1.5, **look,
+                xerr=[[a - s.chattering.low for a, s in zip(x, own, strict=True)],
+                      [s.chattering.high - a for a, s in zip(x, own, strict=True)]],
+                yerr=[[b - 1e3 * s.error.low for b, s in zip(y, own, strict=True)],
+                      [1e3 * s.error.high - b for b, s in zip(y, own, strict=True)]],
+            )  # fmt: skip
+            keys.append(Line2D([], [], label=family, **look))
+        best = [spot for spot in spots if spot.best]
+        ring: dict[str, Any] = {
+            "marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "black",
+            "markeredgewidth": 0.8, "linestyle": "none",
+        }  # fmt: skip
+        ax.plot([s.chattering.ratio for s in best], [1e3 * s.error.ratio for s in best], **ring)
+        for spot in best:
+            ax.annotate(
+                spot.label, (spot.chattering.ratio, 1e3 * spot.error.ratio), (6.0, -7.0), textcoords="offset points",
+                fontsize=6.5, color="0.25",
+            )  # fmt: skip
+        ax.set_xlabel("chattering index HF [% of the torque limit]")
+        ax.set_ylabel("RMS error [mrad]")
+        style.plain_decades(ax)
+        keys.append(Line2D([], [], label="no choice is better in both; its phi [rad/s]", **ring))
+        finish_page(fig, title, subtitle, keys)
+    return fig
