@@ -49,7 +49,9 @@ def grid() -> tuple[Experiment, list[tuple[float, float, float]]]:
     choices = list(itertools.product(PHI, K, LAM))
     controllers = []
     for index, (phi, k, lam) in enumerate(choices):
-        gains: dict[str, float | tuple[float, ...]] = {"lam": lam, "k": k} | ({"phi": phi} if phi > 0.0 else {})
+        gains: dict[str, float | tuple[float, ...]] = {"lam": lam, "k": k}
+        if phi > 0.0:
+            gains["phi"] = phi
         options = band.options | {"switching": "saturation" if phi > 0.0 else "sign"}
         controllers.append(Controller(name=f"p{index}", law=band.law, options=options, gains=gains))
     return experiment.model_copy(update={"controllers": tuple(controllers)}), choices
