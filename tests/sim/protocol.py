@@ -24,7 +24,7 @@ from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.plant import INTEGRATORS
 from torquebench.sim.trajectory import Trajectory
 
-GAIN = {"1/s": 15.0, "1": 0.3, "rad/s": 0.5, "1/s^3": 200.0}
+GAIN = {"1/s": 15.0, "1": 0.3, "rad/s": 0.5, "1/s^3": 200.0, "rad": 0.2, "rad s": 0.1}
 """Size of a gain by its unit: rates and slopes, fractions, bands, integral gains."""
 HOME = (0.1, -0.2, 0.15, 0.3, -0.25, 0.2)
 """Where runs start, so that no joint is at a special angle [rad]."""
@@ -41,25 +41,41 @@ class Variant(NamedTuple):
         """Return the controller for `n` joints; each joint has gains of its own."""
         found = find_law(self.law)
         options, spread = dict(self.options), 1.0 + 0.05 * np.arange(n)
-        gains = {
-            name: GAIN[gain.unit] * spread
-            for name, gain in found.gains.items()
-            if gain.only_with is None or options[gain.only_with[0]] == gain.only_with[1]
-        }
+        gains = {name: GAIN[gain.unit] * spread for name, gain in found.gains.items() if gain.acts(options)}
         return Controller(str(self), found, found.pack_gains(n, gains, options, self.fuzzy))
 
     def __str__(self) -> str:
         return " ".join([self.law, *(f"{name}={value}" for name, value in self.options), self.fuzzy or ""]).rstrip()
 
 
+TOGETHER: dict[str, tuple[dict[str, str | bool], ...]] = {
+    "smc": (
+        {"equivalent_control": False, "switching": "saturation"},
+        {"equivalent_control": False, "surface": "pid", "switching": "saturation"},
+    ),
+    "linear-band-smc": ({"equivalent_control": False, "switching": "sign"},),
+    "fuzzy-linear-band-smc": (
+        {"equivalent_control": False, "compensation": "clipped-sum", "band": "sign"},
+        {"equivalent_control": False, "compensation": "off", "band": "off", "integral": False},
+    ),
+}
+"""Choices that are tried together; every choice is tried alone as well."""
+
+
 def variants() -> list[Variant]:
-    """Return every registered law with every choice of its options and every built-in fuzzy system."""
+    """Return every registered law: as it is, with every choice of each option alone, and with those of `TOGETHER`.
+
+    A law with a fuzzy system comes with each built-in one, in the form it has by default.
+    """
     found = []
     for name in law_names():
         law = find_law(name)
-        choices = [[(key, value) for value in option.values] for key, option in law.options.items()]
-        systems = BUILTIN if law.rules else (None,)
-        found += [Variant(name, o, f) for o, f in itertools.product(itertools.product(*choices), systems)]
+        plain = {key: option.values[0] for key, option in law.options.items()}
+        changes = [{key: value} for key, option in law.options.items() for value in option.values[1:]]
+        forms = [plain | change for change in ({}, *changes, *TOGETHER.get(name, ()))]
+        systems = list(BUILTIN) if law.rules else [None]
+        found += [Variant(name, tuple(form.items()), systems[0]) for form in forms]
+        found += [Variant(name, tuple(plain.items()), system) for system in systems[1:]]
     return found
 
 

@@ -90,7 +90,7 @@ def _gain(gain: Gain) -> tuple[Any, Any]:
     text = f"{gain.meaning} [{gain.unit}]"
     if gain.only_with is None:
         return Annotated[Vector, limits], Field(description=text)
-    return Annotated[Vector, limits], Field(None, description=f"{text}; only with {': '.join(gain.only_with)}")
+    return Annotated[Vector, limits], Field(None, description=f"{text}; only with {gain.condition}")
 
 
 def _option(option: Option) -> tuple[Any, Any]:

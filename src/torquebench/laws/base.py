@@ -27,8 +27,18 @@ class Gain(NamedTuple):
     """SI unit; ``1`` for a pure number."""
     positive: bool = True
     """Whether zero is refused too (negative gains always are)."""
-    only_with: tuple[str, str] | None = None
-    """(option, value) without which the gain has no effect: required with it, refused without it."""
+    only_with: tuple[str | bool, ...] | None = None
+    """(option, value, ...): the gain has an effect with these values of the option only, and is refused with others."""
+
+    def acts(self, chosen: Mapping[str, str | bool]) -> bool:
+        """Whether the gain has an effect under the chosen options."""
+        return self.only_with is None or chosen.get(str(self.only_with[0])) in self.only_with[1:]
+
+    @property
+    def condition(self) -> str:
+        """What `only_with` asks for, as in a config."""
+        option, *values = self.only_with or ("",)
+        return f"{option}: {' or '.join(str(value).lower() for value in values)}"
 
 
 class Option(NamedTuple):
@@ -136,9 +146,8 @@ class Law:
     def gain_problem(self, name: str, given: bool, chosen: Mapping[str, str | bool]) -> str | None:
         """Return why a gain may not be given or left out under the chosen options, or None."""
         gain = self.gains[name]
-        if gain.only_with is not None and chosen.get(gain.only_with[0]) != gain.only_with[1]:
-            option, value = gain.only_with
-            return f"gain '{name}' has no effect unless {option}: {value}" if given else None
+        if not gain.acts(chosen):
+            return f"gain '{name}' has no effect unless {gain.condition}" if given else None
         return None if given else f"gain '{name}' is missing ({gain.meaning} [{gain.unit}])"
 
 

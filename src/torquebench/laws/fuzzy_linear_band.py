@@ -6,11 +6,16 @@ from typing import Annotated, NamedTuple
 
 from torquebench.fuzzy.fis import Fis
 from torquebench.fuzzy.inference import infer
-from torquebench.kernel import Array, kernel, sat
-from torquebench.laws.base import Gain, Rules, controller
-from torquebench.laws.parts import Band, Integral, Rate, Slope, Switching, UseModel, equivalent_control
+from torquebench.kernel import Array, kernel, sat, sign
+from torquebench.laws.base import Gain, Option, Rules, controller
+from torquebench.laws.parts import Slope, UseModel, equivalent_control
 from torquebench.references import Reference
 from torquebench.robot.model import Model
+
+FUZZY, CLIPPED_SUM = 0, 1
+"""Choices of ``compensation``; the third is none."""
+SATURATION, SIGN = 0, 1
+"""Choices of ``band``; the third is none."""
 
 
 @kernel
@@ -26,34 +31,50 @@ def scaled_errors(gains: FuzzyBandGains, joint: int, e: float, de: float) -> tup
 
 
 class FuzzyBandGains(NamedTuple):
-    """Gains and options of the fuzzy linear-band law."""
+    """Gains and options of the fuzzy linear-band law; all options but the model's are ablations."""
 
     lam: Slope
-    k: Switching
-    phi: Band
-    kv: Rate
+    k: Annotated[
+        Array,
+        Gain("switching gain kK, a fraction of the torque limit, K = kK tau_max", "1",
+             only_with=("band", "saturation", "sign")),
+    ]  # fmt: skip
+    phi: Annotated[Array, Gain("half-width phi of the band |s| <= phi", "rad/s", only_with=("band", "saturation"))]
+    kv: Annotated[
+        Array,
+        Gain("rate gain kV, Kd = kV Mbar with Mbar the model's inertia scale; the position gain is lambda Kd", "1/s",
+             only_with=("linear", True)),
+    ]  # fmt: skip
     kf: Annotated[
         Array,
-        Gain(
-            "fuzzy gain kF, a fraction of the torque limit, KF = kF tau_max; zero leaves the fuzzy part out", "1", False
-        ),
-    ]
+        Gain("fuzzy gain kF, a fraction of the torque limit, KF = kF tau_max", "1", False,
+             ("compensation", "fuzzy", "clipped-sum")),
+    ]  # fmt: skip
     gd: Annotated[
         Array,
-        Gain(
-            "rate of the error that the fuzzy system sees as 1; the error that it sees as 1 is ge = gd/lambda", "rad/s"
-        ),
-    ]
-    ki: Integral
+        Gain("rate of the error that the fuzzy system sees as 1; it sees the error ge = gd/lambda as 1", "rad/s",
+             only_with=("compensation", "fuzzy", "clipped-sum")),
+    ]  # fmt: skip
+    ki: Annotated[Array, Gain("integral gain kI, KI = kI Mbar", "1/s^3", False, ("integral", True))]
     equivalent_control: UseModel
+    compensation: Annotated[
+        int,
+        Option("what compensates the arm's dynamics: the fuzzy system, clip(x + y) of its two inputs, or nothing",
+               ("fuzzy", "clipped-sum", "off")),
+    ]  # fmt: skip
+    integral: Annotated[int, Option("whether there is an integral", (True, False))]
+    band: Annotated[int, Option("switching term: K sat(s/phi); K sgn(s), as (149) prints it; or none",
+                                ("saturation", "sign", "off"))]  # fmt: skip
+    linear: Annotated[int, Option("whether there is the linear term Kd s", (True, False))]
     fis: Annotated[Fis, Rules("fuzzy system FIS(e/ge, de/gd) whose output is multiplied by KF", scaled_errors)]
 
 
 class FuzzyBandMemory(NamedTuple):
-    """The sliding variable, kept so that it is recorded, and the integral of the error."""
+    """The sliding variable, kept so that it is recorded, the integral of the error, the velocity seen last."""
 
     s: Array
     integral: Array
+    velocity: Array
 
 
 @controller("fuzzy-linear-band-smc", gains=FuzzyBandGains, memory=FuzzyBandMemory)
@@ -71,15 +92,26 @@ def fuzzy_linear_band_smc(
 
     With sat for the sgn of (149), ge = gd/lambda, KF = kF tau_max and KI = kI Mbar. The integral stops growing while
     the torque is beyond its limit in the error's direction. The paper's text lets the fuzzy system replace tau_eq,
-    (151) adds it.
+    (151) adds it. Each term can be left out or replaced, to see what carries the law.
     """
-    equivalent_control(gains.equivalent_control, gains.lam, model, q, qd, ref, tau)
+    equivalent_control(gains.equivalent_control, gains.lam, 0.0, model, q, qd, ref, memory.velocity, tau)
     for i in range(len(tau)):
         e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]
         s = de + gains.lam[i] * e
-        x, y = scaled_errors(gains, i, e, de)
         memory.s[i] = s
-        tau[i] += model.tau_max[i] * (gains.k[i] * sat(s / gains.phi[i]) + gains.kf[i] * infer(gains.fis, x, y))
-        tau[i] += model.inertia_scale[i] * (gains.kv[i] * s + gains.ki[i] * memory.integral[i])
-        if not (abs(tau[i]) > model.tau_max[i] and tau[i] * e > 0.0):
+        limited, scaled = 0.0, 0.0
+        if gains.band == SATURATION:
+            limited = gains.k[i] * sat(s / gains.phi[i])
+        elif gains.band == SIGN:
+            limited = gains.k[i] * sign(s)
+        if gains.compensation <= CLIPPED_SUM:
+            x, y = scaled_errors(gains, i, e, de)
+            limited += gains.kf[i] * (infer(gains.fis, x, y) if gains.compensation == FUZZY else sat(x + y))
+        if gains.linear:
+            scaled = gains.kv[i] * s
+        if gains.integral:
+            scaled += gains.ki[i] * memory.integral[i]
+        tau[i] += model.tau_max[i] * limited
+        tau[i] += model.inertia_scale[i] * scaled
+        if gains.integral and not (abs(tau[i]) > model.tau_max[i] and tau[i] * e > 0.0):
             memory.integral[i] += model.control_period * e

@@ -20,28 +20,47 @@ Integral: TypeAlias = Annotated[
 ]
 Band: TypeAlias = Annotated[Array, Gain("half-width phi of the band |s| <= phi", "rad/s")]
 UseModel: TypeAlias = Annotated[
-    int, Option("add the equivalent control tau_eq = M^ (qdd_ref + lambda de) + N^ of the model", (True, False))
+    int,
+    Option(
+        "add the equivalent control tau_eq = M^ (qdd_ref + lambda de) + N^ of the model; measured-acceleration is (98) "
+        "read literally, M^ (qdd_ref - qdd + lambda de) + N^, with qdd from differences of the measured velocity",
+        (True, False, "measured-acceleration"),
+    ),
 ]
+WITHOUT_MODEL, WITH_MODEL, MEASURED = 0, 1, 2
+"""What the option `UseModel` is to a law."""
 
 
 @kernel
-def equivalent_control(use: int, lam: Array, model: Model, q: Array, qd: Array, ref: Reference, tau: Array) -> None:
-    """Fill `tau` (n,) [N m] with tau_eq = M^(q) (qdd_ref + lambda de) + N^(q, qd), equation (98) without e's qdd.
+def equivalent_control(
+    use: int, lam: Array, pull: float, model: Model, q: Array, qd: Array, ref: Reference, last_qd: Array, tau: Array
+) -> None:
+    """Fill `tau` (n,) [N m] with the equivalent control, equation (98) with the change of S of (101).
 
-    The printed (98) contains the measured acceleration; used literally it makes the sampled loop ring at full torque.
+    The printed (98) contains the measured acceleration, as de's derivative; used literally it makes the sampled loop
+    ring at full torque. The workable form leaves it out: tau_eq = M^(q) (qdd_ref + lambda de) + N^(q, qd).
 
     Args:
-        use: 1 for tau_eq, 0 for zero torque.
+        use: WITH_MODEL, WITHOUT_MODEL for zero torque, or MEASURED for the literal form.
         lam: Slope lambda, (n,) [1/s].
+        pull: Share of lambda^2 e that is added to the acceleration: 0, or 1/4 for a surface with (lambda/2)^2 int e.
         model: The law's belief; ``scratch.free`` is overwritten.
         q, qd: Measured position [rad] and velocity [rad/s], (n,).
         ref: Desired motion at this instant.
+        last_qd: Measured velocity at the last instant, (n,) [rad/s]; becomes `qd`.
         tau: Result.
     """
-    if use:
-        for i in range(len(q)):
-            model.scratch.free[i] = ref.qdd[i] + lam[i] * (ref.qd[i] - qd[i])
-        inverse_dynamics(model, q, qd, model.scratch.free, tau)
-    else:
+    if use == WITHOUT_MODEL:
         for i in range(len(q)):
             tau[i] = 0.0
+        return
+    for i in range(len(q)):
+        model.scratch.free[i] = ref.qdd[i] + lam[i] * (ref.qd[i] - qd[i])
+    if pull > 0.0:
+        for i in range(len(q)):
+            model.scratch.free[i] += pull * lam[i] * lam[i] * (ref.q[i] - q[i])
+    if use == MEASURED:
+        for i in range(len(q)):
+            model.scratch.free[i] -= (qd[i] - last_qd[i]) / model.control_period
+            last_qd[i] = qd[i]
+    inverse_dynamics(model, q, qd, model.scratch.free, tau)
