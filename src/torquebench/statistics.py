@@ -37,6 +37,20 @@ class Ratio(NamedTuple):
         return self.low > 1.0
 
 
+def mean_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
+    """Return the mean of a sample and the half-width of Student's interval; 0 for a single value.
+
+    Args:
+        values: At least one.
+        confidence: Probability content of the interval [1].
+    """
+    n = len(values)
+    if n == 1:
+        return float(values[0]), 0.0
+    half = stats.t.ppf(0.5 + 0.5 * confidence, n - 1) * np.std(values, ddof=1) / math.sqrt(n)
+    return float(np.mean(values)), float(half)
+
+
 def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidence: float = 0.95) -> Ratio:
     """Return exp of the mean of ln(a/b) over paired draws, with Student's interval on the logarithms.
 
@@ -54,10 +68,6 @@ def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidenc
         raise ResultError("there is no draw in which both laws completed")
     if any(not (x > 0.0 and y > 0.0) or math.isinf(x) or math.isinf(y) for x, y in pairs):
         raise ResultError("a ratio needs metrics that are positive and finite")
-    logs = np.log([x / y for x, y in pairs])
-    mean, n = float(np.mean(logs)), len(pairs)
-    half = 0.0
-    if n > 1:
-        half = float(stats.t.ppf(0.5 + 0.5 * confidence, n - 1) * np.std(logs, ddof=1) / math.sqrt(n))
+    mean, half = mean_interval([math.log(x / y) for x, y in pairs], confidence)
     failed = sum(x is None for x in a), sum(y is None for y in b)
-    return Ratio(math.exp(mean), math.exp(mean - half), math.exp(mean + half), n, failed)
+    return Ratio(math.exp(mean), math.exp(mean - half), math.exp(mean + half), len(pairs), failed)

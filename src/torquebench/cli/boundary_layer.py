@@ -56,7 +56,14 @@ def boundary_layer(options: argparse.Namespace) -> int:
 
 
 def write_page(points: list[Point], best: list[Point], directory: RunDirectory, subtitle: str) -> None:
-    """Draw error against chattering and write it as SVG and PNG."""
+    """Draw error against chattering and write it as SVG and PNG.
+
+    Args:
+        points: Every choice of gains.
+        best: Those on the front.
+        directory: Where.
+        subtitle: What was run.
+    """
     from torquebench.analysis.front_page import Spot, front_page
     from torquebench.analysis.style import figure_bytes
 

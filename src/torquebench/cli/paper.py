@@ -71,7 +71,12 @@ def paper(options: argparse.Namespace) -> int:
 
 
 def write_pages(study: Study, directory: RunDirectory) -> list[Picture]:
-    """Draw Figs 9 to 11 and write them as SVG and PNG."""
+    """Draw Figs 9 to 11 and write them as SVG and PNG.
+
+    Args:
+        study: What was run.
+        directory: Where.
+    """
     from torquebench.analysis.paper_pages import comparison_page
     from torquebench.analysis.style import figure_bytes
     from torquebench.experiment.run import metrics_of
@@ -103,7 +108,15 @@ def write_pages(study: Study, directory: RunDirectory) -> list[Picture]:
 def write_report(
     study: Study, table_of: list[Claim], pictures: list[Picture], directory: RunDirectory, draws: int
 ) -> None:
-    """Measure what the study rests on, and write the page and the numbers it shows."""
+    """Measure what the study rests on, and write the page and the numbers it shows.
+
+    Args:
+        study: What was run.
+        table_of: The claims.
+        pictures: The figures.
+        directory: Where.
+        draws: Draws behind each interval.
+    """
     from torquebench.paper.checks import chattering_by_period, noise_spectrum
 
     noisy = study.kept["fig11-noise", UNCERTAIN, "proposed-m"][0]

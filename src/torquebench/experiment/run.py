@@ -76,7 +76,14 @@ def run_experiment(
 
 
 def metrics_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Trajectory) -> Metrics:
-    """Return the metrics of one controller's completed run."""
+    """Return the metrics of one controller's completed run.
+
+    Args:
+        experiment: What was run.
+        loop: Its objects.
+        keys: The controller.
+        run: Its run.
+    """
     band = band_of(keys.law, keys.gains)
     return compute_metrics(
         run, tau_max=loop.plant.tau_max, metrics_from=experiment.run.metrics_from,

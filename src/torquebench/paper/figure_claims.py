@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from torquebench.paper.records import Records
 from torquebench.paper.verdicts import Claim, ablated, below, geometric_mean, judged, text
-from torquebench.paper.workload import CHAINS, LIMIT_NOISE, NOMINAL, SLOW_NOISE, UNCERTAIN
+from torquebench.paper.workload import CHAINS, LIMIT_NOISE, NOMINAL, SLOW_NOISE, STRONG, UNCERTAIN
 
 NO_CHATTERING = 1.0
 """HF below which chattering counts as removed [% of the torque limit]."""
@@ -30,7 +30,7 @@ def removes_chattering(x: Records) -> Claim:
     less = x.ratio("hf", "linear-band", "conventional", "sine", "slow", UNCERTAIN)
     return judged(
         "linear band control removes the chattering of conventional sliding mode control", "Fig 9, (148)",
-        f"HF of the linear band [% of the limit]; true below {NO_CHATTERING:g}", cases,
+        f"HF of the linear band [% of the limit], the ramp's own corner included; true below {NO_CHATTERING:g}", cases,
         ablation=f"slow chain with noise: HF x{text(less)} of conventional; the band alone x{text(band)} of that",
         config="configs/paper/fig9-chattering.yaml",
     )  # fmt: skip
@@ -68,18 +68,27 @@ def negligible_error(x: Records) -> Claim:
 
 def conventional_is_faster(x: Records) -> Claim:
     """Fig 10: conventional sliding mode is faster than the proposed law."""
+    strong = {
+        "set L, all torque switching": ("proposed-l", STRONG),
+        "set M, all torque switching": ("proposed-m", STRONG),
+    }
     cases = [
-        below(name, ("step", chain, condition),
-              x.ratio("rise_time", conventional, proposed, "step", chain, condition))
+        below(name if key == "rise_time" else f"{name}, settling", ("step", chain, condition),
+              x.ratio(key, conventional, proposed, "step", chain, condition))
+        for key in ("rise_time", "settling_time")
         for condition, chains in ((UNCERTAIN, ("ideal",)), (NOMINAL, CHAINS))
-        for chain in chains for name, (proposed, conventional) in SETS.items()
+        for chain in chains for name, (proposed, conventional) in (SETS | strong).items()
     ]  # fmt: skip
-    over = x.values("overshoot", "proposed-m", "step", "ideal", NOMINAL)[0]
-    own = x.values("overshoot", "conventional-m", "step", "ideal", NOMINAL)[0]
+    over = [
+        x.values("overshoot", name, "step", "ideal", NOMINAL)[0] or 0.0
+        for name in ("proposed-m", "conventional-m", STRONG)
+    ]
     return judged(
         "conventional control is faster than the proposed law", "Fig 10",
-        "rise time 10-90 % of conventional control over that of the proposed law; true below 1", cases,
-        ablation=f"overshoot at set M, ideal chain: proposed {over:.3g} %, conventional {own:.3g} %",
+        "rise time 10-90 % of conventional control over that of the proposed law, or settling time where named; true "
+        "below 1", cases,
+        ablation=f"overshoot, ideal chain: proposed, set M {over[0]:.3g} %; conventional, set M {over[1]:.3g} %; "
+        f"with all torque switching, lambda 40, no model {over[2]:.3g} %",
         config="configs/paper/fig10-step.yaml",
     )  # fmt: skip
 

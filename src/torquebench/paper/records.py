@@ -55,6 +55,10 @@ class Records:
     def draws(self, controller: str, reference: str, chain: str, condition: str) -> list[Record]:
         """Return the runs of one controller in one place, by draw.
 
+        Args:
+            controller: Its name.
+            reference, chain, condition: The place.
+
         Raises:
             ResultError: it was not run there.
         """
@@ -64,11 +68,23 @@ class Records:
         return [record for _, record in sorted(self._draws[place].items())]
 
     def values(self, key: str, controller: str, reference: str, chain: str, condition: str) -> list[float | None]:
-        """Return one figure of one controller in one place, by draw; None where a run failed or has no such figure."""
+        """Return one figure of one controller in one place, by draw; None where a run failed or has no such figure.
+
+        Args:
+            key: Name of the figure.
+            controller: Name of the controller.
+            reference, chain, condition: The place.
+        """
         return [record.values.get(key) for record in self.draws(controller, reference, chain, condition)]
 
     def ratio(self, key: str, one: str, other: str, reference: str, chain: str, condition: str) -> Ratio:
-        """Return how large one controller's figure is beside another's, paired by draw."""
+        """Return how large one controller's figure is beside another's, paired by draw.
+
+        Args:
+            key: Name of the figure.
+            one, other: Names of the controllers.
+            reference, chain, condition: The place.
+        """
         place = reference, chain, condition
         return paired_ratio(self.values(key, one, *place), self.values(key, other, *place))
 

@@ -31,7 +31,7 @@ class Apart(NamedTuple):
     position: float
     """Largest difference of a position [rad]; infinite when the runs do not end alike."""
     torques: int
-    """Commanded torques that differ by more than a millionth of their size: 0 where both switch alike."""
+    """Commanded torques that differ by more than a millionth of the joint's largest: 0 where both switch alike."""
 
 
 @dataclass(slots=True)
@@ -92,7 +92,8 @@ def distance(a: Trajectory, b: Trajectory) -> Apart:
     """Compare two runs of the same controller."""
     if a.outcome is not b.outcome or len(a.t) != len(b.t):
         return Apart(float("inf"), a.tau.size)
-    return Apart(float(np.max(np.abs(a.q - b.q))), int(np.sum(np.abs(a.tau - b.tau) > 1e-6 * np.abs(a.tau))))
+    differ = np.abs(a.tau - b.tau) > 1e-6 * np.max(np.abs(a.tau), axis=0)
+    return Apart(float(np.max(np.abs(a.q - b.q))), int(np.sum(differ)))
 
 
 def draws_of(

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-import numpy as np
-from scipy import stats
-
 from torquebench.paper.records import Records
 from torquebench.paper.workload import CHAINS, UNCERTAIN
-from torquebench.statistics import Ratio, paired_ratio
+from torquebench.statistics import Ratio, mean_interval, paired_ratio
 
 HOLDS, FAILS, ONLY_IF = "holds", "fails", "holds only if"
 
@@ -34,7 +31,7 @@ class Case(NamedTuple):
     pairs: int
     """Draws behind it."""
     failed: tuple[int, int]
-    """Draws in which the claim's law, and the one it is compared with, did not complete."""
+    """Draws without a value for the one, and for the other: the run did not complete, or never settled."""
     holds: bool
 
     @property
@@ -45,13 +42,27 @@ class Case(NamedTuple):
 
 
 def below(who: str, place: Place, ratio: Ratio, limit: float = 1.0) -> Case:
-    """Judge that a ratio is below a limit; a run that failed speaks against the claim."""
+    """Judge that a ratio is below a limit; a run that failed speaks against the claim.
+
+    Args:
+        who: Gain set or controller.
+        place: Where it was run.
+        ratio: The figure.
+        limit: What it must be below, interval and all.
+    """
     holds = ratio.high < limit and not any(ratio.failed)
     return Case(who, place, ratio.ratio, ratio.low, ratio.high, ratio.pairs, ratio.failed, holds)
 
 
 def above(who: str, place: Place, ratio: Ratio, limit: float) -> Case:
-    """Judge that a figure is above a limit; a run that failed speaks against the claim."""
+    """Judge that a figure is above a limit; a run that failed speaks against the claim.
+
+    Args:
+        who: Gain set or controller.
+        place: Where it was run.
+        ratio: The figure.
+        limit: What it must be above, interval and all.
+    """
     return below(who, place, ratio)._replace(holds=ratio.low > limit and not any(ratio.failed))
 
 
@@ -129,9 +140,8 @@ def geometric_mean(values: Sequence[float | None]) -> Ratio:
 
 def average(values: Sequence[float | None]) -> Ratio:
     """Return the mean over draws of a figure of either sign, with Student's interval."""
-    known = np.array([value for value in values if value is not None])
-    half = float(stats.t.ppf(0.975, len(known) - 1) * stats.sem(known)) if len(known) > 1 else 0.0
-    mean = float(np.mean(known))
+    known = [value for value in values if value is not None]
+    mean, half = mean_interval(known)
     return Ratio(mean, mean - half, mean + half, len(known), (len(values) - len(known), 0))
 
 

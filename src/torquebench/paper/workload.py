@@ -25,6 +25,8 @@ CLAIMED = (
     "proposed-m-model",
 )  # fmt: skip
 """Controllers of Figs 10 and 11."""
+STRONG = "conventional-strong"
+"""A conventional controller that is as fast as the torque limits allow, on the step only."""
 BANDS = ("band", "linear-band")
 """Controllers of Fig 9 besides the conventional one, which is Fig 10's too."""
 FORMS = ("no-fuzzy", "clipped-sum", "no-integral", "no-band", "no-linear")
@@ -57,11 +59,12 @@ def blocks(draws: int) -> list[Block]:
     for chain in CHAINS:
         every += [Block(f"fig9-{name}", chain, NOMINAL, BANDS, 1, BOTH) for name in ("chattering", "step")]
         every.append(Block("fig9-ramp", chain, NOMINAL, ("conventional", *BANDS), 1, BOTH))
-        every += [Block(f"fig10-{name}", chain, NOMINAL, CLAIMED, 1, BOTH) for name in ("following", "step")]
+        every.append(Block("fig10-following", chain, NOMINAL, CLAIMED, 1, BOTH))
+        every.append(Block("fig10-step", chain, NOMINAL, (*CLAIMED, STRONG), 1, BOTH))
         every.append(Block("literal", chain, NOMINAL, ("equation-149", "equation-98"), 1, BOTH))
         every.append(Block("fig9-noise", chain, UNCERTAIN, BANDS, draws))
         every.append(Block("fig11-noise", chain, UNCERTAIN, CLAIMED, draws))
-    every.append(Block("fig10-step", "ideal", UNCERTAIN, CLAIMED, draws))
+    every.append(Block("fig10-step", "ideal", UNCERTAIN, (*CLAIMED, STRONG), draws))
     for chain, prefix in (("ideal", "l"), ("slow", "m")):
         every.append(Block("ablations", chain, UNCERTAIN, tuple(f"{prefix}-{form}" for form in FORMS), draws))
     every.append(Block("fig11-noise", "ideal", MISMATCH, CLAIMED, draws))

@@ -1,0 +1,138 @@
+"""``torquebench paper --quick`` and ``torquebench boundary-layer --quick``, run once and looked at from all sides."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from torquebench.cli.main import main
+from torquebench.experiment.store import check_run
+from torquebench.paper.claims import claims
+from torquebench.paper.records import Records
+from torquebench.robot.library import data_root
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Results of the quick study."""
+    out = tmp_path_factory.mktemp("paper") / "out"
+    assert main(["paper", "--quick", "--out", str(out)]) == 0
+    return out
+
+
+def read(folder, name):
+    """Return a JSON file of the results."""
+    return json.loads((folder / name).read_text())
+
+
+def test_the_folder_is_complete(folder):
+    """Claims, runs, checks, the page and Figs 9 to 11, with the manifest's checksums."""
+    wanted = {"claims.json", "runs.json", "checks.json", "report.html"}
+    wanted |= {f"figures/fig{k}.{fmt}" for k in (9, 10, 11) for fmt in ("svg", "png")}
+    assert set(check_run(folder)["files"]) == wanted
+
+
+def test_the_claims_follow_from_the_stored_runs(folder):
+    """Judged again from ``runs.json`` they are the same; every field is there, and every config exists."""
+    stored = read(folder, "claims.json")
+    again = [claim.to_json() for claim in claims(Records.from_json(read(folder, "runs.json")))]
+    assert stored == json.loads(json.dumps(again))
+    for claim in stored:
+        assert {"claim", "where", "verdict", "figure", "interval", "condition", "ablation", "config"} <= claim.keys()
+        assert claim["verdict"] in ("holds", "fails", "holds only if")
+        assert claim["interval"][0] <= claim["figure"] <= claim["interval"][1]
+        assert (data_root() / claim["config"]).is_file()
+
+
+def test_both_plants_agree(folder, figure):
+    """Within 1e-12 rad, switching laws included.
+
+    Without a model, sgn(s) leaves the torque as it is until s changes sign: the arm is in open loop, in which round-off
+    grows tenfold a second. There the plants must command the same torques at every instant, and stay within 1e-10 rad.
+    """
+    rows = read(folder, "checks.json")["agreement"]
+    blind = ("conventional-blind", "conventional-strong")
+    figure("plants apart, all but sgn(s) without a model [rad]",
+           max(r["position"] for r in rows if r["controller"] not in blind), "<= 1e-12")  # fmt: skip
+    figure("plants apart, sgn(s) without a model [rad]",
+           max(r["position"] for r in rows if r["controller"] in blind), "<= 1e-12 in the issue")  # fmt: skip
+    assert len(rows) >= 60
+    for row in rows:
+        assert row["torques"] == 0, row
+        assert row["position"] <= (1e-10 if row["controller"] in blind else 1e-12), row
+
+
+def test_hf_is_a_property_of_the_law_and_total_variation_is_not(folder, figure):
+    """From 0.25 to 5 ms HF moves by less than 6 percentage points; total variation follows the period, tenfold."""
+    rows = read(folder, "checks.json")["chattering"]
+    assert [row["control_period"] for row in rows] == [0.00025, 0.0005, 0.001, 0.002, 0.005]
+    hf, variation = ([row[key] for row in rows] for key in ("hf", "total_variation"))
+    figure("HF of conventional SMC from 0.25 to 5 ms [percentage points]", max(hf) - min(hf), "< 6")
+    assert max(hf) - min(hf) < 6.0
+    assert max(variation) > 10.0 * min(variation)
+
+
+def test_the_noise_is_what_it_is_said_to_be(folder, figure):
+    """Standard deviation within 1 % of sigma, spectrum within 1 dB of a hold's up to 80 Hz."""
+    noise = read(folder, "checks.json")["noise"]
+    figure("standard deviation of the noise over sigma", noise["standard_deviation_over_sigma"], "0.99 .. 1.01")
+    figure("noise spectrum off sinc^2, up to 80 Hz [dB]", noise["largest_deviation_dB"], "< 1")
+    assert noise["standard_deviation_over_sigma"] == pytest.approx(1.0, abs=0.01)
+    assert noise["largest_deviation_dB"] < 1.0
+
+
+class Page(HTMLParser):
+    """Collects what a page asks for from elsewhere, and its text."""
+
+    def __init__(self):
+        super().__init__()
+        self.outside, self.text, self.open = [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        """Note what is fetched."""
+        for key, value in attributes:
+            if key in ("src", "href", "xlink:href") and value and not value.startswith(("#", "data:")):
+                self.outside.append(value)
+
+    def handle_data(self, data):
+        """Note what is read."""
+        self.text.append(data)
+
+
+def test_the_page_stands_alone(folder):
+    """Nothing from outside, every claim with its verdict, three figures as SVG."""
+    page = Page()
+    page.feed((folder / "report.html").read_text())
+    assert page.outside == []
+    text = " ".join(" ".join(page.text).split())
+    for claim in read(folder, "claims.json"):
+        assert claim["claim"] in text
+        assert claim["condition"] in text
+    assert len(re.findall(r"<figure><svg", (folder / "report.html").read_text())) == 3
+
+
+def test_bad_arguments_write_nothing(tmp_path, command):
+    """No threads: exit 2 and no folder."""
+    for name in ("paper", "boundary-layer"):
+        status, _, err = command(name, "--workers", "0", "--out", tmp_path / "out")
+        assert status == 2
+        assert "--workers: 0: wanted at least 1" in err
+        assert not (tmp_path / "out").exists()
+
+
+def test_the_boundary_layer_trades_error_for_chattering(tmp_path, command):
+    """Along the front less chattering costs error; a wider band chatters less at equal gains."""
+    status, out, err = command("boundary-layer", "--quick", "--out", tmp_path / "out")
+    assert (status, err) == (0, "")
+    points = read(tmp_path / "out", "points.json")
+    assert len(points) == 48
+    best = sorted((p["hf"]["ratio"], p["rmse"]["ratio"]) for p in points if p["front"])
+    assert len(best) >= 5
+    assert [e for _, e in best] == sorted((e for _, e in best), reverse=True)
+    same = sorted((p["phi"], p["hf"]["ratio"]) for p in points if (p["k"], p["lam"]) == (0.3, 20.0))
+    assert [hf for _, hf in same] == sorted((hf for _, hf in same), reverse=True)
+    assert "beats in both error and chattering" in out
+    check_run(tmp_path / "out")
