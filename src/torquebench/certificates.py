@@ -62,7 +62,7 @@ class Certificate:
     reaching_time: float
     """Time from there until every joint is in its layer for the first time [s]; infinite when that never happens."""
     reaching_bound: float
-    """Bound on it, sqrt(2 V lambda_max(M)) / min eta; infinite when the margin is not positive all the way."""
+    """Bound on it, sqrt(2 V max sum |M_ij|) / min eta; infinite when the margin is not positive all the way."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the headline figures; infinite times are None."""
@@ -145,15 +145,16 @@ def certify(run: Trajectory, truth: RobotModel, law: SlidingLaw, control_period:
 def _reaching(t: Array, s: Array, V: Array, M: Array, margin: Array, layer: Array) -> tuple[int, float, float]:
     """Return the instant of the largest V, the time from there into the layer, and the bound on that time.
 
-    V <= lambda_max |s|^2 / 2 and dV/dt <= -eta |s| give d sqrt(V)/dt <= -eta / sqrt(2 lambda_max): the (91) of an arm.
+    V <= m |s|^2 / 2 and dV/dt <= -eta |s| give d sqrt(V)/dt <= -eta / sqrt(2 m): the (91) of an arm. m is the largest
+    row sum of |M|, which no eigenvalue of M exceeds.
     """
     first = int(np.argmax(V))
     inside = np.all(np.abs(s[first:]) <= layer, axis=1)
     reached = bool(inside.any())
     last = first + int(np.argmax(inside)) if reached else len(V) - 1
     eta = float(np.min(margin[min(first, len(margin) - 1) : max(last, first + 1)]))
-    stiffest = float(np.max(np.linalg.eigvalsh(M)[:, -1]))
-    bound = math.sqrt(2.0 * float(V[first]) * stiffest) / eta if eta > 0.0 else math.inf
+    heaviest = float(np.max(np.sum(np.abs(M), axis=2)))
+    bound = math.sqrt(2.0 * float(V[first]) * heaviest) / eta if eta > 0.0 else math.inf
     return first, float(t[last] - t[first]) if reached else math.inf, bound
 
 

@@ -30,7 +30,7 @@ def read(folder, name):
 
 def test_the_folder_is_complete(folder):
     """Claims, runs, checks, the page and Figs 9 to 11, with the manifest's checksums."""
-    wanted = {"claims.json", "runs.json", "checks.json", "report.html"}
+    wanted = {"claims.json", "claims.md", "runs.json", "checks.json", "report.html"}
     wanted |= {f"figures/fig{k}.{fmt}" for k in (9, 10, 11) for fmt in ("svg", "png")}
     assert set(check_run(folder)["files"]) == wanted
 

@@ -93,7 +93,7 @@ def available(records: Records, at: Record) -> set[str]:
     ("judge", "change", "verdict"),
     [
         (theory_claims.fuzzy_estimates_dynamics, {"fuzzy_share": 0.3}, FAILS),
-        (theory_claims.stable, {"least_margin": -0.1}, FAILS),
+        (theory_claims.proposed_is_stable, {"least_margin": -0.1}, FAILS),
         (figure_claims.removes_chattering, {"hf": 1.2}, FAILS),
     ],
 )
@@ -113,7 +113,7 @@ def test_one_chain_against_it_makes_a_claim_conditional() -> None:
 
     claim = figure_claims.removes_chattering(made(mixed))
     assert claim.verdict == ONLY_IF
-    holds, fails = claim.condition.split("; fails for ")
+    holds, fails = claim.condition.split(". Fails for ")
     assert "ideal and fast" in holds
     assert "slow chain" not in holds
     assert "slow chain" in fails

@@ -60,6 +60,7 @@ def paper(options: argparse.Namespace) -> int:
     table_of = claims(study.records)
     directory.write("runs.json", json_bytes(study.records.to_json()))
     directory.write("claims.json", json_bytes([claim.to_json() for claim in table_of]))
+    directory.write("claims.md", markdown(table_of).encode())
     pictures = write_pages(study, directory)
     write_report(study, table_of, pictures, directory, draws)
     directory.finish({"name": "paper", "draws": draws, "mismatch_redraws": study.redraws})
@@ -137,6 +138,20 @@ def write_report(
     )
     software = json.dumps(versions() | machine(), indent=2)
     directory.write("report.html", page(table_of, pictures, study.apart, chattering, noise, workload, software))
+
+
+def markdown(table_of: list[Claim]) -> str:
+    """Return the table of claims as Markdown."""
+    lines = ["| claim | verdict | figure [95 %] | conditions | what does as well |", "|---|---|---|---|---|"]
+    for claim in table_of:
+        figure = f"{claim.figure:.3g} [{claim.interval[0]:.3g}, {claim.interval[1]:.3g}]"
+        cells = (
+            f"{claim.claim}, {claim.where}", f"**{claim.verdict}**",
+            f"{figure}: {claim.measure} ({claim.cases[0].who}; {claim.cases[0].where})", claim.condition,
+            claim.ablation,
+        )  # fmt: skip
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
 
 
 def claims_table(table_of: list[Claim]) -> str:

@@ -16,7 +16,8 @@ CLAIMS: tuple[Callable[[Records], Claim], ...] = (
     figure_claims.rejects_noise,
     theory_claims.fuzzy_estimates_dynamics,
     theory_claims.insensitive_to_model,
-    theory_claims.stable,
+    theory_claims.conventional_is_stable,
+    theory_claims.proposed_is_stable,
     theory_claims.workable_as_printed,
 )
 """How each claim is judged."""

@@ -11,7 +11,7 @@ NO_CHATTERING = 1.0
 SETS = {
     "set L": ("proposed-l", "conventional"),
     "set L with model": ("proposed-l-model", "conventional"),
-    "set L, conventional without model too": ("proposed-l", "conventional-blind"),
+    "set L, no model on either side": ("proposed-l", "conventional-blind"),
     "set M": ("proposed-m", "conventional-m"),
     "set M with model": ("proposed-m-model", "conventional-m"),
 }
@@ -69,8 +69,8 @@ def negligible_error(x: Records) -> Claim:
 def conventional_is_faster(x: Records) -> Claim:
     """Fig 10: conventional sliding mode is faster than the proposed law."""
     strong = {
-        "set L, all torque switching": ("proposed-l", STRONG),
-        "set M, all torque switching": ("proposed-m", STRONG),
+        "set L against all torque switching": ("proposed-l", STRONG),
+        "set M against all torque switching": ("proposed-m", STRONG),
     }
     cases = [
         below(name if key == "rise_time" else f"{name}, settling", ("step", chain, condition),

@@ -107,7 +107,7 @@ def judged(claim: str, where: str, measure: str, cases: Sequence[Case], *, ablat
     held = sum(case.holds for case in cases)
     verdict = HOLDS if held == len(cases) else FAILS if held == 0 else ONLY_IF
     if verdict == ONLY_IF:
-        condition = f"holds for {_listed(cases, True)}; fails for {_listed(cases, False)}"
+        condition = f"holds for {_listed(cases, True)}. Fails for {_listed(cases, False)}"
     else:
         condition = f"in all {len(cases)} conditions tried" if len(cases) > 1 else f"{cases[0].who}, {cases[0].where}"
     first = cases[0]
@@ -124,9 +124,9 @@ def _listed(cases: Sequence[Case], side: bool) -> str:
         groups: dict[tuple[str, str], list[str]] = {}
         for reference, chain, condition in (case.place for case in own if case.holds == side):
             groups.setdefault((reference, condition), []).append(chain)
-        places = [f"{reference}, {condition}, {_chains(chains)}" for (reference, condition), chains in groups.items()]
-        found.append(who if all(case.holds == side for case in own) else f"{who} ({'; '.join(places)})")
-    return ", ".join(found)
+        places = [f"{reference} {condition} on {_chains(chains)}" for (reference, condition), chains in groups.items()]
+        found.append(who if all(case.holds == side for case in own) else f"{who} ({', '.join(places)})")
+    return "; ".join(found)
 
 
 def _chains(chains: Sequence[str]) -> str:

@@ -67,7 +67,7 @@ def blocks(draws: int) -> list[Block]:
     every.append(Block("fig10-step", "ideal", UNCERTAIN, (*CLAIMED, STRONG), draws))
     for chain, prefix in (("ideal", "l"), ("slow", "m")):
         every.append(Block("ablations", chain, UNCERTAIN, tuple(f"{prefix}-{form}" for form in FORMS), draws))
-    every.append(Block("fig11-noise", "ideal", MISMATCH, CLAIMED, draws))
+    every.append(Block("fig11-noise", "ideal", MISMATCH, tuple(n for n in CLAIMED if n.startswith("proposed")), draws))
     noisy = ("conventional", "conventional-m", "proposed-l", "proposed-m")
     every += [Block("fig11-noise", "ideal", condition, noisy, draws) for condition in (SLOW_NOISE, LIMIT_NOISE)]
     return every
