@@ -26,7 +26,7 @@ def test_a_run_directory_is_complete_and_checks_out(quick, command):
     folder = quick.parent / "result"
     assert (status, err) == (0, "")
     manifest = check_run(folder)
-    expected = {"experiment.yaml", "metrics.json", "certificates.json"}
+    expected = {"experiment.yaml", "metrics.json", "certificates.json", "report.html"}
     expected |= {f"{name}/trajectory.npz" for name in ("conventional", "linear-band")}
     expected |= {f"figures/{name}.{fmt}" for name in FIGURES for fmt in ("svg", "png")}
     assert set(manifest["files"]) == expected

@@ -75,12 +75,23 @@ def parser() -> argparse.ArgumentParser:
     paper.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads (default: one per core)")
 
     layer = commands.add_parser(
-        "boundary-layer", help="what a boundary layer costs: error against chattering over phi, K and lambda",
+        "boundary-layer", help="what a boundary layer costs: error against chattering",
         description="Run configs/paper/boundary-layer.yaml over a grid of phi, k and lambda, and draw the front.",
     )  # fmt: skip
     layer.add_argument("--out", type=Path, help="folder for the results (default: runs/boundary-layer-UTC)")
     layer.add_argument("--quick", action="store_true", help="few draws")
     layer.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads (default: one per core)")
+
+    report = commands.add_parser(
+        "report", help="the page of a stored run again, or several runs side by side",
+        description="Nothing is simulated: everything comes from the stored trajectories.",
+    )  # fmt: skip
+    report.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder that `run` left")
+    report.add_argument("--out", type=Path, metavar="FILE",
+                        help="page to write (default: RUN/report.html; comparison.html for several)")  # fmt: skip
+    report.add_argument("--redraw", action="store_true", help="draw the figures again from the trajectories")
+    report.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
+                        help="Python file that registers laws which the runs use")  # fmt: skip
 
     check = commands.add_parser(
         "check", help="contract test of your own laws: what the loop relies on, and whether they can be compiled",
@@ -166,6 +177,10 @@ def dispatch(options: argparse.Namespace) -> int:
         from torquebench.cli.boundary_layer import boundary_layer
 
         return boundary_layer(options)
+    if options.command == "report":
+        from torquebench.cli.report import report
+
+        return report(options.runs, options.out, options.plugin, options.redraw)
     if options.command == "paper":
         from torquebench.cli.paper import paper
 

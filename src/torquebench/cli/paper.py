@@ -12,10 +12,11 @@ from torquebench.cli.terminal import progress_bar, say, table
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes, machine, versions
 from torquebench.paper.claims import claims
-from torquebench.paper.report import Picture, agreement_text, page
+from torquebench.paper.report import agreement_text, page
 from torquebench.paper.runs import Study, run_study, steps_of
 from torquebench.paper.verdicts import Claim
 from torquebench.paper.workload import NOMINAL, PAIRED_DRAWS, RELATIVE, UNCERTAIN
+from torquebench.report.render import Picture
 
 PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
     "fig9": (
@@ -102,7 +103,7 @@ def write_pages(study: Study, directory: RunDirectory) -> list[Picture]:
                 content[fmt] = figure_bytes(figure, fmt)
                 directory.write(f"figures/{name}.{fmt}", content[fmt])
                 bar.update(1)
-            pictures.append(Picture(title, caption, content["svg"].decode()))
+            pictures.append(Picture(title, content["svg"].decode(), caption))
     return pictures
 
 

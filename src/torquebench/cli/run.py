@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
 from torquebench.certificates import Certificate
 from torquebench.cli.certificates import certificate_lines, certificate_pages
@@ -15,9 +16,11 @@ from torquebench.experiment.build import build
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
 from torquebench.experiment.schema import AnalyticPlant, Experiment
-from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes
+from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes, machine, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
+from torquebench.report.run_page import run_page
+from torquebench.report.tables import headline_table, outcome_text
 from torquebench.robot.library import model_folder
 from torquebench.robot.model import SLIDE
 from torquebench.sim.trajectory import Trajectory
@@ -100,18 +103,24 @@ def write_results(
     directory.write("metrics.json", json_bytes({"conditions": conditions, "controllers": metrics}))
     proofs = certificates(experiment, result.loop, result.runs)
     directory.write("certificates.json", json_bytes({name: found.to_json() for name, found in proofs.items()}))
-    if with_figures:
-        write_figures(result, directory, proofs)
+    svgs = write_figures(result, directory, proofs) if with_figures else {}
+    facts = {
+        "config_sha256": config_hash(experiment),
+        "seeds": {
+            "seed": experiment.run.seed,
+            "draw": experiment.run.draw,
+            "streams": {stream.name.lower(): int(stream) for stream in Stream},
+            "mismatch_redraws": result.loop.redraws,
+        },
+    }
+    page = run_page(
+        result, proofs, svgs, conditions_text(experiment), facts | {"software": versions(), "machine": machine()}
+    )
+    directory.write("report.html", page)
     directory.finish(
-        {
+        facts
+        | {
             "name": experiment.name,
-            "config_sha256": config_hash(experiment),
-            "seeds": {
-                "seed": experiment.run.seed,
-                "draw": experiment.run.draw,
-                "streams": {stream.name.lower(): int(stream) for stream in Stream},
-                "mismatch_redraws": result.loop.redraws,
-            },
             "model_files": checksums(sorted(p for p in model_folder(experiment.plant.model).iterdir() if p.is_file())),
             "plugins": checksums(plugins),
             "fuzzy": {
@@ -134,8 +143,27 @@ def write_results(
     return proofs
 
 
-def write_figures(result: ExperimentResult, directory: RunDirectory, proofs: Mapping[str, Certificate]) -> None:
-    """Draw every figure and write it as SVG and PNG."""
+def write_figures(
+    result: ExperimentResult, directory: RunDirectory, proofs: Mapping[str, Certificate]
+) -> dict[str, bytes]:
+    """Draw every figure, write it as SVG and PNG, and return the SVGs by name."""
+    svgs = {}
+    for name, files in draw_figures(result, proofs):
+        for fmt, content in files.items():
+            directory.write(f"figures/{name}.{fmt}", content)
+        svgs[name] = files["svg"]
+    return svgs
+
+
+def draw_figures(
+    result: ExperimentResult, proofs: Mapping[str, Certificate]
+) -> Iterator[tuple[str, dict[Literal["svg", "png"], bytes]]]:
+    """Draw every figure of a run; yield its name and its bytes by format.
+
+    Args:
+        result: The run.
+        proofs: Controller name -> certificates.
+    """
     from torquebench.analysis.figures import figure_bytes, make_figures
 
     experiment = result.experiment
@@ -149,12 +177,15 @@ def write_figures(result: ExperimentResult, directory: RunDirectory, proofs: Map
     )  # fmt: skip
     figures |= certificate_pages(result, proofs, conditions_text(experiment))
     figures |= run_figures(result, conditions_text(experiment))
+    formats: tuple[Literal["svg", "png"], ...] = ("svg", "png")
     with progress_bar(2 * len(figures), "figure", "drawing") as bar:
         for name, figure in figures.items():
-            for fmt in ("svg", "png"):
+            files = {}
+            for fmt in formats:
                 bar.set_description_str(f"figures/{name}.{fmt}", refresh=False)
-                directory.write(f"figures/{name}.{fmt}", figure_bytes(figure, fmt))
+                files[fmt] = figure_bytes(figure, fmt)
                 bar.update(1)
+            yield name, files
 
 
 def noise_text(experiment: Experiment) -> str:
@@ -182,31 +213,7 @@ def conditions_text(experiment: Experiment) -> str:
     )
 
 
-def outcome_text(result: ExperimentResult, name: str) -> str:
-    """Return how a run ended, with the time of a failure."""
-    trajectory = result.runs[name]
-    if trajectory.completed:
-        return "completed"
-    return f"{trajectory.outcome.name.lower().replace('_', ' ')} at {trajectory.t[-1]:g} s"
-
-
 def summary(result: ExperimentResult) -> str:
     """Return the table of headline metrics, one row a controller."""
-    columns = {
-        "rmse": ("RMSE [mrad]", 1e3), "max_error": ("max [mrad]", 1e3), "steady_state_error": ("steady [mrad]", 1e3),
-        "hf": ("HF [%]", 1.0), "total_variation": ("TV [1/s]", 1.0), "effort": ("effort", 1.0),
-        "saturation_fraction": ("saturated [%]", 100.0),
-    }  # fmt: skip
-    if result.experiment.reference.kind in ("step", "quintic"):
-        columns["rise_time"], columns["overshoot"] = ("rise [s]", 1.0), ("over [%]", 1.0)
-        columns["settling_time"] = ("settle [s]", 1.0)
-    rows = []
-    for keys in result.experiment.controllers:
-        cells = [keys.name, keys.law, outcome_text(result, keys.name)]
-        metrics = result.metrics.get(keys.name)
-        for key, (_, scale) in columns.items():
-            value = None if metrics is None else getattr(metrics, key).value
-            cells.append("-" if value is None else f"{value * scale:.4g}")
-        rows.append(cells)
-    header = ["controller", "law", "outcome", *(title for title, _ in columns.values())]
+    header, rows = headline_table(result)
     return f"{result.experiment.name}\n{conditions_text(result.experiment)}\n\n{table(header, rows)}"

@@ -106,6 +106,26 @@ class RunDirectory:
         (self.folder / CLAIM).unlink(missing_ok=True)
 
 
+def add_to_run(folder: Path, name: str, content: bytes) -> None:
+    """Write one more file, or one anew, into a finished run directory; the manifest holds at every instant.
+
+    Args:
+        folder: The run directory.
+        name: Name of the file, relative to it.
+        content: What to write.
+
+    Raises:
+        ResultError: it is not a finished run directory, or another file of it is missing or changed.
+    """
+    manifest = check_run(folder, leave_out=name)
+    manifest["files"].pop(name, None)
+    atomic_write(folder / MANIFEST, json_bytes(manifest))
+    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    atomic_write(folder / name, content)
+    manifest["files"][name] = hashlib.sha256(content).hexdigest()
+    atomic_write(folder / MANIFEST, json_bytes(manifest))
+
+
 def json_bytes(value: Any) -> bytes:
     """Return `value` as readable JSON; NaN and infinity are refused."""
     return (json.dumps(value, indent=2, allow_nan=False) + "\n").encode()
@@ -132,8 +152,12 @@ def checksums(paths: Iterable[Path]) -> dict[str, str]:
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
 
 
-def check_run(folder: Path) -> dict[str, Any]:
+def check_run(folder: Path, leave_out: str = "") -> dict[str, Any]:
     """Return a run directory's manifest after checking every file against it.
+
+    Args:
+        folder: The run directory.
+        leave_out: A file that need not be what the manifest says.
 
     Raises:
         ResultError: no manifest (the run did not finish), or a file is missing or changed.
@@ -145,6 +169,6 @@ def check_run(folder: Path) -> dict[str, Any]:
         raise ResultError(f"{folder}: not a finished run directory ({error})") from error
     for name, checksum in files.items():
         path = folder / name
-        if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != checksum:
+        if name != leave_out and (not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != checksum):
             raise ResultError(f"{path}: missing or changed since the manifest was written")
     return manifest

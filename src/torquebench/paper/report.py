@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from typing import Any
 
 from torquebench.paper.checks import Chattering
 from torquebench.paper.runs import Apart
 from torquebench.paper.verdicts import FAILS, HOLDS, ONLY_IF, Claim
+from torquebench.report.render import Picture, render
 
 CLASSES = {HOLDS: "holds", FAILS: "fails", ONLY_IF: "only"}
 AGREE = 1e-12
 """Difference of the two plants up to which they agree [rad]."""
-
-
-class Picture(NamedTuple):
-    """A figure of the page."""
-
-    title: str
-    caption: str
-    svg: str
 
 
 def page(
@@ -39,18 +30,14 @@ def page(
         workload: What was run, in words.
         software: Versions and machine.
     """
-    environment = Environment(
-        loader=PackageLoader("torquebench.paper"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
     rows = [(*key, value.position, value.torques) for key, value in apart.items()]
-    return environment.get_template("report.html.j2").render(
-        title="The paper's claims, measured",
+    return render(
+        "paper", figures=list(pictures), title="The paper's claims, measured",
         lead="Each claim is judged from stored metrics, at two gain sets, on three chains of sensors and actuators, "
         "with and without model error and noise. An interval that reaches the other side does not count as true.",
-        claims=claims, classes=CLASSES, figures=[p._replace(svg=_body(p.svg)) for p in pictures],
-        agreement={"rows": rows, "text": agreement_text(apart)}, chattering=chattering, noise=noise,
-        workload=workload, software=software,
-    ).encode()  # fmt: skip
+        claims=claims, classes=CLASSES, agreement={"rows": rows, "text": agreement_text(apart)},
+        chattering=chattering, noise=noise, workload=workload, software=software,
+    )  # fmt: skip
 
 
 def agreement_text(apart: Mapping[tuple[str, str, str], Apart]) -> str:
@@ -69,8 +56,3 @@ def agreement_text(apart: Mapping[tuple[str, str, str], Apart]) -> str:
         f"{text}; the others ({', '.join(names)}) at most {worst:.2g} rad. "
         f"In those {torques} of the commanded torques differ."
     )
-
-
-def _body(svg: str) -> str:
-    """Return an SVG document without what may only stand at the start of a file."""
-    return svg[svg.index("<svg") :]

@@ -1,0 +1,96 @@
+"""``torquebench report``: the page of a stored run made again, or several runs side by side; nothing is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from torquebench.cli.run import conditions_text, draw_figures
+from torquebench.cli.terminal import say
+from torquebench.errors import ConfigError, Problem, ResultError
+from torquebench.experiment.certify import certificates
+from torquebench.experiment.store import add_to_run, atomic_write
+from torquebench.experiment.stored import StoredRun, load_run
+from torquebench.laws.plugin import load_plugin
+from torquebench.report.render import Picture
+from torquebench.report.run_page import comparison_page, run_page
+
+PAGE = "report.html"
+FILM = "video.mp4"
+
+
+def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redraw: bool) -> int:
+    """Make the page of one run again, or a page with several; return 0.
+
+    Args:
+        runs: Run directories.
+        out: File to write; None for ``report.html`` in the run, or ``comparison.html`` here for several.
+        plugins: Files that register laws which the runs use.
+        redraw: Draw the figures again from the trajectories instead of taking the stored ones.
+
+    Raises:
+        ConfigError: the file exists already, two runs have the same name, or a run cannot be read.
+    """
+    for plugin in plugins:
+        load_plugin(plugin)
+    try:
+        stored = [load_run(folder) for folder in runs]
+    except ResultError as error:
+        raise ConfigError([Problem("RUN", "", str(error))]) from error
+    if len(stored) == 1 and out is None:
+        (run,) = stored
+        add_to_run(run.folder, PAGE, page_of(run, redraw))
+        say(f"report: {run.folder / PAGE}")
+        return 0
+    target = out or Path("comparison.html")
+    if target.exists():
+        raise ConfigError([Problem("--out", "", f"{target} exists; wanted a new file")])
+    names = [run.folder.resolve().name for run in stored]
+    if len(set(names)) < len(names):
+        raise ConfigError([Problem("RUN", "", f"two runs are called {max(names, key=names.count)}")])
+    content = page_of(stored[0], redraw) if len(stored) == 1 else comparison_of(dict(zip(names, stored, strict=True)))
+    atomic_write(target, content)
+    say(f"report: {target}")
+    return 0
+
+
+def page_of(run: StoredRun, redraw: bool) -> bytes:
+    """Return the page of a stored run.
+
+    Args:
+        run: The run.
+        redraw: Draw the figures again instead of taking the stored ones.
+    """
+    proofs = certificates(run.result.experiment, run.result.loop, run.result.runs)
+    svgs = {name: files["svg"] for name, files in draw_figures(run.result, proofs)} if redraw else stored_figures(run)
+    film = run.folder / FILM
+    return run_page(
+        run.result, proofs, svgs, conditions_text(run.result.experiment), facts_of(run.manifest),
+        film.read_bytes() if film.is_file() else None,
+    )  # fmt: skip
+
+
+def stored_figures(run: StoredRun) -> dict[str, bytes]:
+    """Return the figures of a run directory by name, in the order in which they were drawn."""
+    names = [name for name in run.manifest["files"] if name.startswith("figures/") and name.endswith(".svg")]
+    return {Path(name).stem: (run.folder / name).read_bytes() for name in names}
+
+
+def facts_of(manifest: dict[str, Any]) -> dict[str, Any]:
+    """Return what a page tells of a run's manifest: configuration, seeds, software and machine."""
+    return {key: manifest[key] for key in ("config_sha256", "seeds", "software", "machine")}
+
+
+def comparison_of(stored: dict[str, StoredRun]) -> bytes:
+    """Return a page with several runs, and each one's errors drawn.
+
+    Args:
+        stored: Name -> run.
+    """
+    pictures = []
+    for name, run in stored.items():
+        svg = stored_figures(run).get("error")
+        if svg is not None:
+            pictures.append(Picture(f"Tracking error: {name}", svg.decode()))
+    return comparison_page({name: run.result for name, run in stored.items()}, pictures)

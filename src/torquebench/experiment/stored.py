@@ -1,0 +1,47 @@
+"""A finished run read back: the experiment, its objects, its trajectories and metrics, nothing simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torquebench.errors import ResultError
+from torquebench.experiment.build import build
+from torquebench.experiment.load import load_experiment
+from torquebench.experiment.run import ExperimentResult, metrics_of
+from torquebench.experiment.store import check_run
+from torquebench.sim.trajectory import load_trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRun:
+    """A run directory's content."""
+
+    folder: Path
+    result: ExperimentResult
+    manifest: dict[str, Any]
+
+
+def load_run(folder: Path) -> StoredRun:
+    """Read a run directory.
+
+    Args:
+        folder: Where `torquebench run` left its results.
+
+    Raises:
+        ResultError: it is not a finished run, or a file of it is missing or changed.
+        ConfigError: its experiment uses a law or a model that is not there any more.
+    """
+    manifest = check_run(folder)
+    if "outcomes" not in manifest:
+        raise ResultError(f"{folder}: not a run of an experiment")
+    experiment = load_experiment(folder / "experiment.yaml")
+    loop = build(experiment)
+    runs = {keys.name: load_trajectory(folder / keys.name / "trajectory.npz") for keys in experiment.controllers}
+    metrics = {
+        keys.name: metrics_of(experiment, loop, keys, runs[keys.name])
+        for keys in experiment.controllers
+        if runs[keys.name].completed
+    }
+    return StoredRun(folder, ExperimentResult(experiment, loop, runs, metrics), manifest)

@@ -1,0 +1,1 @@
+"""Pages of HTML that stand alone: one run, several runs side by side, the paper's study."""

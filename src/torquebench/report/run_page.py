@@ -1,0 +1,115 @@
+"""The page of one run: film, result, certificates, figures, what was asked, software and machine."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from torquebench.certificates import Certificate
+from torquebench.experiment.certify import flags
+from torquebench.experiment.dump import dump_experiment
+from torquebench.experiment.run import ExperimentResult
+from torquebench.report.render import Picture, render
+from torquebench.report.tables import by_joint, certificate_rows, gain_rows, headline_table
+
+TITLES = {
+    "position": "Position", "error": "Tracking error", "torque": "Torque", "sliding": "Sliding variable",
+    "spectrum": "Spectrum of the torque", "certificates": "Stability certificates over time",
+}  # fmt: skip
+"""Headings of figures by file name."""
+
+
+def run_page(
+    result: ExperimentResult, proofs: Mapping[str, Certificate], figures: Mapping[str, bytes], conditions: str,
+    facts: Mapping[str, Any], film: bytes | None = None,
+) -> bytes:  # fmt: skip
+    """Return the page of one run; the same arguments give the same bytes.
+
+    Args:
+        result: The run.
+        proofs: Controller name -> certificates.
+        figures: File name without its ending -> SVG document, in order.
+        conditions: What was run, in two lines.
+        facts: Seeds, software and machine.
+        film: An MP4, or None.
+    """
+    experiment = result.experiment
+    header, rows = headline_table(result)
+    unexpected = result.unexpected
+    first, _, second = conditions.partition("\n")
+    asked = [("experiment", experiment.name)]
+    if experiment.description:
+        asked.append(("what for", experiment.description))
+    asked += [("what was run", first), ("under which conditions", second)]
+    return render(
+        "run", title=experiment.name, lead=experiment.description or first, columns=header[3:],
+        rows=[
+            {"name": row[0], "law": row[1], "outcome": row[2], "cells": row[3:], "expected": row[0] not in unexpected,
+             "detail": result.runs[row[0]].detail}
+            for row in rows
+        ],
+        per_joint=by_joint(result), joints=result.loop.joint_names, certificates=certificate_rows(result, proofs),
+        flags=[str(flag) for flag in flags(experiment, result.loop)], asked=asked, gains=gain_rows(result),
+        config=dump_experiment(experiment), facts=json.dumps(facts, indent=2),
+        video=None if film is None else base64.b64encode(film).decode(),
+        figures=[Picture(TITLES.get(name, name), svg.decode()) for name, svg in figures.items()],
+    )  # fmt: skip
+
+
+def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[Picture]) -> bytes:
+    """Return a page with several runs side by side, and the keys in which their experiments differ.
+
+    Args:
+        results: Name of a run, such as its folder's -> the run.
+        figures: Figures to show, in order.
+    """
+    titles: list[str] = []
+    tables = {name: headline_table(result) for name, result in results.items()}
+    for header, _ in tables.values():
+        titles += [title for title in header[3:] if title not in titles]
+    rows = []
+    for name, (header, own) in tables.items():
+        for row in own:
+            cells = dict(zip(header[3:], row[3:], strict=True))
+            rows.append({
+                "run": name, "name": row[0], "outcome": row[2], "cells": [cells.get(title, "-") for title in titles],
+                "expected": row[0] not in results[name].unexpected,
+            })  # fmt: skip
+    return render(
+        "comparison", figures=list(figures), title=" against ".join(results),
+        lead="Runs of different experiments are comparable where their keys are the same.", columns=titles, rows=rows,
+        runs=list(results), differences=differences({name: flat(result) for name, result in results.items()}),
+    )  # fmt: skip
+
+
+def flat(result: ExperimentResult) -> dict[str, str]:
+    """Return every key of a run's experiment with its value, as text; controllers by name."""
+    from torquebench.experiment.dump import plain
+
+    found: dict[str, str] = {}
+
+    def walk(prefix: str, value: Any) -> None:
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                walk(f"{prefix}.{key}" if prefix else key, inner)
+        elif isinstance(value, list) and value and all(isinstance(x, dict) for x in value):
+            for index, inner in enumerate(value):
+                walk(f"{prefix}.{inner.get('name', index)}", inner)
+        else:
+            found[prefix] = json.dumps(value)
+
+    walk("", plain(result.experiment))
+    return found
+
+
+def differences(configs: Mapping[str, Mapping[str, str]]) -> list[list[str]]:
+    """Return a row for each key whose value is not the same in all configs: the key, and each config's value.
+
+    Args:
+        configs: Name of a run -> its keys and values.
+    """
+    keys = dict.fromkeys(key for config in configs.values() for key in config)
+    rows = [[key, *(config.get(key, "-") for config in configs.values())] for key in keys]
+    return [row for row in rows if len(set(row[1:])) > 1]

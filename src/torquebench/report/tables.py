@@ -1,0 +1,110 @@
+"""The tables of a run, as text: headline metrics, every metric by joint, certificates, gains with their units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from torquebench.certificates import Certificate
+from torquebench.experiment.run import ExperimentResult
+from torquebench.laws import find_law
+from torquebench.metrics import Metric
+
+COLUMNS = {
+    "rmse": ("RMSE [mrad]", 1e3), "max_error": ("max [mrad]", 1e3), "steady_state_error": ("steady [mrad]", 1e3),
+    "hf": ("HF [%]", 1.0), "total_variation": ("TV [1/s]", 1.0), "effort": ("effort", 1.0),
+    "saturation_fraction": ("saturated [%]", 100.0),
+}  # fmt: skip
+"""Headline metrics: title with unit, and by how much the SI value is multiplied."""
+STEP_COLUMNS = {"rise_time": ("rise [s]", 1.0), "overshoot": ("over [%]", 1.0), "settling_time": ("settle [s]", 1.0)}
+"""Those that only a step has."""
+
+
+def outcome_text(result: ExperimentResult, name: str) -> str:
+    """Return how a run ended, with the time of a failure.
+
+    Args:
+        result: The experiment's runs.
+        name: The controller.
+    """
+    trajectory = result.runs[name]
+    if trajectory.completed:
+        return "completed"
+    return f"{trajectory.outcome.name.lower().replace('_', ' ')} at {trajectory.t[-1]:g} s"
+
+
+def headline_table(result: ExperimentResult) -> tuple[list[str], list[list[str]]]:
+    """Return the header and a row for each controller: name, law, outcome, headline metrics."""
+    step = result.experiment.reference.kind in ("step", "quintic")
+    columns = COLUMNS | (STEP_COLUMNS if step else {})
+    rows = []
+    for keys in result.experiment.controllers:
+        cells = [keys.name, keys.law, outcome_text(result, keys.name)]
+        metrics = result.metrics.get(keys.name)
+        for key, (_, scale) in columns.items():
+            cells.append("-" if metrics is None else number(getattr(metrics, key).value, scale))
+        rows.append(cells)
+    return ["controller", "law", "outcome", *(title for title, _ in columns.values())], rows
+
+
+def number(value: float | None, scale: float = 1.0) -> str:
+    """Return a figure as text, a dash where there is none.
+
+    Args:
+        value: The figure.
+        scale: By how much it is multiplied.
+    """
+    return "-" if value is None else f"{value * scale:.4g}"
+
+
+def by_joint(result: ExperimentResult) -> list[dict[str, Any]]:
+    """Return, for each controller with metrics, its name and a line for each metric: headline and every joint."""
+    found = []
+    for name, metrics in result.metrics.items():
+        lines = [
+            {"title": info.title, "unit": info.unit, "value": number(metric.value), "cells": _cells(metric)}
+            for info, metric in metrics.items()
+        ]
+        found.append({"name": name, "lines": lines})
+    return found
+
+
+def _cells(metric: Metric) -> list[str]:
+    return [number(value) for value in metric.per_joint]
+
+
+def certificate_rows(result: ExperimentResult, proofs: Mapping[str, Certificate]) -> list[list[str]]:
+    """Return a row for each controller with certificates.
+
+    Args:
+        result: The experiment's runs.
+        proofs: Controller name -> certificates.
+    """
+    rows = []
+    for name, found in proofs.items():
+        facts = found.to_json()
+        worst = facts["worst_margin"]
+        where = f"{result.loop.joint_names[worst['joint'] - 1]}, t = {worst['t']:.4g} s"
+        rows.append([
+            name, number(worst["value"]), where, number(facts["reaching_time"]), number(facts["reaching_bound"]),
+            number(facts["share_rising_outside"], 100.0),
+        ])  # fmt: skip
+    return rows
+
+
+def gain_rows(result: ExperimentResult) -> list[list[str]]:
+    """Return a row for each choice and gain of each controller: controller, name, value, unit, meaning."""
+    rows = []
+    for keys in result.experiment.controllers:
+        law = find_law(keys.law)
+        rows += [
+            [keys.name, name, str(keys.options.get(name, option.values[0])).lower(), "", option.meaning]
+            for name, option in law.options.items()
+        ]
+        for name, value in keys.gains.items():
+            gain = law.gains[name]
+            text = " ".join(f"{x:g}" for x in value) if isinstance(value, tuple) else f"{value:g}"
+            rows.append([keys.name, name, text, gain.unit, gain.meaning])
+        if keys.fuzzy is not None:
+            rows.append([keys.name, "fuzzy", keys.fuzzy, "", "fuzzy system"])
+    return rows
