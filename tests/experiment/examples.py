@@ -68,6 +68,18 @@ STEP = GOOD.replace(_SINE, "  kind: step\n  target: 0.6\n  at: 0.2\n")
 RAMP = GOOD.replace(_SINE, "  kind: ramp\n  target: [1, 2, 3, 4, 5, 6]\n  rise_time: 2\n")
 QUINTIC = GOOD.replace(_SINE, "  kind: quintic\n  target: 0.6\n  rise_time: 2\n")
 ANALYTIC = GOOD.replace("  engine: mujoco\n", "  engine: analytic\n  structure: printed\n  constants: fitted\n")
+SCENARIO = GOOD.replace(
+    "chain: ideal\n",
+    """\
+chain:
+  encoder_noise: 0.0001
+  quantisation: 0.0002
+  velocity: differentiated
+  velocity_filter: 300
+  delay: 0.004
+  actuator_lag: 0.003
+""",
+)
 MINIMAL = """\
 name: minimal
 plant: {engine: analytic, model: puma560}
@@ -141,6 +153,7 @@ ALL = {
     "quintic": QUINTIC,
     "analytic": ANALYTIC,
     "fuzzy": FUZZY,
+    "scenario": SCENARIO,
     "minimal": MINIMAL,
 }
 

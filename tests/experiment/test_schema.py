@@ -87,7 +87,7 @@ def test_schema_and_loader_know_the_same_keys() -> None:
     described = {key for key, _ in properties(schema)}
     written = {
         line.strip().removeprefix("- ").partition(":")[0]
-        for name in ("good", "step", "ramp", "analytic", "fuzzy")
+        for name in ("good", "step", "ramp", "analytic", "fuzzy", "scenario")
         for line in ALL[name].splitlines()
         if not line.strip().startswith("- [")
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +12,14 @@ from torquebench.disturbances import Stream, band_limited_noise, generator
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.fuzzy_system import systems_of
+from torquebench.experiment.scenario_schema import Chain as ChainKeys
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.puma560.mismatch import mismatched
-from torquebench.sim.chain import CHAINS
+from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.loop import Controller
 from torquebench.sim.plant import Plant
 
@@ -107,9 +109,20 @@ def sampled(reference: ReferenceSource, experiment: schema.Experiment) -> Refere
     return samples
 
 
+def build_chain(keys: str | ChainKeys) -> Chain:
+    """Return the sensors and actuators of a name, or of keys."""
+    if isinstance(keys, str):
+        return CHAINS[keys]
+    filtered = math.inf if keys.velocity_filter is None else keys.velocity_filter
+    return Chain(
+        "custom", position_sigma=keys.encoder_noise, velocity_rate=filtered if keys.velocity != "exact" else 0.0,
+        lag=keys.actuator_lag, quantum=keys.quantisation, delay=keys.delay,
+    )  # fmt: skip
+
+
 def build_position_noise(experiment: schema.Experiment) -> Array | None:
     """Draw the noise of the chain's encoders, (N, n) [rad]; None when they have none."""
-    sigma, run = CHAINS[experiment.chain].position_sigma, experiment.run
+    sigma, run = build_chain(experiment.chain).position_sigma, experiment.run
     if sigma == 0.0:
         return None
     rng = generator(run.seed, run.draw, Stream.POSITION_NOISE)

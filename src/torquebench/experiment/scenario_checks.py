@@ -1,0 +1,55 @@
+"""Checking what a law has to cope with: sensors and actuators, and the times at which things act."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, get_args
+
+from torquebench.errors import did_you_mean
+from torquebench.experiment.checks import Parts, check_multiple
+from torquebench.experiment.document import BROKEN, Document, KeyPath
+from torquebench.experiment.scenario_schema import Chain, ChainName
+from torquebench.experiment.sections import Checked, check_fields
+from torquebench.experiment.values import shown
+
+CHAINS = get_args(ChainName)
+
+
+def check_chain(document: Document, path: KeyPath, raw: Any, elsewhere: Callable[[str], str | None]) -> Any:
+    """Return a chain's name, what could be made of one given key by key, or BROKEN.
+
+    Args:
+        document: Receives mistakes.
+        path: Where the chain is.
+        raw: What is written there.
+        elsewhere: Explains a key that is valid, but not here.
+    """
+    if isinstance(raw, dict):
+        return Checked(path, Chain, check_fields(document, path, raw, Chain, elsewhere=elsewhere), frozenset(raw))
+    if isinstance(raw, str) and raw in CHAINS:
+        return raw
+    near = did_you_mean(raw, CHAINS) if isinstance(raw, str) else ""
+    hint = near if "did you mean" in near else ""
+    wanted = f"one of {', '.join(CHAINS)}, or a mapping ({', '.join(Chain.model_fields)})"
+    document.add(path, f"got {shown(raw)}, wanted {wanted}{hint}")
+    return BROKEN
+
+
+def check_scenario(document: Document, parts: Parts) -> None:
+    """Record every contradiction between keys of a scenario that are valid by themselves."""
+    _check_chain(document, parts)
+
+
+def _check_chain(document: Document, parts: Parts) -> None:
+    chain = parts.chain
+    if chain is None:
+        return
+    if chain.values.get("velocity") == "exact" and chain.values.get("velocity_filter") is not None:
+        message = "has no effect with velocity: exact (it belongs to velocity: differentiated)"
+        document.add((*chain.path, "velocity_filter"), message, at="key")
+    delay, duration = chain.values.get("delay"), parts.get("run", "duration")
+    if delay:
+        path = (*chain.path, "delay")
+        whole = check_multiple(document, path, delay, "run.control_period", parts.get("run", "control_period"))
+        if whole and duration is not None and delay >= duration:
+            document.add(path, f"got {delay:.12g} s, wanted less than run.duration, {duration:.12g} s")

@@ -1,0 +1,71 @@
+"""Keys of what a law has to cope with: sensors, actuators, disturbances, and a model that is wrong on purpose."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+from pydantic import Field
+
+from torquebench.experiment.keys import Keys
+from torquebench.experiment.values import NotNegative, NotNegativeVector, Positive
+
+ChainName: TypeAlias = Literal["ideal", "fast", "slow"]
+
+
+class Chain(Keys):
+    """Sensors and actuators, each imperfection by itself; the same on every joint."""
+
+    encoder_noise: NotNegative = Field(
+        0.0,
+        description="Standard deviation of the noise added to each measured position at each control instant [rad].",
+    )
+    quantisation: NotNegative = Field(
+        0.0,
+        description="Step of the encoders: the measured position, noise included, is rounded to a whole multiple of "
+        "it; 0 for none [rad].",
+    )
+    velocity: Literal["exact", "differentiated"] = Field(
+        "exact",
+        description="Measured velocity: exact is the true one; differentiated is the change of the measured position "
+        "since the last control instant over run.control_period, zero at first.",
+    )
+    velocity_filter: Positive | None = Field(
+        None,
+        description="Corner of a first-order filter through which the differentiated velocity passes; if left out "
+        "there is none [rad/s].",
+    )
+    delay: NotNegative = Field(
+        0.0,
+        description="Time after which the law sees a measurement, less than run.duration and a whole multiple of "
+        "run.control_period; until then it sees that of t = 0 [s].",
+    )
+    actuator_lag: NotNegative = Field(0.0, description="Time constant of the actuators; 0 for none [s].")
+
+
+class Mismatch(Keys):
+    """Errors put on purpose into the model that the laws use."""
+
+    relative: float = Field(
+        gt=0,
+        lt=1,
+        description="Every constant is multiplied by 1 + r or 1 - r, as drawn; r is a fraction, 0.3 for 30 % [1].",
+    )
+
+
+class AnyDisturbance(Keys):
+    """Keys that every disturbance has."""
+
+    kind: str = Field(description="Form of the disturbance.")
+
+
+class BandLimitedNoise(AnyDisturbance):
+    """Gaussian torque, each value held for a while."""
+
+    kind: Literal["band-limited-noise"] = Field(description="Form of the disturbance.")
+    channel: Literal["torque"] = Field(description="What it is added to: the joint torque, after saturation.")
+    sigma: NotNegativeVector = Field(description="Standard deviation before clipping [N m].")
+    hold: Positive = Field(0.01, description="Time each value lasts, a whole multiple of run.control_period [s].")
+    clip_sigma: Positive = Field(3.0, description="Values are clipped at this many standard deviations [1].")
+
+
+Disturbance: TypeAlias = BandLimitedNoise
