@@ -398,9 +398,9 @@ FUZZY_SYSTEMS = [
 ]
 
 
-def bad_scenario(old: str, new: str, key: str, word: str, on: str | None = None) -> Bad:
+def bad_scenario(old: str, new: str, key: str, word: str, on: str | None = None, text: str = SCENARIO) -> Bad:
     """Return one edit of the config with everything a law can have to cope with."""
-    return Bad(old, new, key, word, on, SCENARIO)
+    return Bad(old, new, key, word, on, text)
 
 
 SCENARIOS = [

@@ -79,6 +79,21 @@ chain:
   delay: 0.004
   actuator_lag: 0.003
 """,
+).replace(
+    "run:\n",
+    """\
+  - kind: bias
+    channel: torque
+    value: [1, -2, 3, 0, 0.5, -0.5]
+  - kind: sinusoid
+    channel: torque
+    amplitude: 2
+  - kind: sinusoid
+    channel: torque
+    rms: [3, 2, 1, 0, 0, 0]
+    frequency_hz: 2.5
+run:
+""",
 )
 MINIMAL = """\
 name: minimal

@@ -89,6 +89,29 @@ def test_noise_follows_seed_and_draw() -> None:
         assert other == pytest.approx(expected_noise((seed, draw, 0), 1.0, 5, 3.0), abs=1e-14)
 
 
+BIAS = "{kind: bias, channel: torque, value: [1, -2, 3, 0, 0.5, -0.5]}"
+SINUSOID = "{kind: sinusoid, channel: torque, rms: [3, 2, 1, 0, 0.5, 4], frequency_hz: 2.5}"
+
+
+def test_bias_and_sinusoid_are_what_they_are_called() -> None:
+    """A constant; sqrt(2) RMS sin(2 pi f k T), f of 1 Hz unless given; an amplitude is taken as it is."""
+    value, rms = np.array([1.0, -2.0, 3.0, 0.0, 0.5, -0.5]), np.array([3.0, 2.0, 1.0, 0.0, 0.5, 4.0])
+    assert disturbance(BIAS).tolist() == [value.tolist()] * STEPS
+    swing = np.sin(2.0 * np.pi * 2.5 * STEP_TIMES)
+    assert disturbance(SINUSOID) == pytest.approx(np.outer(swing, np.sqrt(2.0) * rms), abs=1e-13)
+    slow = disturbance("{kind: sinusoid, channel: torque, amplitude: [-1, 2, 0, 0, 0, 0]}")
+    assert slow[:, :2] == pytest.approx(np.outer(np.sin(2.0 * np.pi * STEP_TIMES), [-1.0, 2.0]), abs=1e-13)
+    assert not np.any(slow[:, 2:])
+
+
+def test_a_noise_keeps_its_numbers_whatever_stands_beside_it() -> None:
+    """Biases and sinusoids before, between and after two noises change neither: only noises count in the key."""
+    two = expected_noise((7, 3, 0), 1.0, 5, 3.0) + expected_noise((7, 3, 1), 2.0, 5, 3.0)
+    others = disturbance(BIAS) + disturbance(SINUSOID) + disturbance(BIAS)
+    among = disturbance(BIAS, noise(), SINUSOID, noise("2"), BIAS)
+    assert among == pytest.approx(two + others, rel=1e-13, abs=1e-13)
+
+
 def test_no_disturbance_is_none() -> None:
     """A config without disturbances makes no array of zeros."""
     assert built().disturbance is None

@@ -48,7 +48,7 @@ FACTS = [
     ("initial_q", "home is every joint at zero. References start at zero whatever initial_q is"),
     ("expect", "failed makes a failing run the expected outcome"),
     ("draw", "Number of the random draw under one seed"),
-    ("amplitude", "[rad], in m for slide joints"),
+    ("amplitude", " for slide joints"),
     ("target", "[rad], in m for slide joints"),
     ("integrator", "euler is semi-implicit"),
     ("relative", "| number, > 0, < 1 | required |"),

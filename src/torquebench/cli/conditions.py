@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from torquebench.experiment.scenario_schema import Chain
+from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Chain, Disturbance, Sinusoid
 from torquebench.experiment.schema import AnalyticPlant, Experiment
+from torquebench.experiment.values import Vector
 
 
 def conditions_text(experiment: Experiment) -> str:
@@ -38,9 +39,20 @@ def chain_text(experiment: Experiment) -> str:
 
 def noise_text(experiment: Experiment) -> str:
     """Return the definition of every disturbance in words; it moves results more than the choice of law."""
-    texts = []
-    for d in experiment.disturbances:
-        sigma = " ".join(f"{x:g}" for x in (d.sigma if isinstance(d.sigma, tuple) else (d.sigma,)))
-        held = f"torque noise held {1e3 * d.hold:g} ms"
-        texts.append(f"{held}, Gaussian, sigma {sigma} N m, clipped at {d.clip_sigma:g} sigma")
-    return "; ".join(texts) or "none"
+    return "; ".join(_disturbance_text(d) for d in experiment.disturbances) or "none"
+
+
+def _disturbance_text(disturbance: Disturbance) -> str:
+    match disturbance:
+        case BandLimitedNoise(sigma=sigma, hold=hold, clip_sigma=clip):
+            held = f"torque noise held {1e3 * hold:g} ms"
+            return f"{held}, Gaussian, sigma {_numbers(sigma)} N m, clipped at {clip:g} sigma"
+        case Bias(value=value):
+            return f"constant torque {_numbers(value)} N m"
+        case Sinusoid(rms=rms, amplitude=amplitude, frequency_hz=frequency):
+            size = f"amplitude {_numbers(amplitude)}" if amplitude is not None else f"RMS {_numbers(rms or 0.0)}"
+            return f"sinusoidal torque, {size} N m, {_numbers(frequency)} Hz"
+
+
+def _numbers(vector: Vector) -> str:
+    return " ".join(f"{x:g}" for x in (vector if isinstance(vector, tuple) else (vector,)))

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from torquebench import references
-from torquebench.disturbances import Stream, band_limited_noise, generator
+from torquebench.disturbances import Stream, band_limited_noise, bias, generator, sinusoid
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.fuzzy_system import systems_of
+from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Sinusoid
 from torquebench.experiment.scenario_schema import Chain as ChainKeys
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
@@ -100,9 +101,8 @@ def sampled(reference: ReferenceSource, experiment: schema.Experiment) -> Refere
     Raises:
         ConfigError: it is not finite there.
     """
-    t = np.arange(experiment.n_steps, dtype=np.float64) * experiment.run.control_period
     with np.errstate(all="ignore"):
-        samples = reference(t)
+        samples = reference(instants(experiment))
     for name, values in zip(("position", "velocity", "acceleration"), samples, strict=True):
         if not np.all(np.isfinite(values)):
             raise ConfigError([Problem("", "reference", f"its {name} is beyond what floating-point numbers can hold")])
@@ -130,14 +130,29 @@ def build_position_noise(experiment: schema.Experiment) -> Array | None:
 
 
 def build_disturbance(experiment: schema.Experiment) -> Array | None:
-    """Draw and add up the disturbances, (N, n) [N m]; None when there are none."""
+    """Draw and add up the disturbances, (N, n) [N m]; None when there are none.
+
+    Only noises count in a noise's key, so that another disturbance beside them changes no noise.
+    """
     if not experiment.disturbances:
         return None
     n, run = experiment.n, experiment.run
-    total = np.zeros((experiment.n_steps, n))
-    for index, keys in enumerate(experiment.disturbances):
-        rng = generator(run.seed, run.draw, Stream.TORQUE_NOISE, index)
-        sigma = as_vector(keys.sigma, n)
-        hold = experiment.hold_steps(keys)
-        total += band_limited_noise(sigma, hold, experiment.n_steps, rng, keys.clip_sigma)
+    total, noises = np.zeros((experiment.n_steps, n)), 0
+    for keys in experiment.disturbances:
+        match keys:
+            case BandLimitedNoise():
+                rng = generator(run.seed, run.draw, Stream.TORQUE_NOISE, noises)
+                noises += 1
+                sigma, hold = as_vector(keys.sigma, n), experiment.hold_steps(keys)
+                total += band_limited_noise(sigma, hold, experiment.n_steps, rng, keys.clip_sigma)
+            case Bias():
+                total += bias(as_vector(keys.value, n), experiment.n_steps)
+            case Sinusoid():
+                size = as_vector(keys.amplitude or 0.0, n) + math.sqrt(2.0) * as_vector(keys.rms or 0.0, n)
+                total += sinusoid(size, as_vector(keys.frequency_hz, n), instants(experiment))
     return total
+
+
+def instants(experiment: schema.Experiment) -> Array:
+    """Return the control instants k control_period, (N,) [s]."""
+    return np.arange(experiment.n_steps, dtype=np.float64) * experiment.run.control_period

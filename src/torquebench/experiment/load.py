@@ -15,7 +15,7 @@ from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.fuzzy_checks import check_fuzzy
 from torquebench.experiment.overrides import apply_overrides
 from torquebench.experiment.scenario_checks import check_chain, check_scenario
-from torquebench.experiment.scenario_schema import AnyDisturbance, BandLimitedNoise, Chain, Disturbance
+from torquebench.experiment.scenario_schema import AnyDisturbance, BandLimitedNoise, Bias, Chain, Disturbance, Sinusoid
 from torquebench.experiment.sections import (
     Checked,
     Handler,
@@ -36,7 +36,11 @@ _REFERENCES: Mapping[str, type[schema.Reference]] = {
     "ramp": schema.RampReference,
     "quintic": schema.QuinticReference,
 }
-_DISTURBANCES: Mapping[str, type[Disturbance]] = {"band-limited-noise": BandLimitedNoise}
+_DISTURBANCES: Mapping[str, type[Disturbance]] = {
+    "band-limited-noise": BandLimitedNoise,
+    "bias": Bias,
+    "sinusoid": Sinusoid,
+}
 
 
 def load_experiment(path: Path, overrides: Sequence[str] = ()) -> schema.Experiment:

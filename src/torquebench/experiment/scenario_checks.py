@@ -8,7 +8,7 @@ from typing import Any, get_args
 from torquebench.errors import did_you_mean
 from torquebench.experiment.checks import Parts, check_multiple
 from torquebench.experiment.document import BROKEN, Document, KeyPath
-from torquebench.experiment.scenario_schema import Chain, ChainName
+from torquebench.experiment.scenario_schema import Chain, ChainName, Sinusoid
 from torquebench.experiment.sections import Checked, check_fields
 from torquebench.experiment.values import shown
 
@@ -38,6 +38,9 @@ def check_chain(document: Document, path: KeyPath, raw: Any, elsewhere: Callable
 def check_scenario(document: Document, parts: Parts) -> None:
     """Record every contradiction between keys of a scenario that are valid by themselves."""
     _check_chain(document, parts)
+    for disturbance in parts.disturbances:
+        if disturbance.model is Sinusoid:
+            _check_sinusoid(document, parts, disturbance)
 
 
 def _check_chain(document: Document, parts: Parts) -> None:
@@ -53,3 +56,22 @@ def _check_chain(document: Document, parts: Parts) -> None:
         whole = check_multiple(document, path, delay, "run.control_period", parts.get("run", "control_period"))
         if whole and duration is not None and delay >= duration:
             document.add(path, f"got {delay:.12g} s, wanted less than run.duration, {duration:.12g} s")
+
+
+def _check_sinusoid(document: Document, parts: Parts, sinusoid: Checked[Any]) -> None:
+    sizes = [key for key in ("amplitude", "rms") if key in sinusoid.given]
+    misspelt = not {"amplitude", "rms"} <= sinusoid.values.keys()
+    if not sizes and not misspelt:
+        document.add(sinusoid.path, "missing: amplitude, or rms (size of the sinusoid [N m])")
+    elif len(sizes) == 2:
+        document.add((*sinusoid.path, "rms"), "amplitude is given already: wanted one of the two", at="key")
+    period, frequency = parts.get("run", "control_period"), sinusoid.values.get("frequency_hz")
+    if period is None or frequency is None:
+        return
+    highest = max(frequency) if isinstance(frequency, tuple) else frequency
+    if highest >= 0.5 / period:
+        path = (*sinusoid.path, "frequency_hz")
+        given = "frequency_hz" in sinusoid.given
+        place = document.place(path if given else ("run", "control_period"))
+        message = f"got {highest:g} Hz, wanted less than half of 1/run.control_period, {0.5 / period:g} Hz"
+        document.add(path, message, place=place)

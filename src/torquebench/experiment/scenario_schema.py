@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 from pydantic import Field
 
 from torquebench.experiment.keys import Keys
-from torquebench.experiment.values import NotNegative, NotNegativeVector, Positive
+from torquebench.experiment.values import AnyVector, NotNegative, NotNegativeVector, Positive, PositiveVector
 
 ChainName: TypeAlias = Literal["ideal", "fast", "slow"]
 
@@ -56,16 +56,38 @@ class AnyDisturbance(Keys):
     """Keys that every disturbance has."""
 
     kind: str = Field(description="Form of the disturbance.")
+    channel: Literal["torque"] = Field(
+        description="What it is added to: the joint torque, after saturation and actuator lag."
+    )
 
 
 class BandLimitedNoise(AnyDisturbance):
     """Gaussian torque, each value held for a while."""
 
     kind: Literal["band-limited-noise"] = Field(description="Form of the disturbance.")
-    channel: Literal["torque"] = Field(description="What it is added to: the joint torque, after saturation.")
     sigma: NotNegativeVector = Field(description="Standard deviation before clipping [N m].")
     hold: Positive = Field(0.01, description="Time each value lasts, a whole multiple of run.control_period [s].")
     clip_sigma: Positive = Field(3.0, description="Values are clipped at this many standard deviations [1].")
 
 
-Disturbance: TypeAlias = BandLimitedNoise
+class Bias(AnyDisturbance):
+    """Constant torque."""
+
+    kind: Literal["bias"] = Field(description="Form of the disturbance.")
+    value: AnyVector = Field(description="Torque [N m], in N for slide joints.")
+
+
+class Sinusoid(AnyDisturbance):
+    """Torque a sin(2 pi f t), held from each control instant to the next."""
+
+    kind: Literal["sinusoid"] = Field(description="Form of the disturbance.")
+    amplitude: AnyVector | None = Field(
+        None, description="Amplitude a, unless rms gives it [N m], in N for slide joints."
+    )
+    rms: NotNegativeVector | None = Field(
+        None, description="Root mean square of the torque, a/sqrt(2), unless amplitude is given [N m]."
+    )
+    frequency_hz: PositiveVector = Field(1.0, description="Frequency f, less than half of 1/run.control_period [Hz].")
+
+
+Disturbance: TypeAlias = BandLimitedNoise | Bias | Sinusoid

@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, FuzzyKeys
 from torquebench.experiment.keys import Keys
-from torquebench.experiment.scenario_schema import Chain, ChainName, Disturbance, Mismatch
+from torquebench.experiment.scenario_schema import BandLimitedNoise, Chain, ChainName, Disturbance, Mismatch
 from torquebench.experiment.values import (
     AnyVector,
     HomeOrVector,
@@ -203,7 +203,7 @@ class Experiment(Keys):
         "velocity differentiated from it and filtered at 500 rad/s, actuators lagging by 2 ms; slow: the same noise, "
         "200 rad/s, 8 ms; or each imperfection by itself.",
     )
-    disturbances: tuple[Disturbance, ...] = Field(
+    disturbances: tuple[Annotated[Disturbance, Field(discriminator="kind")], ...] = Field(
         (), max_length=MAX_DISTURBANCES, description="What acts on the joints besides the law."
     )
     run: Run = Field(description="Length, sampling, start and randomness of the run.")
@@ -227,9 +227,10 @@ class Experiment(Keys):
     def is_drawn(self) -> bool:
         """Whether anything in it is random."""
         noisy = self.chain in ("fast", "slow") or (isinstance(self.chain, Chain) and self.chain.encoder_noise > 0)
-        return noisy or self.model.mismatch is not None or len(self.disturbances) > 0
+        noisy |= any(isinstance(disturbance, BandLimitedNoise) for disturbance in self.disturbances)
+        return noisy or self.model.mismatch is not None
 
-    def hold_steps(self, disturbance: Disturbance) -> int:
+    def hold_steps(self, disturbance: BandLimitedNoise) -> int:
         """Control periods for which one value of a disturbance lasts, at most the whole run."""
         return whole_steps(min(disturbance.hold, self.run.duration), self.run.control_period)
 

@@ -55,6 +55,7 @@ Positive: TypeAlias = Annotated[float, Field(gt=0)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0), AfterValidator(positive_zero)]
 AnyVector: TypeAlias = Annotated[Vector, EachJoint()]
 NotNegativeVector: TypeAlias = Annotated[Vector, EachJoint(ge=0)]
+PositiveVector: TypeAlias = Annotated[Vector, EachJoint(gt=0)]
 HomeOrVector: TypeAlias = Annotated[Vector | Literal["home"], EachJoint(word="home")]
 
 
