@@ -17,6 +17,7 @@ _HOMES = {
     "MujocoPlant": "torquebench.sim.mujoco_plant",
     "Option": "torquebench.laws",
     "Outcome": "torquebench.sim.trajectory",
+    "Payload": "torquebench.robot.payload",
     "Puma560": "torquebench.robot",
     "Reference": "torquebench.references",
     "RobotModel": "torquebench.robot",
@@ -53,6 +54,7 @@ __all__ = [
     "MujocoPlant",
     "Option",
     "Outcome",
+    "Payload",
     "Puma560",
     "Reference",
     "RobotModel",
@@ -88,6 +90,7 @@ if TYPE_CHECKING:
     from torquebench.references import Reference
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
+    from torquebench.robot.payload import Payload
     from torquebench.sim.analytic_plant import AnalyticPlant
     from torquebench.sim.batch import Trial, Workers, simulate_many
     from torquebench.sim.chain import CHAINS, Chain

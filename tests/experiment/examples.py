@@ -68,9 +68,20 @@ STEP = GOOD.replace(_SINE, "  kind: step\n  target: 0.6\n  at: 0.2\n")
 RAMP = GOOD.replace(_SINE, "  kind: ramp\n  target: [1, 2, 3, 4, 5, 6]\n  rise_time: 2\n")
 QUINTIC = GOOD.replace(_SINE, "  kind: quintic\n  target: 0.6\n  rise_time: 2\n")
 ANALYTIC = GOOD.replace("  engine: mujoco\n", "  engine: analytic\n  structure: printed\n  constants: fitted\n")
-SCENARIO = GOOD.replace(
-    "chain: ideal\n",
-    """\
+SCENARIO = (
+    GOOD.replace(
+        "model:\n  str",
+        """\
+  payload:
+    mass: 2
+    at: 0.5
+    offset: [0.1, 0, -0.05]
+model:
+  str""",
+    )
+    .replace(
+        "chain: ideal\n",
+        """\
 chain:
   encoder_noise: 0.0001
   quantisation: 0.0002
@@ -79,9 +90,10 @@ chain:
   delay: 0.004
   actuator_lag: 0.003
 """,
-).replace(
-    "run:\n",
-    """\
+    )
+    .replace(
+        "run:\n",
+        """\
   - kind: bias
     channel: torque
     value: [1, -2, 3, 0, 0.5, -0.5]
@@ -94,6 +106,7 @@ chain:
     frequency_hz: 2.5
 run:
 """,
+    )
 )
 MINIMAL = """\
 name: minimal

@@ -15,11 +15,21 @@ def conditions_text(experiment: Experiment) -> str:
     drawn = f"; seed {run.seed}, draw {run.draw}" if experiment.is_drawn else ""
     start = "" if run.initial_q == "home" else f"; start {run.initial_q}"
     return (
-        f"plant {plant.engine}:{plant.model}{form} ({plant.integrator}, {1e3 * plant.timestep:g} ms); "
+        f"plant {plant.engine}:{plant.model}{form} ({plant.integrator}, {1e3 * plant.timestep:g} ms)"
+        f"{burden_text(experiment)}; "
         f"model {belief.structure}/{belief.constants}{mismatch}; reference {experiment.reference.kind}{start}\n"
         f"control period {1e3 * run.control_period:g} ms; chain {chain_text(experiment)}; "
         f"disturbance: {noise_text(experiment)}{drawn}; metrics from {run.metrics_from:g} s"
     )
+
+
+def burden_text(experiment: Experiment) -> str:
+    """Return what the plant has that the belief does not know of."""
+    payload = experiment.plant.payload
+    if payload is None:
+        return ""
+    place = f" at {_numbers(payload.offset)} m" if any(payload.offset) else ""
+    return f", payload {payload.mass:g} kg{place}" + (f" from {payload.at:g} s" if payload.at > 0 else "")
 
 
 def chain_text(experiment: Experiment) -> str:

@@ -19,6 +19,7 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
+from torquebench.robot.payload import Payload
 from torquebench.robot.puma560.mismatch import mismatched
 from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.loop import Controller
@@ -72,14 +73,16 @@ def build(experiment: schema.Experiment) -> Loop:
 
 def build_plant(keys: schema.Plant) -> Plant:
     """Make the plant; MuJoCo is imported only for ``engine: mujoco``."""
+    load = keys.payload
+    payload = None if load is None else Payload(load.mass, load.at, load.offset)
     if isinstance(keys, schema.AnalyticPlant):
         from torquebench.sim.analytic_plant import AnalyticPlant
 
         truth = load_model(keys.model, keys.structure, keys.constants)
-        return AnalyticPlant(truth, keys.timestep, keys.integrator)
+        return AnalyticPlant(truth, keys.timestep, keys.integrator, payload=payload)
     from torquebench.sim.mujoco_plant import MujocoPlant
 
-    return MujocoPlant(keys.model, keys.timestep, keys.integrator)
+    return MujocoPlant(keys.model, keys.timestep, keys.integrator, payload=payload)
 
 
 def build_reference(keys: schema.Reference, n: int) -> ReferenceSource:

@@ -8,7 +8,7 @@ from typing import Any, get_args
 from torquebench.errors import did_you_mean
 from torquebench.experiment.checks import Parts, check_multiple
 from torquebench.experiment.document import BROKEN, Document, KeyPath
-from torquebench.experiment.scenario_schema import Chain, ChainName, Sinusoid
+from torquebench.experiment.scenario_schema import Chain, ChainName, Payload, Sinusoid
 from torquebench.experiment.sections import Checked, check_fields
 from torquebench.experiment.values import shown
 
@@ -38,6 +38,7 @@ def check_chain(document: Document, path: KeyPath, raw: Any, elsewhere: Callable
 def check_scenario(document: Document, parts: Parts) -> None:
     """Record every contradiction between keys of a scenario that are valid by themselves."""
     _check_chain(document, parts)
+    _check_payload(document, parts)
     for disturbance in parts.disturbances:
         if disturbance.model is Sinusoid:
             _check_sinusoid(document, parts, disturbance)
@@ -50,12 +51,27 @@ def _check_chain(document: Document, parts: Parts) -> None:
     if chain.values.get("velocity") == "exact" and chain.values.get("velocity_filter") is not None:
         message = "has no effect with velocity: exact (it belongs to velocity: differentiated)"
         document.add((*chain.path, "velocity_filter"), message, at="key")
-    delay, duration = chain.values.get("delay"), parts.get("run", "duration")
-    if delay:
-        path = (*chain.path, "delay")
-        whole = check_multiple(document, path, delay, "run.control_period", parts.get("run", "control_period"))
-        if whole and duration is not None and delay >= duration:
-            document.add(path, f"got {delay:.12g} s, wanted less than run.duration, {duration:.12g} s")
+    _check_instant(document, parts, (*chain.path, "delay"), chain.values.get("delay"))
+
+
+def _check_payload(document: Document, parts: Parts) -> None:
+    payload = parts.get("plant", "payload")
+    if not isinstance(payload, Payload):
+        return
+    _check_instant(document, parts, ("plant", "payload", "at"), payload.at)
+    if any(payload.offset) and parts.get("plant", "structure") in ("corrected", "printed"):
+        message = "structures corrected and printed hold a payload at the wrist centre only: wanted [0, 0, 0]"
+        document.add(("plant", "payload", "offset"), message)
+
+
+def _check_instant(document: Document, parts: Parts, path: KeyPath, time: float | None) -> None:
+    """Record when a time that is not zero is not one of a control instant of the run."""
+    duration = parts.get("run", "duration")
+    if not time:
+        return
+    whole = check_multiple(document, path, time, "run.control_period", parts.get("run", "control_period"))
+    if whole and duration is not None and time >= duration:
+        document.add(path, f"got {time:.12g} s, wanted less than run.duration, {duration:.12g} s")
 
 
 def _check_sinusoid(document: Document, parts: Parts, sinusoid: Checked[Any]) -> None:

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 from pydantic import Field
 
 from torquebench.experiment.keys import Keys
-from torquebench.experiment.values import AnyVector, NotNegative, NotNegativeVector, Positive, PositiveVector
+from torquebench.experiment.values import AnyVector, NotNegative, NotNegativeVector, Positive, PositiveVector, Triple
 
 ChainName: TypeAlias = Literal["ideal", "fast", "slow"]
 
@@ -40,6 +40,22 @@ class Chain(Keys):
         "run.control_period; until then it sees that of t = 0 [s].",
     )
     actuator_lag: NotNegative = Field(0.0, description="Time constant of the actuators; 0 for none [s].")
+
+
+class Payload(Keys):
+    """A point mass on the last link, with a belief that knows nothing of it."""
+
+    mass: Positive = Field(description="Mass [kg].")
+    at: NotNegative = Field(
+        0.0,
+        description="Time at which it is taken up, at the joints' position and velocity of then: a whole multiple of "
+        "run.control_period, less than run.duration [s].",
+    )
+    offset: Triple = Field(
+        (0.0, 0.0, 0.0),
+        description="Where it is, in the frame of the last joint (z along its axis): zero is a point of the axis, for "
+        "puma560 the wrist centre [m].",
+    )
 
 
 class Mismatch(Keys):

@@ -14,6 +14,8 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.loading import mjcf_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
+from torquebench.robot.mjcf_links import links_of, with_links
+from torquebench.robot.payload import Payload, add_payload
 from torquebench.sim.plant import NativePlant, check_own, check_scheme, stages
 
 _CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
@@ -48,30 +50,45 @@ class MujocoPlant:
         source: Name of a model in ``models/``, or path of an ``.xml`` file.
         timestep: Integration step [s]; overrides the file's.
         integrator: ``rk4`` or ``euler``; overrides the file's.
+        payload: What the last joint's link takes up, at the start or in the middle of a run.
 
     Raises:
-        ModelError: the model cannot be used as a plant.
+        ModelError: the model cannot be used as a plant, or cannot carry the payload.
         ValueError: the time step is not finite and positive, or the integrator is unknown.
     """
 
-    def __init__(self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4") -> None:
+    def __init__(
+        self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4", *, payload: Payload | None = None
+    ) -> None:
         check_scheme(timestep, integrator)
         mujoco.set_mju_user_warning(_quiet)
         self._m = load_mujoco(source)
         self._m.opt.timestep = timestep
         self._m.opt.integrator = _CODES[integrator]
+        self.payload = payload
+        self._loaded: Any = None
+        if payload is not None:
+            self._loaded = with_links(self._m, add_payload(links_of(self._m), payload))
+            if payload.at == 0.0:
+                self._m, self._loaded = self._loaded, None
+        self._now = self._m
         self._d = mujoco.MjData(self._m)
         self._native: NativePlant | None = None
-        self._lean: bool | None = None
+        self._lean: tuple[bool, bool] | None = None
         self.n = int(self._m.nv)
         self.timestep = timestep
         self.tau_max = torque_limits(self._m, str(source))
         self.joint_names = tuple(joint_names(self._m))
 
     def reset(self, q: Array, qd: Array) -> None:
-        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,)."""
+        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
+        self._now = self._m
         mujoco.mj_resetData(self._m, self._d)
         self._d.qpos[:], self._d.qvel[:] = q, qd
+
+    def attach(self) -> None:
+        """Go on with the payload; see `Carrier`."""
+        self._now = self._m if self._loaded is None else self._loaded
 
     def state(self) -> tuple[Array, Array]:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
@@ -82,7 +99,7 @@ class MujocoPlant:
         start, middle, end = stages(tau)
         if tau.ndim == 1 or self._m.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
             self._d.qfrc_applied[:] = start
-            mujoco.mj_step(self._m, self._d, substeps)
+            mujoco.mj_step(self._now, self._d, substeps)
         else:
             for _ in range(substeps):
                 self._runge_kutta(start, middle, end)
@@ -95,7 +112,7 @@ class MujocoPlant:
         stages_of = ((start, 0.5, 1.0 / 6.0), (middle, 0.5, 1.0 / 3.0), (middle, 1.0, 1.0 / 3.0), (end, 0.0, 1.0 / 6.0))
         for torque, ahead, weight in stages_of:
             d.qfrc_applied[:] = torque
-            mujoco.mj_forward(self._m, d)
+            mujoco.mj_forward(self._now, d)
             velocity += d.qvel * weight
             acceleration += d.qacc * weight
             at = d.qvel.copy()
@@ -115,15 +132,18 @@ class MujocoPlant:
             from torquebench.sim.lean_arm import native_arm
             from torquebench.sim.mujoco_step import compiled_step
 
-            arm = native_arm(self._m, self._d, self._lean)
-            self._lean = arm.lean
-            self._native = NativePlant(compiled_step().address, arm, self._d.qpos, self._d.qvel)
+            lean = self._lean or (None, None)
+            arm = native_arm(self._m, self._d, lean[0])
+            loaded = None if self._loaded is None else native_arm(self._loaded, self._d, lean[1])
+            self._lean = arm.lean, loaded is not None and loaded.lean
+            self._native = NativePlant(compiled_step().address, arm, self._d.qpos, self._d.qvel, loaded)
         return self._native
 
     def replica(self) -> MujocoPlant:
         """Return another plant of the same arm, for another thread."""
         twin = copy.copy(self)
-        twin._m = copy.copy(self._m)
+        twin._m = twin._now = copy.copy(self._m)
+        twin._loaded = copy.copy(self._loaded)
         twin._d = mujoco.MjData(twin._m)
         twin._native = None
         return twin
