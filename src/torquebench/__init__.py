@@ -12,6 +12,7 @@ _HOMES = {
     "Chain": "torquebench.sim.chain",
     "Controller": "torquebench.sim.loop",
     "Fis": "torquebench.fuzzy.fis",
+    "Friction": "torquebench.sim.friction",
     "FuzzySystem": "torquebench.fuzzy.system",
     "Gain": "torquebench.laws",
     "MujocoPlant": "torquebench.sim.mujoco_plant",
@@ -49,6 +50,7 @@ __all__ = [
     "Chain",
     "Controller",
     "Fis",
+    "Friction",
     "FuzzySystem",
     "Gain",
     "MujocoPlant",
@@ -94,6 +96,7 @@ if TYPE_CHECKING:
     from torquebench.sim.analytic_plant import AnalyticPlant
     from torquebench.sim.batch import Trial, Workers, simulate_many
     from torquebench.sim.chain import CHAINS, Chain
+    from torquebench.sim.friction import Friction
     from torquebench.sim.loop import Controller, simulate
     from torquebench.sim.mujoco_plant import MujocoPlant
     from torquebench.sim.trajectory import Outcome, Trajectory, load_trajectory

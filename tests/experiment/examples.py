@@ -76,6 +76,10 @@ SCENARIO = (
     mass: 2
     at: 0.5
     offset: [0.1, 0, -0.05]
+  friction:
+    viscous: [5.8, 9.3, 4.0, 0.36, 0.36, 0.22]
+    coulomb: 0.9
+    speed: 0.02
 model:
   str""",
     )

@@ -25,11 +25,13 @@ def conditions_text(experiment: Experiment) -> str:
 
 def burden_text(experiment: Experiment) -> str:
     """Return what the plant has that the belief does not know of."""
-    payload = experiment.plant.payload
-    if payload is None:
-        return ""
-    place = f" at {_numbers(payload.offset)} m" if any(payload.offset) else ""
-    return f", payload {payload.mass:g} kg{place}" + (f" from {payload.at:g} s" if payload.at > 0 else "")
+    text, payload, friction = "", experiment.plant.payload, experiment.plant.friction
+    if payload is not None:
+        place = f" at {_numbers(payload.offset)} m" if any(payload.offset) else ""
+        text += f", payload {payload.mass:g} kg{place}" + (f" from {payload.at:g} s" if payload.at > 0 else "")
+    if friction is not None:
+        text += f", friction viscous {_numbers(friction.viscous)} N m s/rad, Coulomb {_numbers(friction.coulomb)} N m"
+    return text
 
 
 def chain_text(experiment: Experiment) -> str:

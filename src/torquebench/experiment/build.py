@@ -22,6 +22,7 @@ from torquebench.robot import RobotModel, load_model
 from torquebench.robot.payload import Payload
 from torquebench.robot.puma560.mismatch import mismatched
 from torquebench.sim.chain import CHAINS, Chain
+from torquebench.sim.friction import Friction, SteepError
 from torquebench.sim.loop import Controller
 from torquebench.sim.plant import Plant
 
@@ -48,7 +49,7 @@ def build(experiment: schema.Experiment) -> Loop:
     """Make the objects of an experiment; all randomness is drawn here, from its seed and draw.
 
     Raises:
-        ConfigError: the reference leaves the range of floating-point numbers.
+        ConfigError: the reference leaves the range of floating-point numbers, or the friction is too steep.
         ModelError: a model is malformed, or no acceptable mismatch was found.
     """
     n, run = experiment.n, experiment.run
@@ -72,17 +73,26 @@ def build(experiment: schema.Experiment) -> Loop:
 
 
 def build_plant(keys: schema.Plant) -> Plant:
-    """Make the plant; MuJoCo is imported only for ``engine: mujoco``."""
-    load = keys.payload
+    """Make the plant; MuJoCo is imported only for ``engine: mujoco``.
+
+    Raises:
+        ConfigError: its friction is too steep for its time step.
+        ModelError: the arm cannot carry the payload.
+    """
+    load, rub = keys.payload, keys.friction
     payload = None if load is None else Payload(load.mass, load.at, load.offset)
-    if isinstance(keys, schema.AnalyticPlant):
-        from torquebench.sim.analytic_plant import AnalyticPlant
+    friction = None if rub is None else Friction(rub.viscous, rub.coulomb, rub.speed)
+    try:
+        if isinstance(keys, schema.AnalyticPlant):
+            from torquebench.sim.analytic_plant import AnalyticPlant
 
-        truth = load_model(keys.model, keys.structure, keys.constants)
-        return AnalyticPlant(truth, keys.timestep, keys.integrator, payload=payload)
-    from torquebench.sim.mujoco_plant import MujocoPlant
+            truth = load_model(keys.model, keys.structure, keys.constants)
+            return AnalyticPlant(truth, keys.timestep, keys.integrator, payload=payload, friction=friction)
+        from torquebench.sim.mujoco_plant import MujocoPlant
 
-    return MujocoPlant(keys.model, keys.timestep, keys.integrator, payload=payload)
+        return MujocoPlant(keys.model, keys.timestep, keys.integrator, payload=payload, friction=friction)
+    except SteepError as error:
+        raise ConfigError([Problem("", "plant.friction", str(error))]) from error
 
 
 def build_reference(keys: schema.Reference, n: int) -> ReferenceSource:

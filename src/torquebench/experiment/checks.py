@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from torquebench.experiment.document import Document, KeyPath
-from torquebench.experiment.scenario_schema import Chain, Disturbance, Mismatch
+from torquebench.experiment.scenario_schema import Chain, Disturbance, Friction, Mismatch
 from torquebench.experiment.schema import (
     AnalyticPlant,
     Belief,
@@ -90,6 +90,9 @@ def _check_structures(document: Document, parts: Parts) -> None:
 
 def _check_lengths(document: Document, parts: Parts) -> None:
     vectors: dict[KeyPath, Any] = {("run", "initial_q"): parts.get("run", "initial_q")}
+    friction = parts.get("plant", "friction")
+    if isinstance(friction, Friction):
+        vectors |= {("plant", "friction", key): getattr(friction, key) for key in ("viscous", "coulomb")}
     for checked in [parts.reference, *parts.disturbances]:
         vectors |= {(*checked.path, key): value for key, value in checked.values.items()} if checked else {}
     for controller in parts.controllers:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, get_args
 
+import numpy as np
+
 from torquebench.errors import did_you_mean
 from torquebench.experiment.checks import Parts, check_multiple
 from torquebench.experiment.document import BROKEN, Document, KeyPath
-from torquebench.experiment.scenario_schema import Chain, ChainName, Payload, Sinusoid
+from torquebench.experiment.scenario_schema import Chain, ChainName, Friction, Payload, Sinusoid
 from torquebench.experiment.sections import Checked, check_fields
 from torquebench.experiment.values import shown
 
@@ -39,6 +41,9 @@ def check_scenario(document: Document, parts: Parts) -> None:
     """Record every contradiction between keys of a scenario that are valid by themselves."""
     _check_chain(document, parts)
     _check_payload(document, parts)
+    friction = parts.get("plant", "friction")
+    if isinstance(friction, Friction) and not np.any(friction.viscous) and not np.any(friction.coulomb):
+        document.add(("plant", "friction"), "neither viscous nor coulomb is given: without friction leave it out")
     for disturbance in parts.disturbances:
         if disturbance.model is Sinusoid:
             _check_sinusoid(document, parts, disturbance)

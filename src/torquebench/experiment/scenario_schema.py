@@ -58,6 +58,22 @@ class Payload(Keys):
     )
 
 
+class Friction(Keys):
+    """Friction of the joints, of which the belief knows nothing: viscous qd + coulomb sat(qd/speed)."""
+
+    viscous: NotNegativeVector = Field(
+        0.0, description="Viscous friction [N m s/rad], in N s/m for slide joints; of the PUMA 5.8 9.3 4.0 .36 .36 .22."
+    )
+    coulomb: NotNegativeVector = Field(
+        0.0, description="Coulomb friction [N m], in N for slide joints; of the PUMA 26 14 6.5 1.0 1.3 0.7."
+    )
+    speed: Positive = Field(
+        0.01,
+        description="Speed from which on Coulomb friction is whole; below it falls linearly to zero, so that a joint "
+        "at rest creeps [rad/s], in m/s for slide joints.",
+    )
+
+
 class Mismatch(Keys):
     """Errors put on purpose into the model that the laws use."""
 

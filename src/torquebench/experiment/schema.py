@@ -9,7 +9,15 @@ from pydantic import ConfigDict, Field
 
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, FuzzyKeys
 from torquebench.experiment.keys import Keys
-from torquebench.experiment.scenario_schema import BandLimitedNoise, Chain, ChainName, Disturbance, Mismatch, Payload
+from torquebench.experiment.scenario_schema import (
+    BandLimitedNoise,
+    Chain,
+    ChainName,
+    Disturbance,
+    Friction,
+    Mismatch,
+    Payload,
+)
 from torquebench.experiment.values import (
     AnyVector,
     HomeOrVector,
@@ -46,6 +54,7 @@ class AnyPlant(Keys):
         "rk4", description="Integration scheme: rk4 is 4th-order Runge-Kutta; euler is semi-implicit, 1st-order."
     )
     payload: Payload | None = Field(None, description="Load that the last link takes up.")
+    friction: Friction | None = Field(None, description="Friction of the joints.")
 
 
 class MujocoPlant(AnyPlant):

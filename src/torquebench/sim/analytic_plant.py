@@ -11,6 +11,7 @@ from torquebench.kernel import Array
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.model import own_copy
 from torquebench.robot.payload import Payload, phases
+from torquebench.sim.friction import NONE, Friction, check_stable, poses
 from torquebench.sim.integration import Integrated, integrate
 from torquebench.sim.native_analytic import compiled_step
 from torquebench.sim.plant import NativePlant, check_own, check_scheme, stages
@@ -24,23 +25,29 @@ class AnalyticPlant:
         timestep: Integration step [s].
         integrator: ``rk4`` or ``euler``.
         payload: What the last link takes up, at the start or in the middle of a run.
+        friction: Friction of the joints.
 
     Raises:
-        ValueError: the time step is not finite and positive, or the integrator is unknown.
+        ValueError: the time step is not finite and positive, the integrator is unknown, or the friction does not fit
+            them.
         ModelError: the model has no terms for the payload; see `carrying`.
     """
 
     def __init__(
-        self, model: RobotModel, timestep: float = 0.001, integrator: str = "rk4", *, payload: Payload | None = None
-    ) -> None:
+        self, model: RobotModel, timestep: float = 0.001, integrator: str = "rk4", *, payload: Payload | None = None,
+        friction: Friction | None = None,
+    ) -> None:  # fmt: skip
         check_scheme(timestep, integrator)
         self.n = model.n
         self.timestep = timestep
         self.tau_max = model.flat.tau_max.copy()
-        self.payload = payload
+        self.payload, self.friction = payload, friction
+        resistance = NONE if friction is None else friction.of_joints(model.n)
+        if friction is not None:
+            check_stable(resistance, model.mass_matrix(poses(model.n)), timestep, integrator)
         n, (first, later) = model.n, phases(model, payload)
         self._empty = Integrated(
-            own_copy(first.flat), integrator == "rk4", timestep, np.zeros(n), np.zeros(n), np.zeros((5, n))
+            own_copy(first.flat), resistance, integrator == "rk4", timestep, np.zeros(n), np.zeros(n), np.zeros((6, n))
         )
         self._loaded = None if later is None else replace(self._empty, model=own_copy(later.flat))
         self._arm = self._empty
