@@ -120,7 +120,8 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
     if _groups(node):
         most = f"list of {node.get('minItems', 0)} to {node['maxItems']}, " if "items" in node else ""
         most = f"mapping of at most {node['maxProperties']}, " if "patternProperties" in node else most
-        return f"{most}see below"
+        words = [_kind(key, choice, definitions) for choice in node.get("anyOf", ()) if "$ref" not in choice]
+        return ", or ".join([*words, f"{most}see below"])
     if "anyOf" in node:
         return ", or ".join(_kind(key, choice, definitions) for choice in node["anyOf"])
     if node.get("type") == "object":

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from torquebench.disturbances import Stream, band_limited_noise, generator
+from torquebench.disturbances import Stream, band_limited_noise, bias, generator, sinusoid
 from torquebench.kernel import Array
 
 SIGMA = np.array([5.06, 16.59, 3.30, 0.54, 0.62, 0.81])
@@ -149,3 +149,23 @@ def test_streams_have_fixed_numbers() -> None:
     assert Stream.MISMATCH == 0
     assert Stream.TORQUE_NOISE == 1
     assert len({int(s) for s in Stream}) == len(Stream)
+
+
+def test_a_bias_is_the_same_torque_always() -> None:
+    """Each row is the vector itself."""
+    assert bias(SIGMA, 7).tolist() == [SIGMA.tolist()] * 7
+
+
+def test_a_sinusoid_of_whole_periods_has_its_rms_and_no_other_line() -> None:
+    """Over 4 s at 1 ms the RMS is a/sqrt(2), and the spectrum is one line at f of each joint, sine phase.
+
+    1e-12 of the amplitude is the rounding of sin at arguments up to 63 rad, a few 1e-15, over 4000 samples.
+    """
+    f = np.array([1.0, 2.5, 0.5, 40.0, 125.0, 3.25])
+    d = sinusoid(SIGMA, f, T * np.arange(4000))
+    assert np.sqrt(np.mean(d * d, axis=0)) == pytest.approx(SIGMA / math.sqrt(2.0), rel=1e-12)
+    lines = np.fft.rfft(d, axis=0) / 2000.0
+    wanted = np.zeros_like(lines)
+    for joint in range(6):
+        wanted[round(4.0 * f[joint]), joint] = -1j * SIGMA[joint]
+    assert np.max(np.abs(lines - wanted)) < 1e-12 * np.max(SIGMA)

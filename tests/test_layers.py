@@ -26,6 +26,7 @@ RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 HOMES = {
     "mujoco": {
         "robot/mjcf.py",
+        "robot/mjcf_links.py",
         "sim/lean_arm.py",
         "sim/mujoco_library.py",
         "sim/mujoco_plant.py",

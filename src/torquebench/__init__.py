@@ -12,11 +12,13 @@ _HOMES = {
     "Chain": "torquebench.sim.chain",
     "Controller": "torquebench.sim.loop",
     "Fis": "torquebench.fuzzy.fis",
+    "Friction": "torquebench.sim.friction",
     "FuzzySystem": "torquebench.fuzzy.system",
     "Gain": "torquebench.laws",
     "MujocoPlant": "torquebench.sim.mujoco_plant",
     "Option": "torquebench.laws",
     "Outcome": "torquebench.sim.trajectory",
+    "Payload": "torquebench.robot.payload",
     "Puma560": "torquebench.robot",
     "Reference": "torquebench.references",
     "RobotModel": "torquebench.robot",
@@ -48,11 +50,13 @@ __all__ = [
     "Chain",
     "Controller",
     "Fis",
+    "Friction",
     "FuzzySystem",
     "Gain",
     "MujocoPlant",
     "Option",
     "Outcome",
+    "Payload",
     "Puma560",
     "Reference",
     "RobotModel",
@@ -88,9 +92,11 @@ if TYPE_CHECKING:
     from torquebench.references import Reference
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
+    from torquebench.robot.payload import Payload
     from torquebench.sim.analytic_plant import AnalyticPlant
     from torquebench.sim.batch import Trial, Workers, simulate_many
     from torquebench.sim.chain import CHAINS, Chain
+    from torquebench.sim.friction import Friction
     from torquebench.sim.loop import Controller, simulate
     from torquebench.sim.mujoco_plant import MujocoPlant
     from torquebench.sim.trajectory import Outcome, Trajectory, load_trajectory

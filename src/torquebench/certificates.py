@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,6 +17,45 @@ from torquebench.errors import ResultError
 from torquebench.kernel import Array
 from torquebench.robot.arm import RobotModel
 from torquebench.sim.trajectory import Trajectory
+
+
+class Arm(Protocol):
+    """The terms of the true arm's dynamics at the control instants of a run, whose rows are those of the instants."""
+
+    def mass_matrix(self, q: Array) -> Array:
+        """Mass matrix, (N, n, n) [kg m^2]."""
+        ...
+
+    def bias_forces(self, q: Array, qd: Array) -> Array:
+        """Coriolis, centrifugal and gravity torque, (N, n) [N m]."""
+        ...
+
+    def gravity(self, q: Array) -> Array:
+        """Gravity torque, (N, n) [N m]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Phases:
+    """An arm that takes up a payload: rows before `at` are of one model, the others of another; an `Arm`."""
+
+    first: RobotModel
+    later: RobotModel
+    at: int
+    """Control instant from which the second one holds."""
+
+    def mass_matrix(self, q: Array) -> Array:
+        """Mass matrix, (N, n, n) [kg m^2]."""
+        return np.concatenate([self.first.mass_matrix(q[: self.at]), self.later.mass_matrix(q[self.at :])])
+
+    def bias_forces(self, q: Array, qd: Array) -> Array:
+        """Coriolis, centrifugal and gravity torque, (N, n) [N m]."""
+        k = self.at
+        return np.concatenate([self.first.bias_forces(q[:k], qd[:k]), self.later.bias_forces(q[k:], qd[k:])])
+
+    def gravity(self, q: Array) -> Array:
+        """Gravity torque, (N, n) [N m]."""
+        return np.concatenate([self.first.gravity(q[: self.at]), self.later.gravity(q[self.at :])])
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +123,7 @@ class Certificate:
         }
 
 
-def coriolis_force(truth: RobotModel, q: Array, qd: Array, s: Array) -> Array:
+def coriolis_force(truth: Arm, q: Array, qd: Array, s: Array) -> Array:
     """C(q, qd) s with the C of Christoffel's symbols, for which dM/dt - 2C is skew-symmetric, (N, n) [N m].
 
     The velocity torque is a quadratic form v(x) = C(q, x) x, so C(q, qd) s = (v(qd + s) - v(qd) - v(s)) / 2.
@@ -98,7 +137,7 @@ def coriolis_force(truth: RobotModel, q: Array, qd: Array, s: Array) -> Array:
     ))  # fmt: skip
 
 
-def certify(run: Trajectory, truth: RobotModel, law: SlidingLaw, control_period: float) -> Certificate:
+def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float) -> Certificate:
     """Compute the certificates of a completed run.
 
     With tau = tau_eq + K sgn(s) + .., (118) becomes dV/dt = s' (M ds + C s), and it is at most -sum eta |s| when K
@@ -159,7 +198,7 @@ def _reaching(t: Array, s: Array, V: Array, M: Array, margin: Array, layer: Arra
 
 
 def required_gain(
-    truth: RobotModel, law: SlidingLaw, q_ref: Array, qd_ref: Array, qdd_ref: Array, disturbance: Array | None
+    truth: Arm, law: SlidingLaw, q_ref: Array, qd_ref: Array, qdd_ref: Array, disturbance: Array | None
 ) -> Array:
     """Return the least K with which a law can hold s = 0 along its reference, (n,) [N m]; (123) at e = 0, eta = 0.
 
@@ -167,9 +206,9 @@ def required_gain(
         truth: The arm as it is.
         law: What the law is made of.
         q_ref, qd_ref, qdd_ref: Desired motion, (N, n).
-        disturbance: Torque that will be added, (N, n) [N m], or None.
+        disturbance: Torque that will be added, friction included, (N, n) [N m], or None.
     """
-    needed = truth.inverse_dynamics(q_ref, qd_ref, qdd_ref)
+    needed = np.einsum("kij,kj->ki", truth.mass_matrix(q_ref), qdd_ref) + truth.bias_forces(q_ref, qd_ref)
     if law.belief is not None:
         needed = needed - law.belief.inverse_dynamics(q_ref, qd_ref, qdd_ref)
     if disturbance is not None:

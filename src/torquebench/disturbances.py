@@ -1,4 +1,4 @@
-"""Torque disturbances, drawn before the loop from keyed seeds."""
+"""Torque disturbances, made before the loop; what is random in them comes from keyed seeds."""
 
 from __future__ import annotations
 
@@ -52,3 +52,22 @@ def band_limited_noise(
     blocks = -(-n_steps // hold_steps)
     values = np.clip(rng.standard_normal((blocks, len(sigma))), -clip_sigma, clip_sigma) * sigma
     return np.repeat(values, hold_steps, axis=0)[:n_steps]
+
+
+def bias(value: Array, n_steps: int) -> Array:
+    """Return a constant torque `value` (n,) [N m] at each of `n_steps` control instants, (N, n) [N m]."""
+    return np.tile(value, (n_steps, 1))
+
+
+def sinusoid(amplitude: Array, frequency_hz: Array, t: Array) -> Array:
+    """Return amplitude sin(2 pi f t), held from each control instant to the next.
+
+    Args:
+        amplitude: Amplitude, sqrt(2) times the RMS, (n,) [N m].
+        frequency_hz: Frequency f, (n,) [Hz].
+        t: Control instants, (N,) [s].
+
+    Returns:
+        Torque at each control instant, (N, n) [N m].
+    """
+    return amplitude * np.sin(2.0 * np.pi * np.outer(t, frequency_hz))

@@ -103,6 +103,16 @@ def test_a_motion_beyond_all_numbers_is_bad_input(quick, command):
     assert not (quick.parent / "result").exists()
 
 
+def test_friction_too_steep_for_the_time_step_is_bad_input(quick, command):
+    """Exit 2 and nothing written; the message names the key and what would help."""
+    friction = "plant.friction={coulomb: [26, 14, 6.5, 1, 1.3, 0.7], speed: 0.001}"
+    status, out, err = command("run", quick, "--set", friction, "--out", "result")
+    assert (status, out) == (2, "")
+    assert "plant.friction: friction near standstill" in err
+    assert "a shorter time step" in err
+    assert not (quick.parent / "result").exists()
+
+
 def test_bad_configs_are_refused_with_every_mistake_and_nothing_written(quick, command):
     """Exit 2, one line a mistake with file:line:col and the nearest name, no traceback, no folder."""
     quick.write_text(

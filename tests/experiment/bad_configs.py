@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tests.experiment.examples import ANALYTIC, FUZZY, GOOD, QUINTIC, STEP, edited, line_of
+from tests.experiment.examples import ANALYTIC, FUZZY, GOOD, QUINTIC, SCENARIO, STEP, edited, line_of
 
 
 class Bad(NamedTuple):
@@ -397,5 +397,31 @@ FUZZY_SYSTEMS = [
     bad_fuzzy("if: [high]", "if: []", f"{LIST}.rules[1].if", "an empty list, wanted names"),
 ]
 
+
+def bad_scenario(old: str, new: str, key: str, word: str, on: str | None = None, text: str = SCENARIO) -> Bad:
+    """Return one edit of the config with everything a law can have to cope with."""
+    return Bad(old, new, key, word, on, text)
+
+
+SCENARIOS = [
+    Bad("chain: ideal", "chain: 5", "chain", "got 5, wanted one of ideal, fast, slow, or a mapping (encoder_noise,"),
+    Bad("chain: ideal", "chain: [fast]", "chain", "got a list of 1, wanted one of ideal, fast, slow, or a mapping"),
+    Bad("chain: ideal", "chain: {}\ndelay: 0.004", "delay", "does not belong here, but in chain", "delay:"),
+    bad_scenario("encoder_noise: 0.0001", "encoder_noise: -0.0001", "chain.encoder_noise", "at least 0"),
+    bad_scenario("encoder_noise: 0.0001", "encoder_noise: [0, 1]", "chain.encoder_noise", "wanted a number [rad]"),
+    bad_scenario("quantisation: 0.0002", "quantization: 0.0002", "chain.quantization", "did you mean 'quantisation'"),
+    bad_scenario("quantisation: 0.0002", "quantisation: -1", "chain.quantisation", "at least 0"),
+    bad_scenario("velocity: differentiated", "velocity: filtered", "chain.velocity", "exact, differentiated"),
+    bad_scenario(
+        "velocity: differentiated", "velocity: exact", "chain.velocity_filter", "no effect", "velocity_filter"
+    ),
+    bad_scenario("velocity_filter: 300", "velocity_filter: 0", "chain.velocity_filter", "more than 0"),
+    bad_scenario("delay: 0.004", "delay: 0.003", "chain.delay", "nearest is 0.004"),
+    bad_scenario("delay: 0.004", "delay: 4", "chain.delay", "less than run.duration, 4 s"),
+    bad_scenario("delay: 0.004", "delay: -0.004", "chain.delay", "at least 0"),
+    bad_scenario("actuator_lag: 0.003", "actuator_lag: .inf", "chain.actuator_lag", "finite"),
+    bad_scenario("actuator_lag: 0.003", "actuator_lag: 0.003\n  seed: 3", "chain.seed", "in run"),
+]
+
 BAD = UNKNOWN_KEYS + MISSING_KEYS + WRONG_TYPES + WRONG_SHAPES + BAD_NUMBERS + BAD_NAMES + CONTRADICTIONS + BAD_YAML
-BAD += FUZZY_SYSTEMS
+BAD += FUZZY_SYSTEMS + SCENARIOS

@@ -68,6 +68,50 @@ STEP = GOOD.replace(_SINE, "  kind: step\n  target: 0.6\n  at: 0.2\n")
 RAMP = GOOD.replace(_SINE, "  kind: ramp\n  target: [1, 2, 3, 4, 5, 6]\n  rise_time: 2\n")
 QUINTIC = GOOD.replace(_SINE, "  kind: quintic\n  target: 0.6\n  rise_time: 2\n")
 ANALYTIC = GOOD.replace("  engine: mujoco\n", "  engine: analytic\n  structure: printed\n  constants: fitted\n")
+SCENARIO = (
+    GOOD.replace(
+        "model:\n  str",
+        """\
+  payload:
+    mass: 2
+    at: 0.5
+    offset: [0.1, 0, -0.05]
+  friction:
+    viscous: [5.8, 9.3, 4.0, 0.36, 0.36, 0.22]
+    coulomb: 0.9
+    speed: 0.02
+model:
+  str""",
+    )
+    .replace(
+        "chain: ideal\n",
+        """\
+chain:
+  encoder_noise: 0.0001
+  quantisation: 0.0002
+  velocity: differentiated
+  velocity_filter: 300
+  delay: 0.004
+  actuator_lag: 0.003
+""",
+    )
+    .replace(
+        "run:\n",
+        """\
+  - kind: bias
+    channel: torque
+    value: [1, -2, 3, 0, 0.5, -0.5]
+  - kind: sinusoid
+    channel: torque
+    amplitude: 2
+  - kind: sinusoid
+    channel: torque
+    rms: [3, 2, 1, 0, 0, 0]
+    frequency_hz: 2.5
+run:
+""",
+    )
+)
 MINIMAL = """\
 name: minimal
 plant: {engine: analytic, model: puma560}
@@ -141,6 +185,7 @@ ALL = {
     "quintic": QUINTIC,
     "analytic": ANALYTIC,
     "fuzzy": FUZZY,
+    "scenario": SCENARIO,
     "minimal": MINIMAL,
 }
 

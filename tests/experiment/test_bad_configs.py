@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.experiment.bad_configs import BAD, Bad
-from tests.experiment.examples import ALL, ANALYTIC, GOOD, QUINTIC, STEP, edited, line_of
+from tests.experiment.examples import ALL, ANALYTIC, GOOD, QUINTIC, SCENARIO, STEP, edited, line_of
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import parse_experiment
 from torquebench.experiment.document import MAX_PROBLEMS
@@ -57,7 +57,7 @@ def keys_of(text: str) -> list[tuple[int, str]]:
     return [(i, line.strip().removeprefix("- ").partition(":")[0]) for i, line in lines]
 
 
-TYPED = {"good": GOOD, "step": STEP, "quintic": QUINTIC, "analytic": ANALYTIC}
+TYPED = {"good": GOOD, "step": STEP, "quintic": QUINTIC, "analytic": ANALYTIC, "scenario": SCENARIO}
 
 
 @pytest.mark.parametrize("name", TYPED)
@@ -180,7 +180,7 @@ def test_too_many_controllers_and_disturbances_are_refused() -> None:
 def test_any_section_may_be_anything(section: str, value: str) -> None:
     """A section of the wrong kind is refused at that section; only those with defaults may be empty."""
     problems = problems_of(GOOD, f"{section}={value}")
-    valid = {("model", "{}"), ("disturbances", "[]"), ("name", "text")}
+    valid = {("model", "{}"), ("chain", "{}"), ("disturbances", "[]"), ("name", "text")}
     assert bool(problems) != ((section, value) in valid)
     assert all(p.key.startswith(section) for p in problems), problems
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.experiment.examples import MINIMAL, parse
-from torquebench.experiment.build import Loop, build
+from torquebench.experiment.build import Loop, build, build_chain
+from torquebench.experiment.run import run_experiment
 from torquebench.kernel import Array
 from torquebench.robot import load_model
 from torquebench.sim.analytic_plant import AnalyticPlant
@@ -85,6 +87,29 @@ def test_noise_follows_seed_and_draw() -> None:
         other = disturbance(noise(), seed=seed, draw=draw)
         assert not np.any(other == base)
         assert other == pytest.approx(expected_noise((seed, draw, 0), 1.0, 5, 3.0), abs=1e-14)
+
+
+BIAS = "{kind: bias, channel: torque, value: [1, -2, 3, 0, 0.5, -0.5]}"
+SINUSOID = "{kind: sinusoid, channel: torque, rms: [3, 2, 1, 0, 0.5, 4], frequency_hz: 2.5}"
+
+
+def test_bias_and_sinusoid_are_what_they_are_called() -> None:
+    """A constant; sqrt(2) RMS sin(2 pi f k T), f of 1 Hz unless given; an amplitude is taken as it is."""
+    value, rms = np.array([1.0, -2.0, 3.0, 0.0, 0.5, -0.5]), np.array([3.0, 2.0, 1.0, 0.0, 0.5, 4.0])
+    assert disturbance(BIAS).tolist() == [value.tolist()] * STEPS
+    swing = np.sin(2.0 * np.pi * 2.5 * STEP_TIMES)
+    assert disturbance(SINUSOID) == pytest.approx(np.outer(swing, np.sqrt(2.0) * rms), abs=1e-13)
+    slow = disturbance("{kind: sinusoid, channel: torque, amplitude: [-1, 2, 0, 0, 0, 0]}")
+    assert slow[:, :2] == pytest.approx(np.outer(np.sin(2.0 * np.pi * STEP_TIMES), [-1.0, 2.0]), abs=1e-13)
+    assert not np.any(slow[:, 2:])
+
+
+def test_a_noise_keeps_its_numbers_whatever_stands_beside_it() -> None:
+    """Biases and sinusoids before, between and after two noises change neither: only noises count in the key."""
+    two = expected_noise((7, 3, 0), 1.0, 5, 3.0) + expected_noise((7, 3, 1), 2.0, 5, 3.0)
+    others = disturbance(BIAS) + disturbance(SINUSOID) + disturbance(BIAS)
+    among = disturbance(BIAS, noise(), SINUSOID, noise("2"), BIAS)
+    assert among == pytest.approx(two + others, rel=1e-13, abs=1e-13)
 
 
 def test_no_disturbance_is_none() -> None:
@@ -247,3 +272,33 @@ def test_sine_has_a_frequency_for_each_joint() -> None:
     keys = "{kind: sine, amplitude: 2, frequency_hz: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]}"
     wanted = 1.0 - np.cos(2.0 * np.pi * np.outer(STEP_TIMES, frequency))
     assert built(f"reference={keys}").reference.q == pytest.approx(wanted, rel=1e-12, abs=1e-12)
+
+
+NAMED = {
+    "ideal": "{}",
+    "fast": "{encoder_noise: 0.0001, velocity: differentiated, velocity_filter: 500, actuator_lag: 0.002}",
+    "slow": "{encoder_noise: 0.0001, velocity: differentiated, velocity_filter: 200, actuator_lag: 0.008}",
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_named_chain_is_its_mapping(name: str) -> None:
+    """The same noise and the same sensors and actuators, so that a run has the same bytes."""
+    runs = []
+    for chain in (name, NAMED[name]):
+        experiment = parse(MINIMAL, *TIMING, f"chain={chain}")
+        runs.append(run_experiment(experiment).runs["only"])
+    assert runs[0].digest() == runs[1].digest()
+
+
+def test_each_key_of_a_chain_is_its_own() -> None:
+    """Noise, step, velocity, filter, delay and lag arrive where they belong; without a filter there is none."""
+    text = "{encoder_noise: 0.1, quantisation: 0.2, velocity: differentiated, velocity_filter: 30, delay: 0.04}"
+    chain = build_chain(parse(MINIMAL, *TIMING, f"chain={text}", "chain.actuator_lag=0.05").chain)
+    assert (chain.position_sigma, chain.quantum, chain.velocity_rate, chain.delay, chain.lag) == (
+        0.1, 0.2, 30.0, 0.04, 0.05,
+    )  # fmt: skip
+    rates = {"exact": 0.0, "differentiated": math.inf}
+    for velocity, rate in rates.items():
+        assert build_chain(parse(MINIMAL, f"chain={{velocity: {velocity}}}").chain).velocity_rate == rate
+    assert built("chain={quantisation: 0.1, delay: 0.004}").position_noise is None

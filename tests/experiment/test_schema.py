@@ -48,7 +48,7 @@ FACTS = [
     ("initial_q", "home is every joint at zero. References start at zero whatever initial_q is"),
     ("expect", "failed makes a failing run the expected outcome"),
     ("draw", "Number of the random draw under one seed"),
-    ("amplitude", "[rad], in m for slide joints"),
+    ("amplitude", " for slide joints"),
     ("target", "[rad], in m for slide joints"),
     ("integrator", "euler is semi-implicit"),
     ("relative", "| number, > 0, < 1 | required |"),
@@ -87,7 +87,7 @@ def test_schema_and_loader_know_the_same_keys() -> None:
     described = {key for key, _ in properties(schema)}
     written = {
         line.strip().removeprefix("- ").partition(":")[0]
-        for name in ("good", "step", "ramp", "analytic", "fuzzy")
+        for name in ("good", "step", "ramp", "analytic", "fuzzy", "scenario")
         for line in ALL[name].splitlines()
         if not line.strip().startswith("- [")
     }

@@ -6,6 +6,7 @@ Gains come from each law's own declaration, by unit, so that a law registered la
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
@@ -98,6 +99,8 @@ REFERENCES = {
 CONDITIONS: dict[str, tuple[Chain, bool]] = {
     "ideal": (IDEAL, False), "ideal, noisy": (IDEAL, True), "fast, noisy": (CHAINS["fast"], True),
     "slow, noisy": (CHAINS["slow"], True), "slow": (CHAINS["slow"], False),
+    "rounded and late": (Chain(velocity_rate=math.inf, quantum=2e-4, delay=0.008), False),
+    "late, noisy": (Chain(velocity_rate=300.0, quantum=1e-4, delay=0.004, lag=0.003), True),
 }  # fmt: skip
 """Chain, and whether there are position noise and a torque disturbance."""
 

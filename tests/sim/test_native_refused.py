@@ -21,6 +21,7 @@ from torquebench.robot import RobotModel
 from torquebench.sim import lean_arm
 from torquebench.sim.batch import Trial, simulate_many
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
+from torquebench.sim.friction import NONE
 from torquebench.sim.loop import simulate
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.plant import INTEGRATORS, NativePlant
@@ -73,7 +74,7 @@ def test_the_refusals_are_needed(name: str, tmp_path: Path) -> None:
     """Forced upon such an arm, the lean step gives other bytes, so that each arm here has what it is named for."""
     plant = plant_from(REFUSED[name](), tmp_path)
     native = plant.native()
-    forced = native._replace(structure=lean_arm._stepped(plant._m, plant._d, True))
+    forced = native._replace(structure=lean_arm._stepped(plant._m, plant._d, NONE, True))
     assert (steps(plant, native) == steps(plant, forced)) == (name in HARMLESS)
 
 
@@ -161,8 +162,8 @@ def test_a_lean_step_that_is_wrong_by_an_ulp_is_not_used(
     plant._m.dof_damping[:] = 0.5 + 0.1 * np.arange(6)
     assert plant.replica().native().structure.lean  # type: ignore[attr-defined]
 
-    def spoilt(m: Any, d: Any, lean: bool) -> Any:
-        arm = real(m, d, lean)
+    def spoilt(m: Any, d: Any, friction: Any, lean: bool) -> Any:
+        arm = real(m, d, friction, lean)
         return replace(arm, **WRONG[wrong](arm)) if lean else arm
 
     monkeypatch.setattr(lean_arm, "_stepped", spoilt)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from torquebench.cli.run import conditions_text
+from torquebench.cli.conditions import conditions_text
 from torquebench.cli.terminal import progress_bar, say, table
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from torquebench.cli.run import conditions_text, noise_text
+from torquebench.cli.conditions import conditions_text, noise_text
 from torquebench.cli.terminal import progress_bar, say, table
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes, machine, versions

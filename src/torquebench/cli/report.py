@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from torquebench.cli.run import conditions_text, draw_figures
+from torquebench.cli.conditions import conditions_text
+from torquebench.cli.run import draw_figures
 from torquebench.cli.terminal import say
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.certify import certificates

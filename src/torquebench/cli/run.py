@@ -8,6 +8,7 @@ from typing import Literal
 
 from torquebench.certificates import Certificate
 from torquebench.cli.certificates import certificate_lines, certificate_pages
+from torquebench.cli.conditions import chain_text, conditions_text, noise_text
 from torquebench.cli.fuzzy import remarks, run_figures, used
 from torquebench.cli.terminal import complain, progress_bar, say, table
 from torquebench.disturbances import Stream
@@ -15,7 +16,6 @@ from torquebench.experiment import config_hash, dump_experiment, load_experiment
 from torquebench.experiment.build import build
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
-from torquebench.experiment.schema import AnalyticPlant, Experiment
 from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes, machine, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
@@ -98,7 +98,7 @@ def write_results(
     experiment = result.experiment
     metrics = {name: result.metrics[name].to_json() if name in result.metrics else None for name in result.runs}
     conditions = {
-        "window_from": experiment.run.metrics_from, "noise": noise_text(experiment), "chain": experiment.chain,
+        "window_from": experiment.run.metrics_from, "noise": noise_text(experiment), "chain": chain_text(experiment),
     }  # fmt: skip
     directory.write("metrics.json", json_bytes({"conditions": conditions, "controllers": metrics}))
     proofs = certificates(experiment, result.loop, result.runs)
@@ -186,31 +186,6 @@ def draw_figures(
                 files[fmt] = figure_bytes(figure, fmt)
                 bar.update(1)
             yield name, files
-
-
-def noise_text(experiment: Experiment) -> str:
-    """Return the definition of every disturbance in words; it moves results more than the choice of law."""
-    texts = []
-    for d in experiment.disturbances:
-        sigma = " ".join(f"{x:g}" for x in (d.sigma if isinstance(d.sigma, tuple) else (d.sigma,)))
-        held = f"torque noise held {1e3 * d.hold:g} ms"
-        texts.append(f"{held}, Gaussian, sigma {sigma} N m, clipped at {d.clip_sigma:g} sigma")
-    return "; ".join(texts) or "none"
-
-
-def conditions_text(experiment: Experiment) -> str:
-    """Return what was run, in two lines: plant, belief, motion; sampling and noise."""
-    plant, belief, run = experiment.plant, experiment.model, experiment.run
-    mismatch = f", mismatch +-{100 * belief.mismatch.relative:g} %" if belief.mismatch else ""
-    form = f":{plant.structure}:{plant.constants}" if isinstance(plant, AnalyticPlant) else ""
-    drawn = f"; seed {run.seed}, draw {run.draw}" if belief.mismatch or experiment.disturbances else ""
-    start = "" if run.initial_q == "home" else f"; start {run.initial_q}"
-    return (
-        f"plant {plant.engine}:{plant.model}{form} ({plant.integrator}, {1e3 * plant.timestep:g} ms); "
-        f"model {belief.structure}/{belief.constants}{mismatch}; reference {experiment.reference.kind}{start}\n"
-        f"control period {1e3 * run.control_period:g} ms; chain {experiment.chain}; "
-        f"disturbance: {noise_text(experiment)}{drawn}; metrics from {run.metrics_from:g} s"
-    )
 
 
 def summary(result: ExperimentResult) -> str:

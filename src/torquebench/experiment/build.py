@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from torquebench import references
-from torquebench.disturbances import Stream, band_limited_noise, generator
+from torquebench.disturbances import Stream, band_limited_noise, bias, generator, sinusoid
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.fuzzy_system import systems_of
+from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Sinusoid
+from torquebench.experiment.scenario_schema import Chain as ChainKeys
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
+from torquebench.robot.payload import Payload
 from torquebench.robot.puma560.mismatch import mismatched
-from torquebench.sim.chain import CHAINS
+from torquebench.sim.chain import CHAINS, Chain
+from torquebench.sim.friction import Friction, SteepError
 from torquebench.sim.loop import Controller
 from torquebench.sim.plant import Plant
 
@@ -44,7 +49,7 @@ def build(experiment: schema.Experiment) -> Loop:
     """Make the objects of an experiment; all randomness is drawn here, from its seed and draw.
 
     Raises:
-        ConfigError: the reference leaves the range of floating-point numbers.
+        ConfigError: the reference leaves the range of floating-point numbers, or the friction is too steep.
         ModelError: a model is malformed, or no acceptable mismatch was found.
     """
     n, run = experiment.n, experiment.run
@@ -90,15 +95,26 @@ def build_belief(experiment: schema.Experiment) -> tuple[RobotModel, int]:
 
 
 def build_plant(keys: schema.Plant) -> Plant:
-    """Make the plant; MuJoCo is imported only for ``engine: mujoco``."""
-    if isinstance(keys, schema.AnalyticPlant):
-        from torquebench.sim.analytic_plant import AnalyticPlant
+    """Make the plant; MuJoCo is imported only for ``engine: mujoco``.
 
-        truth = load_model(keys.model, keys.structure, keys.constants)
-        return AnalyticPlant(truth, keys.timestep, keys.integrator)
-    from torquebench.sim.mujoco_plant import MujocoPlant
+    Raises:
+        ConfigError: its friction is too steep for its time step.
+        ModelError: the arm cannot carry the payload.
+    """
+    load, rub = keys.payload, keys.friction
+    payload = None if load is None else Payload(load.mass, load.at, load.offset)
+    friction = None if rub is None else Friction(rub.viscous, rub.coulomb, rub.speed)
+    try:
+        if isinstance(keys, schema.AnalyticPlant):
+            from torquebench.sim.analytic_plant import AnalyticPlant
 
-    return MujocoPlant(keys.model, keys.timestep, keys.integrator)
+            truth = load_model(keys.model, keys.structure, keys.constants)
+            return AnalyticPlant(truth, keys.timestep, keys.integrator, payload=payload, friction=friction)
+        from torquebench.sim.mujoco_plant import MujocoPlant
+
+        return MujocoPlant(keys.model, keys.timestep, keys.integrator, payload=payload, friction=friction)
+    except SteepError as error:
+        raise ConfigError([Problem("", "plant.friction", str(error))]) from error
 
 
 def build_reference(keys: schema.Reference, n: int) -> ReferenceSource:
@@ -120,18 +136,28 @@ def sampled(reference: ReferenceSource, experiment: schema.Experiment) -> Refere
     Raises:
         ConfigError: it is not finite there.
     """
-    t = np.arange(experiment.n_steps, dtype=np.float64) * experiment.run.control_period
     with np.errstate(all="ignore"):
-        samples = reference(t)
+        samples = reference(instants(experiment))
     for name, values in zip(("position", "velocity", "acceleration"), samples, strict=True):
         if not np.all(np.isfinite(values)):
             raise ConfigError([Problem("", "reference", f"its {name} is beyond what floating-point numbers can hold")])
     return samples
 
 
+def build_chain(keys: str | ChainKeys) -> Chain:
+    """Return the sensors and actuators of a name, or of keys."""
+    if isinstance(keys, str):
+        return CHAINS[keys]
+    filtered = math.inf if keys.velocity_filter is None else keys.velocity_filter
+    return Chain(
+        "custom", position_sigma=keys.encoder_noise, velocity_rate=filtered if keys.velocity != "exact" else 0.0,
+        lag=keys.actuator_lag, quantum=keys.quantisation, delay=keys.delay,
+    )  # fmt: skip
+
+
 def build_position_noise(experiment: schema.Experiment) -> Array | None:
     """Draw the noise of the chain's encoders, (N, n) [rad]; None when they have none."""
-    sigma, run = CHAINS[experiment.chain].position_sigma, experiment.run
+    sigma, run = build_chain(experiment.chain).position_sigma, experiment.run
     if sigma == 0.0:
         return None
     rng = generator(run.seed, run.draw, Stream.POSITION_NOISE)
@@ -139,14 +165,29 @@ def build_position_noise(experiment: schema.Experiment) -> Array | None:
 
 
 def build_disturbance(experiment: schema.Experiment) -> Array | None:
-    """Draw and add up the disturbances, (N, n) [N m]; None when there are none."""
+    """Draw and add up the disturbances, (N, n) [N m]; None when there are none.
+
+    Only noises count in a noise's key, so that another disturbance beside them changes no noise.
+    """
     if not experiment.disturbances:
         return None
     n, run = experiment.n, experiment.run
-    total = np.zeros((experiment.n_steps, n))
-    for index, keys in enumerate(experiment.disturbances):
-        rng = generator(run.seed, run.draw, Stream.TORQUE_NOISE, index)
-        sigma = as_vector(keys.sigma, n)
-        hold = experiment.hold_steps(keys)
-        total += band_limited_noise(sigma, hold, experiment.n_steps, rng, keys.clip_sigma)
+    total, noises = np.zeros((experiment.n_steps, n)), 0
+    for keys in experiment.disturbances:
+        match keys:
+            case BandLimitedNoise():
+                rng = generator(run.seed, run.draw, Stream.TORQUE_NOISE, noises)
+                noises += 1
+                sigma, hold = as_vector(keys.sigma, n), experiment.hold_steps(keys)
+                total += band_limited_noise(sigma, hold, experiment.n_steps, rng, keys.clip_sigma)
+            case Bias():
+                total += bias(as_vector(keys.value, n), experiment.n_steps)
+            case Sinusoid():
+                size = as_vector(keys.amplitude or 0.0, n) + math.sqrt(2.0) * as_vector(keys.rms or 0.0, n)
+                total += sinusoid(size, as_vector(keys.frequency_hz, n), instants(experiment))
     return total
+
+
+def instants(experiment: schema.Experiment) -> Array:
+    """Return the control instants k control_period, (N,) [s]."""
+    return np.arange(experiment.n_steps, dtype=np.float64) * experiment.run.control_period

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from torquebench.certificates import Certificate, SlidingLaw, certify, required_gain
+from torquebench.certificates import Certificate, Phases, SlidingLaw, certify, required_gain
 from torquebench.experiment import schema
 from torquebench.experiment.build import Loop
 from torquebench.experiment.values import as_vector
+from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.robot import RobotModel, load_model
+from torquebench.robot.payload import Payload, phases
 from torquebench.sim.trajectory import Trajectory
 
 
@@ -38,12 +40,26 @@ class Flag:
         )
 
 
-def truth_of(experiment: schema.Experiment) -> RobotModel:
-    """Return the analytic twin of an experiment's plant."""
+def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
+    """Return the analytic twin of an experiment's plant, its payload included."""
     plant = experiment.plant
+    model = load_model(plant.model)
     if isinstance(plant, schema.AnalyticPlant):
-        return load_model(plant.model, plant.structure, plant.constants)
-    return load_model(plant.model)
+        model = load_model(plant.model, plant.structure, plant.constants)
+    payload = None if plant.payload is None else Payload(plant.payload.mass, plant.payload.at, plant.payload.offset)
+    first, later = phases(model, payload)
+    if payload is None or later is None:
+        return first
+    return Phases(first, later, schema.whole_steps(payload.at, experiment.run.control_period))
+
+
+def resistance(experiment: schema.Experiment, qd: Array) -> Array:
+    """Return the torque of an experiment's friction at joint velocities (N, n) [rad/s], as it acts, (N, n) [N m]."""
+    friction, n = experiment.plant.friction, experiment.n
+    if friction is None:
+        return np.zeros_like(qd)
+    rising = np.clip(qd / friction.speed, -1.0, 1.0)
+    return -(as_vector(friction.viscous, n) * qd + as_vector(friction.coulomb, n) * rising)
 
 
 def sliding_law(keys: schema.Controller, loop: Loop, n: int) -> SlidingLaw | None:
@@ -68,11 +84,12 @@ def sliding_law(keys: schema.Controller, loop: Loop, n: int) -> SlidingLaw | Non
 def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag, ...]:
     """Return the controllers that cannot meet their reaching condition, before anything is run."""
     truth, found = truth_of(experiment), []
+    acting = resistance(experiment, loop.reference.qd) + (0.0 if loop.disturbance is None else loop.disturbance)
     for keys in experiment.controllers:
         law = sliding_law(keys, loop, experiment.n)
         if law is None:
             continue
-        needed = required_gain(truth, law, *loop.reference, loop.disturbance)
+        needed = required_gain(truth, law, *loop.reference, acting)
         if np.any(needed >= law.K):
             worst = int(np.argmax((needed - law.K) / np.asarray(loop.plant.tau_max)))
             k_needed = float(np.max(needed / np.asarray(loop.plant.tau_max)))

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from torquebench.experiment.document import Document, KeyPath
+from torquebench.experiment.scenario_schema import Chain, Disturbance, Friction, Mismatch
 from torquebench.experiment.schema import (
     AnalyticPlant,
     Belief,
     ControllerKeys,
-    Disturbance,
-    Mismatch,
     Plant,
     QuinticReference,
     Reference,
@@ -41,6 +40,8 @@ class Parts:
     model: Checked[Belief] | None
     controllers: Sequence[Checked[ControllerKeys]]
     reference: Checked[Reference] | None
+    chain: Checked[Chain] | None
+    """None also for a chain given by its name."""
     disturbances: Sequence[Checked[Disturbance]]
     run: Checked[Run] | None
     n: int | None
@@ -89,6 +90,9 @@ def _check_structures(document: Document, parts: Parts) -> None:
 
 def _check_lengths(document: Document, parts: Parts) -> None:
     vectors: dict[KeyPath, Any] = {("run", "initial_q"): parts.get("run", "initial_q")}
+    friction = parts.get("plant", "friction")
+    if isinstance(friction, Friction):
+        vectors |= {("plant", "friction", key): getattr(friction, key) for key in ("viscous", "coulomb")}
     for checked in [parts.reference, *parts.disturbances]:
         vectors |= {(*checked.path, key): value for key, value in checked.values.items()} if checked else {}
     for controller in parts.controllers:
@@ -106,13 +110,13 @@ def _check_times(document: Document, parts: Parts) -> None:
     duration, start = parts.get("run", "duration"), parts.get("run", "metrics_from")
     sampled = ("run", "control_period")
     written = _first_given(parts, sampled, ("plant", "timestep"))
-    if not _multiple(document, sampled, period, "plant.timestep", timestep, written):
+    if not check_multiple(document, sampled, period, "plant.timestep", timestep, written):
         period = None  # what is wrong with it would only be said again
-    _multiple(document, ("run", "duration"), duration, "run.control_period", period)
+    check_multiple(document, ("run", "duration"), duration, "run.control_period", period)
     for noise in parts.disturbances:
         hold = noise.values.get("hold")
         place = sampled if "hold" not in noise.given and parts.given(*sampled) else (*noise.path, "hold")
-        _multiple(document, (*noise.path, "hold"), hold, "run.control_period", period, place)
+        check_multiple(document, (*noise.path, "hold"), hold, "run.control_period", period, place)
     if duration is not None and start is not None and duration < (start + MIN_WINDOW) * (1.0 - _RELATIVE):
         shortest = f"the run must last at least {MIN_WINDOW:g} s longer, {start + MIN_WINDOW:.12g} s"
         if start > FAR_OFF * max(duration, 1.0):  # surely the start is wrong, not the run's length
@@ -172,7 +176,7 @@ class _Need(NamedTuple):
     unit: str
 
 
-def _multiple(
+def check_multiple(
     document: Document,
     path: KeyPath,
     value: float | None,
@@ -180,7 +184,15 @@ def _multiple(
     unit: float | None,
     place: KeyPath = (),
 ) -> bool:
-    """Record, and return False, when `value` at `path` is not a whole number, at least 1, of `unit`."""
+    """Record, and return False, when a time is not a whole number, at least 1, of another.
+
+    Args:
+        document: Receives the mistake.
+        path: Key of the time.
+        value: The time [s]; None when it is not known.
+        unit_key, unit: The other time, likewise.
+        place: Key that was written, when that is another than `path`.
+    """
     if value is None or unit is None or not math.isfinite(value / unit):
         return True
     steps = max(whole_steps(value, unit), 1)

@@ -14,6 +14,8 @@ from torquebench.experiment.controllers import build_controller, check_controlle
 from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.fuzzy_checks import check_fuzzy
 from torquebench.experiment.overrides import apply_overrides
+from torquebench.experiment.scenario_checks import check_chain, check_scenario
+from torquebench.experiment.scenario_schema import AnyDisturbance, BandLimitedNoise, Bias, Chain, Disturbance, Sinusoid
 from torquebench.experiment.sections import (
     Checked,
     Handler,
@@ -34,7 +36,11 @@ _REFERENCES: Mapping[str, type[schema.Reference]] = {
     "ramp": schema.RampReference,
     "quintic": schema.QuinticReference,
 }
-_DISTURBANCES: Mapping[str, type[schema.Disturbance]] = {"band-limited-noise": schema.BandLimitedNoise}
+_DISTURBANCES: Mapping[str, type[Disturbance]] = {
+    "band-limited-noise": BandLimitedNoise,
+    "bias": Bias,
+    "sinusoid": Sinusoid,
+}
 
 
 def load_experiment(path: Path, overrides: Sequence[str] = ()) -> schema.Experiment:
@@ -85,6 +91,7 @@ class _Reader:
             "controllers": lambda path, raw: check_controllers(self._document, path, raw),
             "fuzzy": lambda path, raw: check_fuzzy(self._document, path, raw),
             "reference": self._reference,
+            "chain": lambda path, raw: check_chain(self._document, path, raw, _home),
             "disturbances": self._disturbances,
             "run": self._run,
         }
@@ -95,11 +102,13 @@ class _Reader:
             model=top.get("model"),
             controllers=top.get("controllers", []),
             reference=top.get("reference"),
+            chain=top["chain"] if isinstance(top.get("chain"), Checked) else None,
             disturbances=top.get("disturbances", []),
             run=top.get("run"),
             n=self._joints,
         )
         check_across(self._document, parts)
+        check_scenario(self._document, parts)
         return top
 
     def build(self, top: Mapping[str, Any]) -> schema.Experiment:
@@ -135,13 +144,13 @@ class _Reader:
             self._metrics_from = checked.model.metrics_from
         return checked
 
-    def _disturbances(self, path: KeyPath, raw: Any) -> list[Checked[schema.Disturbance]]:
+    def _disturbances(self, path: KeyPath, raw: Any) -> list[Checked[Disturbance]]:
         if not isinstance(raw, list):
             self._document.add(path, f"got {shown(raw)}, wanted a list of disturbances, [] for none")
             return []
         if len(raw) > schema.MAX_DISTURBANCES:
             self._document.add(path, f"got {len(raw)} disturbances, wanted at most {schema.MAX_DISTURBANCES}")
-        base, kinds = schema.AnyDisturbance, _DISTURBANCES
+        base, kinds = AnyDisturbance, _DISTURBANCES
         items = enumerate(raw[: schema.MAX_DISTURBANCES])
         found = [check_tagged(self._document, (*path, i), item, "kind", base, kinds) for i, item in items]
         return [checked for checked in found if checked is not None]
@@ -163,6 +172,7 @@ def _homes() -> dict[str, str]:
         "plant": _PLANTS.values(),
         "model": [schema.Belief],
         "reference": _REFERENCES.values(),
+        "chain": [Chain],
         "disturbances": _DISTURBANCES.values(),
         "run": [schema.Run],
         "the top level": [schema.Experiment],

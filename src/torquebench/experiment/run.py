@@ -6,14 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
-from torquebench.experiment.build import Loop, build
+from torquebench.experiment.build import Loop, build, build_chain
 from torquebench.experiment.schema import Controller as ControllerKeys
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, compute_metrics
 from torquebench.sim.batch import Trial, run_trial
-from torquebench.sim.chain import CHAINS
 from torquebench.sim.loop import Controller, PathName
 from torquebench.sim.trajectory import Trajectory
 
@@ -96,7 +95,7 @@ def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Tria
     """Return what one controller of an experiment is run with."""
     return Trial(
         controller, loop.model, loop.reference, experiment.run.duration, experiment.run.control_period,
-        CHAINS[experiment.chain], loop.position_noise, loop.disturbance, loop.initial_q,
+        build_chain(experiment.chain), loop.position_noise, loop.disturbance, loop.initial_q,
     )  # fmt: skip
 
 

@@ -9,6 +9,15 @@ from pydantic import ConfigDict, Field
 
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, FuzzyKeys
 from torquebench.experiment.keys import Keys
+from torquebench.experiment.scenario_schema import (
+    BandLimitedNoise,
+    Chain,
+    ChainName,
+    Disturbance,
+    Friction,
+    Mismatch,
+    Payload,
+)
 from torquebench.experiment.values import (
     AnyVector,
     HomeOrVector,
@@ -44,6 +53,8 @@ class AnyPlant(Keys):
     integrator: Literal["rk4", "euler"] = Field(
         "rk4", description="Integration scheme: rk4 is 4th-order Runge-Kutta; euler is semi-implicit, 1st-order."
     )
+    payload: Payload | None = Field(None, description="Load that the last link takes up.")
+    friction: Friction | None = Field(None, description="Friction of the joints.")
 
 
 class MujocoPlant(AnyPlant):
@@ -58,16 +69,6 @@ class AnalyticPlant(AnyPlant):
     engine: Literal["analytic"] = Field(description="What simulates the arm.")
     structure: StructureName = Field("exact", description="Equations of motion of the plant: as in model.structure.")
     constants: ConstantsName = Field("fitted", description="Numbers in the plant's equations: as in model.constants.")
-
-
-class Mismatch(Keys):
-    """Errors put on purpose into the model that the laws use."""
-
-    relative: float = Field(
-        gt=0,
-        lt=1,
-        description="Every constant is multiplied by 1 + r or 1 - r, as drawn; r is a fraction, 0.3 for 30 % [1].",
-    )
 
 
 class Belief(Keys):
@@ -150,22 +151,6 @@ class QuinticReference(_Rising):
     rise_time: Positive = Field(description="Time from zero to the target, at most run.duration [s].")
 
 
-class AnyDisturbance(Keys):
-    """Keys that every disturbance has."""
-
-    kind: str = Field(description="Form of the disturbance.")
-
-
-class BandLimitedNoise(AnyDisturbance):
-    """Gaussian torque, each value held for a while."""
-
-    kind: Literal["band-limited-noise"] = Field(description="Form of the disturbance.")
-    channel: Literal["torque"] = Field(description="What it is added to: the joint torque, after saturation.")
-    sigma: NotNegativeVector = Field(description="Standard deviation before clipping [N m].")
-    hold: Positive = Field(0.01, description="Time each value lasts, a whole multiple of run.control_period [s].")
-    clip_sigma: Positive = Field(3.0, description="Values are clipped at this many standard deviations [1].")
-
-
 def _metrics_from_is_optional(schema: dict[str, Any]) -> None:
     schema["required"] = [key for key in schema["required"] if key != "metrics_from"]
 
@@ -201,7 +186,6 @@ class Run(Keys):
 
 Plant: TypeAlias = MujocoPlant | AnalyticPlant
 Reference: TypeAlias = SineReference | StepReference | RampReference | QuinticReference
-Disturbance: TypeAlias = BandLimitedNoise
 
 
 class Experiment(Keys):
@@ -223,13 +207,13 @@ class Experiment(Keys):
     reference: Reference = Field(
         discriminator="kind", description="Desired motion; starts at zero whatever run.initial_q is."
     )
-    chain: Literal["ideal", "fast", "slow"] = Field(
+    chain: ChainName | Chain = Field(
         "ideal",
         description="Sensors and actuators. ideal: exact and instantaneous; fast: position with noise of 0.1 mrad, "
         "velocity differentiated from it and filtered at 500 rad/s, actuators lagging by 2 ms; slow: the same noise, "
-        "200 rad/s, 8 ms.",
+        "200 rad/s, 8 ms; or each imperfection by itself.",
     )
-    disturbances: tuple[Disturbance, ...] = Field(
+    disturbances: tuple[Annotated[Disturbance, Field(discriminator="kind")], ...] = Field(
         (), max_length=MAX_DISTURBANCES, description="What acts on the joints besides the law."
     )
     run: Run = Field(description="Length, sampling, start and randomness of the run.")
@@ -249,7 +233,14 @@ class Experiment(Keys):
         """Physics steps in one control period."""
         return whole_steps(self.run.control_period, self.plant.timestep)
 
-    def hold_steps(self, disturbance: Disturbance) -> int:
+    @property
+    def is_drawn(self) -> bool:
+        """Whether anything in it is random."""
+        noisy = self.chain in ("fast", "slow") or (isinstance(self.chain, Chain) and self.chain.encoder_noise > 0)
+        noisy |= any(isinstance(disturbance, BandLimitedNoise) for disturbance in self.disturbances)
+        return noisy or self.model.mismatch is not None
+
+    def hold_steps(self, disturbance: BandLimitedNoise) -> int:
         """Control periods for which one value of a disturbance lasts, at most the whole run."""
         return whole_steps(min(disturbance.hold, self.run.duration), self.run.control_period)
 

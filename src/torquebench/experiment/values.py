@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias, get_args, get_origin
 
 import numpy as np
-from pydantic import AfterValidator, Discriminator, Field, GetCoreSchemaHandler, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, GetCoreSchemaHandler, Tag
 from pydantic.fields import FieldInfo
-from pydantic_core import CoreSchema, ErrorDetails
+from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError
 
 from torquebench.errors import did_you_mean
 from torquebench.experiment.document import shortened
@@ -55,6 +55,20 @@ Positive: TypeAlias = Annotated[float, Field(gt=0)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0), AfterValidator(positive_zero)]
 AnyVector: TypeAlias = Annotated[Vector, EachJoint()]
 NotNegativeVector: TypeAlias = Annotated[Vector, EachJoint(ge=0)]
+PositiveVector: TypeAlias = Annotated[Vector, EachJoint(gt=0)]
+
+
+def _three(value: object) -> object:
+    if isinstance(value, list | tuple) and len(value) != 3:
+        raise PydanticCustomError("three_numbers", "wanted a list of 3 numbers")
+    return value
+
+
+_Coordinate: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False), AfterValidator(positive_zero)]
+Triple: TypeAlias = Annotated[
+    tuple[_Coordinate, ...], Field(strict=False, min_length=3, max_length=3), BeforeValidator(_three)
+]
+"""Three numbers, the coordinates of a point."""
 HomeOrVector: TypeAlias = Annotated[Vector | Literal["home"], EachJoint(word="home")]
 
 
@@ -146,6 +160,7 @@ def explain(error: ErrorDetails, info: FieldInfo) -> str:
         "string_too_long": f"at most {limits.get('max_length')} characters",
         "bool_type": "true or false" + ("; yes, no, on and off are text" if isinstance(value, str) else ""),
         "too_short": "at least one number",
+        "tuple_type": "a list of 3 numbers",
     }
     if kind == "less_than" and limits.get("lt") == 1:
         percent = value if isinstance(value, int | float) and value < 100 else 30

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from torquebench.paper.records import Records
 from torquebench.paper.verdicts import Claim, ablated, below, geometric_mean, judged, text
-from torquebench.paper.workload import CHAINS, LIMIT_NOISE, NOMINAL, SLOW_NOISE, STRONG, UNCERTAIN
+from torquebench.paper.workload import BIAS, CHAINS, LIMIT_NOISE, NOMINAL, SINUSOID, SLOW_NOISE, STRONG, UNCERTAIN
 
 NO_CHATTERING = 1.0
 """HF below which chattering counts as removed [% of the torque limit]."""
@@ -102,7 +102,7 @@ def rejects_noise(x: Records) -> Claim:
     ]  # fmt: skip
     cases += [
         below(name, ("sine", "ideal", condition), x.ratio("rmse", *SETS[name], "sine", "ideal", condition))
-        for condition in (SLOW_NOISE, LIMIT_NOISE) for name in ("set L", "set M")
+        for condition in (SLOW_NOISE, LIMIT_NOISE, BIAS, SINUSOID) for name in ("set L", "set M")
     ]  # fmt: skip
     return judged(
         "the proposed law rejects the 30 % noise better than conventional control", "Fig 11",

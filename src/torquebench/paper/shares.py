@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from torquebench.experiment.build import Loop
-from torquebench.experiment.certify import truth_of
 from torquebench.experiment.schema import Controller, Experiment
 from torquebench.fuzzy.inference import infer
 from torquebench.laws import find_law
+from torquebench.robot import load_model
 from torquebench.sim.trajectory import Trajectory
 
 EVERY = 10
@@ -18,7 +18,7 @@ EVERY = 10
 def fuzzy_share(experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory) -> dict[str, float | None]:
     """Return 1 - sum (tau_eq - tau_fuzzy)^2 / sum tau_eq^2, the mean over joints: 1 for a perfect estimate.
 
-    tau_eq is the inverse dynamics of the true arm along the reference; an estimate worse than none is negative.
+    tau_eq is the inverse dynamics of the arm, without payload, along the reference; worse than none is negative.
 
     Args:
         experiment: What was run.
@@ -42,6 +42,6 @@ def fuzzy_share(experiment: Experiment, loop: Loop, keys: Controller, run: Traje
         [infer(fis, *rules.inputs(gains, i, e[k, i], de[k, i])) for i in range(e.shape[1])] for k in range(len(e))
     ])  # fmt: skip
     supplied = gains.kf * np.asarray(loop.plant.tau_max) * output
-    needed = truth_of(experiment).inverse_dynamics(q_ref, qd_ref, qdd_ref)
+    needed = load_model(experiment.plant.model).inverse_dynamics(q_ref, qd_ref, qdd_ref)
     left = np.sum((needed - supplied) ** 2, axis=0) / np.sum(needed**2, axis=0)
     return {"fuzzy_share": float(np.mean(1.0 - left))}

@@ -6,13 +6,25 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from torquebench.experiment import load_experiment
-from torquebench.experiment.schema import BandLimitedNoise, Experiment, Mismatch
+from torquebench.experiment.scenario_schema import (
+    BandLimitedNoise,
+    Bias,
+    Disturbance,
+    Friction,
+    Mismatch,
+    Payload,
+    Sinusoid,
+)
+from torquebench.experiment.schema import Experiment
 from torquebench.robot.library import data_root
 
 CHAINS = ("ideal", "fast", "slow")
 NOMINAL, UNCERTAIN, MISMATCH = "nominal", "uncertain", "mismatch"
 SLOW_NOISE, LIMIT_NOISE = "noise held 100 ms", "noise of 30 % of the limit held 100 ms"
-"""Conditions: nothing else; model error and noise; model error alone; other readings of the paper's noise."""
+BIAS, SINUSOID = "constant torque of sigma", "1 Hz torque of sigma"
+PAYLOAD, FRICTION = "payload of 2 kg", "friction"
+"""Conditions: nothing else; model error and noise; model error alone; other readings of the paper's noise; disturbances
+that are no noise; burdens that no model knows of."""
 PAIRED_DRAWS = {"quick": 4, "full": 30}
 """Draws behind each interval, by size."""
 RELATIVE = 0.3
@@ -68,6 +80,8 @@ def blocks(draws: int) -> list[Block]:
     for chain, prefix in (("ideal", "l"), ("slow", "m")):
         every.append(Block("ablations", chain, UNCERTAIN, tuple(f"{prefix}-{form}" for form in FORMS), draws))
     every.append(Block("fig11-noise", "ideal", MISMATCH, tuple(n for n in CLAIMED if n.startswith("proposed")), draws))
+    for condition in (BIAS, SINUSOID, PAYLOAD, FRICTION):
+        every.append(Block("fig11-noise", "ideal", condition, CLAIMED, 1, BOTH))
     noisy = ("conventional", "conventional-m", "proposed-l", "proposed-m")
     every += [Block("fig11-noise", "ideal", condition, noisy, draws) for condition in (SLOW_NOISE, LIMIT_NOISE)]
     return every
@@ -95,23 +109,27 @@ def chosen(experiment: Experiment, controllers: Sequence[str]) -> Experiment:
 
 def under(experiment: Experiment, condition: str) -> Experiment:
     """Return an experiment under a condition; the noise that a config has is the paper's."""
-    change = _CHANGES[condition]
-    noise = tuple(change(d) for d in experiment.disturbances) if change is not None else ()
+    noise = experiment.disturbances
     if condition == UNCERTAIN and not noise:
         noise = experiment_of(Block("fig11-noise", "ideal", UNCERTAIN, (), 0)).disturbances
-    error = None if condition == NOMINAL else Mismatch(relative=RELATIVE)
+    change = _CHANGES.get(condition)
+    disturbances = () if change is None else tuple(change(d) for d in noise if isinstance(d, BandLimitedNoise))
+    error = Mismatch(relative=RELATIVE) if condition in (UNCERTAIN, MISMATCH, SLOW_NOISE, LIMIT_NOISE) else None
+    plant = experiment.plant.model_copy(update=_BURDENS.get(condition, {}))
     belief = experiment.model.model_copy(update={"mismatch": error})
-    return experiment.model_copy(update={"model": belief, "disturbances": noise})
+    return experiment.model_copy(update={"plant": plant, "model": belief, "disturbances": disturbances})
 
 
-def _held(noise: BandLimitedNoise) -> BandLimitedNoise:
-    return noise.model_copy(update={"hold": 0.1})
-
-
-def _of_limit(noise: BandLimitedNoise) -> BandLimitedNoise:
-    return noise.model_copy(update={"hold": 0.1, "sigma": OF_LIMIT})
-
-
-_CHANGES: dict[str, Callable[[BandLimitedNoise], BandLimitedNoise] | None] = {
-    NOMINAL: None, MISMATCH: None, UNCERTAIN: lambda noise: noise, SLOW_NOISE: _held, LIMIT_NOISE: _of_limit,
-}  # fmt: skip
+_CHANGES: dict[str, Callable[[BandLimitedNoise], Disturbance]] = {
+    UNCERTAIN: lambda noise: noise,
+    SLOW_NOISE: lambda noise: noise.model_copy(update={"hold": 0.1}),
+    LIMIT_NOISE: lambda noise: noise.model_copy(update={"hold": 0.1, "sigma": OF_LIMIT}),
+    BIAS: lambda noise: Bias(kind="bias", channel="torque", value=noise.sigma),
+    SINUSOID: lambda noise: Sinusoid(kind="sinusoid", channel="torque", rms=noise.sigma),
+}
+_BURDENS: dict[str, dict[str, Payload | Friction]] = {
+    PAYLOAD: {"payload": Payload(mass=2.0)},
+    FRICTION: {
+        "friction": Friction(viscous=(5.8, 9.3, 4.0, 0.36, 0.36, 0.22), coulomb=(26.0, 14.0, 6.5, 1.0, 1.3, 0.7))
+    },
+}

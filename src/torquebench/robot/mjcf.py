@@ -14,6 +14,7 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.links import check_physical
+from torquebench.robot.mjcf_links import at_zero, carrier, frames, links_of, moving_parent
 from torquebench.robot.model import HINGE, SLIDE, Model, rigid_model
 
 MAX_BYTES = 4 * 1024 * 1024
@@ -112,7 +113,7 @@ def check_smooth(m: Any, where: str) -> None:
     wrong = [name for name, present in features(m).items() if present]
     if not wrong and np.any(several & (m.qpos0 != 0)):
         wrong.append("a reference angle on a body with several joints")
-    parents = [_moving_parent(m, b) for b in range(1, m.nbody) if m.body_jntnum[b] > 0]
+    parents = [moving_parent(m, b) for b in range(1, m.nbody) if m.body_jntnum[b] > 0]
     if len(set(parents)) != len(parents):
         wrong.append("branches (wanted one chain of moving bodies)")
     if wrong:
@@ -124,43 +125,23 @@ def _gravity(m: Any) -> Array:
     return np.zeros(3) if off else np.array(m.opt.gravity)
 
 
-def _moving_parent(m: Any, body: int) -> int:
-    parent = int(m.body_parentid[body])
-    while parent > 0 and m.body_jntnum[parent] == 0:
-        parent = int(m.body_parentid[parent])
-    return parent
-
-
 def flatten(m: Any, where: str) -> Model:
     """Return the EXACT model of a compiled serial arm, for the analytic side.
 
-    Frame i sits at joint i's anchor with z along its axis (the body's axes, where its z is the joint's). Bodies
-    without joints belong to the link that carries them; a body with several joints becomes several links, all but
-    the last without mass. See `tool_frame` for the tool.
+    See `frames` for the joints' frames, `links_of` for the links, `tool_frame` for the tool.
 
     Raises:
         ModelError: the model has something the analytic side cannot represent; see `check_smooth`.
     """
     check_smooth(m, where)
-    n = int(m.nv)
-    d = mujoco.MjData(m)
-    d.qpos[:] = 0.0
-    mujoco.mj_kinematics(m, d)
-    mujoco.mj_comPos(m, d)
-    world_R = [np.eye(3)] + [_joint_frame(m, d, j) for j in range(n)]
-    world_p = [np.zeros(3)] + [d.xanchor[j].copy() for j in range(n)]
-    mass, com, inertia = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
-    for j in range(n):
-        body = int(m.jnt_bodyid[j])
-        if j == m.body_jntadr[body] + m.body_jntnum[body] - 1:
-            rigid = [b for b in range(1, m.nbody) if _carrier(m, b) == body]
-            mass[j], com[j], inertia[j] = _lump(m, d, rigid, world_R[j + 1], world_p[j + 1])
+    n, d, links = int(m.nv), at_zero(m), links_of(m)
+    world_R, world_p = frames(m)
     tool_R, tool_p = tool_frame(m, d, where)
     model = rigid_model(
         kind=[HINGE if t == mujoco.mjtJoint.mjJNT_HINGE else SLIDE for t in m.jnt_type],
         rotation=np.array([world_R[j].T @ world_R[j + 1] for j in range(n)]),
         offset=np.array([world_R[j].T @ (world_p[j + 1] - world_p[j]) for j in range(n)]),
-        mass=mass, com=com, inertia=inertia, armature=m.dof_armature, gravity=_gravity(m),
+        mass=links.mass, com=links.com, inertia=links.inertia, armature=links.armature, gravity=_gravity(m),
         tool_rotation=world_R[n].T @ tool_R.reshape(3, 3), tool_offset=world_R[n].T @ (tool_p - world_p[n]),
         tau_max=torque_limits(m, where), inertia_scale=np.ones(n),
     )  # fmt: skip
@@ -181,9 +162,9 @@ def tool_frame(m: Any, d: Any, where: str) -> tuple[Array, Array]:
     last = int(m.jnt_bodyid[-1])
     site = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_SITE, "tool")
     if site < 0:
-        body = max(b for b in range(1, m.nbody) if _carrier(m, b) == last)
+        body = max(b for b in range(1, m.nbody) if carrier(m, b) == last)
         return d.xmat[body], d.xpos[body]
-    if _carrier(m, int(m.site_bodyid[site])) != last:
+    if carrier(m, int(m.site_bodyid[site])) != last:
         raise ModelError(f"{where}: the site 'tool' is not on the last link")
     return d.site_xmat[site], d.site_xpos[site]
 
@@ -227,33 +208,3 @@ def _symmetric(limits: Array, where: str, joint: int) -> float:
     if not (limits[0] == -limits[1] and limits[1] > 0):
         raise ModelError(f"{where}: joint {joint + 1}: torque range {limits.tolist()} is not symmetric about zero")
     return float(limits[1])
-
-
-def _carrier(m: Any, body: int) -> int:
-    while body > 0 and m.body_jntnum[body] == 0:
-        body = int(m.body_parentid[body])
-    return body
-
-
-def _joint_frame(m: Any, d: Any, joint: int) -> Array:
-    """World orientation of the joint's frame: the body's own where its z axis is the joint's, else turned to be."""
-    body = d.xmat[m.jnt_bodyid[joint]].reshape(3, 3)
-    axis = m.jnt_axis[joint]
-    if np.array_equal(axis, [0.0, 0.0, 1.0]):
-        return np.array(body)
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
-    x /= np.sqrt(x @ x)
-    return np.array(body @ np.column_stack([x, np.cross(axis, x), axis]))
-
-
-def _lump(m: Any, d: Any, bodies: list[int], R: Array, p: Array) -> tuple[float, Array, Array]:
-    masses = np.array([m.body_mass[b] for b in bodies])
-    total = float(np.sum(masses))
-    centre = sum((m.body_mass[b] * d.xipos[b] for b in bodies), np.zeros(3)) / total if total > 0 else p
-    inertia = np.zeros((3, 3))
-    for b in bodies:
-        axes = d.ximat[b].reshape(3, 3)
-        away = d.xipos[b] - centre
-        inertia += axes @ np.diag(m.body_inertia[b]) @ axes.T
-        inertia += m.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
-    return total, R.T @ (centre - p), R.T @ inertia @ R

@@ -21,16 +21,18 @@ MAX_VELOCITY = 1e4
 
 @kernel
 def measure(job: Job, k: int) -> None:
-    """Write what the law sees at control instant k where that is not the state itself.
+    """Measure the state at control instant k where that gives anything else than the state itself.
 
     The filter takes the backward difference of the measured position, v += a (dq/T - v) with v = 0 at first.
     """
-    q, qd, seen_q, seen_qd = job.q, job.qd, job.measured_q, job.measured_qd
+    q, qd, seen_q, seen_qd = job.q, job.qd, job.fresh_q, job.fresh_qd
     noisy, filtered = len(job.position_noise) > 0, job.velocity_gain > 0.0
     for i in range(len(q)):
         position = q[i]
         if noisy:
             position += job.position_noise[k, i]
+        if job.quantum > 0.0:
+            position = nearest_multiple(position, job.quantum)
         if not filtered:
             seen_qd[i] = qd[i]
         elif k == 0:
@@ -39,6 +41,27 @@ def measure(job: Job, k: int) -> None:
             rate = (position - seen_q[i]) / job.control_period
             seen_qd[i] += job.velocity_gain * (rate - seen_qd[i])
         seen_q[i] = position
+
+
+@kernel
+def nearest_multiple(x: float, quantum: float) -> float:
+    """Return the whole multiple of `quantum` nearest to x; x itself where floats lie further apart than multiples."""
+    if abs(x) < 4503599627370496.0 * quantum:  # 2^52
+        return quantum * math.floor(x / quantum + 0.5)
+    return x
+
+
+@kernel
+def hold_back(job: Job, k: int) -> None:
+    """Show the law the measurement of len(late) control instants ago, the first one until then; keep that of k."""
+    late = job.late
+    slot = k % len(late)
+    for i in range(len(job.q)):
+        if k == 0:
+            for j in range(len(late)):
+                late[j, 0, i], late[j, 1, i] = job.fresh_q[i], job.fresh_qd[i]
+        job.measured_q[i], job.measured_qd[i] = late[slot, 0, i], late[slot, 1, i]
+        late[slot, 0, i], late[slot, 1, i] = job.fresh_q[i], job.fresh_qd[i]
 
 
 @kernel
@@ -105,13 +128,15 @@ def closed_loop(
     """
     q, qd, memory, record_memory, at = job.q, job.qd, job.memory, job.record_memory, job.at
     record_q, record_qd, record_tau_law = job.record_q, job.record_qd, job.record_tau_law
-    measured, lagging = len(job.record_q_meas) > 0, len(job.decay) > 0
+    measured, delayed, lagging = len(job.record_q_meas) > 0, len(job.late) > 0, len(job.decay) > 0
     for k in range(first, last):
         at[0] = k
         copy_row(q, record_q[k])
         copy_row(qd, record_qd[k])
         if measured:
             measure(job, k)
+            if delayed:
+                hold_back(job, k)
             copy_row(job.measured_q, job.record_q_meas[k])
             copy_row(job.measured_qd, job.record_qd_meas[k])
         tau_law = record_tau_law[k]

@@ -38,6 +38,8 @@ class Job(Structure):
     """Added to the measured position, (N, n) or (0, n) [rad]."""
     velocity_gain: float
     """Share of a new difference quotient that the velocity filter takes in; 0 for exact velocity."""
+    quantum: float
+    """The measured position is rounded to a multiple of this; 0 for none [rad]."""
     decay: Annotated[Array, 1]
     """What is left of an actuator's lag after half a physics step, a whole one, and on average over a control
     period, (3,); of no elements for an ideal actuator."""
@@ -46,6 +48,12 @@ class Job(Structure):
     """The plant's position now, (n,) [rad]."""
     qd: Array
     """The plant's velocity now, (n,) [rad/s]."""
+    fresh_q: Array
+    """Position measured last, (n,) [rad]; the array that the law sees where it sees it at once."""
+    fresh_qd: Array
+    """Velocity measured last, (n,) [rad/s]; likewise."""
+    late: Annotated[Array, 3]
+    """Positions and velocities measured last but not seen yet, in a ring, (d, 2, n), d the delay in control periods."""
     measured_q: Array
     """What the law sees, (n,) [rad]; `q` itself where measurement is exact."""
     measured_qd: Array

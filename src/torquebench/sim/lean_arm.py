@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from torquebench.robot.mjcf import features
+from torquebench.sim.friction import NONE, Resistance
 from torquebench.sim.mujoco_library import addresses
 from torquebench.sim.mujoco_step import Stepped, compiled_step
 
@@ -18,18 +19,20 @@ SERVED = ("joint damping",)
 """Features the lean step serves although the analytic side has no counterpart for them."""
 
 
-def native_arm(m: Any, d: Any, lean: bool | None = None) -> Stepped:
+def native_arm(m: Any, d: Any, friction: Resistance, lean: bool | None = None) -> Stepped:
     """Return what the compiled step works on; lean where that is proven to change no byte.
 
     Args:
         m: The model, with its time step and integrator set.
         d: Its data; not changed.
+        friction: Friction beside the model's own damping; it enters as a torque, so that what is proven of the step
+            without it holds with it.
         lean: What was found of a model that this one is a copy of; None to find out.
 
     Raises:
         NativeError: MuJoCo's library cannot be called.
     """
-    return _stepped(m, d, _is_plain(m) and _lean_is_equal(m) if lean is None else lean)
+    return _stepped(m, d, friction, _is_plain(m) and _lean_is_equal(m) if lean is None else lean)
 
 
 def _is_plain(m: Any) -> bool:
@@ -45,7 +48,7 @@ def _lean_is_equal(m: Any) -> bool:
     rng = np.random.default_rng(0)
     for d in (lean, whole):
         d.qpos[:], d.qvel[:] = np.random.default_rng(1).normal(size=(2, own.nv))
-    arm = _stepped(own, lean, True)
+    arm = _stepped(own, lean, NONE, True)
     step = compiled_step().ctypes
     for _ in range(PROOF_STEPS):
         torque = np.tile(rng.normal(size=own.nv), (3, 1))
@@ -58,7 +61,7 @@ def _lean_is_equal(m: Any) -> bool:
     return bool(np.all(np.isfinite(whole.qpos)))
 
 
-def _stepped(m: Any, d: Any, lean: bool) -> Stepped:
+def _stepped(m: Any, d: Any, friction: Resistance, lean: bool) -> Stepped:
     disabled = m.opt.disableflags & (mujoco.mjtDisableBit.mjDSBL_EULERDAMP | mujoco.mjtDisableBit.mjDSBL_DAMPER)
     undamped = m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER
     at = addresses(m, d)
@@ -69,5 +72,5 @@ def _stepped(m: Any, d: Any, lean: bool) -> Stepped:
         damping=np.zeros(m.nv) if undamped else m.dof_damping, smooth=d.qfrc_smooth,
         M=d.M, factor=d.qLD, inverse_diagonal=d.qLDiagInv, damped=d.qH, damped_inverse_diagonal=d.qHDiagInv,
         row_lengths=m.M_rownnz.ctypes.data, row_addresses=m.M_rowadr.ctypes.data, columns=m.M_colind.ctypes.data,
-        diagonal=(m.M_rowadr + m.M_rownnz - 1).astype(np.int64), stages=np.zeros((10, m.nv)),
+        diagonal=(m.M_rowadr + m.M_rownnz - 1).astype(np.int64), stages=np.zeros((11, m.nv)), friction=friction,
     )  # fmt: skip

@@ -18,7 +18,7 @@ from torquebench.robot.arm import RobotModel
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.native_path import NativeRun, obstacle
-from torquebench.sim.plant import Plant, substeps_per_period
+from torquebench.sim.plant import Plant, attached_at, substeps_per_period
 from torquebench.sim.python_path import PythonRun
 from torquebench.sim.result import trajectory_of
 from torquebench.sim.setup import set_up
@@ -115,6 +115,7 @@ def simulate(
     start = np.zeros(n) if initial_q is None else np.array(initial_q, dtype=np.float64)
     _check_shapes(n, n_steps, controller, model, desired, start)
     _check_added(n, n_steps, disturbance=disturbance, position_noise=position_noise)
+    attach = attached_at(plant, control_period, n_steps)
     reason = "" if path == "python" else obstacle(plant, controller.law)
     if path == "native" and reason:
         raise ControllerError(f"controller '{controller.name}' cannot run on the native path: {reason}")
@@ -130,7 +131,9 @@ def simulate(
     run = PythonRun(setup) if native is None else NativeRun(setup, native)
     status, done, at_once = COMPLETED, 0, max(1, run.longest // substeps)
     while done < n_steps and status == COMPLETED:
-        last = min(done + at_once, n_steps)
+        if done == attach > 0:
+            run.attach()
+        last = min(done + at_once, attach if done < attach else n_steps)
         status = run(done, last)
         done = last
         if progress is not None and status == COMPLETED:

@@ -14,6 +14,9 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.loading import mjcf_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
+from torquebench.robot.mjcf_links import links_of, with_links
+from torquebench.robot.payload import Payload, add_payload
+from torquebench.sim.friction import NONE, Friction, check_stable, poses, resist
 from torquebench.sim.plant import NativePlant, check_own, check_scheme, stages
 
 _CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
@@ -38,6 +41,16 @@ def load_mujoco(source: str | Path) -> Any:
     return m
 
 
+def mass_matrices(m: Any, q: Array) -> Array:
+    """Return MuJoCo's mass matrix, armature included, (N, n, n) [kg m^2], at positions `q` (N, n) [rad]."""
+    d, out = mujoco.MjData(m), np.zeros((len(q), m.nv, m.nv))
+    for i, position in enumerate(q):
+        d.qpos[:] = position
+        mujoco.mj_forward(m, d)
+        mujoco.mj_fullM(m, d, out[i])
+    return out
+
+
 class MujocoPlant:
     """A plant stepped by MuJoCo; follows the `Plant` protocol.
 
@@ -48,30 +61,51 @@ class MujocoPlant:
         source: Name of a model in ``models/``, or path of an ``.xml`` file.
         timestep: Integration step [s]; overrides the file's.
         integrator: ``rk4`` or ``euler``; overrides the file's.
+        payload: What the last joint's link takes up, at the start or in the middle of a run.
+        friction: Friction of the joints, beside what the model has of its own.
 
     Raises:
-        ModelError: the model cannot be used as a plant.
-        ValueError: the time step is not finite and positive, or the integrator is unknown.
+        ModelError: the model cannot be used as a plant, or cannot carry the payload.
+        ValueError: the time step is not finite and positive, the integrator is unknown, or the friction does not fit
+            them.
     """
 
-    def __init__(self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4") -> None:
+    def __init__(
+        self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4", *, payload: Payload | None = None,
+        friction: Friction | None = None,
+    ) -> None:  # fmt: skip
         check_scheme(timestep, integrator)
         mujoco.set_mju_user_warning(_quiet)
         self._m = load_mujoco(source)
         self._m.opt.timestep = timestep
         self._m.opt.integrator = _CODES[integrator]
+        self.payload, self.friction = payload, friction
+        self._resistance = NONE if friction is None else friction.of_joints(int(self._m.nv))
+        if friction is not None:
+            check_stable(self._resistance, mass_matrices(self._m, poses(int(self._m.nv))), timestep, integrator)
+        self._loaded: Any = None
+        if payload is not None:
+            self._loaded = with_links(self._m, add_payload(links_of(self._m), payload))
+            if payload.at == 0.0:
+                self._m, self._loaded = self._loaded, None
+        self._now = self._m
         self._d = mujoco.MjData(self._m)
         self._native: NativePlant | None = None
-        self._lean: bool | None = None
+        self._lean: tuple[bool, bool] | None = None
         self.n = int(self._m.nv)
         self.timestep = timestep
         self.tau_max = torque_limits(self._m, str(source))
         self.joint_names = tuple(joint_names(self._m))
 
     def reset(self, q: Array, qd: Array) -> None:
-        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,)."""
+        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
+        self._now = self._m
         mujoco.mj_resetData(self._m, self._d)
         self._d.qpos[:], self._d.qvel[:] = q, qd
+
+    def attach(self) -> None:
+        """Go on with the payload; see `Carrier`."""
+        self._now = self._m if self._loaded is None else self._loaded
 
     def state(self) -> tuple[Array, Array]:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
@@ -80,12 +114,23 @@ class MujocoPlant:
     def step(self, tau: Array, substeps: int) -> None:
         """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`."""
         start, middle, end = stages(tau)
-        if tau.ndim == 1 or self._m.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
-            self._d.qfrc_applied[:] = start
-            mujoco.mj_step(self._m, self._d, substeps)
-        else:
+        rough, rk4 = self.friction is not None, self._m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        if rk4 and (rough or tau.ndim == 2):
             for _ in range(substeps):
                 self._runge_kutta(start, middle, end)
+        elif rough:
+            for _ in range(substeps):
+                self._apply(start)
+                mujoco.mj_step(self._now, self._d)
+        else:
+            self._d.qfrc_applied[:] = start
+            mujoco.mj_step(self._now, self._d, substeps)
+
+    def _apply(self, torque: Array) -> None:
+        """Have `torque` (n,) [N m] act on the joints, less the friction at their velocity."""
+        self._d.qfrc_applied[:] = torque
+        if self.friction is not None:
+            resist(self._resistance, self._d.qvel, self._d.qfrc_applied, self._d.qfrc_applied)
 
     def _runge_kutta(self, start: Array, middle: Array, end: Array) -> None:
         """One step as ``mj_step`` makes it, but with the torque of each stage's own time."""
@@ -94,8 +139,8 @@ class MujocoPlant:
         velocity, acceleration = np.zeros(self.n), np.zeros(self.n)
         stages_of = ((start, 0.5, 1.0 / 6.0), (middle, 0.5, 1.0 / 3.0), (middle, 1.0, 1.0 / 3.0), (end, 0.0, 1.0 / 6.0))
         for torque, ahead, weight in stages_of:
-            d.qfrc_applied[:] = torque
-            mujoco.mj_forward(self._m, d)
+            self._apply(torque)
+            mujoco.mj_forward(self._now, d)
             velocity += d.qvel * weight
             acceleration += d.qacc * weight
             at = d.qvel.copy()
@@ -115,15 +160,20 @@ class MujocoPlant:
             from torquebench.sim.lean_arm import native_arm
             from torquebench.sim.mujoco_step import compiled_step
 
-            arm = native_arm(self._m, self._d, self._lean)
-            self._lean = arm.lean
-            self._native = NativePlant(compiled_step().address, arm, self._d.qpos, self._d.qvel)
+            lean = self._lean or (None, None)
+            arm = native_arm(self._m, self._d, self._resistance, lean[0])
+            loaded = None
+            if self._loaded is not None:
+                loaded = native_arm(self._loaded, self._d, self._resistance, lean[1])
+            self._lean = arm.lean, loaded is not None and loaded.lean
+            self._native = NativePlant(compiled_step().address, arm, self._d.qpos, self._d.qvel, loaded)
         return self._native
 
     def replica(self) -> MujocoPlant:
         """Return another plant of the same arm, for another thread."""
         twin = copy.copy(self)
-        twin._m = copy.copy(self._m)
+        twin._m = twin._now = copy.copy(self._m)
+        twin._loaded = copy.copy(self._loaded)
         twin._d = mujoco.MjData(twin._m)
         twin._native = None
         return twin
@@ -145,12 +195,7 @@ class MujocoModel:
 
     def mass_matrix(self, q: npt.ArrayLike) -> Array:
         """Mass matrix, armature included, (N, n, n) [kg m^2], at positions `q` (N, n) [rad]."""
-        positions = np.asarray(q, dtype=np.float64)
-        out = np.zeros((len(positions), self.n, self.n))
-        for i, position in enumerate(positions):
-            self._forward(position, np.zeros(self.n))
-            mujoco.mj_fullM(self._m, self._d, out[i])
-        return out
+        return mass_matrices(self._m, np.asarray(q, dtype=np.float64))
 
     def bias_forces(self, q: npt.ArrayLike, qd: npt.ArrayLike) -> Array:
         """Coriolis, centrifugal and gravity torque ``qfrc_bias``, (N, n) [N m]."""

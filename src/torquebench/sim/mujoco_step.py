@@ -17,6 +17,7 @@ from numba.extending import register_jitable
 from torquebench.kernel import Array, IntArray
 from torquebench.packing import Structure
 from torquebench.packing_types import at, vector
+from torquebench.sim.friction import Resistance, resist
 from torquebench.sim.mujoco_library import function, library
 from torquebench.sim.native_calls import STEP_SIGNATURE, native
 
@@ -59,13 +60,18 @@ class Stepped(Structure):
     diagonal: IntArray
     """Index of each diagonal element in M, (n,)."""
     stages: Annotated[Array, 2]
-    """Working memory of the Runge-Kutta method, (10, n)."""
+    """Working memory of the Runge-Kutta method, and a row for the torque less friction, (11, n)."""
+    friction: Resistance
+    """Friction of the joints beside the model's own damping."""
 
 
 @register_jitable(_nrt=False)
 def accelerate(arm: Stepped, torque: Array) -> None:
-    """Compute the acceleration of the current state under `torque` (n,) [N m]."""
+    """Compute the acceleration of the current state under `torque` (n,) [N m] and the friction at its velocity."""
     n = len(arm.q)
+    if len(arm.friction.viscous) > 0:
+        resist(arm.friction, arm.qd, torque, arm.stages[10])
+        torque = arm.stages[10]
     if not arm.lean:
         for i in range(n):
             arm.applied[i] = torque[i]
@@ -164,7 +170,8 @@ def compiled_step() -> Any:
         start, middle, end = vector(torque, n), vector(torque + 8 * n, n), vector(torque + 16 * n, n)
         if not varying:
             middle, end = start, start
-        if arm.lean or (varying and arm.rk4):
+        rough = len(arm.friction.viscous) > 0
+        if arm.lean or (arm.rk4 and (varying or rough)):
             for _ in range(substeps):
                 if arm.rk4:
                     runge_kutta(arm, start, middle, end)
@@ -174,6 +181,8 @@ def compiled_step() -> Any:
             for i in range(n):
                 arm.applied[i] = start[i]
             for _ in range(substeps):
+                if rough:
+                    resist(arm.friction, arm.qd, start, arm.applied)
                 mj_step(arm.m, arm.d)
         return 0
 

@@ -84,6 +84,13 @@ class NativeRun:
         ]  # fmt: skip
         self._loop = compiled_loop().ctypes
 
+    def attach(self) -> None:
+        """Have the plant go on with its payload."""
+        setup, plant = self._kept[:2]
+        setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
+        if plant.loaded is not None:
+            setup.job.call[5] = plant.loaded.address
+
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1, without holding the interpreter's lock."""
         status = int(self._loop(self._kept[0].job.address, first, last))

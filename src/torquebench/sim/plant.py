@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
 from torquebench.packing import Structure
+from torquebench.robot.payload import Payload
 
 INTEGRATORS = ("rk4", "euler")
 """Classical Runge-Kutta of order 4, and semi-implicit Euler (velocity first)."""
@@ -46,6 +47,17 @@ class Plant(Protocol):
         ...
 
 
+class Carrier(Plant, Protocol):
+    """A plant that takes up a payload in the middle of a run; `simulate` tells it when. Others need none of this."""
+
+    payload: Payload | None
+    """What it takes up."""
+
+    def attach(self) -> None:
+        """Go on with the payload, from the same position and velocity; `reset` takes it away again."""
+        ...
+
+
 class NativeError(TorquebenchError):
     """A plant has no native form here; the message says why."""
 
@@ -61,6 +73,8 @@ class NativePlant(NamedTuple):
     """The plant's own position, which the function moves on, (n,) [rad]."""
     qd: Array
     """The plant's own velocity, likewise, (n,) [rad/s]."""
+    loaded: Structure | None = None
+    """What the function works on once the payload is taken up in the middle of a run; with the same `q` and `qd`."""
 
 
 def check_own(plant: Plant, known: type[Any]) -> None:
@@ -71,6 +85,26 @@ def check_own(plant: Plant, known: type[Any]) -> None:
     """
     if type(plant) is not known:
         raise NativeError(f"the plant is a {type(plant).__name__}; only a {known.__name__} itself has a native form")
+
+
+def attached_at(plant: Plant, control_period: float, n_steps: int) -> int:
+    """Return the control instant at which a plant takes up its payload; 0 when it has none, or has it from the start.
+
+    Args:
+        plant: The plant; its attribute ``payload`` is asked for, where it has one.
+        control_period: Time between control instants [s].
+        n_steps: Number of control instants.
+
+    Raises:
+        ValueError: the time is not one of a control instant of the run.
+    """
+    payload: Payload | None = getattr(plant, "payload", None)
+    if payload is None or payload.at == 0.0:
+        return 0
+    k = substeps_per_period(payload.at, control_period, ("the payload's time", "control_period"))
+    if k >= n_steps:
+        raise ValueError(f"the payload is taken up at {payload.at:g} s, wanted a time before the end of the run")
+    return k
 
 
 def stages(tau: Array) -> tuple[Array, Array, Array]:

@@ -25,6 +25,10 @@ class PythonRun:
         """What went wrong, when something did."""
         setup.job.q[:], setup.job.qd[:] = setup.plant.state()
 
+    def attach(self) -> None:
+        """Have the plant go on with its payload."""
+        self._setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
+
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1."""
         return closed_loop(self._setup.job, first, last, self._law, self._step)

@@ -57,7 +57,8 @@ def set_up(
     memory = law.memory_type(*block) if law.memory_type is not None and fields else Nothing(np.zeros(0))
 
     decay = chain.decay(plant.timestep, control_period)
-    measured = position_noise is not None or chain.velocity_rate > 0.0
+    delay = min(chain.delay_steps(control_period), n_steps)
+    measured = position_noise is not None or chain.velocity_rate > 0.0 or chain.quantum > 0.0 or delay > 0
     acting = len(decay) > 0 or disturbance is not None
     # one block for all records: the operating system hands out its pages, which is slow, only once
     records = np.empty((4 + 2 * measured + acting + len(fields), n_steps, n))
@@ -65,13 +66,16 @@ def set_up(
     # copies: they become the trajectory's, which nobody may write to, and the caller's own arrays stay the caller's
     inputs = [np.array(x, dtype=np.float64, order="C") for x in desired]
     q, qd = (np.zeros(n), np.zeros(n)) if native is None else (native.q, native.qd)
+    measured_q, measured_qd = (np.zeros(n), np.zeros(n)) if measured else (q, qd)
+    fresh_q, fresh_qd = (np.zeros(n), np.zeros(n)) if delay > 0 else (measured_q, measured_qd)
     job = Job(
         substeps=substeps, control_period=control_period, tau_max=np.array(plant.tau_max),
         q_ref=inputs[0], qd_ref=inputs[1], qdd_ref=inputs[2],
         disturbance=none if disturbance is None else np.ascontiguousarray(disturbance, dtype=np.float64),
         position_noise=none if position_noise is None else np.ascontiguousarray(position_noise, dtype=np.float64),
-        velocity_gain=chain.velocity_gain(control_period), decay=decay,
-        q=q, qd=qd, measured_q=np.zeros(n) if measured else q, measured_qd=np.zeros(n) if measured else qd,
+        velocity_gain=chain.velocity_gain(control_period), quantum=chain.quantum, decay=decay,
+        q=q, qd=qd, fresh_q=fresh_q, fresh_qd=fresh_qd, late=np.zeros((delay, 2, n)),
+        measured_q=measured_q, measured_qd=measured_qd,
         output=np.zeros(n), torque=np.zeros((3, n)), memory=block,
         record_q=next(one), record_qd=next(one),
         record_q_meas=next(one) if measured else none, record_qd_meas=next(one) if measured else none,

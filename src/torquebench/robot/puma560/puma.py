@@ -15,7 +15,7 @@ from torquebench.robot.arm import RobotModel
 from torquebench.robot.library import model_folder
 from torquebench.robot.links import read_links
 from torquebench.robot.model import CLOSED_FORM, STRUCTURES, Model, own_copy
-from torquebench.robot.puma560.constants import Geometry, Table, fitted_constants, read_constants
+from torquebench.robot.puma560.constants import Body, Geometry, Table, fitted_constants, link_constants, read_constants
 from torquebench.robot.puma560.kinematics import fill_pose, fill_pose_printed
 from torquebench.robot.puma560.symbols import CONSTANTS, MISPRINTED
 
@@ -27,6 +27,20 @@ CONSTANT_SETS = ("fitted", "printed")
 def _files(folder: str) -> tuple[Model, Table, Geometry]:
     path = model_folder("puma560")
     return (read_links(path / "links.yaml"), *read_constants(path / "constants.yaml"))
+
+
+def wrist_load(mass: float, g: float) -> Array:
+    """Return what a point mass at the wrist centre adds to the 34 constants, exactly, as they are linear in the links.
+
+    I1 += (a3^2 + d^2) m, I2 += a2^2 m, .., g4 -= g a3 m; the wrist's own constants and the motors' keep their values.
+
+    Args:
+        mass: Mass [kg].
+        g: Magnitude of gravity [m/s^2].
+    """
+    nothing = Body(*[0.0] * len(Body._fields))
+    rigid = link_constants([nothing] * 5 + [nothing._replace(m=mass)], _files(str(model_folder("puma560")))[2], g)
+    return np.concatenate([rigid[:23], np.zeros(6), rigid[23:]])
 
 
 @kernel

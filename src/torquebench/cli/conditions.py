@@ -1,0 +1,70 @@
+"""What was run, in words: beside every figure, on the terminal and in the metrics."""
+
+from __future__ import annotations
+
+from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Chain, Disturbance, Sinusoid
+from torquebench.experiment.schema import AnalyticPlant, Experiment
+from torquebench.experiment.values import Vector
+
+
+def conditions_text(experiment: Experiment) -> str:
+    """Return what was run, in two lines: plant, belief, motion; sampling, sensors and disturbances."""
+    plant, belief, run = experiment.plant, experiment.model, experiment.run
+    mismatch = f", mismatch +-{100 * belief.mismatch.relative:g} %" if belief.mismatch else ""
+    form = f":{plant.structure}:{plant.constants}" if isinstance(plant, AnalyticPlant) else ""
+    drawn = f"; seed {run.seed}, draw {run.draw}" if experiment.is_drawn else ""
+    start = "" if run.initial_q == "home" else f"; start {run.initial_q}"
+    return (
+        f"plant {plant.engine}:{plant.model}{form} ({plant.integrator}, {1e3 * plant.timestep:g} ms)"
+        f"{burden_text(experiment)}; "
+        f"model {belief.structure}/{belief.constants}{mismatch}; reference {experiment.reference.kind}{start}\n"
+        f"control period {1e3 * run.control_period:g} ms; chain {chain_text(experiment)}; "
+        f"disturbance: {noise_text(experiment)}{drawn}; metrics from {run.metrics_from:g} s"
+    )
+
+
+def burden_text(experiment: Experiment) -> str:
+    """Return what the plant has that the belief does not know of."""
+    text, payload, friction = "", experiment.plant.payload, experiment.plant.friction
+    if payload is not None:
+        place = f" at {_numbers(payload.offset)} m" if any(payload.offset) else ""
+        text += f", payload {payload.mass:g} kg{place}" + (f" from {payload.at:g} s" if payload.at > 0 else "")
+    if friction is not None:
+        text += f", friction viscous {_numbers(friction.viscous)} N m s/rad, Coulomb {_numbers(friction.coulomb)} N m"
+    return text
+
+
+def chain_text(experiment: Experiment) -> str:
+    """Return the chain's name, or its imperfections."""
+    chain = experiment.chain
+    if not isinstance(chain, Chain):
+        return chain
+    parts = [f"noise {1e3 * chain.encoder_noise:g} mrad"] * (chain.encoder_noise > 0)
+    parts += [f"encoder step {1e3 * chain.quantisation:g} mrad"] * (chain.quantisation > 0)
+    if chain.velocity == "differentiated":
+        filtered = "" if chain.velocity_filter is None else f", filtered at {chain.velocity_filter:g} rad/s"
+        parts.append(f"velocity differentiated{filtered}")
+    parts += [f"delay {1e3 * chain.delay:g} ms"] * (chain.delay > 0)
+    parts += [f"actuator lag {1e3 * chain.actuator_lag:g} ms"] * (chain.actuator_lag > 0)
+    return f"({', '.join(parts)})" if parts else "ideal"
+
+
+def noise_text(experiment: Experiment) -> str:
+    """Return the definition of every disturbance in words; it moves results more than the choice of law."""
+    return "; ".join(_disturbance_text(d) for d in experiment.disturbances) or "none"
+
+
+def _disturbance_text(disturbance: Disturbance) -> str:
+    match disturbance:
+        case BandLimitedNoise(sigma=sigma, hold=hold, clip_sigma=clip):
+            held = f"torque noise held {1e3 * hold:g} ms"
+            return f"{held}, Gaussian, sigma {_numbers(sigma)} N m, clipped at {clip:g} sigma"
+        case Bias(value=value):
+            return f"constant torque {_numbers(value)} N m"
+        case Sinusoid(rms=rms, amplitude=amplitude, frequency_hz=frequency):
+            size = f"amplitude {_numbers(amplitude)}" if amplitude is not None else f"RMS {_numbers(rms or 0.0)}"
+            return f"sinusoidal torque, {size} N m, {_numbers(frequency)} Hz"
+
+
+def _numbers(vector: Vector) -> str:
+    return " ".join(f"{x:g}" for x in (vector if isinstance(vector, tuple) else (vector,)))

@@ -1,0 +1,124 @@
+"""The links of a compiled MJCF arm: reading them in the frames of its joints, and changing them there."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from torquebench.errors import ModelError
+from torquebench.kernel import Array
+from torquebench.robot.payload import Links
+
+
+def frames(m: Any) -> tuple[list[Array], list[Array]]:
+    """Return orientation (3, 3) and origin (3,) [m] of the base and of each joint's frame in the world, at q = 0.
+
+    Frame i sits at joint i's anchor with z along its axis (the body's axes, where its z is the joint's).
+    """
+    d = at_zero(m)
+    rotations = [np.eye(3)] + [_joint_frame(m, d, j) for j in range(m.nv)]
+    return rotations, [np.zeros(3)] + [d.xanchor[j].copy() for j in range(m.nv)]
+
+
+def at_zero(m: Any) -> Any:
+    """Return data of the arm at q = 0, with its kinematics done."""
+    d = mujoco.MjData(m)
+    d.qpos[:] = 0.0
+    mujoco.mj_kinematics(m, d)
+    mujoco.mj_comPos(m, d)
+    return d
+
+
+def links_of(m: Any) -> Links:
+    """Return the links of an arm of hinges and slides.
+
+    Bodies without joints belong to the link that carries them; a body with several joints becomes several links, all
+    but the last without mass.
+    """
+    n, d = int(m.nv), at_zero(m)
+    rotations, origins = frames(m)
+    links = Links(np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3)), np.array(m.dof_armature))
+    for j in range(n):
+        body = int(m.jnt_bodyid[j])
+        if j == m.body_jntadr[body] + m.body_jntnum[body] - 1:
+            rigid = [b for b in range(1, m.nbody) if carrier(m, b) == body]
+            links.mass[j], links.com[j], links.inertia[j] = _lump(m, d, rigid, rotations[j + 1], origins[j + 1])
+    return links
+
+
+def with_links(m: Any, links: Links) -> Any:
+    """Return a copy of a compiled arm whose links are these; bodies of links that stay as they are stay too.
+
+    Args:
+        m: The arm.
+        links: As `links_of` returns them.
+
+    Raises:
+        ModelError: MuJoCo has compiled the arm for a special case that these links are not.
+    """
+    changed, before, d = copy.copy(m), links_of(m), at_zero(m)
+    rotations, origins = frames(m)
+    for j in range(m.nv):
+        same = (np.array_equal(getattr(links, x)[j], getattr(before, x)[j]) for x in ("mass", "com", "inertia"))
+        if all(same):
+            continue
+        body = int(m.jnt_bodyid[j])
+        axes = d.xmat[body].reshape(3, 3)
+        for b in range(1, m.nbody):
+            if carrier(m, b) == body:  # welded to it: what they have is among the link's
+                changed.body_mass[b], changed.body_inertia[b] = 0.0, 0.0
+        across = axes.T @ rotations[j + 1]
+        principal, directions = np.linalg.eigh(across @ links.inertia[j] @ across.T)
+        directions[:, 2] *= np.sign(np.linalg.det(directions))
+        changed.body_mass[body], changed.body_inertia[body] = links.mass[j], principal
+        changed.body_ipos[body] = axes.T @ (origins[j + 1] + rotations[j + 1] @ links.com[j] - d.xpos[body])
+        mujoco.mju_mat2Quat(changed.body_iquat[body], directions.ravel())
+        changed.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    changed.dof_armature[:] = links.armature
+    try:
+        mujoco.mj_setConst(changed, mujoco.MjData(changed))
+    except mujoco.FatalError as error:
+        raise ModelError(f"MuJoCo cannot change the links of this arm: {error}") from error
+    return changed
+
+
+def moving_parent(m: Any, body: int) -> int:
+    """Return the nearest body below `body` that has joints; 0 for the world."""
+    parent = int(m.body_parentid[body])
+    while parent > 0 and m.body_jntnum[parent] == 0:
+        parent = int(m.body_parentid[parent])
+    return parent
+
+
+def carrier(m: Any, body: int) -> int:
+    """Return the body with joints that `body` is, or is welded to; 0 for the world."""
+    while body > 0 and m.body_jntnum[body] == 0:
+        body = int(m.body_parentid[body])
+    return body
+
+
+def _joint_frame(m: Any, d: Any, joint: int) -> Array:
+    """World orientation of the joint's frame: the body's own where its z axis is the joint's, else turned to be."""
+    body = d.xmat[m.jnt_bodyid[joint]].reshape(3, 3)
+    axis = m.jnt_axis[joint]
+    if np.array_equal(axis, [0.0, 0.0, 1.0]):
+        return np.array(body)
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
+    x /= np.sqrt(x @ x)
+    return np.array(body @ np.column_stack([x, np.cross(axis, x), axis]))
+
+
+def _lump(m: Any, d: Any, bodies: list[int], R: Array, p: Array) -> tuple[float, Array, Array]:
+    masses = np.array([m.body_mass[b] for b in bodies])
+    total = float(np.sum(masses))
+    centre = sum((m.body_mass[b] * d.xipos[b] for b in bodies), np.zeros(3)) / total if total > 0 else p
+    inertia = np.zeros((3, 3))
+    for b in bodies:
+        axes = d.ximat[b].reshape(3, 3)
+        away = d.xipos[b] - centre
+        inertia += axes @ np.diag(m.body_inertia[b]) @ axes.T
+        inertia += m.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
+    return total, R.T @ (centre - p), R.T @ inertia @ R
