@@ -15,7 +15,7 @@ from torquebench.paper.boundary_layer import Point, front
 from torquebench.paper.claims import claims
 from torquebench.paper.records import METRICS, Record, Records
 from torquebench.paper.verdicts import FAILS, HOLDS, ONLY_IF, Claim, above, below, judged
-from torquebench.paper.workload import blocks, experiment_of
+from torquebench.paper.workload import LIMIT_NOISE, SLOW_NOISE, blocks, experiment_of
 from torquebench.statistics import Ratio, paired_ratio
 
 DRAWS = 5
@@ -168,7 +168,7 @@ def test_the_study_is_what_the_protocol_asks_for() -> None:
     every: list[Any] = blocks(30)
     for config in ("fig9-chattering", "fig9-step", "fig9-ramp", "fig10-following", "fig10-step", "fig11-noise"):
         assert {b.chain for b in every if b.config == config} == {"ideal", "fast", "slow"}, config
-    assert all(len(b.plants) == 2 for b in every if b.condition == "nominal")
-    assert all(b.draws == 30 for b in every if b.condition != "nominal")
+    drawn = ("uncertain", "mismatch", SLOW_NOISE, LIMIT_NOISE)
+    assert all((b.draws, len(b.plants)) == ((30, 1) if b.condition in drawn else (1, 2)) for b in every)
     for b in every:
         assert {keys.name for keys in experiment_of(b).controllers} == set(b.controllers)
