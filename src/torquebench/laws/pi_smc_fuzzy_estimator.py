@@ -10,9 +10,12 @@ from torquebench.kernel import Array, kernel, sat, sign
 from torquebench.laws.base import Option, Rules, controller
 from torquebench.laws.fuzzy_pid import ErrorScale, RateScale, Torque
 from torquebench.laws.parts import Slope, Switching, equivalent_control
-from torquebench.laws.sliding_mode import PID, SIGN, Switch, SwitchBand, surface_of
+from torquebench.laws.sliding_mode import PI, PID, SIGN, Switch, SwitchBand, surface_of
 from torquebench.references import Reference
 from torquebench.robot.model import Model
+
+WITH_RATE = 0
+"""Place of pid among the choices of the surface."""
 
 
 @kernel
@@ -37,6 +40,12 @@ class EstimatorGains(NamedTuple):
     ge: ErrorScale
     gd: RateScale
     switching: Switch
+    surface: Annotated[
+        int,
+        Option(
+            "sliding variable: pid is de + lambda e + (lambda/2)^2 int e (86), pi is without de (85)", ("pid", "pi")
+        ),
+    ]
     equivalent_control: Annotated[
         int,
         Option("add the model's equivalent control to the estimate; the choices are those of the law smc",
@@ -66,15 +75,16 @@ def pi_smc_fuzzy_estimator(
 ) -> None:
     """PI sliding mode, fuzzy estimator: tau = [tau_eq +] KF FIS(e/ge, de/gd) + K sgn(s), or K sat(s/phi).
 
-    With s = de + lambda e + (lambda/2)^2 int e (86) and KF = kF tau_max. The family of Wu et al., the paper's [22]: PI
+    With s = de + lambda e + (lambda/2)^2 int e and KF = kF tau_max. The family of Wu et al., the paper's [22]: PI
     sliding mode for an electro-hydraulic drive, with a fuzzy system in parallel that estimates the equivalent part. The
-    paper does not print the law; its estimate is taken as the paper's own (150) has it, a static system of error and
-    rate. The integral stops growing while the torque is beyond its limit in the error's direction.
+    paper does not print the law; the estimate is taken as the paper's own (150) has it, a static system of error and
+    rate. On the surface pi nothing slides, as for `smc`. The integral stops growing while the torque is beyond its
+    limit in the error's direction.
     """
     equivalent_control(gains.equivalent_control, gains.lam, 0.25, model, q, qd, ref, memory.velocity, tau)
     for i in range(len(tau)):
         e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]
-        s = surface_of(PID, gains.lam[i], e, de, memory.integral[i])
+        s = surface_of(PID if gains.surface == WITH_RATE else PI, gains.lam[i], e, de, memory.integral[i])
         switch = sign(s) if gains.switching == SIGN else sat(s / gains.phi[i])
         x, y = error_and_rate(gains, i, e, de)
         memory.s[i] = s
