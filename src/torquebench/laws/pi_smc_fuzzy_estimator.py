@@ -42,9 +42,7 @@ class EstimatorGains(NamedTuple):
     switching: Switch
     surface: Annotated[
         int,
-        Option(
-            "sliding variable: pid is de + lambda e + (lambda/2)^2 int e (86), pi is without de (85)", ("pid", "pi")
-        ),
+        Option("sliding variable: pid is de + lambda e + (lambda/2)^2 int e (86), pi has no de (85)", ("pid", "pi")),
     ]
     equivalent_control: Annotated[
         int,
