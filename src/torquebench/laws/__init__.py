@@ -1,9 +1,22 @@
 """Torque laws; importing this package registers every law that ships with it."""
 
-from torquebench.laws import computed_torque, fuzzy_linear_band, fuzzy_pid, pd, sliding_mode
+from torquebench.laws import (
+    adaptive_fuzzy_smc,
+    computed_torque,
+    fuzzy_boundary_layer,
+    fuzzy_linear_band,
+    fuzzy_pid,
+    pd,
+    pi_smc_fuzzy_estimator,
+    sliding_mode,
+    sliding_mode_fuzzy,
+    supervised_fuzzy_smc,
+    two_input_sliding_mode_fuzzy,
+)
 from torquebench.laws.base import Gain, Law, Option, Rules, controller, find_law, law_names
 
 __all__ = [
-    "Gain", "Law", "Option", "Rules", "computed_torque", "controller", "find_law", "fuzzy_linear_band", "fuzzy_pid",
-    "law_names", "pd", "sliding_mode",
+    "Gain", "Law", "Option", "Rules", "adaptive_fuzzy_smc", "computed_torque", "controller", "find_law",
+    "fuzzy_boundary_layer", "fuzzy_linear_band", "fuzzy_pid", "law_names", "pd", "pi_smc_fuzzy_estimator",
+    "sliding_mode", "sliding_mode_fuzzy", "supervised_fuzzy_smc", "two_input_sliding_mode_fuzzy",
 ]  # fmt: skip

@@ -1,0 +1,84 @@
+"""PI fuzzy sliding mode whose gain a supervisor of nine rules tunes."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from torquebench.fuzzy.fis import Fis
+from torquebench.fuzzy.inference import infer
+from torquebench.kernel import Array, kernel, sat
+from torquebench.laws.base import Gain, Rules, controller
+from torquebench.laws.fuzzy_pid import integrate
+from torquebench.laws.parts import Band, Slope, Switching, UseModel, equivalent_control
+from torquebench.references import Reference
+from torquebench.robot.model import Model
+
+
+@kernel
+def how_far(gains: SupervisedGains, joint: int, e: float, de: float) -> tuple[float, float]:
+    """Return the supervisor's inputs 2 |e|/ge - 1 and 2 |de|/gd - 1, clipped to [-1, 1].
+
+    Args:
+        gains: The law's gains.
+        joint: Which joint.
+        e, de: Its error [rad] and the error's rate [rad/s].
+    """
+    return sat(2.0 * abs(e) / gains.ge[joint] - 1.0), sat(2.0 * abs(de) / gains.gd[joint] - 1.0)
+
+
+class SupervisedGains(NamedTuple):
+    """Gains and option of the law."""
+
+    lam: Slope
+    k: Switching
+    phi: Band
+    gis: Annotated[Array, Gain("integral of s that the fuzzy system sees as 1; it sees s = phi as 1", "rad")]
+    boost: Annotated[
+        Array, Gain("how much of K the supervisor adds to K at most; zero for no supervisor", "1", positive=False)
+    ]
+    ge: Annotated[Array, Gain("error at which the supervisor's first input is largest", "rad")]
+    gd: Annotated[Array, Gain("rate of the error at which the supervisor's second input is largest", "rad/s")]
+    equivalent_control: UseModel
+    fis: Annotated[
+        Fis, Rules("fuzzy system of both parts, the supervisor and the sliding law (pd-9 for nine rules)", how_far)
+    ]
+
+
+class SupervisedMemory(NamedTuple):
+    """The sliding variable and its integral [rad]; the velocity seen last."""
+
+    s: Array
+    s_integral: Array
+    velocity: Array
+
+
+@controller("pi-fuzzy-smc-supervised", gains=SupervisedGains, memory=SupervisedMemory)
+def pi_fuzzy_smc_supervised(
+    gains: SupervisedGains,
+    model: Model,
+    t: float,
+    q: Array,
+    qd: Array,
+    ref: Reference,
+    memory: SupervisedMemory,
+    tau: Array,
+) -> None:
+    """Supervised PI fuzzy sliding mode: tau = [tau_eq +] K (1 + boost (1 + w)/2) FIS(s/phi, int s/gis).
+
+    With w = FIS(2 |e|/ge - 1, 2 |de|/gd - 1) the supervisor's output and s = de + lambda e: its rules, small, medium
+    and large error by small, medium and large rate, raise the gain the more the farther the joint is from its motion.
+    The family of Barrero et al., the paper's [23]: Speed control of induction motors using a novel fuzzy sliding-mode
+    structure, IEEE Transactions on Fuzzy Systems 10, 2002. The paper gives the supervisor nine rules and the PI part
+    25; a law here has one fuzzy system, so both parts have the same rules, nine with `fuzzy: pd-9`. The integral stops
+    growing at its scale gis.
+    """
+    equivalent_control(gains.equivalent_control, gains.lam, 0.0, model, q, qd, ref, memory.velocity, tau)
+    for i in range(len(tau)):
+        e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]
+        s = de + gains.lam[i] * e
+        far, fast = how_far(gains, i, e, de)
+        gain = gains.k[i] * (1.0 + 0.5 * gains.boost[i] * (1.0 + infer(gains.fis, far, fast)))
+        memory.s[i] = s
+        pushed = infer(gains.fis, s / gains.phi[i], memory.s_integral[i] / gains.gis[i])
+        tau[i] += gain * model.tau_max[i] * pushed
+        integrate(memory.s_integral, i, s, gains.gis[i], model.control_period)
