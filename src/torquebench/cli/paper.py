@@ -138,7 +138,9 @@ def write_report(
         f"{study.redraws} draws of the model were rejected."
     )
     software = json.dumps(versions() | machine(), indent=2)
-    directory.write("report.html", page(table_of, pictures, study.apart, chattering, noise, workload, software))
+    directory.write(
+        "report.html", page(table_of, study.records, pictures, study.apart, chattering, noise, workload, software)
+    )
 
 
 def markdown(table_of: list[Claim]) -> str:

@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from torquebench.paper.checks import Chattering
+from torquebench.paper.records import Record, Records
 from torquebench.paper.runs import Apart
 from torquebench.paper.verdicts import FAILS, HOLDS, ONLY_IF, Claim
+from torquebench.paper.workload import CHAINS, NOMINAL
 from torquebench.report.render import Picture, render
+from torquebench.report.tables import number
 
 CLASSES = {HOLDS: "holds", FAILS: "fails", ONLY_IF: "only"}
 AGREE = 1e-12
@@ -16,13 +19,14 @@ AGREE = 1e-12
 
 
 def page(
-    claims: Sequence[Claim], pictures: Sequence[Picture], apart: Mapping[tuple[str, str, str], Apart],
+    claims: Sequence[Claim], records: Records, pictures: Sequence[Picture], apart: Mapping[tuple[str, str, str], Apart],
     chattering: Sequence[Chattering], noise: Mapping[str, Any], workload: str, software: str,
 ) -> bytes:  # fmt: skip
     """Return the page; the same arguments give the same bytes.
 
     Args:
         claims: The table.
+        records: The runs.
         pictures: Figures, as SVG documents.
         apart: How far the plants are from one another, by config, chain and controller.
         chattering: Chattering indices by control period.
@@ -36,8 +40,22 @@ def page(
         lead="Each claim is judged from stored metrics, at two gain sets, on three chains of sensors and actuators, "
         "with and without model error and noise. An interval that reaches the other side does not count as true.",
         claims=claims, classes=CLASSES, agreement={"rows": rows, "text": agreement_text(apart)},
-        chattering=chattering, noise=noise, workload=workload, software=software,
+        controllers=controller_rows(records), chains=CHAINS, chattering=chattering, noise=noise, workload=workload, software=software,
     )  # fmt: skip
+
+
+def controller_rows(records: Records) -> list[list[str]]:
+    """Return a row for each controller that follows the sine with nothing in its way: RMSE [mrad] and HF by chain."""
+    found: dict[str, dict[str, Record]] = {}
+    for record in records.all:
+        if (record.reference, record.condition, record.plant) == ("sine", NOMINAL, "mujoco"):
+            found.setdefault(record.controller, {})[record.chain] = record
+    rows = []
+    for name, chains in found.items():
+        values = [chains[chain].values for chain in CHAINS]
+        figures = [(value.get("rmse"), value.get("hf")) for value in values]
+        rows.append([name, *(text for rmse, hf in figures for text in (number(rmse, 1e3), number(hf)))])
+    return rows
 
 
 def agreement_text(apart: Mapping[tuple[str, str, str], Apart]) -> str:

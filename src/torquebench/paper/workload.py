@@ -41,6 +41,11 @@ STRONG = "conventional-strong"
 """A conventional controller that is as fast as the torque limits allow, on the step only."""
 BANDS = ("band", "linear-band")
 """Controllers of Fig 9 besides the conventional one, which is Fig 10's too."""
+FAMILIES = (
+    "fuzzy-boundary-layer", "pi-smc-fuzzy-estimator", "pi-fuzzy-smc-supervised", "adaptive-fuzzy-pi-smc",
+    "sliding-mode-fuzzy", "two-input-sliding-mode-fuzzy",
+)  # fmt: skip
+"""The controllers of the paper's introduction, which no claim names: run once for the table."""
 FORMS = ("no-fuzzy", "clipped-sum", "no-integral", "no-band", "no-linear")
 """Ablations of the proposed law; their names follow the set's, as in ``l-no-fuzzy``."""
 
@@ -73,6 +78,7 @@ def blocks(draws: int) -> list[Block]:
         every.append(Block("fig9-ramp", chain, NOMINAL, ("conventional", *BANDS), 1, BOTH))
         every.append(Block("fig10-following", chain, NOMINAL, CLAIMED, 1, BOTH))
         every.append(Block("fig10-step", chain, NOMINAL, (*CLAIMED, STRONG), 1, BOTH))
+        every.append(Block("families", chain, NOMINAL, FAMILIES, 1, BOTH))
         every.append(Block("literal", chain, NOMINAL, ("equation-149", "equation-98"), 1, BOTH))
         every.append(Block("fig9-noise", chain, UNCERTAIN, BANDS, draws))
         every.append(Block("fig11-noise", chain, UNCERTAIN, CLAIMED, draws))
