@@ -40,7 +40,8 @@ def page(
         lead="Each claim is judged from stored metrics, at two gain sets, on three chains of sensors and actuators, "
         "with and without model error and noise. An interval that reaches the other side does not count as true.",
         claims=claims, classes=CLASSES, agreement={"rows": rows, "text": agreement_text(apart)},
-        controllers=controller_rows(records), chains=CHAINS, chattering=chattering, noise=noise, workload=workload, software=software,
+        controllers=controller_rows(records), chains=CHAINS, chattering=chattering, noise=noise, workload=workload,
+        software=software,
     )  # fmt: skip
 
 
