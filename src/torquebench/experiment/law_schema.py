@@ -97,7 +97,8 @@ def _option(option: Option) -> tuple[Any, Any]:
     info = Field(option.values[0], description=option.meaning)
     if set(option.values) == {True, False}:
         return bool, info
-    return Annotated[Literal[option.values], BeforeValidator(_not_a_number)], info
+    # a validator of its own: typing takes two lists of the same values for one, and would keep the first one's order
+    return Annotated[Literal[option.values], BeforeValidator(functools.partial(_not_a_number))], info
 
 
 def _not_a_number(value: object) -> object:

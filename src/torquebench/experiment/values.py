@@ -145,7 +145,10 @@ def explain(error: ErrorDetails, info: FieldInfo) -> str:
         text = str(value).lower() if isinstance(value, bool) else value
         wanted = f"one of {', '.join(names)}" if choices(info) else f"home, {number}"
         near = did_you_mean(text, names) if isinstance(text, str) else ""
-        return f"got {shown(value)}, wanted {wanted}{near if 'did you mean' in near else ''}"
+        hint = near if "did you mean" in near else ""
+        if "true" in names and str(value).lower() in ("yes", "no", "on", "off"):
+            hint = "; yes, no, on and off are text"
+        return f"got {shown(value)}, wanted {wanted}{hint}"
     phrases = {
         "float_type": number,
         "int_type": f"a whole number{_number_hint(value)}",

@@ -182,7 +182,8 @@ def controller(
             the sliding variable.
 
     Raises:
-        ControllerError: the name is taken or is not a slug, or a field is not a gain, an option or a fuzzy system.
+        ControllerError: the name is taken or is not a slug, a field is not a gain, an option or a fuzzy system, or a
+            gain depends on a choice that the law does not have.
     """
     if not SLUG.fullmatch(name):
         raise ControllerError(f"law name '{name}' is not a slug (lower-case letters, digits and '-', at most 64)")
@@ -191,6 +192,7 @@ def controller(
         if name in _REGISTRY and not _same_place(_REGISTRY[name].function, function):
             raise ControllerError(f"a law named '{name}' is already registered")
         vectors, choices, systems = _fields(name, gains)
+        _check_conditions(name, vectors, choices)
         _REGISTRY[name] = Law(name, function, gains, memory, vectors, choices, systems)
         return function
 
@@ -227,6 +229,25 @@ def _fields(law: str, gains: type[Any]) -> tuple[Mapping[str, Gain], Mapping[str
         else:
             vectors[name] = Gain("gain of a user's law", "not stated", positive=False)
     return types.MappingProxyType(vectors), types.MappingProxyType(choices), types.MappingProxyType(systems)
+
+
+def _check_conditions(law: str, vectors: Mapping[str, Gain], choices: Mapping[str, Option]) -> None:
+    """Refuse a gain that depends on what no option of the law can be: it could never be given."""
+    for name, gain in vectors.items():
+        if gain.only_with is None:
+            continue
+        option, *values = gain.only_with
+        if option not in choices:
+            raise ControllerError(
+                f"law '{law}': gain '{name}' depends on option '{option}'{did_you_mean(option, choices)}"
+            )
+        valid = choices[str(option)].values
+        for value in values:
+            if not any(type(value) is type(x) and value == x for x in valid):
+                near = did_you_mean(value, [str(x) for x in valid])
+                raise ControllerError(f"law '{law}': gain '{name}' depends on {option}: {value!r}{near}")
+        if not values:
+            raise ControllerError(f"law '{law}': gain '{name}' depends on option '{option}', but on no value of it")
 
 
 def find_law(name: str) -> Law:

@@ -85,7 +85,7 @@ def fuzzy_pd(
     """PD-like fuzzy control: tau = KF FIS(e/ge, de/gd), KF = kF tau_max; the paper's "Fuzzy Controller Operation".
 
     With pd-25 and pd-49 it is pure fuzzy control with 25 and 49 rules. Form: Driankov, Hellendoorn and Reinfrank, An
-    Introduction to Fuzzy Control, 1993, section 3.2.
+    Introduction to Fuzzy Control, 1993, chapter 3.
     """
     for i in range(len(tau)):
         x, y = error_and_rate(gains, i, ref.q[i] - q[i], ref.qd[i] - qd[i])

@@ -71,7 +71,8 @@ def smc(
 
     On the surfaces pi and pid tau_eq has (lambda/2)^2 e in its acceleration, the rate of their integral, which stops
     growing while the torque is beyond its limit in the error's direction. On pi nothing slides: s has relative degree
-    two, and the switching term alone does not damp.
+    two, and the switching term alone does not damp. The measured acceleration enters tau_eq on every surface, though pi
+    has none in its own rate.
     """
     pull = 0.0 if gains.surface == PD else 0.25
     equivalent_control(gains.equivalent_control, gains.lam, pull, model, q, qd, ref, memory.velocity, tau)
