@@ -12,6 +12,7 @@ _HOMES = {
     "Chain": "torquebench.sim.chain",
     "Controller": "torquebench.sim.loop",
     "Fis": "torquebench.fuzzy.fis",
+    "FixedRules": "torquebench.laws",
     "FuzzySystem": "torquebench.fuzzy.system",
     "Gain": "torquebench.laws",
     "MujocoPlant": "torquebench.sim.mujoco_plant",
@@ -48,6 +49,7 @@ __all__ = [
     "Chain",
     "Controller",
     "Fis",
+    "FixedRules",
     "FuzzySystem",
     "Gain",
     "MujocoPlant",
@@ -84,7 +86,7 @@ if TYPE_CHECKING:
     from torquebench.fuzzy.inference import infer
     from torquebench.fuzzy.system import FuzzySystem
     from torquebench.kernel import Array, sat, sign
-    from torquebench.laws import Gain, Option, Rules, controller, find_law, law_names
+    from torquebench.laws import FixedRules, Gain, Option, Rules, controller, find_law, law_names
     from torquebench.references import Reference
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
