@@ -12,6 +12,7 @@ _HOMES = {
     "Chain": "torquebench.sim.chain",
     "Controller": "torquebench.sim.loop",
     "Fis": "torquebench.fuzzy.fis",
+    "FixedRules": "torquebench.laws",
     "Friction": "torquebench.sim.friction",
     "FuzzySystem": "torquebench.fuzzy.system",
     "Gain": "torquebench.laws",
@@ -50,6 +51,7 @@ __all__ = [
     "Chain",
     "Controller",
     "Fis",
+    "FixedRules",
     "Friction",
     "FuzzySystem",
     "Gain",
@@ -88,7 +90,7 @@ if TYPE_CHECKING:
     from torquebench.fuzzy.inference import infer
     from torquebench.fuzzy.system import FuzzySystem
     from torquebench.kernel import Array, sat, sign
-    from torquebench.laws import Gain, Option, Rules, controller, find_law, law_names
+    from torquebench.laws import FixedRules, Gain, Option, Rules, controller, find_law, law_names
     from torquebench.references import Reference
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix

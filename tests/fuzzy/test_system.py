@@ -66,6 +66,24 @@ def test_built_in_systems(name: str, terms: int) -> None:
     assert prepare(system).fis.method == STAIRCASE
 
 
+def test_seven_rules_of_one_input() -> None:
+    """s-7 has the rules i -> i, which are those of pd-49 where the second input is zero; points by hand.
+
+    At 1/12 Z holds to 3/4 and PS to 1/4: clipped triangles about 0 and 1 third with areas 15/16 and 7/16 share 3/16
+    about 1/2, (7 - 3/2) / (15 + 7 - 3) / 3 = 11/114. Half-way between two peaks the two sets balance.
+    """
+    system = builtin_system("s-7")
+    assert system.rules == tuple(Rule((name,), name) for name in system.inputs[0].names)
+    assert len(system.rules) == 7
+    prepared, x = prepare(system), np.linspace(-1.2, 1.2, 481)
+    assert prepared.outputs(np.array([1.0 / 12.0, 1.0 / 6.0]), np.zeros(2)) == pytest.approx(
+        [11 / 114, 1 / 6], abs=1e-15
+    )
+    assert prepared.outputs(x, np.array(0.7)) == pytest.approx(
+        prepare(builtin_system("pd-49")).outputs(x, np.array(0.0)), abs=1e-15
+    )
+
+
 def test_unknown_built_in_system() -> None:
     """The message names the nearest one."""
     with pytest.raises(ControllerError, match=r"unknown fuzzy system 'pd-94' \(did you mean 'pd-9'\?\)"):

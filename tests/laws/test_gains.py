@@ -11,7 +11,7 @@ import pytest
 from torquebench.errors import ControllerError
 from torquebench.fuzzy import Fis, builtin_system, infer, prepare
 from torquebench.kernel import Array
-from torquebench.laws import Gain, Option, Rules, base, controller, find_law, law_names
+from torquebench.laws import FixedRules, Gain, Option, Rules, base, controller, find_law, law_names
 
 SMC = {"lam": 10.0, "k": 0.3}
 
@@ -55,6 +55,25 @@ class TwiceRuled(NamedTuple):
 
     one: Annotated[Fis, Rules("one")]
     two: Annotated[Fis, Rules("two")]
+
+
+class Supervised(NamedTuple):
+    """A fuzzy system that a config chooses, 25 rules by default, and one of the law's own."""
+
+    fis: Annotated[Fis, Rules("how much of it", default="pd-25")]
+    own: Annotated[Fis, FixedRules("how much of that", "pd-9")]
+
+
+class Misnamed(NamedTuple):
+    """A default that is not built in."""
+
+    fis: Annotated[Fis, Rules("how much of it", default="pd-52")]
+
+
+class MisnamedOwn(NamedTuple):
+    """A system of the law's own that is not built in."""
+
+    own: Annotated[Fis, FixedRules("how much of it", "s-8")]
 
 
 class Unruled(NamedTuple):
@@ -203,7 +222,25 @@ def test_a_fuzzy_system_is_a_third_kind_of_field() -> None:
     assert infer(found.pack_gains(2, {"k": 1}, {}).fis, 1.0, 1.0) == 1.0
 
 
+def test_a_law_says_which_rules_it_has_by_default_and_which_are_its_own() -> None:
+    """A config's choice replaces the default, and leaves the law's own system as it is."""
+    controller("supervised", gains=Supervised)(law)
+    found = find_law("supervised")
+    assert (list(found.rules), list(found.fixed)) == (["fis"], ["own"])
+
+    def is_system(fis: Fis, name: str) -> bool:
+        return fis.table.tolist() == prepare(builtin_system(name)).fis.table.tolist()
+
+    for choice, name in ((None, "pd-25"), ("pd-49", "pd-49")):
+        packed = found.pack_gains(1, {}, {}, choice)
+        assert (is_system(packed.fis, name), is_system(packed.own, "pd-9")) == (True, True)
+    packed.own.table[:] = 0.0
+    assert is_system(found.pack_gains(1, {}, {}).own, "pd-9")
+
+
 @pytest.mark.parametrize(("gains", "message"), [
+    (Misnamed, r"'fis' names 'pd-52', which is not built in \(did you mean 'pd-25'\?\)"),
+    (MisnamedOwn, r"'own' names 's-8', which is not built in \(did you mean 's-7'\?\)"),
     (TwiceRuled, "has two fuzzy systems, 'one' and 'two'"),
     (Unruled, r"fuzzy system 'fis' needs Annotated\[Fis, Rules\(...\)\]"),
 ])  # fmt: skip

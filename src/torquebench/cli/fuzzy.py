@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from torquebench.cli.terminal import progress_bar, say
 from torquebench.errors import ConfigError, Problem, did_you_mean
 from torquebench.experiment import load_experiment
-from torquebench.experiment.fuzzy_system import systems_of
+from torquebench.experiment.fuzzy_system import names_used, systems_of
 from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
@@ -94,8 +94,7 @@ def evaluation(prepared: Prepared) -> str:
 def used(experiment: Experiment) -> dict[str, Prepared]:
     """Return the fuzzy systems that an experiment's controllers use, by name."""
     systems = systems_of(experiment)
-    names = dict.fromkeys(c.fuzzy for c in experiment.controllers if c.fuzzy is not None)
-    return {name: prepare(systems[name]) for name in names}
+    return {name: prepare(systems[name]) for name in names_used(experiment)}
 
 
 def remarks(experiment: Experiment) -> list[str]:

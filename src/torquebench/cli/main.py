@@ -58,7 +58,7 @@ def parser() -> argparse.ArgumentParser:
 
     fuzzy = commands.add_parser(
         "fuzzy", help="a fuzzy system: how it is evaluated, what is odd about it, and its figures",
-        description="Describe the fuzzy systems of a config, or a built-in one (pd-49, pd-25, pd-9), and draw them.",
+        description="Describe and draw the fuzzy systems of a config, or a built-in one (pd-49, pd-25, pd-9, s-7).",
     )  # fmt: skip
     fuzzy.add_argument("source", metavar="CONFIG", help="experiment, a YAML file, or the name of a built-in system")
     fuzzy.add_argument("--name", help="the only system of the file to describe (default: all)")

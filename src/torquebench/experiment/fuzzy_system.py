@@ -10,6 +10,7 @@ from torquebench.experiment.schema import Experiment
 from torquebench.fuzzy import BUILTIN, Functions, FuzzySystem, Rule, Variable, builtin_system
 from torquebench.fuzzy.system import rules_of_table
 from torquebench.fuzzy.terms import NONE
+from torquebench.laws.base import find_law
 
 RULES = "rules"
 
@@ -31,9 +32,17 @@ def fuzzy_system(name: str, keys: FuzzyKeys) -> FuzzySystem:
 
 def systems_of(experiment: Experiment) -> dict[str, FuzzySystem]:
     """Return the fuzzy systems of an experiment by name: its own, and the built-in ones that its controllers use."""
-    used = [controller.fuzzy for controller in experiment.controllers]
+    used = names_used(experiment)
     own = {name: fuzzy_system(name, keys) for name, keys in experiment.fuzzy.items()}
     return own | {name: builtin_system(name) for name in BUILTIN if name in used}
+
+
+def names_used(experiment: Experiment) -> list[str]:
+    """Return the names of the fuzzy systems that an experiment's controllers use: those chosen, and the laws' own."""
+    controllers = experiment.controllers
+    chosen = [c.fuzzy for c in controllers if c.fuzzy is not None]
+    fixed = [own.system for c in controllers for own in find_law(c.law).fixed.values()]
+    return list(dict.fromkeys(chosen + fixed))
 
 
 def _rules(keys: FuzzyKeys) -> tuple[Rule, ...]:

@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from torquebench.experiment.keys import Keys
 from torquebench.experiment.schema import MAX_CONTROLLERS, ControllerKeys, Experiment
 from torquebench.experiment.values import EachJoint, Vector
-from torquebench.fuzzy import BUILTIN, DEFAULT
+from torquebench.fuzzy import BUILTIN
 from torquebench.laws.base import RESERVED, Gain, Law, Option, find_law, law_names
 
 OWN_KEYS = frozenset(RESERVED)
@@ -43,7 +43,7 @@ def _law_model(name: str, gains_type: type[Any]) -> type[ControllerKeys]:
     options = {option: _option(declared) for option, declared in law.options.items()}
     for rules in law.rules.values():
         text = f"{rules.meaning}: a name under the top level's fuzzy, or {', '.join(BUILTIN)}."
-        options["fuzzy"] = str, Field(DEFAULT, description=text)
+        options["fuzzy"] = str, Field(rules.default, description=text)
     return _create(law.name, ControllerKeys, fields | options, law.summary)
 
 

@@ -202,7 +202,7 @@ class Experiment(Keys):
         default_factory=dict,
         max_length=MAX_SYSTEMS,
         json_schema_extra={"additionalProperties": False},
-        description="Fuzzy systems for laws that take one, by name; pd-49, pd-25 and pd-9 are built in.",
+        description="Fuzzy systems for laws that take one, by name; pd-49, pd-25, pd-9 and s-7 are built in.",
     )
     reference: Reference = Field(
         discriminator="kind", description="Desired motion; starts at zero whatever run.initial_q is."

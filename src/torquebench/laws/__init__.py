@@ -13,10 +13,10 @@ from torquebench.laws import (
     supervised_fuzzy_smc,
     two_input_sliding_mode_fuzzy,
 )
-from torquebench.laws.base import Gain, Law, Option, Rules, controller, find_law, law_names
+from torquebench.laws.base import FixedRules, Gain, Law, Option, Rules, controller, find_law, law_names
 
 __all__ = [
-    "Gain", "Law", "Option", "Rules", "adaptive_fuzzy_smc", "computed_torque", "controller", "find_law",
+    "FixedRules", "Gain", "Law", "Option", "Rules", "adaptive_fuzzy_smc", "computed_torque", "controller", "find_law",
     "fuzzy_boundary_layer", "fuzzy_linear_band", "fuzzy_pid", "law_names", "pd", "pi_smc_fuzzy_estimator",
     "sliding_mode", "sliding_mode_fuzzy", "supervised_fuzzy_smc", "two_input_sliding_mode_fuzzy",
 ]  # fmt: skip

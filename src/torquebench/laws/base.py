@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 import numpy as np
 
 from torquebench.errors import ControllerError, did_you_mean
-from torquebench.fuzzy import DEFAULT, Fis, FuzzySystem, builtin_system, prepare
+from torquebench.fuzzy import BUILTIN, DEFAULT, Fis, FuzzySystem, builtin_system, prepare
 from torquebench.kernel import Array
 
 SLUG = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,62}[a-z0-9])?")
@@ -58,6 +58,17 @@ class Rules(NamedTuple):
     inputs: Callable[[Any, int, float, float], tuple[float, float]] | None = None
     """Kernel (gains, joint, e, de) -> the system's two normalised inputs, by which the law scales them. Figures use it
     to tell which rules fired; without it they do not."""
+    default: str = DEFAULT
+    """Built-in system that the law has where a config names none."""
+
+
+class FixedRules(NamedTuple):
+    """Another fuzzy system of the law, a field of type `Fis` that a config does not choose; any number of them."""
+
+    meaning: str
+    """What its output does, in words."""
+    system: str
+    """Name of the built-in system."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +87,7 @@ class Law:
     gains: Mapping[str, Gain]
     options: Mapping[str, Option]
     rules: Mapping[str, Rules] = field(default_factory=dict)
+    fixed: Mapping[str, FixedRules] = field(default_factory=dict)
 
     @property
     def summary(self) -> str:
@@ -134,10 +146,11 @@ class Law:
                     packed[name] = np.array(np.broadcast_to(array, (n,)))
             else:
                 packed[name] = np.ones(n)  # without effect under these options; never read by the law
-        if self.rules:
-            system = builtin_system(fuzzy or DEFAULT) if not isinstance(fuzzy, FuzzySystem) else fuzzy
-            packed |= dict.fromkeys(self.rules, copy.deepcopy(prepare(system).fis))  # the law may write to it
-        elif fuzzy is not None:
+        systems = {name: builtin_system(own.system) for name, own in self.fixed.items()}
+        for name, rules in self.rules.items():
+            systems[name] = fuzzy if isinstance(fuzzy, FuzzySystem) else builtin_system(fuzzy or rules.default)
+        packed |= {name: copy.deepcopy(prepare(system).fis) for name, system in systems.items()}  # the law may write
+        if not self.rules and fuzzy is not None:
             problems.append("it has no fuzzy system to choose")
         if problems:
             raise ControllerError(f"law '{self.name}': " + "; ".join(problems))
@@ -177,7 +190,8 @@ def controller(
     Args:
         name: Slug by which configs call the law.
         gains: NamedTuple class; array fields are gains (annotate with `Gain`), integer fields are options
-            (annotate with `Option`), a field of type `Fis` is the law's fuzzy system (annotate with `Rules`).
+            (annotate with `Option`), a field of type `Fis` is the law's fuzzy system (annotate with `Rules`, and any
+            others with `FixedRules`).
         memory: NamedTuple class of (n,) arrays kept between control instants; a field called `s` is recorded as
             the sliding variable.
 
@@ -191,9 +205,9 @@ def controller(
     def register(function: Callable[..., None]) -> Callable[..., None]:
         if name in _REGISTRY and not _same_place(_REGISTRY[name].function, function):
             raise ControllerError(f"a law named '{name}' is already registered")
-        vectors, choices, systems = _fields(name, gains)
+        vectors, choices, systems, fixed = _fields(name, gains)
         _check_conditions(name, vectors, choices)
-        _REGISTRY[name] = Law(name, function, gains, memory, vectors, choices, systems)
+        _REGISTRY[name] = Law(name, function, gains, memory, vectors, choices, systems, fixed)
         return function
 
     return register
@@ -204,13 +218,16 @@ def _same_place(old: Callable[..., None], new: Callable[..., None]) -> bool:
     return (old.__module__, old.__qualname__) == (new.__module__, new.__qualname__) and old.__module__ == "__main__"
 
 
-def _fields(law: str, gains: type[Any]) -> tuple[Mapping[str, Gain], Mapping[str, Option], Mapping[str, Rules]]:
+def _fields(
+    law: str, gains: type[Any]
+) -> tuple[Mapping[str, Gain], Mapping[str, Option], Mapping[str, Rules], Mapping[str, FixedRules]]:
     vectors: dict[str, Gain] = {}
     choices: dict[str, Option] = {}
     systems: dict[str, Rules] = {}
+    fixed: dict[str, FixedRules] = {}
     for name, hint in get_type_hints(gains, include_extras=True).items():
         notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-        note = next((x for x in notes if isinstance(x, Gain | Option | Rules)), None)
+        note = next((x for x in notes if isinstance(x, Gain | Option | Rules | FixedRules)), None)
         plain = get_args(hint)[0] if notes else hint
         if isinstance(note, Option):
             if name in RESERVED:
@@ -221,14 +238,26 @@ def _fields(law: str, gains: type[Any]) -> tuple[Mapping[str, Gain], Mapping[str
         elif isinstance(note, Rules):
             if systems:
                 raise ControllerError(f"law '{law}': has two fuzzy systems, '{next(iter(systems))}' and '{name}'")
+            _check_built_in(law, name, note.default)
             systems[name] = note
+        elif isinstance(note, FixedRules):
+            _check_built_in(law, name, note.system)
+            fixed[name] = note
         elif plain is Fis:
             raise ControllerError(f"law '{law}': fuzzy system '{name}' needs Annotated[Fis, Rules(...)]")
         elif plain is int or plain is bool:
             raise ControllerError(f"law '{law}': option '{name}' needs Annotated[int, Option(...)] to list its values")
         else:
             vectors[name] = Gain("gain of a user's law", "not stated", positive=False)
-    return types.MappingProxyType(vectors), types.MappingProxyType(choices), types.MappingProxyType(systems)
+    proxy = types.MappingProxyType
+    return proxy(vectors), proxy(choices), proxy(systems), proxy(fixed)
+
+
+def _check_built_in(law: str, field_name: str, system: str) -> None:
+    if system not in BUILTIN:
+        raise ControllerError(
+            f"law '{law}': '{field_name}' names '{system}', which is not built in{did_you_mean(system, BUILTIN)}"
+        )
 
 
 def _check_conditions(law: str, vectors: Mapping[str, Gain], choices: Mapping[str, Option]) -> None:

@@ -1,4 +1,4 @@
-"""Sliding mode fuzzy control: one input, s, and as many rules as a variable has terms."""
+"""Sliding mode fuzzy control: one input, s, and seven rules."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from torquebench.robot.model import Model
 
 @kernel
 def scaled_surface(gains: SlidingFuzzyGains, joint: int, e: float, de: float) -> tuple[float, float]:
-    """Return s/phi, clipped to [-1, 1], and zero for the input that is not used.
+    """Return s/phi, clipped to [-1, 1], and zero, which a system of two inputs gets as its second.
 
     Args:
         gains: The law's gains.
@@ -31,7 +31,7 @@ class SlidingFuzzyGains(NamedTuple):
     lam: Slope
     k: Switching
     phi: Annotated[Array, Gain("sliding variable that the fuzzy system sees as 1", "rad/s")]
-    fis: Annotated[Fis, Rules("fuzzy system FIS(s/phi, 0) whose output is multiplied by K", scaled_surface)]
+    fis: Annotated[Fis, Rules("fuzzy system FIS(s/phi) whose output is multiplied by K", scaled_surface, "s-7")]
 
 
 class SlidingFuzzyMemory(NamedTuple):
@@ -53,8 +53,8 @@ def sliding_mode_fuzzy(
 ) -> None:
     """Sliding mode fuzzy control: tau = K FIS(s/phi), with s = de + lambda e, one input and seven rules; no model.
 
-    The seven rules are the row of a two-input system at zero of the second input, where its middle term alone fires:
-    the rule of s and Z, s -> s. A system of one input can be named instead. The family of Weng and Yu, the paper's
+    The built-in system `s-7` has one input. Of a system of two the row at zero of the second is used: with `pd-49`, in
+    which the middle term alone fires there, that is the same seven rules. The family of Weng and Yu, the paper's
     [29]: Adaptive fuzzy sliding mode control for linear time-varying uncertain systems, IEEE International Conference
     on Fuzzy Systems, 2008; and of Lhee, Park, Ahn and Kim, its [26]: Sliding mode-like fuzzy logic control with
     self-tuning the dead zone parameters, IEEE Transactions on Fuzzy Systems 9, 2001. The paper prints neither law; what

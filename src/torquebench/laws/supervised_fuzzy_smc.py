@@ -1,4 +1,4 @@
-"""PI fuzzy sliding mode whose gain a supervisor of nine rules tunes."""
+"""PI fuzzy sliding mode whose gain a second fuzzy system, a supervisor of nine rules, tunes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from torquebench.fuzzy.fis import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.kernel import Array, kernel, sat
-from torquebench.laws.base import Gain, Rules, controller
+from torquebench.laws.base import FixedRules, Gain, Rules, controller
 from torquebench.laws.fuzzy_pid import integrate
 from torquebench.laws.parts import Band, Slope, Switching, UseModel, equivalent_control
 from torquebench.references import Reference
@@ -40,8 +40,9 @@ class SupervisedGains(NamedTuple):
     gd: Annotated[Array, Gain("rate of the error at which the supervisor's second input is largest", "rad/s")]
     equivalent_control: UseModel
     fis: Annotated[
-        Fis, Rules("fuzzy system of both parts, the supervisor and the sliding law (pd-9 for nine rules)", how_far)
+        Fis, Rules("fuzzy system FIS(s/phi, int s/gis) whose output is multiplied by the tuned K", default="pd-25")
     ]
+    supervisor: Annotated[Fis, FixedRules("how much of the boost is added, from the size of e and de", "pd-9")]
 
 
 class SupervisedMemory(NamedTuple):
@@ -65,19 +66,18 @@ def pi_fuzzy_smc_supervised(
 ) -> None:
     """Supervised PI fuzzy sliding mode: tau = [tau_eq +] K (1 + boost (1 + w)/2) FIS(s/phi, int s/gis).
 
-    With w = FIS(2 |e|/ge - 1, 2 |de|/gd - 1) the supervisor's output and s = de + lambda e: its rules, small, medium
-    and large error by small, medium and large rate, raise the gain the more the farther the joint is from its motion.
-    The family of Barrero et al., the paper's [23]: Speed control of induction motors using a novel fuzzy sliding-mode
-    structure, IEEE Transactions on Fuzzy Systems 10, 2002. The paper gives the supervisor nine rules and the PI part
-    25; a law here has one fuzzy system, so both parts have the same rules, nine with `fuzzy: pd-9`. The integral stops
-    growing at its scale gis.
+    With s = de + lambda e, 25 rules unless the config names others, and w = SUP(2 |e|/ge - 1, 2 |de|/gd - 1) of a
+    supervisor with nine: small, medium and large error by small, medium and large rate raise the gain the more the
+    farther the joint is from its motion. The integral stops growing at its scale gis. The family of Barrero et al., the
+    paper's [23], which gives both numbers of rules but not the law: Speed control of induction motors using a novel
+    fuzzy sliding-mode structure, IEEE Transactions on Fuzzy Systems 10, 2002. What the supervisor tunes here is K.
     """
     equivalent_control(gains.equivalent_control, gains.lam, 0.0, model, q, qd, ref, memory.velocity, tau)
     for i in range(len(tau)):
         e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]
         s = de + gains.lam[i] * e
         far, fast = how_far(gains, i, e, de)
-        gain = gains.k[i] * (1.0 + 0.5 * gains.boost[i] * (1.0 + infer(gains.fis, far, fast)))
+        gain = gains.k[i] * (1.0 + 0.5 * gains.boost[i] * (1.0 + infer(gains.supervisor, far, fast)))
         memory.s[i] = s
         pushed = infer(gains.fis, s / gains.phi[i], memory.s_integral[i] / gains.gis[i])
         tau[i] += gain * model.tau_max[i] * pushed
