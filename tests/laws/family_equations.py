@@ -14,6 +14,8 @@ Rules: TypeAlias = Callable[[Array, Array], Array]
 State: TypeAlias = dict[str, Any]
 NINE = np.array([-1.0, 0.0, 1.0])
 """Peaks of the terms of pd-9."""
+TWENTY_FIVE = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+"""Peaks of the terms of pd-25."""
 
 
 def rules_of(peaks: Array | None = None) -> Rules:
@@ -34,10 +36,10 @@ def seven(x: Array) -> Array:
 
 
 class Joints:
-    """What the equations need of the arm."""
+    """What the equations need of the arm and of the law's rules."""
 
-    def __init__(self, tau_max: Array, mbar: Array, T: float, rules: Rules) -> None:
-        self.tau_max, self.mbar, self.T, self.rules = tau_max, mbar, T, rules
+    def __init__(self, tau_max: Array, mbar: Array, T: float, rules: Rules, supervisor: Rules) -> None:
+        self.tau_max, self.mbar, self.T, self.rules, self.supervisor = tau_max, mbar, T, rules, supervisor
 
 
 def fuzzy_layer(g: Mapping[str, Any], a: Joints, e: Array, de: Array, m: State, tau_eq: Array) -> tuple[Array, State]:
@@ -58,10 +60,10 @@ def estimator(g: Mapping[str, Any], a: Joints, e: Array, de: Array, m: State, ta
 
 
 def supervised(g: Mapping[str, Any], a: Joints, e: Array, de: Array, m: State, tau_eq: Array) -> tuple[Array, State]:
-    """K (1 + boost (1 + w)/2) FIS(s/phi, int s/gis), w = FIS(2|e|/ge - 1, 2|de|/gd - 1)."""
+    """K (1 + boost (1 + w)/2) FIS(s/phi, int s/gis), w = SUP(2|e|/ge - 1, 2|de|/gd - 1)."""
     sum_s = m.get("s_integral", np.zeros(len(e)))
     s = de + g["lam"] * e
-    w = a.rules(2.0 * np.abs(e) / g["ge"] - 1.0, 2.0 * np.abs(de) / g["gd"] - 1.0)
+    w = a.supervisor(2.0 * np.abs(e) / g["ge"] - 1.0, 2.0 * np.abs(de) / g["gd"] - 1.0)
     pushed = a.rules(s / g["phi"], sum_s / g["gis"])
     tau = tau_eq + g["k"] * a.tau_max * (1.0 + g["boost"] * (1.0 + w) / 2.0) * pushed
     waits = (np.abs(sum_s) >= g["gis"]) & (sum_s * s > 0.0)

@@ -12,7 +12,7 @@ import yaml
 
 from tests.arms import pendulum, still, two_link, two_link_terms
 from tests.fuzzy.independent import exact_output
-from tests.laws.family_equations import EQUATIONS, NINE, Joints, Rules, State, rules_of, sat
+from tests.laws.family_equations import EQUATIONS, NINE, TWENTY_FIVE, Joints, Rules, State, rules_of, sat
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, sine
@@ -41,11 +41,6 @@ GAINS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 """Gains that differ between the joints."""
 WITH_MODEL = (LAYER, ESTIMATOR, SUPERVISED)
-
-
-def fuzzy_of(law: str) -> str | None:
-    """Return the built-in system that a law is tried with."""
-    return {ADAPTIVE: None, SUPERVISED: "pd-9"}.get(law, "pd-49")
 
 
 class Motion(NamedTuple):
@@ -85,12 +80,10 @@ def step(
     return tau
 
 
-def packed(
-    law: str, n: int, gains: dict[str, Any], options: dict[str, Any] | None = None, fuzzy: str | None = None
-) -> Controller:
-    """Return a controller with the law's system, or another."""
+def packed(law: str, n: int, gains: dict[str, Any], options: dict[str, Any] | None = None) -> Controller:
+    """Return a controller with the law's own rules."""
     found = find_law(law)
-    return Controller(law, found, found.pack_gains(n, gains, options or {}, fuzzy or fuzzy_of(law)))
+    return Controller(law, found, found.pack_gains(n, gains, options or {}))
 
 
 def compare(law: str, options: dict[str, Any], gains: dict[str, Any], form: dict[str, Any]) -> Any:
@@ -99,7 +92,8 @@ def compare(law: str, options: dict[str, Any], gains: dict[str, Any], form: dict
     controller = packed(law, 2, gains, options)
     memory = controller.law.new_memory(2)
     flat, state = arm.flat, {}
-    joints = Joints(flat.tau_max, flat.inertia_scale, T, rules_of(NINE if fuzzy_of(law) == "pd-9" else None))
+    rules = rules_of(TWENTY_FIVE if law == SUPERVISED else None)
+    joints = Joints(flat.tau_max, flat.inertia_scale, T, rules, rules_of(NINE))
     numbers = {name: np.array(value) for name, value in gains.items()} | form
     for k in range(len(m.q)):
         ref = Reference(m.q[k] + m.e[k], m.qd[k] + m.de[k], m.qdd_ref[k])
@@ -177,8 +171,8 @@ def test_estimator_by_hand() -> None:
 def test_supervisor_by_hand(e: float, de: float, w: float) -> None:
     """Of ge = 0.1 and gd = 0.5: none and more than half of the rate, all and none, half and half, more than all.
 
-    pd-9: no error is N and rate 1/5 is Z to 4/5, P to 1/5: N-Z is N and N-P is Z. The outermost terms are N alone, P
-    alone (x = y = -1 or 1), and N with P, or Z with Z, is Z. The gain goes from K to K (1 + boost).
+    The supervisor, pd-9: no error is N and rate 1/5 is Z to 4/5, P to 1/5: N-Z is N and N-P is Z. The outermost terms
+    are N alone, P alone (x = y = -1 or 1), and N with P, or Z with Z, is Z. The gain goes from K to K (1 + boost).
     """
     gains = {"lam": 10, "k": 0.3, "phi": 2, "gis": 0.1, "boost": 0.6, "ge": 0.1, "gd": 0.5}
     if w == -0.5:  # N to 4/5, Z to 1/5: whole triangles of half-width 1 cut at these heights, around -1 and 0
@@ -186,7 +180,7 @@ def test_supervisor_by_hand(e: float, de: float, w: float) -> None:
         assert -1.0 < w < -0.5
     s, off = de + 10.0 * e, {"equivalent_control": False}
     tau, memory = hand(SUPERVISED, e, de, gains, off, s_integral=0.05)
-    pushed = exact_output(s / 2.0, 0.5, NINE)
+    pushed = exact_output(s / 2.0, 0.5, TWENTY_FIVE)
     assert tau == pytest.approx(12.0 * (1.0 + 0.3 * (1.0 + w)) * pushed, rel=1e-10)
     assert memory.s_integral[0] == pytest.approx(0.05 + T * s, rel=EXACT)
 
@@ -237,7 +231,7 @@ def test_one_input_by_hand(x: float, y: float) -> None:
 
 
 def test_one_input_has_seven_rules() -> None:
-    """The torque is that of a system with seven rules, one for each term of s, and without any of the other 42."""
+    """The torque is that of a system with one rule for each of the seven terms of s, and no others."""
     table = np.full((7, 7), -1)
     table[:, 3] = np.arange(7)
     for x in np.linspace(-1.2, 1.2, 41):
@@ -258,11 +252,11 @@ def test_two_inputs_by_hand() -> None:
 PUMA: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     LAYER: ({"lam": 20, "k": 0.6, "phi": 0.3, "gds": 1000}, {"equivalent_control": False}),
     ESTIMATOR: ({"lam": 20, "k": 0.6, "phi": 0.4, "kf": 0.3, "ge": 0.2, "gd": 4}, {"switching": "saturation"}),
-    SUPERVISED: ({"lam": 20, "k": 0.7, "phi": 0.5, "gis": 0.05, "boost": 0.4, "ge": 0.05, "gd": 1},
+    SUPERVISED: ({"lam": 20, "k": 0.6, "phi": 0.6, "gis": 0.05, "boost": 1, "ge": 0.05, "gd": 1},
                  {"equivalent_control": False}),
-    ADAPTIVE: ({"lam": 20, "kv": 40, "ki": 200, "phi": 1, "gamma": 500}, {}),
+    ADAPTIVE: ({"lam": 20, "kv": 60, "ki": 600, "phi": 1, "gamma": 1000}, {}),
     ONE: ({"lam": 20, "k": 0.6, "phi": 0.4}, {}),
-    TWO: ({"lam": 20, "k": 0.8, "phi": 1, "gis": 0.1, "forget": 1}, {}),
+    TWO: ({"lam": 20, "k": 0.8, "phi": 0.8, "gis": 0.06, "forget": 1}, {}),
 }  # fmt: skip
 """The gains of configs/paper/families.yaml, but without a model everywhere, which for the first law takes more of K."""
 
@@ -277,12 +271,10 @@ def test_the_gains_are_those_of_the_config() -> None:
     }
 
 
-def run_of(
-    law: str, plant: Plant, belief: RobotModel, target: Any, duration: float, fuzzy: str | None = None
-) -> Trajectory:
+def run_of(law: str, plant: Plant, belief: RobotModel, target: Any, duration: float) -> Trajectory:
     """Run a law with those gains."""
     gains, options = PUMA[law]
-    return simulate(plant, packed(law, belief.n, gains, options, fuzzy), belief, target, duration=duration)
+    return simulate(plant, packed(law, belief.n, gains, options), belief, target, duration=duration)
 
 
 @pytest.mark.parametrize("law", EQUATIONS)
@@ -301,13 +293,13 @@ def test_at_rest_on_the_two_link_arm_each_carries_gravity_its_own_way(law: str) 
     gravity = -two_link_terms(q, np.zeros(2))[2]
     assert np.min(np.abs(gravity)) > 3.0
     K, phi, lam = gains.get("k", 0.0) * np.array([80.0, 25.0]), gains["phi"], gains["lam"]
-    zero, rules, nine = np.zeros(2), rules_of(), rules_of(NINE)
+    zero, rules, some = np.zeros(2), rules_of(), rules_of(TWENTY_FIVE)
     if law == LAYER:
         carried = K * rules(lam * e / phi, zero)
     elif law == ESTIMATOR:
         carried = K * sat(0.25 * lam * lam * held["integral"] / phi)
     elif law == SUPERVISED:  # no error and no rate: the supervisor's rule N, which leaves K as it is
-        carried = K * nine(zero, held["s_integral"] / gains["gis"])
+        carried = K * some(zero, held["s_integral"] / gains["gis"])
     elif law == ADAPTIVE:  # the middle rule alone fires
         carried = gains["ki"] * arm.flat.inertia_scale * held["s_integral"] + held["theta_4"]
     elif law == ONE:
@@ -323,10 +315,10 @@ def test_at_rest_on_the_two_link_arm_each_carries_gravity_its_own_way(law: str) 
 
 
 @cache
-def grid_rules() -> Rules:
-    """Return the output of 49 rules interpolated in a table of `exact_output`; a test below says how well."""
-    nodes = np.linspace(-1.0, 1.0, 73)
-    table = np.array([[exact_output(x, y) for y in nodes] for x in nodes])
+def grid_rules(terms: int) -> Rules:
+    """Return the output of terms^2 rules interpolated in a table of `exact_output`; a test below says how well."""
+    nodes, peaks = np.linspace(-1.0, 1.0, 73), np.linspace(-1.0, 1.0, terms)
+    table = np.array([[exact_output(x, y, peaks) for y in nodes] for x in nodes])
 
     def output(x: Array, y: Array) -> Array:
         a, b = (36.0 * (sat(z) + 1.0) for z in (x, y))
@@ -338,10 +330,12 @@ def grid_rules() -> Rules:
     return output
 
 
-def test_the_table_of_rules_is_near_enough() -> None:
-    """Between its nodes, where it is worst, it is off by less than 1 % of the torque that the rules can ask for."""
+def test_the_tables_of_rules_are_near_enough() -> None:
+    """Between their nodes, where they are worst, they are off by less than 1 % of the most that the rules ask for."""
     x, y = (np.random.default_rng(3).uniform(-1.0, 1.0, 300) for _ in range(2))
-    assert grid_rules()(x, y[::-1]) == pytest.approx(rules_of()(x, y[::-1]), abs=0.01)
+    for peaks in (NINE, TWENTY_FIVE, None):
+        terms = 7 if peaks is None else len(peaks)
+        assert grid_rules(terms)(x, y[::-1]) == pytest.approx(rules_of(peaks)(x, y[::-1]), abs=0.01)
 
 
 @pytest.mark.parametrize("law", EQUATIONS)
@@ -350,14 +344,15 @@ def test_on_the_puma_each_leaves_the_error_that_its_equation_needs(law: str) -> 
 
     The desired motion's torque comes from inverse dynamics; at each instant the equation is solved for the de that
     makes it, by bisection, and e = int de. Errors of some mrad hardly change the torque: over 1 s of tracking the
-    errors' size agrees to 4 %, and they themselves to 15 % of it, most of that where max-min rules are flat. Every law
-    has 49 rules here: nine are so flat that their torque does not tell the error to better than a third.
+    errors' size agrees to 4 %, and they themselves to 15 % of it, most of that where max-min rules are flat: 20 % with
+    25 rules, whose stairs are wider.
     """
     duration, h = 2.0, 0.002
     arm, target = Puma560(), sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
     wanted = target(np.arange(0.0, duration, h))
     torque = arm.inverse_dynamics(wanted.q, wanted.qd, wanted.qdd)
-    joints = Joints(arm.flat.tau_max, arm.flat.inertia_scale, h, grid_rules())
+    rules = grid_rules(5 if law == SUPERVISED else 7)
+    joints = Joints(arm.flat.tau_max, arm.flat.inertia_scale, h, rules, grid_rules(3))
     e, errors = np.zeros(6), []
     state: State = {}
     for tau in torque:
@@ -369,9 +364,9 @@ def test_on_the_puma_each_leaves_the_error_that_its_equation_needs(law: str) -> 
             low, high = np.where(short, de, low), np.where(short, high, de)
         state = EQUATIONS[law](PUMA[law][0], joints, e, de, state, np.zeros(6))[1]
         e = e + h * de
-    run = run_of(law, AnalyticPlant(arm), arm, target, duration, "pd-49" if fuzzy_of(law) else None)
+    run = run_of(law, AnalyticPlant(arm), arm, target, duration)
     found, predicted = (run.q_ref - run.q)[1000:2000:2], np.array(errors)[500:]
     size = float(np.sqrt(np.mean(found**2)))
     assert float(np.sqrt(np.mean(predicted**2))) == pytest.approx(size, rel=0.04)
-    assert float(np.sqrt(np.mean((found - predicted) ** 2))) < 0.15 * size
+    assert float(np.sqrt(np.mean((found - predicted) ** 2))) < (0.2 if law == SUPERVISED else 0.15) * size
     assert 1e-3 < size < 1e-2
