@@ -27,7 +27,7 @@ STRUCTURES = {
     "printed": lambda: Puma560("printed", "printed"),
 }  # fmt: skip
 TARGET = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
-GAINS = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "ki": 50.0, "kf": 0.2, "gd": 2.0}
+GAINS = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "ki": 50.0, "kf": 0.2, "gd": 2.0, "ge": 0.2, "gi": 0.1}
 
 
 def digest(arrays: Iterable[Array]) -> str:
@@ -58,15 +58,14 @@ def terms(model: RobotModel) -> dict[str, str]:
 
 
 def law_torques(name: str, model: RobotModel) -> str:
-    """Digest of a law's torque and memory over thirty states, each option on and off; compiled where anything is."""
+    """Digest of a law's torque and memory over thirty states, each choice of options; compiled where anything is."""
     law = find_law(name)
     function = kernel(law.function)
     q, qd, qdd, _ = states(30)
     results = []
-    for choice in range(2):
-        options = {key: option.values[choice] for key, option in law.options.items()}
-        chosen = {**{key: option.values[0] for key, option in law.options.items()}, **options}
-        gains = {key: GAINS[key] for key in law.gains if law.gain_problem(key, False, chosen) is not None}
+    for choice in range(max([2, *(len(option.values) for option in law.options.values())])):
+        options = {key: option.values[choice % len(option.values)] for key, option in law.options.items()}
+        gains = {key: GAINS[key] for key, gain in law.gains.items() if gain.acts(options)}
         packed, memory = law.pack_gains(6, gains, options), law.new_memory(6)
         for i in range(30):
             # half of the states are close to the motion, so that bands are met from the inside too
@@ -101,7 +100,8 @@ def fuzzy_outputs() -> dict[str, str]:
 def closed_loop(name: str, law: str, throw: float = 0.0) -> str:
     """Digest of 0.3 s of a law on the analytic plant; with `throw`, of a run that a disturbance ends at step 20."""
     plant, belief = STRUCTURES[name](), STRUCTURES["corrected"]()
-    gains = {key: GAINS[key] for key in find_law(law).gains if law != "smc" or key != "phi"}
+    plain = {key: option.values[0] for key, option in find_law(law).options.items()}
+    gains = {key: GAINS[key] for key, gain in find_law(law).gains.items() if gain.acts(plain)}
     d = np.zeros((300, 6))
     d[20] = throw
     run = simulate(

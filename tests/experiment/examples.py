@@ -68,6 +68,7 @@ STEP = GOOD.replace(_SINE, "  kind: step\n  target: 0.6\n  at: 0.2\n")
 RAMP = GOOD.replace(_SINE, "  kind: ramp\n  target: [1, 2, 3, 4, 5, 6]\n  rise_time: 2\n")
 QUINTIC = GOOD.replace(_SINE, "  kind: quintic\n  target: 0.6\n  rise_time: 2\n")
 ANALYTIC = GOOD.replace("  engine: mujoco\n", "  engine: analytic\n  structure: printed\n  constants: fitted\n")
+ANALYTIC = ANALYTIC.replace("switching: saturation\n", "switching: saturation\n    surface: pid\n")
 SCENARIO = (
     GOOD.replace(
         "model:\n  str",
@@ -134,6 +135,10 @@ FUZZY = GOOD.replace(
   - name: fuzzy-band
     law: fuzzy-linear-band-smc
     equivalent_control: false
+    compensation: fuzzy
+    integral: true
+    band: saturation
+    linear: true
     fuzzy: three
     gains:
       lam: 10.5

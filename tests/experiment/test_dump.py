@@ -96,7 +96,10 @@ REFERENCE = st.one_of(
 SMC = st.one_of(
     st.fixed_dictionaries(
         {"law": st.just("smc"), "gains": st.fixed_dictionaries({"lam": POSITIVE, "k": POSITIVE})},
-        optional={"equivalent_control": st.booleans(), "expect": st.sampled_from(["completed", "failed"])},
+        optional={
+            "equivalent_control": st.sampled_from([True, False, "measured-acceleration"]),
+            "expect": st.sampled_from(["completed", "failed"]),
+        },
     ),
     st.fixed_dictionaries(
         {

@@ -31,9 +31,9 @@ def test_every_key_arrives_where_it_belongs() -> None:
     assert x.model.mismatch.relative == 0.3
     first, second = x.controllers
     assert (first.name, first.law, first.expect) == ("conventional", "smc", "completed")
-    assert first.options == {"equivalent_control": True, "switching": "saturation"}
+    assert first.options == {"equivalent_control": True, "switching": "saturation", "surface": "pd"}
     assert first.gains == {"lam": 10.0, "k": 0.3, "phi": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)}
-    assert second.options == {"equivalent_control": False}
+    assert second.options == {"equivalent_control": False, "switching": "saturation"}
     assert second.gains == {"lam": 10.5, "k": 0.25, "phi": 0.35, "kv": 20.0}
     assert x.reference.kind == "sine"
     assert (x.reference.amplitude, x.reference.frequency_hz) == ((1.2, -1.0, 1.0, 1.1, 1.0, 1.0), 0.75)

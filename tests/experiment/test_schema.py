@@ -53,7 +53,10 @@ FACTS = [
     ("integrator", "euler is semi-implicit"),
     ("relative", "| number, > 0, < 1 | required |"),
     ("timestep", "| number, > 0 | `0.001` |"),
-    ("equivalent_control", "| `true`, `false` | `true` |"),
+    ("equivalent_control", "| `true`, `false`"),
+    ("surface", "| `pd`, `pi`, `pid` | `pd` |"),
+    ("compensation", "| `fuzzy`, `clipped-sum`, `off` | `fuzzy` |"),
+    ("band", "| `saturation`, `sign`, `off` | `saturation` |"),
     ("metrics_from", "| see meaning |"),
     ("phi", "| vector, > 0 | "),
 ]

@@ -43,6 +43,15 @@ class Kept(NamedTuple):
     z: Array
 
 
+class Tied(NamedTuple):
+    """A gain that acts with two of three values of an option, and one that acts with a boolean."""
+
+    k: Annotated[Array, Gain("stiffness", "N m/rad", only_with=("shape", "round", "flat"))]
+    z: Annotated[Array, Gain("damping", "N m s/rad", only_with=("damped", True))]
+    shape: Annotated[int, Option("shape", ("square", "round", "flat"))]
+    damped: Annotated[int, Option("whether it is damped", (False, True))]
+
+
 class Ruled(NamedTuple):
     """A gain and a fuzzy system."""
 
@@ -118,8 +127,78 @@ def test_options_are_numbered_by_place_and_booleans_by_value() -> None:
     pack = find_law("named").pack_gains
     assert pack(1, {"k": 1}, {})[1:] == (0, 0)
     assert pack(1, {"k": 1}, {"shape": "flat", "fast": True})[1:] == (2, 1)
-    assert find_law("smc").pack_gains(1, SMC, {})[-2:] == (1, 0)
-    assert find_law("smc").pack_gains(1, SMC, {"equivalent_control": False})[-2:] == (0, 0)
+    for value, number in ((True, 1), (False, 0), ("measured-acceleration", 2)):
+        assert find_law("smc").pack_gains(1, SMC, {"equivalent_control": value})[-3:] == (number, 0, 0)
+
+
+def test_a_gain_may_be_tied_to_several_values() -> None:
+    """It is required with each of them and refused without; a boolean counts as what a config calls it."""
+    controller("tied", gains=Tied)(law)
+    pack = find_law("tied").pack_gains
+    assert pack(1, {}, {}).shape == 0
+    for shape in ("round", "flat"):
+        assert pack(1, {"k": 2.0}, {"shape": shape}).k.tolist() == [2.0]
+        with pytest.raises(ControllerError, match="gain 'k' is missing"):
+            pack(1, {}, {"shape": shape})
+    with pytest.raises(ControllerError, match="gain 'k' has no effect unless shape: round or flat"):
+        pack(1, {"k": 2.0}, {})
+    assert pack(1, {"z": 3.0}, {"damped": True}).z.tolist() == [3.0]
+    with pytest.raises(ControllerError, match="gain 'z' has no effect unless damped: true"):
+        pack(1, {"z": 3.0}, {})
+
+
+@pytest.mark.parametrize(("only_with", "message"), [
+    (("shap", "round"), r"gain 'k' depends on option 'shap' \(did you mean 'shape'\?\)"),
+    (("shape", "rond"), r"gain 'k' depends on shape: 'rond' \(did you mean 'round'\?\)"),
+    (("shape", "flat", "rond"), r"gain 'k' depends on shape: 'rond' \(did you mean 'round'\?\)"),
+    (("fast", 1), r"gain 'k' depends on fast: 1 \(one of: False, True\)"),
+    (("shape",), "gain 'k' depends on option 'shape', but on no value of it"),
+])  # fmt: skip
+def test_a_gain_that_could_never_be_given_is_refused(only_with: Any, message: str) -> None:
+    """A condition that no choice of the law fulfils is a mistake in its declaration, and nothing is registered."""
+
+    class Misspelt(NamedTuple):
+        k: Array
+        shape: int
+        fast: int
+
+    Misspelt.__annotations__ = {
+        "k": Annotated[Array, Gain("stiffness", "N m/rad", only_with=only_with)],
+        "shape": Named.__annotations__["shape"], "fast": Named.__annotations__["fast"],
+    }  # fmt: skip
+    with pytest.raises(ControllerError, match=message):
+        controller("misspelt", gains=Misspelt)(law)
+    assert "misspelt" not in law_names()
+
+
+PROPOSED = {"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20, "kf": 0.3, "gd": 1, "ki": 2000}
+
+
+@pytest.mark.parametrize(("name", "options", "silent"), [
+    ("smc", {}, "phi"),
+    ("linear-band-smc", {"switching": "sign"}, "phi"),
+    ("fuzzy-linear-band-smc", {"compensation": "off"}, "kf gd"),
+    ("fuzzy-linear-band-smc", {"compensation": "clipped-sum"}, ""),
+    ("fuzzy-linear-band-smc", {"integral": False}, "ki"),
+    ("fuzzy-linear-band-smc", {"band": "sign"}, "phi"),
+    ("fuzzy-linear-band-smc", {"band": "off"}, "k phi"),
+    ("fuzzy-linear-band-smc", {"linear": False}, "kv"),
+    ("fuzzy-linear-band-smc", {"compensation": "off", "integral": False, "band": "off", "linear": False},
+     "kf gd ki k phi kv"),
+])  # fmt: skip
+def test_gains_that_a_choice_silences_are_refused(name: str, options: dict[str, Any], silent: str) -> None:
+    """Each gain of a part that is out is refused when it is given, and all others are required."""
+    gains = {gain: PROPOSED[gain] for gain in find_law(name).gains}
+    kept = {gain: value for gain, value in gains.items() if gain not in silent.split()}
+    find_law(name).pack_gains(2, kept, options)
+    for gain in gains:
+        if gain in kept:
+            given = {other: value for other, value in kept.items() if other != gain}
+            message = f"gain '{gain}' is missing"
+        else:
+            given, message = kept | {gain: gains[gain]}, f"gain '{gain}' has no effect unless "
+        with pytest.raises(ControllerError, match=message):
+            find_law(name).pack_gains(2, given, options)
 
 
 @pytest.mark.parametrize(("name", "values", "options", "message"), [
@@ -139,9 +218,9 @@ def test_options_are_numbered_by_place_and_booleans_by_value() -> None:
     ("smc", {**SMC, "k": [[1], [2, 3]]}, {}, r"gain 'k' is \[\[1\], \[2, 3\]\], wanted a number"),
     ("smc", SMC, {"switching": "saturate"}, "option 'switching' is 'saturate', wanted one of .*'saturation'"),
     ("smc", SMC, {"swithing": "sign"}, r"unknown option 'swithing' \(did you mean 'switching'\?\)"),
-    ("smc", SMC, {"equivalent_control": "yes"}, r"option 'equivalent_control' is 'yes', wanted one of \(True, False\)"),
-    ("smc", SMC, {"equivalent_control": 1}, r"option 'equivalent_control' is 1, wanted one of \(True, False\)"),
-    ("smc", SMC, {"equivalent_control": 0}, r"option 'equivalent_control' is 0, wanted one of \(True, False\)"),
+    ("smc", SMC, {"equivalent_control": "yes"}, r"option 'equivalent_control' is 'yes', wanted one of \(True, F"),
+    ("smc", SMC, {"equivalent_control": 1}, r"option 'equivalent_control' is 1, wanted one of \(True, F"),
+    ("smc", SMC, {"equivalent_control": 0}, r"option 'equivalent_control' is 0, wanted one of \(True, F"),
 ])  # fmt: skip
 def test_gains_that_are_refused(name: str, values: dict[str, Any], options: dict[str, Any], message: str) -> None:
     """Each mistake is refused by an error that names the law, the gain, what was given and what was wanted."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench.fuzzy import BUILTIN
+from torquebench.fuzzy import BUILTIN, DEFAULT
 from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
 from torquebench.references import ReferenceSource, quintic, ramp, sine, step
@@ -57,27 +57,32 @@ TOGETHER: dict[str, tuple[dict[str, str | bool], ...]] = {
     "linear-band-smc": ({"equivalent_control": False, "switching": "sign"},),
     "fuzzy-linear-band-smc": (
         {"equivalent_control": False, "compensation": "clipped-sum", "band": "sign"},
-        {"equivalent_control": False, "compensation": "off", "band": "off", "integral": False},
+        {"equivalent_control": False, "compensation": "off", "band": "off", "linear": False, "integral": False},
     ),
 }
 """Choices that are tried together; every choice is tried alone as well."""
+RULED = "fuzzy-linear-band-smc"
+"""The law that is tried with every built-in fuzzy system; the others come with their default one."""
+
+
+def plain_form(law: str) -> tuple[tuple[str, str | bool], ...]:
+    """Return the defaults of a law's options."""
+    return tuple((key, option.values[0]) for key, option in find_law(law).options.items())
 
 
 def variants() -> list[Variant]:
     """Return every registered law: as it is, with every choice of each option alone, and with those of `TOGETHER`.
 
-    A law with a fuzzy system comes with each built-in one, in the form it has by default.
+    All combinations would be a hundred and more of one law alone; `tests/laws` calls each of them once.
     """
     found = []
     for name in law_names():
         law = find_law(name)
-        plain = {key: option.values[0] for key, option in law.options.items()}
+        plain = dict(plain_form(name))
         changes = [{key: value} for key, option in law.options.items() for value in option.values[1:]]
         forms = [plain | change for change in ({}, *changes, *TOGETHER.get(name, ()))]
-        systems = list(BUILTIN) if law.rules else [None]
-        found += [Variant(name, tuple(form.items()), systems[0]) for form in forms]
-        found += [Variant(name, tuple(plain.items()), system) for system in systems[1:]]
-    return found
+        found += [Variant(name, tuple(form.items()), None) for form in forms]
+    return found + [Variant(RULED, plain_form(RULED), system) for system in BUILTIN if system != DEFAULT]
 
 
 ARMS: dict[str, tuple[Any, Any]] = {

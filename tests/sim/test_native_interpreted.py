@@ -35,7 +35,10 @@ def test_interpreted_and_native_runs_give_the_same_bytes(
 
 
 def test_the_cases_are_all_laws_on_both_plants_and_all_references() -> None:
-    """The large size has every law with every option on every plant and reference; the small one half of that."""
+    """The large size has every form of every law on every plant and reference; the small one has fewer plants.
+
+    There every law meets every reference, and every form every plant; each law is there as it is by default.
+    """
     every = {(p, v, r) for p in PLANTS for v in variants() for r in REFERENCES}
     assert {case[:3] for case in cases(large=True)} == every
     assert {case.variant.law for case in cases(large=False)} == set(law_names())

@@ -29,12 +29,12 @@ LONGEST = 300
 
 
 def trials(plant: str, count: int = 32) -> list[Trial]:
-    """Return trials of every law and chain, of many lengths; each fifth has a faulty law, each seventh a huge push."""
+    """Return trials of laws of all kinds and every chain; each fifth has a faulty law, each seventh a huge push."""
     n, every, found = plant_of(plant).n, variants(), []
     for i in range(count):
         n_steps = LONGEST - 37 * (i % 6)
         noise, push = (x[:n_steps].copy() for x in signals(n, LONGEST))
-        controller = every[i % len(every)].controller(n)
+        controller = every[i * len(every) // count].controller(n)
         if i % 5 == 4:
             controller = faulty_laws.controller(faulty_laws.not_a_number, n, at=0.001 * (20 + i), joint=i % n)
         if i % 7 == 6:
