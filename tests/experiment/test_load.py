@@ -45,6 +45,17 @@ def test_every_key_arrives_where_it_belongs() -> None:
     assert (x.run.seed, x.run.metrics_from, x.run.draw) == (7, 1.25, 3)
 
 
+def test_off_is_a_word_and_not_false() -> None:
+    """A bare off chooses an option's value off, a bare false a boolean's; neither is read as the other."""
+    options = "compensation: off, band: off, integral: false, linear: true, equivalent_control: measured-acceleration"
+    law = f"law: fuzzy-linear-band-smc, {options}, gains: {{lam: 5, kv: 10}}"
+    (only,) = parse(MINIMAL.replace("law: pd, gains: {lam: 5, kv: 10}", law)).controllers
+    assert only.options == {
+        "equivalent_control": "measured-acceleration", "compensation": "off", "integral": False, "band": "off",
+        "linear": True,
+    }  # fmt: skip
+
+
 def test_defaults_are_the_documented_ones() -> None:
     """What a minimal config leaves out has the documented defaults."""
     x = parse(MINIMAL)
