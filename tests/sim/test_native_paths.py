@@ -24,8 +24,8 @@ from torquebench.sim.loop import Controller, simulate
 from torquebench.sim.native_path import NativeRun
 from torquebench.sim.trajectory import Outcome
 
-STRIDE = 17
-"""The small size takes every 17th case: prime to the length of each axis, so that all values of all axes occur."""
+STRIDE = 23
+"""The small size takes every 23rd case: prime to the length of each axis, so that all values of all axes occur."""
 
 
 def chosen(plant: str, everything: bool) -> list[Case]:
