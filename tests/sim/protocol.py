@@ -18,8 +18,10 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
 from torquebench.references import ReferenceSource, quintic, ramp, sine, step
 from torquebench.robot import Puma560, RobotModel, load_model
+from torquebench.robot.payload import Payload
 from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
+from torquebench.sim.friction import Friction
 from torquebench.sim.loop import Controller, simulate
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.plant import INTEGRATORS
@@ -101,21 +103,40 @@ REFERENCES = {
     "quintic": lambda n: quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0][:n], 1.0),
 }
 """The protocol's references for the first n joints."""
-CONDITIONS: dict[str, tuple[Chain, bool]] = {
-    "ideal": (IDEAL, False), "ideal, noisy": (IDEAL, True), "fast, noisy": (CHAINS["fast"], True),
-    "slow, noisy": (CHAINS["slow"], True), "slow": (CHAINS["slow"], False),
-    "rounded and late": (Chain(velocity_rate=math.inf, quantum=2e-4, delay=0.008), False),
-    "late, noisy": (Chain(velocity_rate=300.0, quantum=1e-4, delay=0.004, lag=0.003), True),
+
+
+class Condition(NamedTuple):
+    """What a law has to cope with."""
+
+    chain: Chain = IDEAL
+    noisy: bool = False
+    """Whether there are position noise and a torque disturbance."""
+    payload: Payload | None = None
+    friction: Friction | None = None
+
+
+LOAD, RUB = Payload(2.0, at=0.08), Friction(0.7, 0.9)
+"""Taken up at a control instant of 1 ms and of 4 ms; friction for arms of any kind."""
+CONDITIONS = {
+    "ideal": Condition(), "ideal, noisy": Condition(IDEAL, True), "fast, noisy": Condition(CHAINS["fast"], True),
+    "slow, noisy": Condition(CHAINS["slow"], True), "slow": Condition(CHAINS["slow"]),
+    "rounded and late": Condition(Chain(velocity_rate=math.inf, quantum=2e-4, delay=0.008)),
+    "late, noisy": Condition(Chain(velocity_rate=300.0, quantum=1e-4, delay=0.004, lag=0.003), True),
+    "payload": Condition(payload=LOAD), "friction": Condition(friction=RUB),
+    "slow, noisy, payload and friction": Condition(CHAINS["slow"], True, LOAD, RUB),
 }  # fmt: skip
-"""Chain, and whether there are position noise and a torque disturbance."""
+"""Their number has no divisor in common with the stride of the small size, nor with 3: see `interpreted`."""
 
 
 @cache
-def plant_of(name: str, integrator: str = "rk4", timestep: float = 0.001) -> MujocoPlant | AnalyticPlant:
+def plant_of(
+    name: str, integrator: str = "rk4", timestep: float = 0.001, payload: Payload | None = None,
+    friction: Friction | None = None,
+) -> MujocoPlant | AnalyticPlant:  # fmt: skip
     """Return a plant of `ARMS`; one object serves every run, as `simulate` resets it."""
     if name.startswith("mujoco"):
-        return MujocoPlant(name.removeprefix("mujoco "), timestep, integrator)
-    return AnalyticPlant(ARMS[name][0](), timestep, integrator)
+        return MujocoPlant(name.removeprefix("mujoco "), timestep, integrator, payload=payload, friction=friction)
+    return AnalyticPlant(ARMS[name][0](), timestep, integrator, payload=payload, friction=friction)
 
 
 @cache
@@ -144,7 +165,8 @@ class Case(NamedTuple):
 
     def run(self, n_steps: int, path: Any) -> Trajectory:
         """Run `n_steps` control instants; a failure is returned, not raised."""
-        plant, (chain, noisy) = plant_of(self.plant, self.integrator), CONDITIONS[self.condition]
+        chain, noisy, payload, friction = CONDITIONS[self.condition]
+        plant = plant_of(self.plant, self.integrator, payload=payload, friction=friction)
         n, period = plant.n, self.substeps * plant.timestep
         noise, disturbance = signals(n, n_steps) if noisy else (None, None)
         target: ReferenceSource = REFERENCES[self.reference](n)

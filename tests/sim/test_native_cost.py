@@ -26,7 +26,7 @@ def resident() -> float:
 
 def rollouts(plant: str, count: int) -> Iterator[Trial]:
     """Yield that many trials of 1,000 instants; each starts elsewhere and has a disturbance of its own."""
-    n, (chain, _) = plant_of(plant).n, CONDITIONS["slow"]
+    n, chain = plant_of(plant).n, CONDITIONS["slow"].chain
     controller = Variant("linear-band-smc", (("equivalent_control", True),), None).controller(n)
     reference: Reference = REFERENCES["sine"](n)(np.arange(N_STEPS) * 0.001)
     for i in range(count):

@@ -25,7 +25,7 @@ from torquebench.sim.native_path import NativeRun
 from torquebench.sim.trajectory import Outcome
 
 STRIDE = 37
-"""The small size takes every 37th case, which is prime to the 112 of each variant: all values of all axes occur."""
+"""The small size takes every 37th case: prime to the length of each axis, so that all values of all axes occur."""
 
 
 def chosen(plant: str, everything: bool) -> list[Case]:

@@ -39,7 +39,7 @@ def trials(plant: str, count: int = 32) -> list[Trial]:
             controller = faulty_laws.controller(faulty_laws.not_a_number, n, at=0.001 * (20 + i), joint=i % n)
         if i % 7 == 6:
             push[40 + i, i % n] = 1e300
-        chain, noisy = list(CONDITIONS.values())[i % len(CONDITIONS)]
+        chain, noisy, *_ = list(CONDITIONS.values())[i % len(CONDITIONS)]
         found.append(Trial(
             controller, belief_of(plant), list(REFERENCES.values())[i % 4](n), 0.001 * n_steps, chain=chain,
             position_noise=noise if noisy else None, disturbance=push, initial_q=np.array(HOME[:n]) * (1 + 0.01 * i),
