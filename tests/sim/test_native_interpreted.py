@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tests.sim.interpreted import SMALL, cases, interpreted_digests
-from tests.sim.protocol import PLANTS, REFERENCES, variants
+from tests.sim.protocol import PLANTS, REFERENCES, plain_form, variants
 from torquebench.laws import law_names
 
 
@@ -37,12 +37,15 @@ def test_interpreted_and_native_runs_give_the_same_bytes(
 def test_the_cases_are_all_laws_on_both_plants_and_all_references() -> None:
     """The large size has every form of every law on every plant and reference; the small one has fewer plants.
 
-    There every law meets every reference, and every form every plant; each law is there as it is by default.
+    There every law, as it is by default, meets every reference and every plant, and every form one plant of each kind.
     """
     every = {(p, v, r) for p in PLANTS for v in variants() for r in REFERENCES}
     assert {case[:3] for case in cases(large=True)} == every
     assert {case.variant.law for case in cases(large=False)} == set(law_names())
     small = cases(large=False)
-    assert {(case.variant.law, case.reference) for case in small} == {(x, r) for x in law_names() for r in REFERENCES}
-    assert {(case.variant, case.plant) for case in small} == {(v, p) for v in variants() for p in SMALL}
-    assert {case.plant.split()[0] for case in small} == {"mujoco", "analytic"}
+    plain = [case for case in small if case.variant.options == plain_form(case.variant.law)]
+    assert {(case.variant.law, case.reference) for case in plain} == {(x, r) for x in law_names() for r in REFERENCES}
+    assert {(case.variant.law, case.plant) for case in plain} == {(x, p) for x in law_names() for p in SMALL}
+    engines = {(case.variant, case.plant.split()[0]) for case in small}
+    assert engines == {(v, engine) for v in variants() for engine in ("mujoco", "analytic")}
+    assert {case.plant for case in small} == set(SMALL)
