@@ -27,7 +27,10 @@ STRUCTURES = {
     "printed": lambda: Puma560("printed", "printed"),
 }  # fmt: skip
 TARGET = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
-GAINS = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "ki": 50.0, "kf": 0.2, "gd": 2.0, "ge": 0.2, "gi": 0.1}
+GAINS = {
+    "lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "ki": 50.0, "kf": 0.2, "gd": 2.0, "ge": 0.2, "gi": 0.1, "gds": 50.0,
+    "gis": 0.1, "boost": 0.4, "forget": 1.0, "gamma": 100.0,
+}  # fmt: skip
 
 
 def digest(arrays: Iterable[Array]) -> str:

@@ -29,7 +29,16 @@ def commands():
 @pytest.mark.parametrize("arguments", commands(), ids=" ".join)
 def test_every_command_parses(arguments):
     """Each command of the README is one the command line knows."""
-    assert parser().parse_args(arguments).command in ("run", "compare", "fuzzy", "check", "bench")
+    assert parser().parse_args(arguments).command in (
+        "run",
+        "compare",
+        "fuzzy",
+        "check",
+        "bench",
+        "paper",
+        "boundary-layer",
+        "report",
+    )
 
 
 def test_every_file_that_is_named_exists():
