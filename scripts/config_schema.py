@@ -97,7 +97,7 @@ def _table(group: Node, definitions: Node) -> str:
         cells = (
             f"`{key}`",
             _kind(key, node, definitions),
-            _default(node, key in required, definitions),
+            _default(node, key in required),
             _meaning(node),
         )
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
@@ -155,13 +155,12 @@ def _code(values: Iterable[Any]) -> str:
     return ", ".join(f"`{value if isinstance(value, str) else json.dumps(value)}`" for value in values)
 
 
-def _default(node: Node, required: bool, definitions: Node) -> str:
+def _default(node: Node, required: bool) -> str:
     if required:
         return "required"
     if "if left out" in node["description"]:
         return "see meaning"
-    own_defaults = any("required" not in definitions[group] for group in _groups(node))
-    return _code([node.get("default", {})]) if "default" in node or own_defaults else "none"
+    return _code([node["default"]]) if "default" in node else "none"
 
 
 def _meaning(node: Node) -> str:

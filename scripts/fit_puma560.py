@@ -25,11 +25,17 @@ import numpy as np
 
 from torquebench.robot.library import data_root
 from torquebench.robot.links import inertia_tensor, pseudo_inertia
+from torquebench.robot.puma560.consistent import (
+    consistent_links,
+    form_conditions,
+    linear_map,
+    nearest_reachable,
+    parts_of,
+)
 from torquebench.robot.puma560.constants import Body, link_constants, read_constants
 from torquebench.robot.puma560.symbols import CONSTANTS
 
 GRAVITY = 9.81
-FIELDS = Body._fields
 MASS = (13.0, 17.4, 4.8, 0.82, 0.34, 0.09)
 """Masses [kg]: links 2-6 as weighed by Armstrong et al. (1986); link 1's has no effect on the joints' dynamics."""
 PRIOR_COM = ((0, 0, 0), (0.068, 0.006, -0.016), (0, -0.07, 0.014), (0, 0, -0.019), (0, 0, 0), (0, 0, 0.032))
@@ -49,45 +55,6 @@ DECIMALS = 12
 """Decimals written, to both files alike; the fit itself is good to a few 1e-13."""
 
 
-def linear_map(geometry, g):
-    """Matrix (28, 60) from the links' parameters to I1..I23, g1..g5."""
-    rows = []
-    for column in range(60):
-        unit = np.zeros(60)
-        unit[column] = 1.0
-        rows.append(link_constants([Body(*unit[10 * i : 10 * i + 10]) for i in range(6)], geometry, g))
-    return np.array(rows).T
-
-
-def form_constraints():
-    """Matrix of linear conditions = 0 for which the arm's dynamics have no terms beyond Armstrong's 28 constants.
-
-    Beyond what that needs, the wrist is made plain: every centre of mass of links 4-6 on its z axis, link 5's at
-    the origin, and link 1 (only its Izz matters) without first moments or products.
-    """
-    zero = [(link, moment) for link in (1, 5) for moment in ("hx", "hy", "hz")]
-    zero += [(link, moment) for link in (4, 6) for moment in ("hx", "hy")]
-    zero += [(link, product) for link in (1, 4, 5, 6) for product in ("xy", "xz", "yz")]
-    rows = []
-    for link, name in zero:
-        row = np.zeros(60)
-        row[10 * (link - 1) + FIELDS.index(name)] = 1.0
-        rows.append(row)
-    equal = np.zeros(60)
-    equal[50 + FIELDS.index("xx")], equal[50 + FIELDS.index("yy")] = 1.0, -1.0
-    return np.array([*rows, equal])
-
-
-def nearest_constants(B, constraints, printed, tolerance):
-    """Step 1: the reachable constants of least weighted distance to the printed ones, and chi2."""
-    _, singular, vt = np.linalg.svd(constraints)
-    free = vt[np.sum(singular > 1e-12) :].T
-    weighted = (B @ free) / tolerance[:, None]
-    solution = np.linalg.lstsq(weighted, printed / tolerance, rcond=1e-12)[0]
-    constants = B @ free @ solution
-    return constants, float(np.sum(((constants - printed) / tolerance) ** 2))
-
-
 def prior():
     """Starting link parameters, (60,)."""
     theta = []
@@ -98,66 +65,21 @@ def prior():
     return np.array(theta)
 
 
-def pseudo(parameters):
-    """Pseudo-inertia (4, 4) of one link's ten parameters, linear in them."""
-    m, h, J = parameters[0], parameters[1:4], inertia_tensor(*parameters[4:])
-    second = 0.5 * np.trace(J) * np.eye(3) - J
-    return np.block([[second, h[:, None]], [h[None, :], np.array([[m]])]])
-
-
-BASIS = [pseudo(row) for row in np.eye(10)]
-
-
-def consistent_links(A, target):
-    """Step 2: Newton's method on the log-det divergence subject to A theta = target, every P_i positive definite."""
-    scale = np.linalg.norm(A, axis=1)
-    A, target = A / scale[:, None], target / scale
-    u, singular, vt = np.linalg.svd(A, full_matrices=False)
-    keep = singular > 1e-10 * singular[0]
-    A, target = vt[keep], (u.T @ target)[keep] / singular[keep]
-    theta = prior()
-    inverse0 = [np.linalg.inv(pseudo(theta[10 * i : 10 * i + 10])) for i in range(6)]
-    for _ in range(200):
-        gradient, hessian = np.zeros(60), np.zeros((60, 60))
-        for i in range(6):
-            inverse = np.linalg.inv(pseudo(theta[10 * i : 10 * i + 10]))
-            products = [inverse @ E for E in BASIS]
-            part = slice(10 * i, 10 * i + 10)
-            gradient[part] = [np.sum(inverse0[i] * E) - np.trace(P) for E, P in zip(BASIS, products, strict=True)]
-            hessian[part, part] = [[np.sum(P * Q.T) for Q in products] for P in products]
-        # eliminate the equality constraints through the KKT system, scaled by the Hessian's diagonal
-        d = 1.0 / np.sqrt(np.diag(hessian))
-        k = len(target)
-        kkt = np.block([[hessian * np.outer(d, d), (A * d).T], [A * d, np.zeros((k, k))]])
-        right = np.concatenate([-gradient * d, target - A @ theta])
-        step = d * np.linalg.solve(kkt, right)[:60]
-        length = 1.0
-        while not all(
-            np.linalg.eigvalsh(pseudo((theta + length * step)[10 * i : 10 * i + 10]))[0] > 0 for i in range(6)
-        ):
-            length *= 0.5
-        theta = theta + (length if length == 1.0 else 0.9 * length) * step
-        if length == 1.0 and np.max(np.abs(step * np.sqrt(np.diag(hessian)))) < 1e-11:
-            return theta
-    raise SystemExit("the fit did not converge")
-
-
 def fit():
     """Return masses (6,), centres of mass (6, 3), inertias about them (6, 6: xx yy zz xy xz yz), table and chi2."""
     table, geometry = read_constants(data_root() / "models" / "puma560" / "constants.yaml")
     rigid = np.array([not name.startswith("Im") for name in CONSTANTS])
-    B, constraints = linear_map(geometry, GRAVITY), form_constraints()
-    constants, optimum = nearest_constants(B, constraints, table.value[rigid], table.tolerance[rigid])
+    B, constraints = linear_map(geometry, GRAVITY), form_conditions()
+    constants = nearest_reachable(B, table.value[rigid], table.tolerance[rigid])
+    optimum = float(np.sum(((constants - table.value[rigid]) / table.tolerance[rigid]) ** 2))
     masses = np.zeros((6, 60))
     masses[range(6), range(0, 60, 10)] = 1.0
     A = np.vstack([B, constraints, masses])
-    theta = consistent_links(A, np.concatenate([constants, np.zeros(len(constraints)), MASS]))
-    com, inertia = np.zeros((6, 3)), np.zeros((6, 6))
-    for i in range(6):
-        m, h, J = theta[10 * i], theta[10 * i + 1 : 10 * i + 4], inertia_tensor(*theta[10 * i + 4 : 10 * i + 10])
-        c = h / m
-        J = J - m * (c @ c * np.eye(3) - np.outer(c, c))
-        com[i], inertia[i] = c, [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]]
+    theta = consistent_links(A, np.concatenate([constants, np.zeros(len(constraints)), MASS]), prior(), 1e-11)
+    if theta is None:
+        raise SystemExit("the fit did not converge")
+    _, com, tensors = parts_of(theta)
+    inertia = np.array([[J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]] for J in tensors])
     com[np.abs(com) < 1e-13] = 0.0
     inertia[np.abs(inertia) < 1e-13] = 0.0
     armature = table.value[[name.startswith("Im") for name in CONSTANTS]]

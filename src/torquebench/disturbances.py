@@ -15,6 +15,7 @@ class Stream(IntEnum):
     MISMATCH = 0
     TORQUE_NOISE = 1
     POSITION_NOISE = 2
+    PERTURBATION = 3
 
 
 def generator(seed: int, run: int, stream: Stream, index: int = 0) -> np.random.Generator:

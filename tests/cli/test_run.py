@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 
 from torquebench import load_trajectory
+from torquebench.disturbances import Stream, generator
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
 from torquebench.experiment.store import check_run
+from torquebench.robot import load_model
+from torquebench.robot.bodies import draw_factors
 from torquebench.robot.library import data_root
 from torquebench.sim.trajectory import SIGNALS
 
@@ -100,6 +103,50 @@ def test_a_motion_beyond_all_numbers_is_bad_input(quick, command):
     status, out, err = command("run", quick, "--set", "reference.frequency_hz=1e200", "--out", "result")
     assert (status, out) == (2, "")
     assert "reference: its acceleration is beyond" in err
+    assert not (quick.parent / "result").exists()
+
+
+SCENARIO = (
+    "plant.payload={mass: 2, at: 0.3, offset: [0, 0, 0.1]}", "plant.friction={viscous: 1}",
+    "plant.perturb.relative=0.1",
+    "model.structure=exact", "model.constants=fitted", "model.mismatch.tolerance=0.3",
+    "chain={encoder_noise: 0.0001, quantisation: 0.0002, velocity: differentiated, delay: 0.002, actuator_lag: 0.001}",
+    "disturbances=[{kind: bias, channel: torque, value: 1}, {kind: sinusoid, channel: torque, amplitude: 2}]",
+)  # fmt: skip
+
+
+def test_what_was_done_to_plant_and_model_is_told(quick, command):
+    """The terminal names every part of a scenario; the manifest holds what was drawn, as Python draws it again."""
+    edits = [word for edit in SCENARIO for word in ("--set", edit)]
+    status, out, _ = command("run", quick, "--out", "result", "--no-figures", *edits)
+    assert status == 0
+    for words in (
+        "links perturbed up to 10 %", "payload 2 kg at 0 0 0.1 m from 0.3 s", "friction viscous 1 N m s/rad",
+        "constants drawn within 0.3 tolerances", "noise 0.1 mrad, encoder step 0.2 mrad, velocity differentiated",
+        "delay 2 ms, actuator lag 1 ms", "constant torque 1 N m; sinusoidal torque, amplitude 2 N m, 1 Hz", "draw 0",
+    ):  # fmt: skip
+        assert words in " ".join(out.split()), words
+    manifest = check_run(quick.parent / "result")
+    assert manifest["scenario"]["payload_step"] == 300
+    factors = np.array(list(manifest["scenario"]["plant_factors"].values())).T
+    seed = load_experiment(quick).run.seed
+    assert np.array_equal(factors, draw_factors(6, 0.1, generator(seed, 0, Stream.PERTURBATION)))
+    masses, nominal = manifest["scenario"]["model_links"]["mass"], load_model("puma560").flat.mass
+    assert np.all(np.abs(np.array(masses) - nominal) > 0.0)
+    assert manifest["seeds"]["streams"]["perturbation"] == 3
+    changed = ["--set", "model.mismatch.constants={g1: 1.3}"]
+    command("run", quick, "--out", "other", "--no-figures", *changed)
+    constants = check_run(quick.parent / "other")["scenario"]["model_constants"]
+    assert constants["g1"] == pytest.approx(1.3 * -37.2)
+    command("run", quick, "--out", "plain", "--no-figures")
+    assert check_run(quick.parent / "plain")["scenario"] == {}
+
+
+def test_constants_without_a_model_are_bad_input(quick, command):
+    """Exit 2 and nothing written when no mass matrix or no rigid body has what was asked for."""
+    status, out, err = command("run", quick, "--set", "model.mismatch.constants={I1: -5}", "--out", "result")
+    assert (status, out) == (2, "")
+    assert "model.mismatch: with these constants the mass matrix has an eigenvalue of -" in err
     assert not (quick.parent / "result").exists()
 
 

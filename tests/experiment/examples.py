@@ -81,6 +81,8 @@ SCENARIO = (
     viscous: [5.8, 9.3, 4.0, 0.36, 0.36, 0.22]
     coulomb: 0.9
     speed: 0.02
+  perturb:
+    relative: 0.1
 model:
   str""",
     )
@@ -113,6 +115,8 @@ run:
 """,
     )
 )
+TOLERANCE = GOOD.replace("    relative: 0.3\n", "    tolerance: 0.5\n")
+SINGLE = GOOD.replace("    relative: 0.3\n", "    constants: {g1: 1.3, I5: 0.8}\n")
 MINIMAL = """\
 name: minimal
 plant: {engine: analytic, model: puma560}
@@ -191,6 +195,8 @@ ALL = {
     "analytic": ANALYTIC,
     "fuzzy": FUZZY,
     "scenario": SCENARIO,
+    "tolerance": TOLERANCE,
+    "single": SINGLE,
     "minimal": MINIMAL,
 }
 

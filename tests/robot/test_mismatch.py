@@ -144,12 +144,6 @@ def test_the_given_model_is_left_alone(structure: str) -> None:
     assert (drawn.n, drawn.joint_names) == (nominal.n, nominal.joint_names)
 
 
-def test_a_model_without_constants_is_refused() -> None:
-    """The rigid body has no independent constants to change: a ModelError says so."""
-    with pytest.raises(ModelError, match="'exact' has no constants"):
-        mismatched(load_model("puma560"), 0.3, rng(0))
-
-
 def test_the_search_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """When no draw is acceptable the search stops after its limit, with a ModelError that names the size."""
     monkeypatch.setattr(mismatch, "LEAST_EIGENVALUE", 1e9)

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Chain, Disturbance, Sinusoid
+from torquebench.experiment.scenario_schema import (
+    BandLimitedNoise,
+    Bias,
+    Chain,
+    Disturbance,
+    Mismatch,
+    Sinusoid,
+)
 from torquebench.experiment.schema import AnalyticPlant, Experiment
 from torquebench.experiment.values import Vector
 
@@ -10,14 +17,14 @@ from torquebench.experiment.values import Vector
 def conditions_text(experiment: Experiment) -> str:
     """Return what was run, in two lines: plant, belief, motion; sampling, sensors and disturbances."""
     plant, belief, run = experiment.plant, experiment.model, experiment.run
-    mismatch = f", mismatch +-{100 * belief.mismatch.relative:g} %" if belief.mismatch else ""
     form = f":{plant.structure}:{plant.constants}" if isinstance(plant, AnalyticPlant) else ""
     drawn = f"; seed {run.seed}, draw {run.draw}" if experiment.is_drawn else ""
     start = "" if run.initial_q == "home" else f"; start {run.initial_q}"
     return (
         f"plant {plant.engine}:{plant.model}{form} ({plant.integrator}, {1e3 * plant.timestep:g} ms)"
         f"{burden_text(experiment)}; "
-        f"model {belief.structure}/{belief.constants}{mismatch}; reference {experiment.reference.kind}{start}\n"
+        f"model {belief.structure}/{belief.constants}{mismatch_text(experiment)}; "
+        f"reference {experiment.reference.kind}{start}\n"
         f"control period {1e3 * run.control_period:g} ms; chain {chain_text(experiment)}; "
         f"disturbance: {noise_text(experiment)}{drawn}; metrics from {run.metrics_from:g} s"
     )
@@ -25,13 +32,26 @@ def conditions_text(experiment: Experiment) -> str:
 
 def burden_text(experiment: Experiment) -> str:
     """Return what the plant has that the belief does not know of."""
-    text, payload, friction = "", experiment.plant.payload, experiment.plant.friction
+    payload, friction, perturb = experiment.plant.payload, experiment.plant.friction, experiment.plant.perturb
+    text = "" if perturb is None else f", links perturbed up to {100 * perturb.relative:g} %"
     if payload is not None:
         place = f" at {_numbers(payload.offset)} m" if any(payload.offset) else ""
         text += f", payload {payload.mass:g} kg{place}" + (f" from {payload.at:g} s" if payload.at > 0 else "")
     if friction is not None:
         text += f", friction viscous {_numbers(friction.viscous)} N m s/rad, Coulomb {_numbers(friction.coulomb)} N m"
     return text
+
+
+def mismatch_text(experiment: Experiment) -> str:
+    """Return what is wrong on purpose with the belief."""
+    match experiment.model.mismatch:
+        case Mismatch(relative=float(relative)):
+            return f", mismatch +-{100 * relative:g} %"
+        case Mismatch(tolerance=float(tolerance)):
+            return f", constants drawn within {tolerance:g} tolerances"
+        case Mismatch(constants=dict(factors)):
+            return ", mismatch " + " ".join(f"{name} x {factor:g}" for name, factor in factors.items())
+    return ""
 
 
 def chain_text(experiment: Experiment) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from torquebench.certificates import Certificate
 from torquebench.cli.certificates import certificate_lines, certificate_pages
@@ -13,16 +13,19 @@ from torquebench.cli.fuzzy import remarks, run_figures, used
 from torquebench.cli.terminal import complain, progress_bar, say, table
 from torquebench.disturbances import Stream
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
-from torquebench.experiment.build import build
+from torquebench.experiment.build import build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
+from torquebench.experiment.schema import whole_steps
 from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes, machine, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table, outcome_text
+from torquebench.robot.bodies import FACTORS, links_in
 from torquebench.robot.library import model_folder
 from torquebench.robot.model import SLIDE
+from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
 
@@ -121,6 +124,7 @@ def write_results(
         facts
         | {
             "name": experiment.name,
+            "scenario": scenario_facts(result),
             "model_files": checksums(sorted(p for p in model_folder(experiment.plant.model).iterdir() if p.is_file())),
             "plugins": checksums(plugins),
             "fuzzy": {
@@ -141,6 +145,22 @@ def write_results(
         }
     )
     return proofs
+
+
+def scenario_facts(result: ExperimentResult) -> dict[str, Any]:
+    """Return what was drawn for model and plant, and when the payload was taken up, for the manifest."""
+    experiment, flat, facts = result.experiment, result.loop.model.flat, dict[str, Any]()
+    if experiment.model.mismatch is not None:
+        if len(flat.constants):
+            facts["model_constants"] = dict(zip(CONSTANTS, flat.constants.tolist(), strict=True))
+        else:
+            facts["model_links"] = {name: value.tolist() for name, value in links_in(flat)._asdict().items()}
+    factors = plant_factors(experiment)
+    if factors is not None:
+        facts["plant_factors"] = {name: factors[:, i].tolist() for i, name in enumerate(FACTORS)}
+    if experiment.plant.payload is not None:
+        facts["payload_step"] = whole_steps(experiment.plant.payload.at, experiment.run.control_period)
+    return facts
 
 
 def write_figures(

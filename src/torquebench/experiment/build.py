@@ -9,18 +9,19 @@ import numpy as np
 
 from torquebench import references
 from torquebench.disturbances import Stream, band_limited_noise, bias, generator, sinusoid
-from torquebench.errors import ConfigError, Problem
+from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.fuzzy_system import systems_of
-from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Sinusoid
+from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Mismatch, Sinusoid
 from torquebench.experiment.scenario_schema import Chain as ChainKeys
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
+from torquebench.robot.bodies import draw_factors, perturbed
 from torquebench.robot.payload import Payload
-from torquebench.robot.puma560.mismatch import mismatched
+from torquebench.robot.puma560.mismatch import mismatched, with_factors, within_tolerances
 from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.friction import Friction, SteepError
 from torquebench.sim.loop import Controller
@@ -49,8 +50,9 @@ def build(experiment: schema.Experiment) -> Loop:
     """Make the objects of an experiment; all randomness is drawn here, from its seed and draw.
 
     Raises:
-        ConfigError: the reference leaves the range of floating-point numbers, or the friction is too steep.
-        ModelError: a model is malformed, or no acceptable mismatch was found.
+        ConfigError: the reference leaves the range of floating-point numbers, the friction is too steep, or no
+            acceptable mismatch was found.
+        ModelError: a model is malformed.
     """
     n, run = experiment.n, experiment.run
     reference = sampled(build_reference(experiment.reference, n), experiment)
@@ -62,18 +64,21 @@ def build(experiment: schema.Experiment) -> Loop:
         fuzzy = systems[c.fuzzy] if c.fuzzy is not None else None
         controllers.append(Controller(c.name, law, law.pack_gains(n, c.gains, c.options, fuzzy)))
     return Loop(
-        build_plant(experiment.plant), model.joint_names, model, redraws, tuple(controllers),
+        build_plant(experiment), model.joint_names, model, redraws, tuple(controllers),
         reference, build_position_noise(experiment), build_disturbance(experiment),
         np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
     )  # fmt: skip
 
 
 def redrawn(experiment: schema.Experiment, loop: Loop) -> Loop:
-    """Return the objects of an experiment that differs from a loop's own in ``run.draw`` only.
+    """Return the objects of an experiment that differs from a loop's own in ``run.draw`` only; the plant is the same.
 
     Raises:
         ModelError: no acceptable mismatch was found.
+        ValueError: the plant is drawn too.
     """
+    if experiment.plant.perturb is not None:
+        raise ValueError("each draw of a perturbed plant needs a plant of its own: build it anew")
     model, redraws = build_belief(experiment)
     return loop._replace(
         model=model, redraws=redraws, position_noise=build_position_noise(experiment),
@@ -82,25 +87,44 @@ def redrawn(experiment: schema.Experiment, loop: Loop) -> Loop:
 
 
 def build_belief(experiment: schema.Experiment) -> tuple[RobotModel, int]:
-    """Make the model that the laws compute with, and say how many draws of its mismatch were rejected.
+    """Make the model that the laws use, and return it with the number of rejected draws of its mismatch.
 
     Raises:
-        ModelError: the model is malformed, or no acceptable mismatch was found.
+        ConfigError: no acceptable mismatch was found.
     """
-    belief, run = experiment.model, experiment.run
-    model = load_model(experiment.plant.model, belief.structure, belief.constants)
-    if belief.mismatch is None:
-        return model, 0
-    return mismatched(model, belief.mismatch.relative, generator(run.seed, run.draw, Stream.MISMATCH))
+    keys, run = experiment.model, experiment.run
+    model = load_model(experiment.plant.model, keys.structure, keys.constants)
+    try:
+        match keys.mismatch:
+            case None:
+                return model, 0
+            case Mismatch(constants=factors) if factors is not None:
+                return with_factors(model, factors), 0
+            case Mismatch(relative=relative, tolerance=tolerance):
+                rng = generator(run.seed, run.draw, Stream.MISMATCH)
+                if relative is not None:
+                    return mismatched(model, relative, rng)
+                return within_tolerances(model, tolerance or 0.0, rng)
+    except ModelError as error:
+        raise ConfigError([Problem("", "model.mismatch", str(error))]) from error
 
 
-def build_plant(keys: schema.Plant) -> Plant:
+def plant_factors(experiment: schema.Experiment) -> Array | None:
+    """Draw what the plant's links are multiplied by, (n, 8); None for the links as they are."""
+    perturb, run = experiment.plant.perturb, experiment.run
+    if perturb is None:
+        return None
+    return draw_factors(experiment.n, perturb.relative, generator(run.seed, run.draw, Stream.PERTURBATION))
+
+
+def build_plant(experiment: schema.Experiment) -> Plant:
     """Make the plant; MuJoCo is imported only for ``engine: mujoco``.
 
     Raises:
         ConfigError: its friction is too steep for its time step.
         ModelError: the arm cannot carry the payload.
     """
+    keys, factors = experiment.plant, plant_factors(experiment)
     load, rub = keys.payload, keys.friction
     payload = None if load is None else Payload(load.mass, load.at, load.offset)
     friction = None if rub is None else Friction(rub.viscous, rub.coulomb, rub.speed)
@@ -109,10 +133,13 @@ def build_plant(keys: schema.Plant) -> Plant:
             from torquebench.sim.analytic_plant import AnalyticPlant
 
             truth = load_model(keys.model, keys.structure, keys.constants)
+            truth = truth if factors is None else perturbed(truth, factors)
             return AnalyticPlant(truth, keys.timestep, keys.integrator, payload=payload, friction=friction)
         from torquebench.sim.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(keys.model, keys.timestep, keys.integrator, payload=payload, friction=friction)
+        return MujocoPlant(
+            keys.model, keys.timestep, keys.integrator, payload=payload, friction=friction, factors=factors
+        )
     except SteepError as error:
         raise ConfigError([Problem("", "plant.friction", str(error))]) from error
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from torquebench.certificates import Certificate, Phases, SlidingLaw, certify, required_gain
 from torquebench.experiment import schema
-from torquebench.experiment.build import Loop
+from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.robot import RobotModel, load_model
+from torquebench.robot.bodies import perturbed
 from torquebench.robot.payload import Payload, phases
 from torquebench.sim.trajectory import Trajectory
 
@@ -41,11 +42,13 @@ class Flag:
 
 
 def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
-    """Return the analytic twin of an experiment's plant, its payload included."""
+    """Return the analytic twin of an experiment's plant, its perturbation and its payload included."""
     plant = experiment.plant
     model = load_model(plant.model)
     if isinstance(plant, schema.AnalyticPlant):
         model = load_model(plant.model, plant.structure, plant.constants)
+    factors = plant_factors(experiment)
+    model = model if factors is None else perturbed(model, factors)
     payload = None if plant.payload is None else Payload(plant.payload.mass, plant.payload.at, plant.payload.offset)
     first, later = phases(model, payload)
     if payload is None or later is None:

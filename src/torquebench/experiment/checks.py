@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from torquebench.experiment.document import Document, KeyPath
-from torquebench.experiment.scenario_schema import Chain, Disturbance, Friction, Mismatch
+from torquebench.experiment.scenario_schema import Chain, Disturbance, Friction
 from torquebench.experiment.schema import (
     AnalyticPlant,
     Belief,
@@ -83,9 +83,6 @@ def _check_structures(document: Document, parts: Parts) -> None:
             if value not in (None, only):
                 message = f"got {value}, wanted {only}: model '{arm}' has no other (only {CLOSED_FORM_MODEL} has)"
                 document.add((section, key), message)
-    if isinstance(parts.get("model", "mismatch"), Mismatch) and parts.get("model", "structure") == "exact":
-        message = "needs corrected or printed: with structure exact there is no mismatch yet"
-        document.add(("model", "mismatch"), message, at="key")
 
 
 def _check_lengths(document: Document, parts: Parts) -> None:

@@ -14,7 +14,7 @@ from torquebench.experiment.controllers import build_controller, check_controlle
 from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.fuzzy_checks import check_fuzzy
 from torquebench.experiment.overrides import apply_overrides
-from torquebench.experiment.scenario_checks import check_chain, check_scenario
+from torquebench.experiment.scenario_checks import check_chain, check_mismatch, check_scenario
 from torquebench.experiment.scenario_schema import AnyDisturbance, BandLimitedNoise, Bias, Chain, Disturbance, Sinusoid
 from torquebench.experiment.sections import (
     Checked,
@@ -136,7 +136,8 @@ class _Reader:
         return name
 
     def _model(self, path: KeyPath, raw: Any) -> Checked[schema.Belief] | None:
-        return self._section(path, raw, schema.Belief, {})
+        handlers = {"mismatch": lambda here, value: check_mismatch(self._document, here, value)}
+        return self._section(path, raw, schema.Belief, {}, handlers)
 
     def _reference(self, path: KeyPath, raw: Any) -> Checked[schema.Reference] | None:
         checked = check_tagged(self._document, path, raw, "kind", schema.AnyReference, _REFERENCES, elsewhere=_home)
@@ -158,11 +159,14 @@ class _Reader:
     def _run(self, path: KeyPath, raw: Any) -> Checked[schema.Run] | None:
         return self._section(path, raw, schema.Run, {"metrics_from": self._metrics_from})
 
-    def _section(self, path: KeyPath, raw: Any, model: type[M], defaults: Mapping[str, Any]) -> Checked[M] | None:
+    def _section(
+        self, path: KeyPath, raw: Any, model: type[M], defaults: Mapping[str, Any],
+        handlers: Mapping[str, Handler] | None = None,
+    ) -> Checked[M] | None:  # fmt: skip
         mapping = as_mapping(self._document, path, raw, f"a mapping ({', '.join(model.model_fields)})")
         if mapping is None:
             return None
-        values = check_fields(self._document, path, mapping, model, elsewhere=_home, defaults=defaults)
+        values = check_fields(self._document, path, mapping, model, handlers, elsewhere=_home, defaults=defaults)
         return Checked(path, model, values, frozenset(mapping))
 
 

@@ -6,13 +6,16 @@ from collections.abc import Callable
 from typing import Any, get_args
 
 import numpy as np
+from pydantic import Field
 
 from torquebench.errors import did_you_mean
-from torquebench.experiment.checks import Parts, check_multiple
+from torquebench.experiment.checks import CLOSED_FORM_MODEL, Parts, check_multiple
 from torquebench.experiment.document import BROKEN, Document, KeyPath
-from torquebench.experiment.scenario_schema import Chain, ChainName, Friction, Payload, Sinusoid
-from torquebench.experiment.sections import Checked, check_fields
+from torquebench.experiment.keys import Keys
+from torquebench.experiment.scenario_schema import Chain, ChainName, Factor, Friction, Mismatch, Payload, Sinusoid
+from torquebench.experiment.sections import Checked, as_mapping, check_fields, check_value
 from torquebench.experiment.values import shown
+from torquebench.robot.puma560.symbols import CONSTANTS
 
 CHAINS = get_args(ChainName)
 
@@ -37,10 +40,50 @@ def check_chain(document: Document, path: KeyPath, raw: Any, elsewhere: Callable
     return BROKEN
 
 
+def check_mismatch(document: Document, path: KeyPath, raw: Any) -> Any:
+    """Return the model's errors, or BROKEN."""
+    ways = tuple(Mismatch.model_fields)
+    mapping = as_mapping(document, path, raw, f"a mapping with one of {', '.join(ways)}")
+    if mapping is None:
+        return BROKEN
+    values = check_fields(
+        document, path, mapping, Mismatch, {"constants": lambda here, value: _check_constants(document, here, value)}
+    )
+    given = [key for key in ways if key in mapping]
+    if not mapping:
+        document.add(path, f"missing: one of {', '.join(ways)}", at="key")
+    for key in given[1:]:
+        document.add((*path, key), f"{given[0]} is given already: wanted one of the two", at="key")
+    complete = len(given) == 1 and set(ways) <= values.keys()
+    return Mismatch(**values) if complete else BROKEN
+
+
+class _Factor(Keys):
+    value: Factor = Field(description="Factor [1].")
+
+
+def _check_constants(document: Document, path: KeyPath, raw: Any) -> Any:
+    mapping = as_mapping(document, path, raw, "a mapping of constants to factors, such as {g1: 1.3}")
+    if mapping is None:
+        return BROKEN
+    if not mapping:
+        document.add(path, "no constant is given: wanted at least one, such as g1: 1.3")
+    found = {}
+    for name, value in mapping.items():
+        if name not in CONSTANTS:
+            document.add((*path, name), f"unknown constant{did_you_mean(name, CONSTANTS)}", at="key")
+        elif value is None:
+            document.add((*path, name), "nothing is given, wanted a factor [1]")
+        elif value is not BROKEN:
+            found[name] = check_value(document, (*path, name), value, _Factor, "value")
+    return found if len(found) == len(mapping) > 0 and BROKEN not in found.values() else BROKEN
+
+
 def check_scenario(document: Document, parts: Parts) -> None:
     """Record every contradiction between keys of a scenario that are valid by themselves."""
     _check_chain(document, parts)
     _check_payload(document, parts)
+    _check_errors(document, parts)
     friction = parts.get("plant", "friction")
     if isinstance(friction, Friction) and not np.any(friction.viscous) and not np.any(friction.coulomb):
         document.add(("plant", "friction"), "neither viscous nor coulomb is given: without friction leave it out")
@@ -67,6 +110,24 @@ def _check_payload(document: Document, parts: Parts) -> None:
     if any(payload.offset) and parts.get("plant", "structure") in ("corrected", "printed"):
         message = "structures corrected and printed hold a payload at the wrist centre only: wanted [0, 0, 0]"
         document.add(("plant", "payload", "offset"), message)
+
+
+def _check_errors(document: Document, parts: Parts) -> None:
+    """Record changes of model and plant that their structures do not have."""
+    mismatch, arm = parts.get("model", "mismatch"), parts.get("plant", "model")
+    if isinstance(mismatch, Mismatch):
+        for key in ("tolerance", "constants"):
+            if getattr(mismatch, key) is None:
+                continue
+            path = ("model", "mismatch", key)
+            if arm not in (None, CLOSED_FORM_MODEL):
+                document.add(path, f"model '{arm}' has no table of constants (only {CLOSED_FORM_MODEL} has)", at="key")
+            elif key == "constants" and parts.get("model", "structure") == "exact":
+                message = "needs structure corrected or printed: exact has links, no constants"
+                document.add(path, message, at="key")
+    if parts.get("plant", "perturb") is not None and parts.get("plant", "structure") in ("corrected", "printed"):
+        message = "needs structure exact: it changes links, and corrected and printed have constants"
+        document.add(("plant", "perturb"), message, at="key")
 
 
 def _check_instant(document: Document, parts: Parts, path: KeyPath, time: float | None) -> None:

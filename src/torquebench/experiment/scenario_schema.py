@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import AfterValidator, ConfigDict, Field
 
 from torquebench.experiment.keys import Keys
-from torquebench.experiment.values import AnyVector, NotNegative, NotNegativeVector, Positive, PositiveVector, Triple
+from torquebench.experiment.values import (
+    AnyVector,
+    NotNegative,
+    NotNegativeVector,
+    Positive,
+    PositiveVector,
+    Triple,
+    positive_zero,
+)
+from torquebench.robot.puma560.symbols import CONSTANTS
 
 ChainName: TypeAlias = Literal["ideal", "fast", "slow"]
+ConstantName: TypeAlias = Literal[CONSTANTS]  # type: ignore[valid-type]  # a computed tuple
+Spread: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
+Factor: TypeAlias = Annotated[float, AfterValidator(positive_zero)]
 
 
 class Chain(Keys):
@@ -74,13 +86,34 @@ class Friction(Keys):
     )
 
 
-class Mismatch(Keys):
-    """Errors put on purpose into the model that the laws use."""
+class Perturbation(Keys):
+    """A plant that differs from its model's file, and is a rigid body still."""
 
-    relative: float = Field(
-        gt=0,
-        lt=1,
-        description="Every constant is multiplied by 1 + r or 1 - r, as drawn; r is a fraction, 0.3 for 30 % [1].",
+    relative: Spread = Field(
+        description="Masses, centres of mass, second moments about them along the link's axes and motor inertias are "
+        "each multiplied by a number drawn evenly between 1 - r and 1 + r; r is a fraction [1]."
+    )
+
+
+class Mismatch(Keys):
+    """Errors put on purpose into the model that the laws use: one of these keys."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+
+    relative: Spread | None = Field(
+        None,
+        description="Every constant is multiplied by 1 + r or 1 - r, as drawn; with structure exact the links are "
+        "scaled as by plant.perturb; r is a fraction, 0.3 for 30 % [1].",
+    )
+    tolerance: Positive | None = Field(
+        None,
+        description="Constants are drawn within this many times the tolerances of the paper's tables, such that a "
+        "rigid body has them; puma560 only [1].",
+    )
+    constants: dict[ConstantName, Factor] | None = Field(
+        None,
+        description="Name of a constant, I1 to I23, Im1 to Im6 or g1 to g5, -> its factor; puma560 only and not with "
+        "structure exact [1].",
     )
 
 

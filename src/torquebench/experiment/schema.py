@@ -17,6 +17,7 @@ from torquebench.experiment.scenario_schema import (
     Friction,
     Mismatch,
     Payload,
+    Perturbation,
 )
 from torquebench.experiment.values import (
     AnyVector,
@@ -55,6 +56,9 @@ class AnyPlant(Keys):
     )
     payload: Payload | None = Field(None, description="Load that the last link takes up.")
     friction: Friction | None = Field(None, description="Friction of the joints.")
+    perturb: Perturbation | None = Field(
+        None, description="Drawn changes of the arm itself; not with structure corrected or printed."
+    )
 
 
 class MujocoPlant(AnyPlant):
@@ -180,7 +184,8 @@ class Run(Keys):
         0,
         ge=0,
         le=2**63 - 1,
-        description="Number of the random draw under one seed: each draw has its own mismatch and noise [1].",
+        description="Number of the random draw under one seed: each draw has its own mismatch, perturbation and "
+        "noise [1].",
     )
 
 
@@ -194,7 +199,11 @@ class Experiment(Keys):
     name: Slug = Field(description="Name of the experiment; also the start of its folder's name.")
     description: str | None = Field(None, max_length=4000, description="What the experiment is for, in words.")
     plant: Plant = Field(discriminator="engine", description="The arm as it is.")
-    model: Belief = Field(default_factory=Belief, description="The arm as the laws believe it to be.")
+    model: Belief = Field(
+        default_factory=Belief,
+        json_schema_extra={"default": {}},
+        description="The arm as the laws believe it to be.",
+    )
     controllers: tuple[Controller, ...] = Field(
         min_length=1, max_length=MAX_CONTROLLERS, description="What is compared."
     )
@@ -238,7 +247,8 @@ class Experiment(Keys):
         """Whether anything in it is random."""
         noisy = self.chain in ("fast", "slow") or (isinstance(self.chain, Chain) and self.chain.encoder_noise > 0)
         noisy |= any(isinstance(disturbance, BandLimitedNoise) for disturbance in self.disturbances)
-        return noisy or self.model.mismatch is not None
+        mismatch = self.model.mismatch
+        return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.constants is None)
 
     def hold_steps(self, disturbance: BandLimitedNoise) -> int:
         """Control periods for which one value of a disturbance lasts, at most the whole run."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from torquebench.errors import ModelError
-from torquebench.kernel import Array
 from torquebench.robot.arm import RobotModel
+from torquebench.robot.bodies import Links, links_in
 from torquebench.robot.model import CLOSED_FORM, own_copy
 from torquebench.robot.puma560.puma import wrist_load
 
@@ -40,19 +39,6 @@ class Payload:
             raise ValueError(f"payload: offset is {self.offset}, wanted three finite numbers of m")
 
 
-class Links(NamedTuple):
-    """The links of an arm as rigid bodies; frame i is that of joint i."""
-
-    mass: Array
-    """Masses, (n,) [kg]."""
-    com: Array
-    """Centres of mass in frame i, (n, 3) [m]."""
-    inertia: Array
-    """Inertia tensors about them, axes of frame i, (n, 3, 3) [kg m^2]."""
-    armature: Array
-    """Reflected rotor inertias, (n,) [kg m^2]."""
-
-
 def add_payload(links: Links, payload: Payload) -> Links:
     """Return the links with the payload on the last one; Huygens' and Steiner's theorem.
 
@@ -74,7 +60,7 @@ def carrying(model: RobotModel, payload: Payload) -> RobotModel:
         ModelError: a closed form of the PUMA, which has no terms for a load beside the wrist centre.
     """
     flat = model.flat
-    links = add_payload(Links(flat.mass, flat.com, flat.inertia, flat.armature), payload)
+    links = add_payload(links_in(flat), payload)
     constants = flat.constants
     if flat.structure == CLOSED_FORM:
         if any(payload.offset):

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
+from torquebench.robot.bodies import scaled
 from torquebench.robot.loading import mjcf_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
 from torquebench.robot.mjcf_links import links_of, with_links
@@ -63,6 +64,7 @@ class MujocoPlant:
         integrator: ``rk4`` or ``euler``; overrides the file's.
         payload: What the last joint's link takes up, at the start or in the middle of a run.
         friction: Friction of the joints, beside what the model has of its own.
+        factors: What the links' parameters are multiplied by, (n, 8): see `scaled`; None for the links as they are.
 
     Raises:
         ModelError: the model cannot be used as a plant, or cannot carry the payload.
@@ -72,13 +74,15 @@ class MujocoPlant:
 
     def __init__(
         self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4", *, payload: Payload | None = None,
-        friction: Friction | None = None,
+        friction: Friction | None = None, factors: Array | None = None,
     ) -> None:  # fmt: skip
         check_scheme(timestep, integrator)
         mujoco.set_mju_user_warning(_quiet)
         self._m = load_mujoco(source)
         self._m.opt.timestep = timestep
         self._m.opt.integrator = _CODES[integrator]
+        if factors is not None:
+            self._m = with_links(self._m, scaled(links_of(self._m), factors))
         self.payload, self.friction = payload, friction
         self._resistance = NONE if friction is None else friction.of_joints(int(self._m.nv))
         if friction is not None:

@@ -1,41 +1,134 @@
-"""A belief that is wrong on purpose: the closed forms' constants scaled by a drawn amount."""
+"""A belief that is wrong on purpose: constants scaled, drawn within their tolerances, or changed by name."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from torquebench.errors import ModelError
+from torquebench.errors import ModelError, did_you_mean
+from torquebench.kernel import Array
 from torquebench.robot.arm import RobotModel
-from torquebench.robot.model import CLOSED_FORM, own_copy
+from torquebench.robot.bodies import draw_factors, perturbed
+from torquebench.robot.model import CLOSED_FORM, EXACT, own_copy
+from torquebench.robot.puma560.consistent import (
+    consistent_links,
+    form_conditions,
+    linear_map,
+    nearest_reachable,
+    parts_of,
+)
+from torquebench.robot.puma560.constants import fitted_constants
+from torquebench.robot.puma560.puma import puma_files
+from torquebench.robot.puma560.symbols import CONSTANTS
 
 LEAST_EIGENVALUE = 0.05
 """A draw is accepted when the mass matrix stays above this [kg m^2] at every test pose."""
 POSES = 300
 MAX_REDRAWS = 1000
+MAX_BODIES = 100
+"""Draws for which a rigid body is looked for, before giving up."""
+MOTORS = np.array([name.startswith("Im") for name in CONSTANTS])
 
 
 def mismatched(model: RobotModel, relative: float, rng: np.random.Generator) -> tuple[RobotModel, int]:
-    """Return `model` with every constant multiplied by 1 + r or 1 - r, and the number of rejected draws.
+    """Return a model that is off by a relative amount, and the number of rejected draws.
 
-    Signs are drawn independently for each of the 34 constants. Independent changes belong to a belief: with seven
-    exact ties among the constants, no rigid body has them.
+    A closed form has every constant multiplied by 1 + r or 1 - r, signs drawn independently for each of the 34.
+    Independent changes belong to a belief: with seven exact ties among the constants, no rigid body has them. A rigid
+    body has its links scaled instead, each parameter within 1 - r to 1 + r; see `scaled`.
+
+    Args:
+        model: What to change; of any structure.
+        relative: Size r of the change, 0 <= r < 1.
+        rng: Source of the signs, or factors.
+
+    Raises:
+        ModelError: no acceptable draw was found.
+    """
+    if model.flat.structure == EXACT:
+        return perturbed(model, draw_factors(model.n, relative, rng)), 0
+    for redraws in range(MAX_REDRAWS):
+        signs = 2.0 * rng.integers(0, 2, len(model.flat.constants)) - 1.0
+        drawn = _with_constants(model, model.flat.constants * (1.0 + relative * signs))
+        if least_eigenvalue(drawn) > LEAST_EIGENVALUE:
+            return drawn, redraws
+    raise ModelError(f"no positive definite model within {MAX_REDRAWS} draws at a relative mismatch of {relative}")
+
+
+def within_tolerances(model: RobotModel, tolerances: float, rng: np.random.Generator) -> tuple[RobotModel, int]:
+    """Return a PUMA whose constants are drawn within k times the tables' own tolerances, and the rejected draws.
+
+    Each of the 34 constants is drawn evenly around its fitted value. The 28 of the links are then projected on the
+    seven ties, nearest in units of the tolerances; a draw is accepted when all are still within k tolerances and a
+    rigid body with them is found. A closed form takes the constants, ``exact`` that body's links; the same draw is
+    accepted or rejected for each of them.
+
+    Args:
+        model: A model of the PUMA 560, of any structure.
+        tolerances: Number k of tolerances.
+        rng: Source of all randomness.
+
+    Raises:
+        ModelError: no draw was accepted.
+    """
+    if model.name != "puma560":
+        raise ModelError(f"model '{model.name}' has no table of tolerances: only puma560 has")
+    links, table, geometry = puma_files()
+    B, conditions = linear_map(geometry, float(-links.gravity[2])), form_conditions()
+    nominal, prior = fitted_constants(links, geometry), links.about_origin.ravel()
+    rigid, size = ~MOTORS, tolerances * table.tolerance
+    for redraws in range(MAX_BODIES):
+        change = size * rng.uniform(-1.0, 1.0, len(CONSTANTS))
+        change[rigid] = nearest_reachable(B, change[rigid], table.tolerance[rigid])
+        constants = nominal + change
+        if np.any(np.abs(change) > size) or np.any(constants[MOTORS] <= 0.0):
+            continue
+        target = np.concatenate([constants[rigid], np.zeros(len(conditions))])
+        theta = consistent_links(np.vstack([B, conditions]), target, prior)
+        if theta is None:
+            continue
+        if model.flat.structure == CLOSED_FORM:
+            return _with_constants(model, constants), redraws
+        mass, com, inertia = parts_of(theta)
+        flat = own_copy(model.flat, mass=mass, com=com, inertia=inertia, armature=constants[MOTORS])
+        return RobotModel(model.name, model.joint_names, flat), redraws
+    raise ModelError(f"no rigid body within {MAX_BODIES} draws of constants at {tolerances:g} times their tolerances")
+
+
+def with_factors(model: RobotModel, factors: Mapping[str, float]) -> RobotModel:
+    """Return a closed form with some of its constants multiplied by factors.
 
     Args:
         model: A ``corrected`` or ``printed`` model of the PUMA.
-        relative: Size r of the change, 0 <= r < 1.
-        rng: Source of the signs.
+        factors: Name of a constant -> its factor.
 
     Raises:
-        ModelError: the model has no constants, or no acceptable draw was found.
+        ModelError: the model has no constants, an unknown name, or the mass matrix is not positive definite with them.
     """
     if model.flat.structure != CLOSED_FORM:
-        raise ModelError("a mismatch needs a model of structure 'corrected' or 'printed': 'exact' has no constants")
+        raise ModelError("single constants can be changed in structure 'corrected' or 'printed': 'exact' has none")
+    constants = model.flat.constants.copy()
+    for name, factor in factors.items():
+        if name not in CONSTANTS:
+            raise ModelError(f"unknown constant '{name}'{did_you_mean(name, CONSTANTS)}")
+        constants[CONSTANTS.index(name)] *= factor
+    changed = _with_constants(model, constants)
+    least = least_eigenvalue(changed)
+    if not least > LEAST_EIGENVALUE:
+        raise ModelError(
+            f"with these constants the mass matrix has an eigenvalue of {least:.3g} kg m^2, wanted all above "
+            f"{LEAST_EIGENVALUE}"
+        )
+    return changed
+
+
+def least_eigenvalue(model: RobotModel) -> float:
+    """Return the least eigenvalue of the symmetric part of the mass matrix over fixed poses [kg m^2]."""
     poses = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSES, model.n))
-    for redraws in range(MAX_REDRAWS):
-        signs = 2.0 * rng.integers(0, 2, len(model.flat.constants)) - 1.0
-        flat = own_copy(model.flat, constants=model.flat.constants * (1.0 + relative * signs))
-        drawn = RobotModel(model.name, model.joint_names, flat)
-        M = drawn.mass_matrix(poses)
-        if np.linalg.eigvalsh(0.5 * (M + M.transpose(0, 2, 1))).min() > LEAST_EIGENVALUE:
-            return drawn, redraws
-    raise ModelError(f"no positive definite model within {MAX_REDRAWS} draws at a relative mismatch of {relative}")
+    M = model.mass_matrix(poses)
+    return float(np.linalg.eigvalsh(0.5 * (M + M.transpose(0, 2, 1))).min())
+
+
+def _with_constants(model: RobotModel, constants: Array) -> RobotModel:
+    return RobotModel(model.name, model.joint_names, own_copy(model.flat, constants=constants))

@@ -29,6 +29,11 @@ def _files(folder: str) -> tuple[Model, Table, Geometry]:
     return (read_links(path / "links.yaml"), *read_constants(path / "constants.yaml"))
 
 
+def puma_files() -> tuple[Model, Table, Geometry]:
+    """Return the PUMA's links, the tables of its constants, and its lengths, from the model's files."""
+    return _files(str(model_folder("puma560")))
+
+
 def wrist_load(mass: float, g: float) -> Array:
     """Return what a point mass at the wrist centre adds to the 34 constants, exactly, as they are linear in the links.
 
@@ -39,7 +44,7 @@ def wrist_load(mass: float, g: float) -> Array:
         g: Magnitude of gravity [m/s^2].
     """
     nothing = Body(*[0.0] * len(Body._fields))
-    rigid = link_constants([nothing] * 5 + [nothing._replace(m=mass)], _files(str(model_folder("puma560")))[2], g)
+    rigid = link_constants([nothing] * 5 + [nothing._replace(m=mass)], puma_files()[2], g)
     return np.concatenate([rigid[:23], np.zeros(6), rigid[23:]])
 
 
@@ -88,7 +93,7 @@ class Puma560(RobotModel):
                 "structure 'exact' cannot have constants 'printed': the printed constants break the seven exact ties "
                 "that those of a rigid body satisfy, so no rigid arm has them (use constants 'fitted')"
             )
-        links, table, geometry = _files(str(model_folder("puma560")))
+        links, table, geometry = puma_files()
         self.structure = structure
         self.constants = constants
         self.geometry = geometry
