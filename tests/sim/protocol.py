@@ -43,7 +43,8 @@ class Variant(NamedTuple):
     def controller(self, n: int) -> Controller:
         """Return the controller for `n` joints; each joint has gains of its own."""
         found = find_law(self.law)
-        options, spread = dict(self.options), 1.0 + 0.05 * np.arange(n)
+        plain = {key: option.values[0] for key, option in found.options.items()}
+        options, spread = plain | dict(self.options), 1.0 + 0.05 * np.arange(n)
         gains = {name: GAIN[gain.unit] * spread for name, gain in found.gains.items() if gain.acts(options)}
         return Controller(str(self), found, found.pack_gains(n, gains, options, self.fuzzy))
 
