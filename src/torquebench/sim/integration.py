@@ -39,8 +39,9 @@ def rk4_steps(
             torque = start if stage == 0 else end if stage == 3 else middle
             if rough:
                 resist(friction, velocity, torque, work[5])
-                torque = work[5]
-            forward_dynamics(model, position, velocity, torque, acceleration)
+                forward_dynamics(model, position, velocity, work[5], acceleration)
+            else:
+                forward_dynamics(model, position, velocity, torque, acceleration)
             weight = 2.0 if stage == 1 or stage == 2 else 1.0
             ahead = h if stage == 2 else 0.5 * h
             for i in range(n):
