@@ -17,7 +17,8 @@ from tests.source_tree import ALL, FILES, TREES, imports
 LAYERS = (
     ("errors",), ("kernel_cache",), ("kernel",), ("packing",), ("packing_types",), ("fuzzy", "robot"),
     ("references", "disturbances"), ("dialect",), ("laws",), ("sim",), ("check",), ("measures", "statistics"),
-    ("metrics", "certificates"), ("experiment",), ("analysis",), ("bench", "report"), ("paper",), ("cli",),
+    ("metrics", "certificates"), ("experiment",), ("analysis",), ("bench", "report", "video"), ("paper",),
+    ("cli",),
     ("__main__",),
 )  # fmt: skip
 """From the bottom up; a unit imports itself and units below, never one beside or above it."""
@@ -31,7 +32,16 @@ HOMES = {
         "sim/mujoco_library.py",
         "sim/mujoco_plant.py",
         "bench/loops.py",
+        "video/lens.py",
+        "video/probe.py",
+        "video/render.py",
+        "video/scene.py",
+        "video/stage.py",
+        "video/stick.py",
     },
+    "OpenGL": {"video/probe.py"},
+    "imageio_ffmpeg": {"video/encode.py"},
+    "subprocess": {"video/child.py", "video/encode.py"},
     "matplotlib": {
         "analysis/certificate_figure.py",
         "analysis/figures.py",
@@ -44,6 +54,9 @@ HOMES = {
         "analysis/style.py",
         "cli/certificates.py",
         "cli/fuzzy.py",
+        "video/overlay.py",
+        "video/stick.py",
+        "video/text.py",
     },
     "jinja2": {"report/render.py"},
     "scipy": {"statistics.py", "paper/checks.py"},
@@ -73,9 +86,10 @@ HOMES = {
         "cli/compare.py",
         "cli/main.py",
         "cli/paper.py",
+        "cli/video.py",
     },
 }
-"""Third-party package -> the only files that may import it."""
+"""Third-party package, or what else has its place -> the only files that may import it."""
 MAX_LINES = 300
 
 
@@ -253,8 +267,9 @@ print(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))
     "import torquebench",
     "import torquebench; dir(torquebench); torquebench.__version__",
     *(HELP.format(arguments=arguments) for arguments in (["--help"], ["run", "--help"], ["compare", "--help"],
-                                                         ["fuzzy", "--help"], ["check", "--help"])),
-], ids=["import", "dir", "help", "run help", "compare help", "fuzzy help", "check help"])  # fmt: skip
+                                                         ["fuzzy", "--help"], ["check", "--help"],
+                                                         ["video", "--help"])),
+], ids=["import", "dir", "help", "run help", "compare help", "fuzzy help", "check help", "video help"])  # fmt: skip
 def test_help_and_import_are_light(statement: str) -> None:
     """Neither importing the package nor asking for help loads numpy, numba, MuJoCo, matplotlib or pydantic."""
     command = [sys.executable, "-c", LOADED.format(statement=statement)]

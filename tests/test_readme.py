@@ -35,6 +35,8 @@ def test_every_command_parses(arguments):
         "fuzzy",
         "check",
         "bench",
+        "video",
+        "doctor",
         "paper",
         "boundary-layer",
         "report",

@@ -60,6 +60,10 @@ class ResultError(TorquebenchError):
     """A run directory is missing, incomplete or does not match its manifest."""
 
 
+class VideoError(TorquebenchError):
+    """A film or picture could not be made."""
+
+
 class Problem(NamedTuple):
     """One mistake in a user's input."""
 

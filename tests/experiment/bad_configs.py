@@ -58,6 +58,7 @@ UNKNOWN_KEYS = [
         ", smc)",
     ),
     Bad("  seed: 7", "  seed: 7\n  timestep: 0.1", "run.timestep", "in plant"),
+    Bad("  quality: pretty", "  qualty: pretty", "video.qualty", "unknown key (did you mean 'quality'?)"),
     Bad("chain: ideal", "chain: ideal\nseed: 1", "seed", "in run"),
     Bad("  frequency_hz: 0.75", "  frequency_hz: 0.75\n  rise_time: 1", "reference.rise_time", "ramp, quintic"),
     Bad("  integrator: rk4", "  integrator: rk4\n  constants: fitted", "plant.constants", "engine: analytic"),
@@ -424,5 +425,17 @@ SCENARIOS = [
     bad_scenario("actuator_lag: 0.003", "actuator_lag: 0.003\n  seed: 3", "chain.seed", "in run"),
 ]
 
+FILMS = [
+    Bad("  quality: pretty", "  quality: best", "video.quality", "one of fast, pretty"),
+    Bad("  size: [320, 240]", "  size: [321, 240]", "video.size[0]", "an even number"),
+    Bad("  size: [320, 240]", "  size: [320, 80]", "video.size[1]", "at least 160"),
+    Bad("  size: [320, 240]", "  size: 320x240", "video.size", "width and height, as [640, 480]"),
+    Bad("  size: [320, 240]", "  size: [320]", "video.size", "width and height, as [640, 480]"),
+    Bad("  speed: 0.5", "  speed: 0", "video.speed", "at least 0.001"),
+    Bad("  camera: side", "  camera: sied", "video.camera", "no camera 'sied' (did you mean 'side'?)"),
+    Bad("  camera: side", "  camera: 2", "video.camera", "wanted text"),
+    Bad("chain: ideal", "chain: ideal\ncamera: side", "camera", "does not belong here, but in video", "camera:"),
+]
+
 BAD = UNKNOWN_KEYS + MISSING_KEYS + WRONG_TYPES + WRONG_SHAPES + BAD_NUMBERS + BAD_NAMES + CONTRADICTIONS + BAD_YAML
-BAD += FUZZY_SYSTEMS + SCENARIOS
+BAD += FUZZY_SYSTEMS + SCENARIOS + FILMS

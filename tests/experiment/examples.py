@@ -56,6 +56,11 @@ run:
   seed: 7
   metrics_from: 1.25
   draw: 3
+video:
+  quality: pretty
+  size: [320, 240]
+  speed: 0.5
+  camera: side
 """
 
 _SINE = """\

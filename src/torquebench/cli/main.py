@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import os
+import re
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import torquebench
@@ -37,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     run.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
                      help="Python file that registers laws of your own with @controller")  # fmt: skip
-    run.add_argument("--no-figures", action="store_true", help="write numbers only")
+    run.add_argument("--no-figures", action="store_true", help="write numbers only: no figures, no film")
 
     compare = commands.add_parser(
         "compare", help="two models or plants: where do they differ, and in which term",
@@ -93,6 +95,21 @@ def parser() -> argparse.ArgumentParser:
     report.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
                         help="Python file that registers laws which the runs use")  # fmt: skip
 
+    video = commands.add_parser(
+        "video", help="the film of a stored run",
+        description="Nothing is simulated: the film shows the stored trajectories, one panel for each controller.",
+    )  # fmt: skip
+    video.add_argument("run", type=Path, metavar="RUN", help="folder that `run` left")
+    video.add_argument("--quality", default="fast", help="fast, or pretty: with shadows, many times as slow")
+    video.add_argument("--size", type=frame_size, default=(640, 480), metavar="WIDTHxHEIGHT",
+                       help="of a frame, even numbers (default 640x480)")  # fmt: skip
+    video.add_argument("--speed", type=float, default=1.0, help="simulated seconds in one second (default 1)")
+    video.add_argument("--camera", help="a camera of the arm, by name (default: its first)")
+    video.add_argument("--controllers", type=name_list, default=[], metavar="NAME,NAME",
+                       help="those to show, in this order (default: all)")  # fmt: skip
+    video.add_argument("--still", type=float, metavar="SECONDS", help="one picture of this time, PNG; needs --out")
+    video.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: RUN/video.mp4)")
+
     check = commands.add_parser(
         "check", help="contract test of your own laws: what the loop relies on, and whether they can be compiled",
         description="Try every law that FILE registers with @controller, on two arms and on both paths.",
@@ -110,7 +127,26 @@ def parser() -> argparse.ArgumentParser:
     bench.add_argument("--quick", action="store_true", help="short runs, few rounds")
     bench.add_argument("--rounds", type=int, help="how often each case is timed (default 15, with --quick 3)")
     bench.add_argument("--threads", type=int, default=2, help="threads of the largest case (default 2)")
+
+    doctor = commands.add_parser(
+        "doctor", help="versions, what can draw films here, threads, caches, and what to install",
+        description="Try everything that depends on the machine. The exit status is 0 whatever is found.",
+    )  # fmt: skip
+    doctor.add_argument("--json", action="store_true", help="print the result as JSON")
     return top
+
+
+def frame_size(text: str) -> tuple[int, int]:
+    """Read the size of a frame."""
+    found = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"got {text!r}, wanted WIDTHxHEIGHT, for example 640x480")
+    return int(found[1]), int(found[2])
+
+
+def name_list(text: str) -> list[str]:
+    """Read names separated by commas."""
+    return text.split(",")
 
 
 def joint_list(text: str) -> list[int]:
@@ -128,7 +164,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     options = parser().parse_args(arguments)
     try:
-        status = dispatch(options)
+        with without_opengl() as options.gl:
+            status = dispatch(options)
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
@@ -155,12 +192,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERNAL
 
 
+@contextlib.contextmanager
+def without_opengl() -> Iterator[str | None]:
+    """Take MUJOCO_GL out of the environment for as long as this context lasts; yield what it was.
+
+    With it set and its library absent MuJoCo cannot even be imported. Only the processes that draw need it.
+    """
+    wish = os.environ.pop("MUJOCO_GL", None)
+    try:
+        yield wish
+    finally:
+        if wish is not None:
+            os.environ["MUJOCO_GL"] = wish
+
+
 def dispatch(options: argparse.Namespace) -> int:
     """Run the chosen command and return its exit status."""
     if options.command == "run":
         from torquebench.cli.run import run
 
-        return run(options.config, options.out, options.overrides, options.plugin, not options.no_figures)
+        return run(
+            options.config, options.out, options.overrides, options.plugin, not options.no_figures, options.gl
+        )  # fmt: skip
+    if options.command == "video":
+        from torquebench.cli.video import video
+
+        return video(options)
+    if options.command == "doctor":
+        from torquebench.cli.doctor import doctor
+
+        return doctor(options.json, options.gl)
     if options.command == "fuzzy":
         from torquebench.cli.fuzzy import fuzzy
 

@@ -29,7 +29,10 @@ from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
 
-def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Sequence[Path], with_figures: bool) -> int:
+def run(
+    config: Path, out: Path | None, overrides: Sequence[str], plugins: Sequence[Path], with_figures: bool,
+    gl: str | None = None,
+) -> int:  # fmt: skip
     """Run an experiment and return the exit status.
 
     Args:
@@ -37,7 +40,8 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
         out: Folder for the results; None for ``runs/NAME-UTC``.
         overrides: ``key=value`` changes of single keys.
         plugins: Files that register further laws.
-        with_figures: Whether to draw figures.
+        with_figures: Whether to draw figures, and a film if the config asks for one.
+        gl: The user's MUJOCO_GL, for the film.
 
     Raises:
         ConfigError: bad input; nothing has been written.
@@ -72,6 +76,10 @@ def run(config: Path, out: Path | None, overrides: Sequence[str], plugins: Seque
         say(remark)
     say()
     say(f"results: {directory.folder}")
+    if with_figures and experiment.video is not None:
+        from torquebench.cli.video import film_of_run
+
+        film_of_run(result, directory.folder, gl)
     for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
         complain(f"torquebench: interpreted, which is slower: {reason}")
     for name in result.unexpected:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from torquebench.experiment.document import Document, KeyPath
+from torquebench.errors import did_you_mean
+from torquebench.experiment.document import Document, KeyPath, shortened
 from torquebench.experiment.scenario_schema import Chain, Disturbance, Friction
 from torquebench.experiment.schema import (
     AnalyticPlant,
@@ -17,9 +18,11 @@ from torquebench.experiment.schema import (
     QuinticReference,
     Reference,
     Run,
+    Video,
     whole_steps,
 )
 from torquebench.experiment.sections import Checked
+from torquebench.robot.look import camera_names
 
 CLOSED_FORM_MODEL = "puma560"
 MIN_WINDOW = 0.5  # s; the steady-state error is taken over this last part of a run
@@ -44,6 +47,7 @@ class Parts:
     """None also for a chain given by its name."""
     disturbances: Sequence[Checked[Disturbance]]
     run: Checked[Run] | None
+    video: Checked[Video] | None
     n: int | None
     """Number of joints; None when the model is not known."""
 
@@ -64,6 +68,7 @@ def check_across(document: Document, parts: Parts) -> None:
     _check_lengths(document, parts)
     _check_times(document, parts)
     _check_work(document, parts)
+    _check_camera(document, parts)
 
 
 def _check_structures(document: Document, parts: Parts) -> None:
@@ -158,6 +163,12 @@ def _check_work(document: Document, parts: Parts) -> None:
         *others, last = cures or [f"run.duration is too long for such a {need.step_key}"]
         cure = f"{', '.join(others)}, or {last}" if others else last
         document.add(("run", "duration"), f"needs {shown} {need.unit}, {limit}: {cure}")
+
+
+def _check_camera(document: Document, parts: Parts) -> None:
+    camera, arm = parts.get("video", "camera"), parts.get("plant", "model")
+    if camera is not None and arm is not None and camera not in (names := camera_names(arm)):
+        document.add(("video", "camera"), f"'{arm}' has no camera {shortened(camera)}{did_you_mean(camera, names)}")
 
 
 class _Need(NamedTuple):

@@ -94,6 +94,7 @@ class _Reader:
             "chain": lambda path, raw: check_chain(self._document, path, raw, _home),
             "disturbances": self._disturbances,
             "run": self._run,
+            "video": self._video,
         }
         raw = {"model": {}, "fuzzy": {}, "disturbances": [], **self._document.root}
         top = check_fields(self._document, (), raw, schema.Experiment, handlers, elsewhere=_home)
@@ -105,6 +106,7 @@ class _Reader:
             chain=top["chain"] if isinstance(top.get("chain"), Checked) else None,
             disturbances=top.get("disturbances", []),
             run=top.get("run"),
+            video=top.get("video"),
             n=self._joints,
         )
         check_across(self._document, parts)
@@ -159,6 +161,9 @@ class _Reader:
     def _run(self, path: KeyPath, raw: Any) -> Checked[schema.Run] | None:
         return self._section(path, raw, schema.Run, {"metrics_from": self._metrics_from})
 
+    def _video(self, path: KeyPath, raw: Any) -> Checked[schema.Video] | None:
+        return self._section(path, raw, schema.Video, {})
+
     def _section(
         self, path: KeyPath, raw: Any, model: type[M], defaults: Mapping[str, Any],
         handlers: Mapping[str, Handler] | None = None,
@@ -179,6 +184,7 @@ def _homes() -> dict[str, str]:
         "chain": [Chain],
         "disturbances": _DISTURBANCES.values(),
         "run": [schema.Run],
+        "video": [schema.Video],
         "the top level": [schema.Experiment],
     }
     homes: dict[str, set[str]] = {}

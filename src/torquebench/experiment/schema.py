@@ -21,6 +21,7 @@ from torquebench.experiment.scenario_schema import (
 )
 from torquebench.experiment.values import (
     AnyVector,
+    FrameSize,
     HomeOrVector,
     NotNegative,
     NotNegativeVector,
@@ -189,6 +190,17 @@ class Run(Keys):
     )
 
 
+class Video(Keys):
+    """A film of the run, made when it has ended; one that fails does not fail the run."""
+
+    quality: Literal["fast", "pretty"] = Field("fast", description="pretty has shadows and takes many times as long.")
+    size: FrameSize = Field((640, 480), description="Width and height, even numbers [px].")
+    speed: float = Field(1.0, ge=1e-3, le=1e3, description="Simulated seconds shown in one second [1].")
+    camera: str | None = Field(
+        None, description="Name of a camera of the arm: of its scene.xml, else overview or side; the first if left out."
+    )
+
+
 Plant: TypeAlias = MujocoPlant | AnalyticPlant
 Reference: TypeAlias = SineReference | StepReference | RampReference | QuinticReference
 
@@ -226,6 +238,7 @@ class Experiment(Keys):
         (), max_length=MAX_DISTURBANCES, description="What acts on the joints besides the law."
     )
     run: Run = Field(description="Length, sampling, start and randomness of the run.")
+    video: Video | None = Field(None, description="Film to make of the run; none if left out, {} for one as usual.")
 
     @cached_property
     def n(self) -> int:

@@ -9,7 +9,7 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -106,24 +106,28 @@ class RunDirectory:
         (self.folder / CLAIM).unlink(missing_ok=True)
 
 
-def add_to_run(folder: Path, name: str, content: bytes) -> None:
+def add_to_run(folder: Path, name: str, content: bytes | None, facts: Mapping[str, Any] | None = None) -> None:
     """Write one more file, or one anew, into a finished run directory; the manifest holds at every instant.
 
     Args:
         folder: The run directory.
         name: Name of the file, relative to it.
-        content: What to write.
+        content: What to write; None removes the file.
+        facts: What the manifest is to say besides.
 
     Raises:
         ResultError: it is not a finished run directory, or another file of it is missing or changed.
     """
-    manifest = check_run(folder, leave_out=name)
+    manifest, told = check_run(folder, leave_out=name), dict(facts or {})
     manifest["files"].pop(name, None)
-    atomic_write(folder / MANIFEST, json_bytes(manifest))
-    (folder / name).parent.mkdir(parents=True, exist_ok=True)
-    atomic_write(folder / name, content)
-    manifest["files"][name] = hashlib.sha256(content).hexdigest()
-    atomic_write(folder / MANIFEST, json_bytes(manifest))
+    atomic_write(folder / MANIFEST, json_bytes({key: value for key, value in manifest.items() if key not in told}))
+    if content is None:
+        (folder / name).unlink(missing_ok=True)
+    else:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        atomic_write(folder / name, content)
+        manifest["files"][name] = hashlib.sha256(content).hexdigest()
+    atomic_write(folder / MANIFEST, json_bytes(manifest | told))
 
 
 def json_bytes(value: Any) -> bytes:

@@ -17,6 +17,8 @@ from torquebench.errors import did_you_mean
 from torquebench.experiment.document import shortened
 from torquebench.kernel import Array
 
+LEAST_SIDE, LARGEST_SIDE = 160, 3840
+"""Sides of a film's frame [px]; its format takes even ones only."""
 Vector: TypeAlias = float | tuple[float, ...]
 """One number for all joints, or one for each."""
 
@@ -69,6 +71,16 @@ Triple: TypeAlias = Annotated[
     tuple[_Coordinate, ...], Field(strict=False, min_length=3, max_length=3), BeforeValidator(_three)
 ]
 """Three numbers, the coordinates of a point."""
+
+
+def _two(value: object) -> object:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise PydanticCustomError("frame_size", "wanted width and height, as [640, 480]")
+    return value
+
+
+_Side: TypeAlias = Annotated[int, Field(strict=True, ge=LEAST_SIDE, le=LARGEST_SIDE, multiple_of=2)]
+FrameSize: TypeAlias = Annotated[tuple[_Side, _Side], Field(strict=False), BeforeValidator(_two)]
 HomeOrVector: TypeAlias = Annotated[Vector | Literal["home"], EachJoint(word="home")]
 
 
@@ -157,6 +169,7 @@ def explain(error: ErrorDetails, info: FieldInfo) -> str:
         "greater_than": f"more than {limits.get('gt', 0):.17g}{unit(info)}",
         "greater_than_equal": f"at least {limits.get('ge')}{unit(info)}",
         "less_than": f"less than {limits.get('lt', 0):.17g}{unit(info)}",
+        "multiple_of": "an even number",
         "less_than_equal": f"at most {limits.get('le')}{unit(info)}",
         "string_type": "text" + ("; put it in quotes" if isinstance(value, int | float) else ""),
         "string_pattern_mismatch": "a slug: 1 to 64 of a-z, 0-9 and -, a letter or digit at both ends",

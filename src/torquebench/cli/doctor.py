@@ -1,0 +1,89 @@
+"""``torquebench doctor``: what this machine has, what draws here, and what to install."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from importlib import metadata
+from typing import Any
+
+import torquebench
+from torquebench.cli.terminal import say, table
+from torquebench.errors import TorquebenchError
+from torquebench.experiment.store import PACKAGES, machine
+from torquebench.kernel_cache import cache_folder
+from torquebench.video.backends import STICK, advice, candidates, probe
+from torquebench.video.encode import ffmpeg_program
+
+MORE_PACKAGES = ("scipy", "scikit-fuzzy", "jinja2", "tqdm", "imageio-ffmpeg")
+
+
+def doctor(as_json: bool, gl: str | None) -> int:
+    """Try what depends on the machine, print what was found, and return 0.
+
+    Args:
+        as_json: Print it as JSON.
+        gl: The user's MUJOCO_GL.
+    """
+    found = findings(gl)
+    if as_json:
+        say(json.dumps(found, indent=2))
+        return 0
+    say(table(["package", "version"], [[name, version] for name, version in found["software"].items()], left=2))
+    say()
+    for name, value in (found["machine"] | {"kernel cache": found["kernel_cache"], "ffmpeg": found["ffmpeg"]}).items():
+        say(f"{name}: {value}")
+    say(f"threads: {found['threads']['usable']} usable of {found['threads']['cores']}")
+    say()
+    rows = [[x["name"], "draws" if x["ok"] else "no", x["renderer"] or x["why"]] for x in found["drawing"]["tried"]]
+    say(table(["OpenGL", "", "by, or why not"], rows or [["-", "no", "MUJOCO_GL asks for none"]], left=3))
+    say(f"films are drawn by: {found['drawing']['used']}")
+    for x in found["drawing"]["tried"]:
+        if x["install"]:
+            say(f"for {x['name']}: {x['install']}")
+    for line in found["install"]:
+        say(line)
+    return 0
+
+
+def findings(gl: str | None) -> dict[str, Any]:
+    """Return what was found, as values that JSON can hold.
+
+    Args:
+        gl: The user's MUJOCO_GL.
+    """
+    tried = [probe(name) for name in candidates(gl)]
+    used = next((backend.name for backend in tried if backend.ok), STICK)
+    install = []
+    try:
+        ffmpeg = ffmpeg_program()
+    except TorquebenchError as error:
+        ffmpeg = f"none: {error}"
+        install.append(f"for films: {error}")
+    if used == STICK and (missing := advice(tuple(tried))):
+        install.append(f"films show a stick figure; for the whole arm: {missing}")
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return {
+        "software": {"torquebench": torquebench.__version__, "python": platform.python_version()}
+        | {name: _version(name) for name in (*PACKAGES, *MORE_PACKAGES)},
+        "machine": machine(),
+        "threads": {"cores": os.cpu_count(), "usable": usable},
+        "kernel_cache": str(cache_folder()),
+        "ffmpeg": ffmpeg,
+        "mujoco_gl": gl,
+        "drawing": {
+            "used": used,
+            "tried": [
+                {"name": x.name, "ok": x.ok, "renderer": x.renderer, "why": x.why, "install": x.install} for x in tried
+            ],
+        },
+        "install": install,
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"

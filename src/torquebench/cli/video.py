@@ -1,0 +1,105 @@
+"""``torquebench video``: the film of a stored run, or one picture of it; and the film that a config asks for."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from torquebench.cli.report import PAGE, page_of
+from torquebench.cli.terminal import complain, progress_bar, say
+from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
+from torquebench.experiment.run import ExperimentResult
+from torquebench.experiment.store import add_to_run, atomic_write, check_run
+from torquebench.experiment.stored import StoredRun
+from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
+from torquebench.video.settings import Settings
+from torquebench.video.stored import Subject, model_changed, read_subject
+
+
+def video(options: argparse.Namespace) -> int:
+    """Make the film of a stored run; return 0.
+
+    Args:
+        options: Arguments of the command; see ``torquebench video --help``.
+
+    Raises:
+        ConfigError: bad arguments; nothing has been written.
+        VideoError: it cannot be made.
+    """
+    settings = Settings(options.quality, options.size, options.speed, options.camera)
+    if options.still is not None and options.out is None:
+        raise ConfigError([Problem("--still", "", "wanted --out FILE as well, for the picture")])
+    if options.still is not None and not options.still >= 0.0:
+        raise ConfigError([Problem("--still", "", f"got {options.still:g}, wanted a time of the run [s]")])
+    if options.out is not None and not options.out.parent.is_dir():
+        raise ConfigError([Problem("--out", "", f"{options.out.parent} is not a folder")])
+    try:
+        manifest = check_run(options.run, leave_out=FILM)
+        subject = read_subject(options.run, options.controllers)
+    except ResultError as error:
+        raise ConfigError([Problem("RUN", "", str(error))]) from error
+    if model_changed(subject, manifest):
+        complain(
+            f"torquebench: the file of '{subject.model}' has changed since the run; the film shows it as it is now"
+        )
+    made = film(subject, settings, options.gl, options.still)
+    if options.out is None:
+        path = keep_film(options.run, made)
+    else:
+        path = options.out
+        atomic_write(path, made.content)
+    tell(path, made)
+    return 0
+
+
+def film(subject: Subject, settings: Settings, gl: str | None, still: float | None = None) -> Made:
+    """Make a film, or one picture, with a progress bar.
+
+    Args:
+        subject: What it is made of.
+        settings: What it looks like.
+        gl: The user's MUJOCO_GL.
+        still: Time of the picture [s].
+    """
+    with progress_bar(0, "frame", "looking for what draws") as bar:
+
+        def report(done: int, total: int) -> None:
+            bar.total = total
+            bar.set_description_str("film", refresh=False)
+            bar.update(1)
+
+        return make_film(subject, settings, gl, still=still, progress=report)
+
+
+def tell(path: Path, made: Made) -> None:
+    """Say what was made, what drew it and why, and what to install for a better one."""
+    facts = made.facts
+    what = f"{facts['frames']} frames, {facts['seconds']:g} s" if "frames" in facts else f"t = {facts['at']:g} s"
+    say(
+        f"{'film' if 'frames' in facts else 'picture'}: {path} ({what}; drawn by {facts['backend']}: {facts['reason']})"
+    )
+    if made.advice:
+        complain(f"torquebench: drawn as a stick figure; for the whole arm: {made.advice}")
+
+
+def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
+    """Make the film that a run's config asks for, and show it on the run's page; a failure is told and recorded.
+
+    Args:
+        result: The run, whose folder is finished.
+        folder: Its folder.
+        gl: The user's MUJOCO_GL.
+    """
+    keys = result.experiment.video
+    if keys is None:
+        return
+    try:
+        made = film(read_subject(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
+        tell(keep_film(folder, made), made)
+        add_to_run(folder, PAGE, page_of(StoredRun(folder, result, check_run(folder)), redraw=False))
+    except Exception as error:  # noqa: BLE001  whatever it is, the run stands as it is
+        complain(f"torquebench: the run is complete, its film failed: {error}")
+        try:
+            keep_failure(folder, str(error))
+        except (TorquebenchError, OSError) as worse:
+            complain(f"torquebench: nor could that be recorded: {worse}")

@@ -1,0 +1,221 @@
+"""The arm as it is shown: its look from ``scene.xml``, or links drawn along its kinematics; physics never see it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from torquebench.errors import ModelError
+from torquebench.kernel import Array
+from torquebench.robot.loading import mjcf_path
+from torquebench.robot.look import CAMERAS, scene_path
+from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame
+
+FIELD_OF_VIEW = 32.0
+"""Vertical opening of the cameras made here [deg]."""
+FLAT = 0.02
+"""An arm whose points lie within this fraction of its size of one plane is looked at from across that plane."""
+SHELL, DARK = (0.96, 0.94, 0.88, 1.0), (0.17, 0.18, 0.20, 1.0)
+_UNSEEN: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 2}
+_SAME = 1e-9  # m; poses of the two files of one arm agree to rounding
+
+
+class Scene(NamedTuple):
+    """An arm ready to be drawn."""
+
+    model: Any
+    """Compiled ``MjModel`` with geoms, lights and cameras."""
+    moving: tuple[int, ...]
+    """Geoms that move with a joint."""
+    reach: float
+    """Length of the stretched arm [m]."""
+
+
+def build_scene(name: str, poses: Array) -> Scene:
+    """Make the scene of an arm.
+
+    Args:
+        name: Name of the arm, or path of its ``.xml`` file.
+        poses: Joint positions that the cameras made here must show, (N, n) [rad].
+
+    Raises:
+        ModelError: the arm cannot be read, or its ``scene.xml`` shows another arm.
+    """
+    arm = compile_mjcf(mjcf_path(name))
+    look = scene_path(name)
+    try:
+        spec = mujoco.MjSpec.from_file(str(look or mjcf_path(name)))
+        if look is None:
+            dress(spec, arm, poses)
+        m = spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise ModelError(f"{look or name}: cannot be drawn: {' '.join(str(error).split())}") from error
+    if look is not None:
+        check_same_arm(arm, m, str(look))
+        if m.ncam == 0:
+            dress(spec, arm, poses)
+            m = spec.compile()
+    moving = tuple(i for i in range(m.ngeom) if m.body_weldid[m.geom_bodyid[i]] != 0)
+    return Scene(m, moving, reach_of(chain_of(arm)))
+
+
+def check_same_arm(arm: Any, shown: Any, where: str) -> None:
+    """Refuse a look with other joints than the arm's, or whose tool is elsewhere.
+
+    Raises:
+        ModelError: it would show another motion than the one that was run.
+    """
+    if joint_names(arm) != joint_names(shown):
+        raise ModelError(f"{where}: its joints are not those of the arm ({', '.join(joint_names(arm))})")
+    for angle in (0.0, 0.5, -1.0):
+        tools = []
+        for m in (arm, shown):
+            d = mujoco.MjData(m)
+            d.qpos[:] = angle
+            mujoco.mj_kinematics(m, d)
+            tools.append(tool_frame(m, d, where)[1].copy())
+        if np.max(np.abs(tools[0] - tools[1])) > _SAME:
+            raise ModelError(f"{where}: its tool is not where the arm's is; it shows another arm")
+
+
+def dress(spec: Any, arm: Any, poses: Array) -> None:
+    """Add what a scene needs and does not have: links, a floor, light, sky, and cameras that see every pose.
+
+    Args:
+        spec: The arm's ``MjSpec``; changed in place.
+        arm: The arm, compiled.
+        poses: Joint positions that the cameras must show, (N, n) [rad].
+    """
+    d = mujoco.MjData(arm)
+    points = joint_points(arm, d, poses)
+    low, high = points.min(axis=0), points.max(axis=0)
+    chain = chain_of(arm)
+    reach = reach_of(chain)
+    shown = [g for g in spec.geoms if g.group <= 2]
+    if not shown:
+        add_links(spec, arm, chain, reach)
+    if not any(g.type == mujoco.mjtGeom.mjGEOM_PLANE for g in shown):
+        ground = min(float(low[2]), float(chain[0, 2])) - 0.12 * reach
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1], pos=[0, 0, ground], material=add_tiles(spec, reach),
+            **_UNSEEN,
+        )  # fmt: skip
+    if not list(spec.lights):
+        for towards, shade, shadow in (([0.35, -0.45, -1.0], 0.45, True), ([-0.7, -0.6, -0.4], 0.19, False)):
+            spec.worldbody.add_light(
+                type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=(low + high) / 2.0 - 2.0 * reach * np.array(towards),
+                dir=towards, diffuse=[shade] * 3, castshadow=shadow,
+            )  # fmt: skip
+        spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42, 0.42, 0.44], [0.2, 0.2, 0.2]
+    if not any(t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for t in spec.textures):
+        spec.add_texture(
+            name="torquebench-sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, rgb1=[0.86, 0.90, 0.95], rgb2=[0.95, 0.96, 0.97],
+            width=64, height=384,
+        )  # fmt: skip
+        spec.visual.rgba.haze = [0.95, 0.96, 0.97, 1]
+    if not list(spec.cameras):
+        add_cameras(spec, points, reach)
+    spec.stat.extent, spec.stat.center = 1.2 * reach, (low + high) / 2.0
+    spec.visual.map.shadowclip = 2.0
+
+
+def joint_points(arm: Any, d: Any, poses: Array) -> Array:
+    """Return where joints and tool are at each pose, (N (n + 1), 3) [m].
+
+    Args:
+        arm: The arm, compiled.
+        d: Its data; changed.
+        poses: Joint positions, (N, n) [rad].
+    """
+    found = []
+    for q in poses:
+        d.qpos[:] = q
+        mujoco.mj_kinematics(arm, d)
+        found += [*d.xanchor.copy(), tool_frame(arm, d, "arm")[1].copy()]
+    return np.array(found)
+
+
+def chain_of(arm: Any) -> Array:
+    """Return where joints and tool are at zero position, (n + 1, 3) [m]."""
+    return joint_points(arm, mujoco.MjData(arm), np.zeros((1, arm.nq)))
+
+
+def reach_of(chain: Array) -> float:
+    """Return the length of the stretched arm [m]; never zero."""
+    return max(float(np.sum(np.linalg.norm(np.diff(chain, axis=0), axis=1))), 1e-3)
+
+
+def add_tiles(spec: Any, reach: float) -> str:
+    """Add the material of a tiled floor and return its name.
+
+    Args:
+        spec: The arm's ``MjSpec``; changed in place.
+        reach: Length of the stretched arm [m]; tiles are a good third of it.
+    """
+    name = "torquebench-tiles"
+    spec.add_texture(
+        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.90, 0.91, 0.92], rgb2=[0.86, 0.87, 0.885], width=128, height=128,
+    )  # fmt: skip
+    material = spec.add_material(name=name, texrepeat=[2.5 / reach, 2.5 / reach], texuniform=True, specular=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    return name
+
+
+def add_links(spec: Any, arm: Any, chain: Array, reach: float) -> None:
+    """Draw each link as a capsule from its joint to the next, and each joint as a drum about its axis.
+
+    Args:
+        spec: The arm's ``MjSpec``; changed in place.
+        arm: The arm, compiled.
+        chain: Joints and tool at zero position, (n + 1, 3) [m].
+        reach: Length of the stretched arm [m].
+    """
+    d = mujoco.MjData(arm)
+    mujoco.mj_kinematics(arm, d)
+    bodies = list(spec.bodies)  # in the order of the compiled model
+    for j in range(arm.njnt):
+        index = int(arm.jnt_bodyid[j])
+        body = bodies[index]
+        turn, origin = d.xmat[index].reshape(3, 3), d.xpos[index]
+        start, end = turn.T @ (chain[j] - origin), turn.T @ (chain[j + 1] - origin)
+        radius = 0.032 * reach * (1.0 - 0.45 * j / arm.njnt)
+        length = float(np.linalg.norm(end - start))
+        if j == arm.njnt - 1 and length > 3.0 * radius:
+            end = end + (start - end) * radius / length  # its round end touches the tool
+        if length > 1e-3 * reach:
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], size=[radius, 0, 0], rgba=SHELL, **_UNSEEN
+            )
+        axis = 1.25 * radius * arm.jnt_axis[j]
+        hinge = arm.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
+        kind = mujoco.mjtGeom.mjGEOM_CYLINDER if hinge else mujoco.mjtGeom.mjGEOM_BOX
+        size = [1.3 * radius, 0, 0] if hinge else [1.2 * radius, 1.2 * radius, 0]
+        body.add_geom(type=kind, fromto=[*(start - axis), *(start + axis)], size=size, rgba=DARK, **_UNSEEN)
+
+
+def add_cameras(spec: Any, points: Array, reach: float) -> None:
+    """Add the cameras of `CAMERAS`, far enough to see all points in a square picture.
+
+    Args:
+        spec: The arm's ``MjSpec``; changed in place.
+        points: What must be seen, (N, 3) [m].
+        reach: Length of the stretched arm [m].
+    """
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    radius = float(np.max(np.linalg.norm(points - centre, axis=1))) + 0.1 * reach
+    side = np.array([0.0, 1.0, 0.0])
+    _, size, axes = np.linalg.svd(points - centre, full_matrices=False)
+    if size[2] < FLAT * size[0] and abs(axes[2][2]) < 0.7:
+        side = axes[2] * (1.0 if axes[2][1] + 1e-6 * axes[2][0] >= 0.0 else -1.0)
+    across = np.cross(side, [0.0, 0.0, 1.0])
+    distance = radius / np.sin(np.deg2rad(FIELD_OF_VIEW) / 2.0)
+    for name, direction in zip(CAMERAS, (side - 0.5 * across + [0, 0, 0.3], side + [0, 0, 0.02]), strict=True):
+        back = direction / np.linalg.norm(direction)
+        right = np.cross([0.0, 0.0, 1.0], back)
+        camera = spec.worldbody.add_camera(name=name, pos=centre + distance * back, fovy=FIELD_OF_VIEW)
+        camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
+        camera.alt.xyaxes = [*right, *np.cross(back, right)]

@@ -1,0 +1,77 @@
+"""What a film needs from a run's folder, read from its files alone: laws of plug-ins need not be there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
+from torquebench.experiment.store import checksums
+from torquebench.experiment.yaml_source import read_document
+from torquebench.robot.loading import mjcf_path
+from torquebench.sim.trajectory import load_trajectory
+from torquebench.video.job import Shot
+
+HEADLINES = (("rmse", "RMSE", 1e3, "mrad"), ("hf", "HF", 1.0, "%"))
+"""Metrics quoted beside a controller's name: key, title, factor and unit."""
+
+LEAST = 1e-3
+"""Figures below are not told apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """A run that a film is made of."""
+
+    title: str
+    model: str
+    control_period: float
+    shots: tuple[Shot, ...]
+
+
+def read_subject(folder: Path, controllers: Sequence[str] = ()) -> Subject:
+    """Read what a film needs from a run's folder.
+
+    Args:
+        folder: The run; its files have been checked, or were just written.
+        controllers: Names of those to show, in this order; all of them if empty.
+
+    Raises:
+        ResultError: it is not the folder of an experiment.
+        ConfigError: it has no such controller.
+    """
+    try:
+        config = read_document((folder / "experiment.yaml").read_bytes(), str(folder / "experiment.yaml")).root
+        metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["controllers"]
+        laws = {str(keys["name"]): str(keys["law"]) for keys in config["controllers"]}
+        unknown = [name for name in controllers if name not in laws]
+        if unknown:
+            wrong = (f"the run has no '{name}'{did_you_mean(name, laws)}" for name in unknown)
+            raise ConfigError([Problem("--controllers", "", text) for text in wrong])
+        shots = tuple(_shot(folder, name, laws[name], metrics.get(name)) for name in controllers or laws)
+        period = float(config["run"]["control_period"])
+        return Subject(str(config["name"]), str(config["plant"]["model"]), period, shots)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResultError(f"{folder}: not the folder of an experiment ({type(error).__name__}: {error})") from error
+
+
+def model_changed(subject: Subject, manifest: Mapping[str, Any]) -> bool:
+    """Return whether the arm's file is no longer the one that was run, by the run's manifest."""
+    path = mjcf_path(subject.model)
+    return bool(manifest.get("model_files", {}).get(path.name) != checksums([path])[path.name])
+
+
+def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
+    path = folder / name / "trajectory.npz"
+    run = load_trajectory(path)
+    ending = "" if run.completed else f"{run.outcome.name.lower().replace('_', ' ')} at {run.t[-1]:g} s"
+    figures = []
+    for key, title, factor, unit in HEADLINES if metrics else ():
+        value = metrics[key]["value"]
+        if value is not None:
+            shown = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
+            figures.append(f"{title} {shown} {unit}")
+    return Shot(name, "   ".join([law, *figures]), ending, str(path.resolve()))
