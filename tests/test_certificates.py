@@ -14,7 +14,7 @@ from torquebench.certificates import SlidingLaw, certify, coriolis_force, requir
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.certify import flags
+from torquebench.experiment.certify import flags, sliding_law
 from torquebench.references import sine, step
 from torquebench.sim.trajectory import Outcome, Trajectory
 
@@ -127,6 +127,33 @@ def test_a_gain_too_small_is_flagged_before_the_run() -> None:
     assert flag.k_needed == pytest.approx(99.0 / 186.4, abs=0.003)
     enough = load_experiment(config, [*blind, "controllers.conventional.gains.k=0.6"])
     assert flags(enough, build(enough)) == ()
+
+
+def test_forms_without_a_certificate() -> None:
+    """(98) read literally has not the model's equivalent control, another surface not s = de + lambda e.
+
+    With its switching term left out a law has no K. Other ablations, and (149) as printed, have a certificate.
+    """
+    literal = load_experiment(Path("configs/paper/literal.yaml"))
+    loop = build(literal)
+    found = {keys.name: sliding_law(keys, loop, 6) for keys in literal.controllers}
+    assert found["equation-98"] is None
+    assert found["equation-149"] is not None
+    assert found["equation-149"].phi is None
+    for surface, has in (("pd", True), ("pi", False), ("pid", False)):
+        changed = load_experiment(
+            Path("configs/paper/literal.yaml"),
+            ["controllers.equation-98.equivalent_control=true", f"controllers.equation-98.surface={surface}"],
+        )
+        assert (sliding_law(changed.controllers[1], loop, 6) is not None) == has
+    ablations = load_experiment(Path("configs/paper/ablations.yaml"))
+    laws = [sliding_law(keys, build(ablations), 6) for keys in ablations.controllers]
+    assert all(law is not None and law.belief is None for law in laws)
+    bandless = load_experiment(
+        Path("configs/paper/ablations.yaml"),
+        ["controllers.l-no-band.band=off", "controllers.l-no-band.gains={lam: 10, kv: 20, kf: 0.3, gd: 1, ki: 2000}"],
+    )
+    assert sliding_law(bandless.controllers[4], build(bandless), 6) is None
 
 
 def test_a_failed_run_has_no_certificate() -> None:

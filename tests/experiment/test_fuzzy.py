@@ -156,6 +156,22 @@ def test_any_numbers_for_shapes_and_ranges(shape: list[float], low: float, high:
         assert parse(dump_experiment(x)) == x
 
 
+def test_a_law_that_leaves_its_rules_out_uses_no_system() -> None:
+    """Without `fuzzy` in the text none is chosen, so that no figure shows rules that the law never asks."""
+    text = edited("    fuzzy: three\n", "", FUZZY)
+    for choice, gains in (("clipped-sum", True), ("off", False)):
+        changed = edited("compensation: fuzzy", f"compensation: {choice}", text)
+        if not gains:
+            changed = edited("      kf: 0.3\n      gd: 1.0\n", "", changed)
+        x = parse(changed)
+        assert x.controllers[1].fuzzy is None
+        assert set(systems_of(x)) == {"three", "list"}
+        assert "fuzzy: pd-49" not in dump_experiment(x)
+        assert parse(dump_experiment(x)) == x
+        build(x)
+    assert parse(text).controllers[1].fuzzy == "pd-49"
+
+
 def test_configs_that_ship_say_what_they_mean() -> None:
     """The config with fuzzy laws loads, and its dump reads back to the same bytes."""
     text = dump_experiment(load_experiment(Path(data_root()) / "configs" / "fuzzy.yaml"))

@@ -337,3 +337,32 @@ def test_a_fuzzy_system_that_cannot_be_had() -> None:
         find_law("ruled").pack_gains(1, {"k": 1}, {}, "pd-94")
     with pytest.raises(ControllerError, match="law 'smc': it has no fuzzy system to choose"):
         find_law("smc").pack_gains(1, SMC, {}, "pd-9")
+
+
+class Idle(NamedTuple):
+    """A gain that acts with two of an option's three values, and a system that acts with the third."""
+
+    k: Annotated[Array, Gain("stiffness", "1", only_with=("shape", "round", "flat"))]
+    shape: Annotated[int, Option("shape", ("round", "square", "flat"))]
+    fis: Annotated[Fis, Rules("how much of it", only_with=("shape", "square"))]
+
+
+class Adrift(NamedTuple):
+    """A system that acts with a value that there is not."""
+
+    shape: Annotated[int, Option("shape", ("round", "flat"))]
+    fis: Annotated[Fis, Rules("how much of it", only_with=("shape", "flatt"))]
+
+
+def test_a_fuzzy_system_that_a_choice_leaves_out() -> None:
+    """It cannot be chosen then, and the law gets its default one, which it does not ask."""
+    controller("idle", gains=Idle)(law)
+    pack = find_law("idle").pack_gains
+    assert pack(1, {}, {"shape": "square"}, "pd-9").shape == 1
+    for shape in ("round", "flat"):
+        assert pack(1, {"k": 2}, {"shape": shape}).k.tolist() == [2.0]
+        with pytest.raises(ControllerError, match="law 'idle': its fuzzy system has no effect unless shape: square"):
+            pack(1, {"k": 2}, {"shape": shape}, "pd-9")
+    with pytest.raises(ControllerError, match=r"fuzzy system 'fis' depends on shape: 'flatt' \(did you mean 'flat'"):
+        controller("adrift", gains=Adrift)(law)
+    assert "adrift" not in law_names()

@@ -53,7 +53,9 @@ def torque(law: str, options: Options) -> Array:
         for k, (name, gain) in enumerate(found.gains.items())
         if gain.acts(options)
     }
-    packed = found.pack_gains(2, gains, options, DEFAULT if found.rules else None)
+    packed = found.pack_gains(
+        2, gains, options, DEFAULT if found.rules and found.fuzzy_problem(options) is None else None
+    )
     tau = np.zeros(2)
     flat = replace(two_link().flat, control_period=0.002)
     found.function(packed, flat, 0.7, Q.copy(), QD.copy(), REF, memory_of(law), tau)

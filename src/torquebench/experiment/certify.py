@@ -68,19 +68,22 @@ def resistance(experiment: schema.Experiment, qd: Array) -> Array:
 def sliding_law(keys: schema.Controller, loop: Loop, n: int) -> SlidingLaw | None:
     """Return what a controller's certificates need, or None where they are not defined for its law.
 
-    They are for laws with a slope ``lam``, a switching gain ``k`` and the surface s = de + lambda e.
+    They are for laws with a slope ``lam``, a switching gain ``k`` that acts, and the surface s = de + lambda e, whose
+    equivalent control, if any, is the model's without the measured acceleration.
     """
     law = find_law(keys.law)
     if not {"lam", "k"} <= law.gains.keys():
         return None
     options = {name: keys.options.get(name, option.values[0]) for name, option in law.options.items()}
-    if options.get("surface", "pd") != "pd":
+    if options.get("surface", "pd") != "pd" or not law.gains["k"].acts(options):
+        return None
+    if options.get("equivalent_control") == "measured-acceleration":
         return None
     phi = keys.gains.get("phi")
     return SlidingLaw(
-        as_vector(keys.gains["lam"], n), as_vector(keys.gains.get("k", 0.0), n) * np.asarray(loop.plant.tau_max),
+        as_vector(keys.gains["lam"], n), as_vector(keys.gains["k"], n) * np.asarray(loop.plant.tau_max),
         None if phi is None else as_vector(phi, n),
-        loop.model if options.get("equivalent_control", False) is not False else None,
+        loop.model if options.get("equivalent_control") else None,
     )  # fmt: skip
 
 

@@ -45,7 +45,8 @@ def build_controller(checked: Checked[ControllerKeys]) -> Controller:
     values = checked.values
     common = {key: values[key] for key in ControllerKeys.model_fields}
     options = {key: value for key, value in values.items() if key not in OWN_KEYS}
-    return Controller(**common, options=options, gains=values["gains"], fuzzy=values.get("fuzzy"))
+    fuzzy = values.get("fuzzy") if find_law(values["law"]).fuzzy_problem(options) is None else None
+    return Controller(**common, options=options, gains=values["gains"], fuzzy=fuzzy)
 
 
 def _check_controller(document: Document, path: KeyPath, raw: Any) -> Checked[ControllerKeys] | None:
@@ -75,6 +76,9 @@ def _check_controller(document: Document, path: KeyPath, raw: Any) -> Checked[Co
     if checked is None or checked.model is None:
         return checked
     law = find_law(checked.values["law"])
+    judged = all(rules.only_with is None or rules.only_with[0] in checked.values for rules in law.rules.values())
+    if "fuzzy" in checked.given and judged and (problem := law.fuzzy_problem(checked.values)):
+        document.add((*path, "fuzzy"), problem, at="key")
     gains = {}
     if raw_gains or "gains" in checked.values:
         gains = _check_gains(document, (*path, "gains"), raw_gains[0] if raw_gains else {}, law, checked.values)

@@ -42,7 +42,8 @@ def _law_model(name: str, gains_type: type[Any]) -> type[ControllerKeys]:
     }
     options = {option: _option(declared) for option, declared in law.options.items()}
     for rules in law.rules.values():
-        text = f"{rules.meaning}: a name under the top level's fuzzy, or {', '.join(BUILTIN)}."
+        only = "" if rules.only_with is None else f"; only with {rules.condition}"
+        text = f"{rules.meaning}: a name under the top level's fuzzy, or {', '.join(BUILTIN)}{only}."
         options["fuzzy"] = str, Field(rules.default, description=text)
     return _create(law.name, ControllerKeys, fields | options, law.summary)
 

@@ -160,6 +160,8 @@ def explain(error: ErrorDetails, info: FieldInfo) -> str:
         hint = near if "did you mean" in near else ""
         if "true" in names and str(value).lower() in ("yes", "no", "on", "off"):
             hint = "; yes, no, on and off are text"
+        elif "true" in names and isinstance(value, str) and value.lower() in ("true", "false"):
+            hint = "; true and false are written in small letters and without quotes"
         return f"got {shown(value)}, wanted {wanted}{hint}"
     phrases = {
         "float_type": number,

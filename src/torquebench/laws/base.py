@@ -18,6 +18,15 @@ from torquebench.kernel import Array
 SLUG = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,62}[a-z0-9])?")
 
 
+def _acts(only_with: tuple[str | bool, ...] | None, chosen: Mapping[str, str | bool]) -> bool:
+    return only_with is None or chosen.get(str(only_with[0])) in only_with[1:]
+
+
+def _condition(only_with: tuple[str | bool, ...] | None) -> str:
+    option, *values = only_with or ("",)
+    return f"{option}: {' or '.join(str(value).lower() for value in values)}"
+
+
 class Gain(NamedTuple):
     """What a vector gain means: shown in help, checked when a config is read."""
 
@@ -32,13 +41,12 @@ class Gain(NamedTuple):
 
     def acts(self, chosen: Mapping[str, str | bool]) -> bool:
         """Whether the gain has an effect under the chosen options."""
-        return self.only_with is None or chosen.get(str(self.only_with[0])) in self.only_with[1:]
+        return _acts(self.only_with, chosen)
 
     @property
     def condition(self) -> str:
         """What `only_with` asks for, as in a config."""
-        option, *values = self.only_with or ("",)
-        return f"{option}: {' or '.join(str(value).lower() for value in values)}"
+        return _condition(self.only_with)
 
 
 class Option(NamedTuple):
@@ -60,6 +68,17 @@ class Rules(NamedTuple):
     to tell which rules fired; without it they do not."""
     default: str = DEFAULT
     """Built-in system that the law has where a config names none."""
+    only_with: tuple[str | bool, ...] | None = None
+    """As of a gain: the system has an effect with these values of the option only, and is refused with others."""
+
+    def acts(self, chosen: Mapping[str, str | bool]) -> bool:
+        """Whether the system has an effect under the chosen options."""
+        return _acts(self.only_with, chosen)
+
+    @property
+    def condition(self) -> str:
+        """What `only_with` asks for, as in a config."""
+        return _condition(self.only_with)
 
 
 class FixedRules(NamedTuple):
@@ -152,6 +171,8 @@ class Law:
         packed |= {name: copy.deepcopy(prepare(system).fis) for name, system in systems.items()}  # the law may write
         if not self.rules and fuzzy is not None:
             problems.append("it has no fuzzy system to choose")
+        if fuzzy is not None and (problem := self.fuzzy_problem(chosen)):
+            problems.append(problem)
         if problems:
             raise ControllerError(f"law '{self.name}': " + "; ".join(problems))
         return self.gains_type(**packed)
@@ -162,6 +183,11 @@ class Law:
         if not gain.acts(chosen):
             return f"gain '{name}' has no effect unless {gain.condition}" if given else None
         return None if given else f"gain '{name}' is missing ({gain.meaning} [{gain.unit}])"
+
+    def fuzzy_problem(self, chosen: Mapping[str, str | bool]) -> str | None:
+        """Return why no fuzzy system may be chosen under the chosen options, or None."""
+        idle = next((rules for rules in self.rules.values() if not rules.acts(chosen)), None)
+        return None if idle is None else f"its fuzzy system has no effect unless {idle.condition}"
 
 
 def _numbers(value: Any) -> Array | None:
@@ -206,7 +232,7 @@ def controller(
         if name in _REGISTRY and not _same_place(_REGISTRY[name].function, function):
             raise ControllerError(f"a law named '{name}' is already registered")
         vectors, choices, systems, fixed = _fields(name, gains)
-        _check_conditions(name, vectors, choices)
+        _check_conditions(name, {**vectors, **systems}, choices)
         _REGISTRY[name] = Law(name, function, gains, memory, vectors, choices, systems, fixed)
         return function
 
@@ -260,23 +286,22 @@ def _check_built_in(law: str, field_name: str, system: str) -> None:
         )
 
 
-def _check_conditions(law: str, vectors: Mapping[str, Gain], choices: Mapping[str, Option]) -> None:
-    """Refuse a gain that depends on what no option of the law can be: it could never be given."""
-    for name, gain in vectors.items():
-        if gain.only_with is None:
+def _check_conditions(law: str, declared: Mapping[str, Gain | Rules], choices: Mapping[str, Option]) -> None:
+    """Refuse a gain or system that depends on what no option of the law can be: it could never be given."""
+    for name, note in declared.items():
+        if note.only_with is None:
             continue
-        option, *values = gain.only_with
+        what = f"law '{law}': {'gain' if isinstance(note, Gain) else 'fuzzy system'} '{name}' depends on"
+        option, *values = note.only_with
         if option not in choices:
-            raise ControllerError(
-                f"law '{law}': gain '{name}' depends on option '{option}'{did_you_mean(option, choices)}"
-            )
+            raise ControllerError(f"{what} option '{option}'{did_you_mean(str(option), choices)}")
         valid = choices[str(option)].values
         for value in values:
             if not any(type(value) is type(x) and value == x for x in valid):
                 near = did_you_mean(value, [str(x) for x in valid])
-                raise ControllerError(f"law '{law}': gain '{name}' depends on {option}: {value!r}{near}")
+                raise ControllerError(f"{what} {option}: {value!r}{near}")
         if not values:
-            raise ControllerError(f"law '{law}': gain '{name}' depends on option '{option}', but on no value of it")
+            raise ControllerError(f"{what} option '{option}', but on no value of it")
 
 
 def find_law(name: str) -> Law:

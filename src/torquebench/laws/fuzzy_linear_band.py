@@ -66,7 +66,11 @@ class FuzzyBandGains(NamedTuple):
     band: Annotated[int, Option("switching term: K sat(s/phi); K sgn(s), as (149) prints it; or none",
                                 ("saturation", "sign", "off"))]  # fmt: skip
     linear: Annotated[int, Option("whether there is the linear term Kd s", (True, False))]
-    fis: Annotated[Fis, Rules("fuzzy system FIS(e/ge, de/gd) whose output is multiplied by KF", scaled_errors)]
+    fis: Annotated[
+        Fis,
+        Rules("fuzzy system FIS(e/ge, de/gd) whose output is multiplied by KF", scaled_errors,
+              only_with=("compensation", "fuzzy")),
+    ]  # fmt: skip
 
 
 class FuzzyBandMemory(NamedTuple):
