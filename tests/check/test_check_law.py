@@ -16,7 +16,7 @@ from torquebench import check_law, find_law, law_names
 from torquebench.check import cases, contract, cost, driving, paths
 from torquebench.check.report import FAIL, NOTE, PASS, Check, Report
 from torquebench.errors import ControllerError
-from torquebench.laws import base
+from torquebench.laws import Law, Option, base
 from torquebench.robot.library import data_root
 
 
@@ -255,8 +255,8 @@ def test_gains_differ_between_joints_and_are_the_same_under_every_option() -> No
 
 def test_many_options_are_tried_one_at_a_time() -> None:
     """2^5 combinations are too many: the defaults, and each other value once."""
-    options = {f"o{k}": base.Option("", (True, False)) for k in range(5)}
-    law = base.Law("x", lambda: None, tuple, None, {}, options)
+    options = {f"o{k}": Option("", (True, False)) for k in range(5)}
+    law = Law("x", lambda: None, tuple, None, {}, options)
     found = cases.combinations(law)
     assert len(found) == 6
     assert sorted(sum(not value for value in chosen.values()) for chosen in found) == [0, 1, 1, 1, 1, 1]

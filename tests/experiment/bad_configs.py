@@ -442,7 +442,13 @@ FILMS = [
     Bad("  speed: 0.5", "  speed: 0", "video.speed", "at least 0.001"),
     Bad("  camera: side", "  camera: sied", "video.camera", "no camera 'sied' (did you mean 'side'?)"),
     Bad("  camera: side", "  camera: 2", "video.camera", "wanted text"),
-    Bad("chain: ideal", "chain: ideal\ncamera: side", "camera", "does not belong here, but in video", "camera:"),
+    Bad(
+        "chain: ideal",
+        "chain: ideal\ncamera: overview",
+        "camera",
+        "does not belong here, but in video",
+        "camera: overview",
+    ),
 ]
 
 BAD = UNKNOWN_KEYS + MISSING_KEYS + WRONG_TYPES + WRONG_SHAPES + BAD_NUMBERS + BAD_NAMES + CONTRADICTIONS + BAD_YAML

@@ -89,7 +89,7 @@ REFERENCE = st.one_of(
         {
             "kind": st.sampled_from(["ramp", "quintic"]),
             "target": vectors(-5, 5),
-            "rise_time": st.floats(0.1, 9),
+            "rise_time": st.floats(0.1, 6),
         }
     ),
 )

@@ -11,8 +11,9 @@ import pytest
 from tests.laws.dialect_cases import BAD, GOOD, HEAD, LINE
 from tests.user_files import load
 from torquebench.laws import base
-from torquebench.laws.base import Law, find_law
+from torquebench.laws.base import find_law
 from torquebench.laws.dialect import Complaint, complaints
+from torquebench.laws.law import Law
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from torquebench.kernel import Array, kernel
-from torquebench.laws.base import Law
+from torquebench.laws.law import Law
 from torquebench.references import Reference
 from torquebench.robot.model import Model
 from torquebench.sim.loop import Controller

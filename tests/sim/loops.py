@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from torquebench.kernel import Array
-from torquebench.laws.base import Law
+from torquebench.laws.law import Law
 from torquebench.references import Reference, sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.sim.analytic_plant import AnalyticPlant

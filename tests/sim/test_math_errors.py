@@ -18,7 +18,7 @@ from tests.sim.loops import PLANTS, TARGET, arm, plant_of
 from tests.user_files import load
 from torquebench import Controller, Outcome, find_law, simulate
 from torquebench.dialect.names import MATH
-from torquebench.laws import base
+from torquebench.laws import Law, base
 from torquebench.laws.dialect import complaints
 from torquebench.sim import calling, checked_math
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
@@ -255,7 +255,7 @@ def test_a_law_outside_the_dialect_gets_plain_arrays(monkeypatch: pytest.MonkeyP
         seen.extend([type(q), type(model.mass), type(ref.q)])
         tau[:] = np.minimum(1.0 / (q - q + 0.0), 1.0)
 
-    law = base.Law("loose", loose, SimpleNamespace, None, {}, {})
+    law = Law("loose", loose, SimpleNamespace, None, {}, {})
     run = simulate(plant_of("analytic"), Controller("loose", law, ()), arm(), TARGET, duration=0.003, throw=False)
     assert run.completed
     assert set(seen) == {np.ndarray}

@@ -21,7 +21,7 @@ from tests.sim.loops import arm, go, idle, law_of, plant_of
 from torquebench.errors import ControllerError
 from torquebench.kernel import Array
 from torquebench.laws import find_law
-from torquebench.laws.base import Law
+from torquebench.laws.law import Law
 from torquebench.references import Reference
 from torquebench.robot.model import Model
 from torquebench.sim import mujoco_library, mujoco_step

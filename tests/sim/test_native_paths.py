@@ -17,7 +17,7 @@ from tests.sim.loops import TARGET, arm, go
 from tests.sim.protocol import PLANTS, Case, cases, differing_bytes, variants
 from torquebench.kernel import Array
 from torquebench.laws import law_names
-from torquebench.laws.base import Law
+from torquebench.laws.law import Law
 from torquebench.references import Reference
 from torquebench.robot.model import Model
 from torquebench.sim.loop import Controller, simulate

@@ -14,7 +14,9 @@ from torquebench.experiment.keys import Keys
 from torquebench.experiment.schema import MAX_CONTROLLERS, ControllerKeys, Experiment
 from torquebench.experiment.values import EachJoint, Vector
 from torquebench.fuzzy import BUILTIN
-from torquebench.laws.base import RESERVED, Gain, Law, Option, find_law, law_names
+from torquebench.laws.base import find_law, law_names
+from torquebench.laws.declare import RESERVED, Gain, Option
+from torquebench.laws.law import Law
 
 OWN_KEYS = frozenset(RESERVED)
 

@@ -13,7 +13,9 @@ from torquebench.laws import (
     supervised_fuzzy_smc,
     two_input_sliding_mode_fuzzy,
 )
-from torquebench.laws.base import FixedRules, Gain, Law, Option, Rules, controller, find_law, law_names
+from torquebench.laws.base import controller, find_law, law_names
+from torquebench.laws.declare import FixedRules, Gain, Option, Rules
+from torquebench.laws.law import Law
 
 __all__ = [
     "FixedRules", "Gain", "Law", "Option", "Rules", "adaptive_fuzzy_smc", "computed_torque", "controller", "find_law",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, TypeAlias
 
 from torquebench.kernel import Array, kernel
-from torquebench.laws.base import Gain, Option
+from torquebench.laws.declare import Gain, Option
 from torquebench.references import Reference
 from torquebench.robot.dynamics import inverse_dynamics
 from torquebench.robot.model import Model

@@ -6,7 +6,7 @@ import hashlib
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-from torquebench.laws.base import Law, Nothing
+from torquebench.laws.law import Law, Nothing
 from torquebench.packing import layout
 
 

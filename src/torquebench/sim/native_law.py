@@ -8,7 +8,7 @@ from typing import Any
 from numba.extending import register_jitable
 
 from torquebench.kernel import is_foreign
-from torquebench.laws.base import Law, Nothing
+from torquebench.laws.law import Law, Nothing
 from torquebench.packing import is_structure, layout
 from torquebench.packing_types import at, structure, vector
 from torquebench.references import Reference

@@ -9,8 +9,8 @@ from typing import Any
 from numba.core import config
 from numba.core.errors import NumbaError
 
-from torquebench.laws.base import Law
 from torquebench.laws.dialect import complaints
+from torquebench.laws.law import Law
 from torquebench.packing import Table
 from torquebench.sim.calling import replay
 from torquebench.sim.closed_loop import RAISED

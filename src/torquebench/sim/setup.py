@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from torquebench.kernel import Array
-from torquebench.laws.base import Law, Nothing
+from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
 from torquebench.robot.model import Model, own_copy
 from torquebench.sim.chain import Chain

@@ -31,7 +31,8 @@ class Timeline(NamedTuple):
     def samples(self, per_frame: int = 1) -> IntArray:
         """Return the index of the sample shown at each of `per_frame` instants a frame, (frames * per_frame,)."""
         frame, part = np.divmod(np.arange(self.frames * per_frame), per_frame)
-        times = frame * self.speed / FPS + part * (self.speed / FPS / per_frame)  # a frame's own time, whatever per_frame
+        within = part * (self.speed / FPS / per_frame)
+        times = frame * self.speed / FPS + within  # a frame has its own time whatever per_frame is
         return np.asarray(np.floor(times / self.control_period + 0.5), dtype=np.int64)
 
 

@@ -1,0 +1,128 @@
+"""A registered torque law: its function, the gains it receives, packed and checked, and its memory."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from torquebench.errors import ControllerError, did_you_mean
+from torquebench.fuzzy import FuzzySystem, builtin_system, prepare
+from torquebench.kernel import Array
+from torquebench.laws.declare import FixedRules, Gain, Option, Rules
+
+
+class Nothing(NamedTuple):
+    """Memory of a law that needs none."""
+
+    nothing: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Law:
+    """A registered torque law.
+
+    `function(gains, model, t, q, qd, ref, memory, tau)` fills `tau` (n,) [N m] in place; `memory` is its only
+    state and starts at zero. `gains` and `memory` are NamedTuples of (n,) arrays; options in `gains` are integers
+    (see `Option`), and a fuzzy system in it is a `Fis` (see `Rules`).
+    """
+
+    name: str
+    function: Callable[..., None]
+    gains_type: type[Any]
+    memory_type: type[Any] | None
+    gains: Mapping[str, Gain]
+    options: Mapping[str, Option]
+    rules: Mapping[str, Rules] = field(default_factory=dict)
+    fixed: Mapping[str, FixedRules] = field(default_factory=dict)
+
+    @property
+    def summary(self) -> str:
+        """First line of the law's docstring."""
+        return (self.function.__doc__ or "").strip().partition("\n")[0]
+
+    def new_memory(self, n: int) -> Any:
+        """Return the law's memory for `n` joints, all zero."""
+        fields = () if self.memory_type is None else self.memory_type._fields
+        cls = Nothing if self.memory_type is None else self.memory_type
+        return cls(*(np.zeros(n) for _ in fields)) if fields else cls(np.zeros(0))
+
+    def pack_gains(
+        self,
+        n: int,
+        values: Mapping[str, Any],
+        options: Mapping[str, str | bool],
+        fuzzy: FuzzySystem | str | None = None,
+    ) -> Any:
+        """Return the gains tuple the law receives.
+
+        Args:
+            n: Number of joints; scalars are repeated for each.
+            values: Gain name -> scalar or (n,) sequence, finite and not negative.
+            options: Option name -> one of its values; missing options take their first value.
+            fuzzy: Fuzzy system, or the name of a built-in one, of a law that has one; None for the default.
+
+        Raises:
+            ControllerError: a gain is unknown, missing, without effect, of wrong length, or out of range; or the
+                fuzzy system is unknown or the law has none.
+        """
+        chosen = {name: options.get(name, option.values[0]) for name, option in self.options.items()}
+        problems = [f"unknown option '{k}'{did_you_mean(k, self.options)}" for k in options if k not in self.options]
+        problems += [f"unknown gain '{k}'{did_you_mean(k, self.gains)}" for k in values if k not in self.gains]
+        packed: dict[str, Any] = {}
+        for name, option in self.options.items():
+            value = chosen[name]
+            if any(type(value) is type(valid) and value == valid for valid in option.values):  # 1 == True
+                packed[name] = int(value) if isinstance(value, bool) else option.values.index(value)
+            else:
+                problems.append(f"option '{name}' is {chosen[name]!r}, wanted one of {option.values}")
+        for name, gain in self.gains.items():
+            problem = self.gain_problem(name, name in values, chosen)
+            if problem:
+                problems.append(problem)
+            elif name in values:
+                array = _numbers(values[name])
+                if array is None:
+                    problems.append(f"gain '{name}' is {values[name]!r}, wanted a number or {n} numbers")
+                elif array.shape not in ((), (n,)):
+                    problems.append(f"gain '{name}' has shape {array.shape}, wanted a number or {n} numbers")
+                elif not np.all(np.isfinite(array)) or np.any(array < 0) or (gain.positive and np.any(array == 0)):
+                    low = "positive" if gain.positive else "zero or positive"
+                    problems.append(f"gain '{name}' is {values[name]!r}, wanted finite and {low} [{gain.unit}]")
+                else:
+                    packed[name] = np.array(np.broadcast_to(array, (n,)))
+            else:
+                packed[name] = np.ones(n)  # without effect under these options; never read by the law
+        systems = {name: builtin_system(own.system) for name, own in self.fixed.items()}
+        for name, rules in self.rules.items():
+            systems[name] = fuzzy if isinstance(fuzzy, FuzzySystem) else builtin_system(fuzzy or rules.default)
+        packed |= {name: copy.deepcopy(prepare(system).fis) for name, system in systems.items()}  # the law may write
+        if not self.rules and fuzzy is not None:
+            problems.append("it has no fuzzy system to choose")
+        if fuzzy is not None and (problem := self.fuzzy_problem(chosen)):
+            problems.append(problem)
+        if problems:
+            raise ControllerError(f"law '{self.name}': " + "; ".join(problems))
+        return self.gains_type(**packed)
+
+    def gain_problem(self, name: str, given: bool, chosen: Mapping[str, str | bool]) -> str | None:
+        """Return why a gain may not be given or left out under the chosen options, or None."""
+        gain = self.gains[name]
+        if not gain.acts(chosen):
+            return f"gain '{name}' has no effect unless {gain.condition}" if given else None
+        return None if given else f"gain '{name}' is missing ({gain.meaning} [{gain.unit}])"
+
+    def fuzzy_problem(self, chosen: Mapping[str, str | bool]) -> str | None:
+        """Return why no fuzzy system may be chosen under the chosen options, or None."""
+        idle = next((rules for rules in self.rules.values() if not rules.acts(chosen)), None)
+        return None if idle is None else f"its fuzzy system has no effect unless {idle.condition}"
+
+
+def _numbers(value: Any) -> Array | None:
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
