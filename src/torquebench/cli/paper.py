@@ -125,8 +125,8 @@ def write_report(
     chattering = chattering_by_period()
     noise = noise_spectrum(1_000_000) | {"definition": noise_text(noisy)}
     agreement = [
-        {"config": config, "chain": chain, "controller": name, **value._asdict()}
-        for (config, chain, name), value in study.apart.items()
+        {"config": config, "chain": chain, "condition": condition, "controller": name, **value._asdict()}
+        for (config, chain, condition, name), value in study.apart.items()
     ]
     facts: Mapping[str, Any] = {
         "agreement": agreement, "chattering": [row._asdict() for row in chattering], "noise": noise,

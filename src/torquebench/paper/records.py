@@ -32,7 +32,7 @@ class Record:
 
 
 class Records:
-    """All runs of a study.
+    """All runs of a study. Verdicts rest on MuJoCo where it has all draws of a place, else on the analytic plant.
 
     Args:
         records: The runs, in any order; every one has a place of its own.
@@ -44,13 +44,17 @@ class Records:
     def __init__(self, records: Iterable[Record]) -> None:
         self.all = tuple(records)
         self._draws: dict[tuple[str, str, str, str], dict[int, Record]] = {}
+        every: dict[tuple[str, str, str, str], dict[str, dict[int, Record]]] = {}
         for record in self.all:
-            if record.plant == "mujoco":
-                place = record.reference, record.chain, record.condition, record.controller
-                draws = self._draws.setdefault(place, {})
-                if record.draw in draws:
-                    raise ResultError(f"run twice: {', '.join(place)}, draw {record.draw}")
-                draws[record.draw] = record
+            place = record.reference, record.chain, record.condition, record.controller
+            draws = every.setdefault(place, {}).setdefault(record.plant, {})
+            if record.draw in draws:
+                raise ResultError(f"run twice: {', '.join(place)}, draw {record.draw}")
+            draws[record.draw] = record
+        for place, plants in every.items():
+            self._draws[place] = max(plants.values(), key=len)
+            if len(plants.get("mujoco", ())) == len(self._draws[place]):
+                self._draws[place] = plants["mujoco"]
 
     def draws(self, controller: str, reference: str, chain: str, condition: str) -> list[Record]:
         """Return the runs of one controller in one place, by draw.

@@ -19,8 +19,9 @@ AGREE = 1e-12
 
 
 def page(
-    claims: Sequence[Claim], records: Records, pictures: Sequence[Picture], apart: Mapping[tuple[str, str, str], Apart],
-    chattering: Sequence[Chattering], noise: Mapping[str, Any], workload: str, software: str,
+    claims: Sequence[Claim], records: Records, pictures: Sequence[Picture],
+    apart: Mapping[tuple[str, str, str, str], Apart], chattering: Sequence[Chattering], noise: Mapping[str, Any],
+    workload: str, software: str,
 ) -> bytes:  # fmt: skip
     """Return the page; the same arguments give the same bytes.
 
@@ -28,7 +29,7 @@ def page(
         claims: The table.
         records: The runs.
         pictures: Figures, as SVG documents.
-        apart: How far the plants are from one another, by config, chain and controller.
+        apart: How far the plants are from one another, by config, chain, condition and controller.
         chattering: Chattering indices by control period.
         noise: What `checks.noise_spectrum` found, and the ``definition``.
         workload: What was run, in words.
@@ -59,7 +60,7 @@ def controller_rows(records: Records) -> list[list[str]]:
     return rows
 
 
-def agreement_text(apart: Mapping[tuple[str, str, str], Apart]) -> str:
+def agreement_text(apart: Mapping[tuple[str, str, str, str], Apart]) -> str:
     """Return how far the two plants are from one another, in words."""
     beyond = {key: value for key, value in apart.items() if not value.position <= AGREE}
     close = [value.position for value in apart.values() if value.position <= AGREE]
@@ -68,7 +69,7 @@ def agreement_text(apart: Mapping[tuple[str, str, str], Apart]) -> str:
     )
     if not beyond:
         return text + "."
-    names = sorted({controller for _, _, controller in beyond})
+    names = sorted({controller for _, _, _, controller in beyond})
     torques = sum(value.torques for value in beyond.values())
     worst = max(value.position for value in beyond.values())
     return (

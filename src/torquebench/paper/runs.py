@@ -17,7 +17,7 @@ from torquebench.experiment.schema import Controller, Experiment
 from torquebench.kernel import Array
 from torquebench.paper.records import METRICS, Record, Records
 from torquebench.paper.shares import fuzzy_share
-from torquebench.paper.workload import NOMINAL, UNCERTAIN, Block, blocks, experiment_of
+from torquebench.paper.workload import NOMINAL, PLANTS, UNCERTAIN, Block, blocks, experiment_of
 from torquebench.sim.batch import Trial, Workers
 from torquebench.sim.trajectory import Trajectory
 
@@ -42,8 +42,8 @@ class Study:
     kept: dict[tuple[str, str, str], tuple[Experiment, Loop, Trajectory]] = field(default_factory=dict)
     """Nominal runs on the ideal chain and the first uncertain draw of Fig 11, for the figures, by (config, condition,
     controller)."""
-    apart: dict[tuple[str, str, str], Apart] = field(default_factory=dict)
-    """How far the two plants' runs are from one another, by (config, chain, controller)."""
+    apart: dict[tuple[str, str, str, str], Apart] = field(default_factory=dict)
+    """How far the two plants' first draws are from one another, by (config, chain, condition, controller)."""
     redraws: int = 0
     """Rejected draws of the model's mismatch."""
 
@@ -51,7 +51,7 @@ class Study:
 def steps_of(draws: int) -> int:
     """Return the number of control instants of the whole study."""
     return sum(
-        len(block.controllers) * block.draws * len(block.plants) * experiment_of(block).n_steps
+        len(block.controllers) * sum(map(block.draws_on, PLANTS)) * experiment_of(block).n_steps
         for block in blocks(draws)
     )
 
@@ -68,20 +68,20 @@ def run_study(draws: int, workers: int, progress: Callable[[str, int], None] | N
     study = Study(Records(()))
     for block in blocks(draws):
         first: dict[str, Trajectory] = {}
-        for plant in block.plants:
+        for plant in PLANTS:
             experiment = experiment_of(block, plant)
             loop = build(experiment)
             study.redraws += loop.redraws
             with Workers(loop.plant, workers) as own:
-                for keys, draw, at, run in draws_of(own, experiment, loop, block.draws):
+                for keys, draw, at, run in draws_of(own, experiment, loop, block.draws_on(plant)):
                     found.append(_record(block, keys, draw, plant, at, run))
                     name = keys.name
                     if draw == 0 and plant == "mujoco" and block.chain == "ideal":
                         study.kept[block.config, block.condition, name] = *at, run
-                    if plant == "mujoco" and len(block.plants) > 1:
+                    if plant == "mujoco":
                         first[name] = run
-                    elif plant != "mujoco":
-                        study.apart[block.config, block.chain, name] = distance(first[name], run)
+                    elif draw == 0:
+                        study.apart[block.config, block.chain, block.condition, name] = distance(first[name], run)
                     if progress is not None:
                         progress(f"{block.config}, {block.chain}, {block.condition}", experiment.n_steps)
     study.records = Records(found)
@@ -130,9 +130,10 @@ def _record(
         metrics = metrics_of(experiment, loop, keys, run)
         values = {key: getattr(metrics, key).value for key in METRICS}
         drawn = block.condition == UNCERTAIN and block.chain == "ideal" and experiment.reference.kind == "sine"
-        if plant == "mujoco" and (block.condition == NOMINAL or (drawn and keys.name in CERTIFIED)):
+        judged = plant == ("mujoco" if block.draws == 1 else "analytic")
+        if judged and (block.condition == NOMINAL or (drawn and keys.name in CERTIFIED)):
             values |= _stability(experiment, loop, keys, run)
-        if drawn and keys.name in ("proposed-l", "proposed-m"):
+        if judged and drawn and keys.name in ("proposed-l", "proposed-m"):
             values |= fuzzy_share(experiment, loop, keys, run)
     return Record(
         experiment.reference.kind, block.chain, block.condition, keys.name, draw, plant, run.outcome.name, values

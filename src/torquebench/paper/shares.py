@@ -6,7 +6,7 @@ import numpy as np
 
 from torquebench.experiment.build import Loop
 from torquebench.experiment.schema import Controller, Experiment
-from torquebench.fuzzy.inference import infer
+from torquebench.fuzzy.inference import fill_outputs
 from torquebench.laws import find_law
 from torquebench.robot import load_model
 from torquebench.sim.trajectory import Trajectory
@@ -38,10 +38,11 @@ def fuzzy_share(experiment: Experiment, loop: Loop, keys: Controller, run: Traje
         x[window][::EVERY] for x in (run.q_meas, run.qd_meas, run.q_ref, run.qd_ref, run.qdd_ref)
     )
     e, de = q_ref - q, qd_ref - qd
-    output = np.array([
-        [infer(fis, *rules.inputs(gains, i, e[k, i], de[k, i])) for i in range(e.shape[1])] for k in range(len(e))
-    ])  # fmt: skip
-    supplied = gains.kf * np.asarray(loop.plant.tau_max) * output
+    joints = range(e.shape[1])
+    x, y = np.array([rules.inputs(gains, i, e[k, i], de[k, i]) for k in range(len(e)) for i in joints]).T.copy()
+    output = np.empty(len(x))
+    fill_outputs(fis, x, y, output)
+    supplied = gains.kf * np.asarray(loop.plant.tau_max) * output.reshape(e.shape)
     needed = load_model(experiment.plant.model).inverse_dynamics(q_ref, qd_ref, qdd_ref)
     left = np.sum((needed - supplied) ** 2, axis=0) / np.sum(needed**2, axis=0)
     return {"fuzzy_share": float(np.mean(1.0 - left))}
