@@ -4,12 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-MEASURED = pytest.StashKey[list[tuple[str, float, str]]]()
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Start with no figures."""
-    config.stash[MEASURED] = []
+MEASURED = "measured"
+"""Name of the property under which a test's report carries a figure, from whichever process ran it."""
 
 
 @pytest.fixture
@@ -17,14 +13,15 @@ def figure(request: pytest.FixtureRequest) -> Callable[[str, float, str], None]:
     """Note a measured figure: what, how much, and what was promised."""
 
     def note(what: str, value: float, promise: str) -> None:
-        request.config.stash[MEASURED].append((what, float(value), promise))
+        request.node.user_properties.append((MEASURED, (what, float(value), promise)))
 
     return note
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Print the figures the tests of this run have measured."""
-    rows = config.stash[MEASURED]
+    ended = [report for kind in ("passed", "failed") for report in terminalreporter.stats.get(kind, [])]
+    rows = [value for report in ended for name, value in report.user_properties if name == MEASURED]
     if not rows:
         return
     width = max(len(what) for what, _, _ in rows)
