@@ -14,7 +14,8 @@ from torquebench.certificates import SlidingLaw, certify, coriolis_force, requir
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.certify import flags, sliding_law
+from torquebench.experiment.certify import certificates, flags, sliding_law
+from torquebench.experiment.run import run_experiment
 from torquebench.references import sine, step
 from torquebench.sim.trajectory import Outcome, Trajectory
 
@@ -79,6 +80,21 @@ def test_the_demand_is_the_disturbance_where_the_model_is_right() -> None:
     assert np.max(certify(calm, arm, law_of(phi=PHI), PERIOD).demand) < 0.05
 
 
+def test_eta_is_the_margin_of_a_law_that_only_switches() -> None:
+    """Outside its layer eta_i >= K_i less the demand where no torque is at its limit; equal where d opposes K fully."""
+    push = np.array([3.0, -2.0])
+    run = run_of(step([0.3, -0.2], 0.1), disturbance=np.tile(push, (1000, 1)))
+    found = certify(run, load_model("two-link"), law_of(), PERIOD)
+    limit = np.asarray(AnalyticPlant(load_model("two-link")).tau_max)
+    free = (np.abs(found.s) > found.layer) & (np.abs(run.tau[:-1]) < limit * (1.0 - 1e-9))
+    assert free.sum() > 20
+    excess = (found.eta - found.margin)[free]
+    assert np.min(excess) > -1e-6 * np.max(found.K)
+    assert np.min(np.abs(excess)) < 1e-6 * np.max(found.K)
+    assert found.least_eta is not None
+    assert found.least_eta < 1.0
+
+
 def test_the_layer_is_reached_within_its_bound() -> None:
     """After a step: within the bound, and (124) holds at every instant until the first joint is in its layer."""
     run = run_of(step([0.6, -0.4], 0.1), duration=2.0)
@@ -91,6 +107,26 @@ def test_the_layer_is_reached_within_its_bound() -> None:
     eta = np.min(found.margin[first:last], axis=0)
     assert np.all(eta > 0.0)
     assert np.all(found.V_rate[first : last - 1] <= -0.95 * np.abs(found.s[first : last - 1]) @ eta)
+
+
+@pytest.mark.parametrize("config", ["fig10-step", "fig9-step"])
+def test_no_layer_is_reached_later_than_its_bound(config: str) -> None:
+    """Whatever the law has beside K sgn(s): an integral or a fuzzy part that lets V grow has no bound at all.
+
+    2 % and a period for taking dV/dt as its mean over the control period.
+    """
+    experiment = load_experiment(Path(f"configs/paper/{config}.yaml"))
+    result = run_experiment(experiment)
+    found = certificates(experiment, result.loop, result.runs)
+    assert len(found) >= 3
+    for name, proof in found.items():
+        grew = proof.V_rate > 0.0
+        if np.isfinite(proof.reaching_bound):
+            assert proof.reaching_time <= 1.02 * proof.reaching_bound + PERIOD, name
+        else:
+            first = round(proof.reaching_from / PERIOD)
+            last = len(proof.t) if np.isinf(proof.reaching_time) else first + round(proof.reaching_time / PERIOD)
+            assert np.any(grew[first : max(last, first + 1)]), name
 
 
 def test_too_small_a_gain_has_no_bound() -> None:
@@ -147,7 +183,9 @@ def test_forms_without_a_certificate() -> None:
         )
         assert (sliding_law(changed.controllers[1], loop, 6) is not None) == has
     ablations = load_experiment(Path("configs/paper/ablations.yaml"))
-    laws = [sliding_law(keys, build(ablations), 6) for keys in ablations.controllers]
+    loop = build(ablations)
+    laws = [sliding_law(keys, loop, 6) for keys in ablations.controllers if keys.law == "fuzzy-linear-band-smc"]
+    assert len(laws) == 12
     assert all(law is not None and law.belief is None for law in laws)
     bandless = load_experiment(
         Path("configs/paper/ablations.yaml"),

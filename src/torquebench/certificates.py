@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
@@ -90,7 +91,10 @@ class Certificate:
     """Torque that the law must exceed beyond its equivalent control, (123): |M ds + C s + tau - tau_eq|, (N-1, n)
     [N m]."""
     margin: Array
-    """K less the demand, (N-1, n) [N m]; where it is positive it is the eta of (124)."""
+    """K less the demand, (N-1, n) [N m]: the eta_i of (124) of a law that adds K sgn(s) to its equivalent control; an
+    integral, a fuzzy part or a saturated torque can take from it."""
+    eta: Array
+    """The eta_i of (124) as it came out, whatever the law: -sgn(s_i) (M ds + C s)_i, (N-1, n) [N m]."""
     K_u: Array
     """K_u of (122) as printed, |M ds| + |C s| + |g|, its greatest value on the run, (n,) [N m]."""
     layer: Array
@@ -101,18 +105,30 @@ class Certificate:
     reaching_time: float
     """Time from there until every joint is in its layer for the first time [s]; infinite when that never happens."""
     reaching_bound: float
-    """Bound on it, sqrt(2 V max sum |M_ij|) / min eta; infinite when the margin is not positive all the way."""
+    """Bound on it, sqrt(2 V max sum |M_ij|) / min(-V_rate / sum |s|); infinite when V grew on the way."""
+
+    @property
+    def outside(self) -> npt.NDArray[np.bool_]:
+        """Whether any joint is outside its layer, (N-1,): where (124) demands something."""
+        return np.asarray(np.any(np.abs(self.s) > self.layer, axis=1))
+
+    @property
+    def least_eta(self) -> float | None:
+        """Least eta_i / K_i of a joint outside its layer; None if none ever is. 1 where K acts with nothing opposing."""
+        outside = np.abs(self.s) > self.layer
+        return float(np.min((self.eta / self.K)[outside])) if outside.any() else None
 
     def to_json(self) -> dict[str, Any]:
         """Return the headline figures; infinite times are None."""
         k, joint = np.unravel_index(int(np.argmin(self.margin)), self.margin.shape)
-        outside = np.any(np.abs(self.s) > self.layer, axis=1)
+        outside = self.outside
         rising = outside & (self.V_rate > 0.0)
         return {
             "V_max": float(np.max(self.V)),
             "V_rate_max_outside": float(np.max(self.V_rate[outside])) if outside.any() else None,
             "share_outside": float(np.mean(outside)),
             "share_rising_outside": float(np.sum(rising) / np.sum(outside)) if outside.any() else 0.0,
+            "least_eta_over_K": self.least_eta,
             "worst_margin": {"value": float(self.margin[k, joint]), "joint": int(joint) + 1, "t": float(self.t[k])},
             "margin_min": [float(x) for x in np.min(self.margin, axis=0)],
             "demand_max": [float(x) for x in np.max(self.demand, axis=0)],
@@ -169,31 +185,36 @@ def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float)
     inertial = np.einsum("kij,kj->ki", M[:-1], ds)
     turning = coriolis_force(truth, q, qd, s[:-1])
     demand = np.abs(inertial + turning + run.tau[:-1] - tau_eq)
-    V_rate = np.einsum("ki,ki->k", s[:-1] + 0.5 * control_period * ds, inertial + turning)
+    middle = s[:-1] + 0.5 * control_period * ds
+    V_rate = np.einsum("ki,ki->k", middle, inertial + turning)
+    eta = -np.sign(s[:-1]) * (inertial + turning)
+    size = np.sum(np.abs(middle), axis=1)
+    fall = -V_rate / np.where(size > 0.0, size, np.nan)
     K_u = np.max(np.abs(inertial) + np.abs(turning) + np.abs(truth.gravity(q)), axis=0)
     one_period = control_period * np.max(np.abs(np.linalg.inv(M)) @ law.K, axis=0)
     layer = one_period if law.phi is None else np.maximum(law.phi, one_period)
     margin = law.K - demand
-    first, time, bound = _reaching(run.t, s, V, M, margin, layer)
+    first, time, bound = _reaching(run.t, s, V, M, fall, layer)
     return Certificate(
-        law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, K_u, layer,
+        law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, eta, K_u, layer,
         float(run.t[first]), time, bound,
     )  # fmt: skip
 
 
-def _reaching(t: Array, s: Array, V: Array, M: Array, margin: Array, layer: Array) -> tuple[int, float, float]:
+def _reaching(t: Array, s: Array, V: Array, M: Array, fall: Array, layer: Array) -> tuple[int, float, float]:
     """Return the instant of the largest V, the time from there into the layer, and the bound on that time.
 
-    V <= m |s|^2 / 2 and dV/dt <= -eta |s| give d sqrt(V)/dt <= -eta / sqrt(2 m): the (91) of an arm. m is the largest
-    row sum of |M|, which no eigenvalue of M exceeds.
+    V <= m |s|^2 / 2 and dV/dt <= -eta sum |s_i| <= -eta |s| give d sqrt(V)/dt <= -eta / sqrt(2 m): the (91) of an
+    arm, with eta the least `fall` = -dV/dt / sum |s_i| on the way. m is the largest row sum of |M|, which no
+    eigenvalue of M exceeds.
     """
     first = int(np.argmax(V))
     inside = np.all(np.abs(s[first:]) <= layer, axis=1)
     reached = bool(inside.any())
     last = first + int(np.argmax(inside)) if reached else len(V) - 1
-    eta = float(np.min(margin[min(first, len(margin) - 1) : max(last, first + 1)]))
+    least = float(np.min(fall[min(first, len(fall) - 1) : max(last, first + 1)]))
     heaviest = float(np.max(np.sum(np.abs(M), axis=2)))
-    bound = math.sqrt(2.0 * float(V[first]) * heaviest) / eta if eta > 0.0 else math.inf
+    bound = math.sqrt(2.0 * float(V[first]) * heaviest) / least if least > 0.0 else math.inf
     return first, float(t[last] - t[first]) if reached else math.inf, bound
 
 

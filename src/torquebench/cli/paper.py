@@ -12,10 +12,10 @@ from torquebench.cli.terminal import progress_bar, say, table
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes, machine, versions
 from torquebench.paper.claims import claims
-from torquebench.paper.report import agreement_text, page
+from torquebench.paper.report import agreement_text, lost_text, page
 from torquebench.paper.runs import Study, run_study, steps_of
 from torquebench.paper.verdicts import Claim
-from torquebench.paper.workload import NOMINAL, PAIRED_DRAWS, RELATIVE, UNCERTAIN
+from torquebench.paper.workload import NOISE, NOMINAL, PAIRED_DRAWS, RELATIVE
 from torquebench.report.render import Picture
 
 PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
@@ -31,8 +31,8 @@ PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
     ),
     "fig11": (
         "Fig 11: 30 % band-limited noise",
-        tuple(("fig11-noise", UNCERTAIN, name) for name in ("conventional-m", "proposed-m", "proposed-m-model")),
-        "The same under noise and a model whose constants are wrong by 30 %, draw 0.",
+        tuple(("fig11-noise", NOISE, name) for name in ("conventional-m", "proposed-m", "proposed-m-model")),
+        "The same under the noise, draw 0.",
     ),
 }  # fmt: skip
 """Pages: title, what is drawn, caption."""
@@ -58,8 +58,8 @@ def paper(options: argparse.Namespace) -> int:
             bar.update(steps)
 
         study = run_study(draws, options.workers, report)
-    table_of = claims(study.records)
     directory.write("runs.json", json_bytes(study.records.to_json()))
+    table_of = claims(study.records)
     directory.write("claims.json", json_bytes([claim.to_json() for claim in table_of]))
     directory.write("claims.md", markdown(table_of).encode())
     pictures = write_pages(study, directory)
@@ -68,6 +68,7 @@ def paper(options: argparse.Namespace) -> int:
     say(claims_table(table_of))
     say()
     say(f"two plants: {agreement_text(study.apart)}")
+    say(lost_text(study.records))
     say(f"results: {directory.folder}")
     return 0
 
@@ -121,7 +122,7 @@ def write_report(
     """
     from torquebench.paper.checks import chattering_by_period, noise_spectrum
 
-    noisy = study.kept["fig11-noise", UNCERTAIN, "proposed-m"][0]
+    noisy = study.kept["fig11-noise", NOISE, "proposed-m"][0]
     chattering = chattering_by_period()
     noise = noise_spectrum(1_000_000) | {"definition": noise_text(noisy)}
     agreement = [
@@ -133,8 +134,8 @@ def write_report(
     }  # fmt: skip
     directory.write("checks.json", json_bytes(facts))
     workload = (
-        f"{len(study.records.all):,} closed loops. Uncertain: the controllers' constants wrong by {100 * RELATIVE:g} % "
-        f"each, signs drawn, and the noise above; {draws} draws, the same for every law. "
+        f"{len(study.records.all):,} closed loops. A wrong model: the controllers' constants wrong by "
+        f"{100 * RELATIVE:g} % each, signs drawn; {draws} draws, the same for every law. "
         f"{study.redraws} draws of the model were rejected."
     )
     software = json.dumps(versions() | machine(), indent=2)
@@ -147,10 +148,9 @@ def markdown(table_of: list[Claim]) -> str:
     """Return the table of claims as Markdown."""
     lines = ["| claim | verdict | figure [95 %] | conditions | what does as well |", "|---|---|---|---|---|"]
     for claim in table_of:
-        figure = f"{claim.figure:.3g} [{claim.interval[0]:.3g}, {claim.interval[1]:.3g}]"
         cells = (
             f"{claim.claim}, {claim.where}", f"**{claim.verdict}**",
-            f"{figure}: {claim.measure} ({claim.cases[0].who}; {claim.cases[0].where})", claim.condition,
+            f"{claim.figure_text}: {claim.measure} ({claim.cases[0].who}; {claim.cases[0].where})", claim.condition,
             claim.ablation,
         )  # fmt: skip
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
@@ -160,13 +160,11 @@ def markdown(table_of: list[Claim]) -> str:
 def claims_table(table_of: list[Claim]) -> str:
     """Return the table of claims for the terminal, conditions under it."""
     rows = [
-        [claim.claim, claim.where, claim.verdict,
-         f"{claim.figure:.3g} [{claim.interval[0]:.3g}, {claim.interval[1]:.3g}]"]
-        for claim in table_of
+        [claim.claim, claim.where, claim.verdict, claim.figure_text] for claim in table_of
     ]  # fmt: skip
     lines = [table(["claim", "where", "verdict", "figure [95 %]"], rows, left=3), ""]
     for claim in table_of:
         lines.append(f"{claim.claim}: {claim.verdict}, {claim.condition}")
         lines.append(f"  figure: {claim.measure}; {claim.cases[0].who}, {claim.cases[0].where}")
-        lines.append(f"  {claim.ablation}")
+        lines += [f"  {claim.ablation}", f"  {claim.command}"]
     return "\n".join(lines)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from torquebench.errors import ResultError
 from torquebench.statistics import Ratio, paired_ratio
+
+LOST = 0.5
+"""RMSE from which a run that completed has lost its reference, whose joints move by about 1 [rad]."""
 
 METRICS = (
     "rmse", "max_error", "steady_state_error", "hf", "total_variation", "effort", "rise_time", "overshoot",
@@ -29,6 +33,13 @@ class Record:
     outcome: str
     values: Mapping[str, float | None]
     """Metrics by key, and figures of the certificates and of the fuzzy part where they are computed."""
+
+
+def ratio_of(a: Sequence[float | None], b: Sequence[float | None]) -> Ratio:
+    """Return the paired ratio of two laws' figures; NaN where no draw has both."""
+    if any(x is not None and y is not None for x, y in zip(a, b, strict=True)):
+        return paired_ratio(a, b)
+    return Ratio(math.nan, math.nan, math.nan, 0, (sum(x is None for x in a), sum(y is None for y in b)))
 
 
 class Records:
@@ -90,7 +101,16 @@ class Records:
             reference, chain, condition: The place.
         """
         place = reference, chain, condition
-        return paired_ratio(self.values(key, one, *place), self.values(key, other, *place))
+        return ratio_of(self.values(key, one, *place), self.values(key, other, *place))
+
+    def lost(self) -> dict[tuple[str, str, str, str], int]:
+        """Return how many runs of each place completed, but nowhere near their reference."""
+        found: dict[tuple[str, str, str, str], int] = {}
+        for place, draws in self._draws.items():
+            count = sum((record.values.get("rmse") or 0.0) > LOST for record in draws.values())
+            if count and place[0] == "sine":
+                found[place] = count
+        return found
 
     def to_json(self) -> list[dict[str, Any]]:
         """Return plain data."""

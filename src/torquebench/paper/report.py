@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from torquebench.paper.checks import Chattering
-from torquebench.paper.records import Record, Records
+from torquebench.paper.records import LOST, Record, Records
 from torquebench.paper.runs import Apart
 from torquebench.paper.verdicts import FAILS, HOLDS, ONLY_IF, Claim
 from torquebench.paper.workload import CHAINS, NOMINAL
@@ -40,9 +40,9 @@ def page(
         "paper", figures=list(pictures), title="The paper's claims, measured",
         lead="Each claim is judged from stored metrics, at two gain sets, on three chains of sensors and actuators, "
         "with and without model error and noise. An interval that reaches the other side does not count as true.",
-        claims=claims, classes=CLASSES, agreement={"rows": rows, "text": agreement_text(apart)},
-        controllers=controller_rows(records), chains=CHAINS, chattering=chattering, noise=noise, workload=workload,
-        software=software,
+        claims=claims, lost=lost_text(records), classes=CLASSES,
+        agreement={"rows": rows, "text": agreement_text(apart)}, controllers=controller_rows(records), chains=CHAINS,
+        chattering=chattering, noise=noise, workload=workload, software=software,
     )  # fmt: skip
 
 
@@ -58,6 +58,15 @@ def controller_rows(records: Records) -> list[list[str]]:
         figures = [(value.get("rmse"), value.get("hf")) for value in values]
         rows.append([name, *(text for rmse, hf in figures for text in (number(rmse, 1e3), number(hf)))])
     return rows
+
+
+def lost_text(records: Records) -> str:
+    """Return which runs completed, but nowhere near their reference, in words."""
+    places = [f"{name} ({reference}, {chain} chain, {condition}: {count})"
+              for (reference, chain, condition, name), count in records.lost().items()]  # fmt: skip
+    if not places:
+        return f"every run that completed kept within an RMSE of {LOST:g} rad on the sine"
+    return f"completed, but lost the sine by an RMSE above {LOST:g} rad: {', '.join(places)}"
 
 
 def agreement_text(apart: Mapping[tuple[str, str, str, str], Apart]) -> str:

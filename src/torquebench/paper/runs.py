@@ -14,14 +14,13 @@ from torquebench.experiment.build import Loop, build, redrawn
 from torquebench.experiment.certify import sliding_law, truth_of
 from torquebench.experiment.run import metrics_of, trial_of
 from torquebench.experiment.schema import Controller, Experiment
-from torquebench.kernel import Array
 from torquebench.paper.records import METRICS, Record, Records
 from torquebench.paper.shares import fuzzy_share
 from torquebench.paper.workload import NOMINAL, PLANTS, UNCERTAIN, Block, blocks, experiment_of
 from torquebench.sim.batch import Trial, Workers
 from torquebench.sim.trajectory import Trajectory
 
-CERTIFIED = ("conventional", "linear-band", "proposed-l", "proposed-m")
+CERTIFIED = ("conventional", "linear-band", "proposed-l", "proposed-m", "proposed-l-model", "proposed-m-model")
 """Controllers whose certificates are computed in every draw on the ideal chain: they cost as much as the run."""
 
 
@@ -129,11 +128,11 @@ def _record(
     if run.completed:
         metrics = metrics_of(experiment, loop, keys, run)
         values = {key: getattr(metrics, key).value for key in METRICS}
-        drawn = block.condition == UNCERTAIN and block.chain == "ideal" and experiment.reference.kind == "sine"
-        judged = plant == ("mujoco" if block.draws == 1 else "analytic")
+        drawn = block.condition == UNCERTAIN and block.chain == "ideal"
+        judged = plant == ("mujoco" if block.draws == 1 else "analytic")  # the runs that verdicts rest on: see Records
         if judged and (block.condition == NOMINAL or (drawn and keys.name in CERTIFIED)):
             values |= _stability(experiment, loop, keys, run)
-        if judged and drawn and keys.name in ("proposed-l", "proposed-m"):
+        if judged and drawn and experiment.reference.kind == "sine" and keys.name in ("proposed-l", "proposed-m"):
             values |= fuzzy_share(experiment, loop, keys, run)
     return Record(
         experiment.reference.kind, block.chain, block.condition, keys.name, draw, plant, run.outcome.name, values
@@ -145,5 +144,5 @@ def _stability(experiment: Experiment, loop: Loop, keys: Controller, run: Trajec
     if law is None:
         return {}
     found = certify(run, truth_of(experiment), law, experiment.run.control_period)
-    share: Array = found.margin / law.K
-    return {"least_margin": float(np.min(share)), "rising": found.to_json()["share_rising_outside"]}
+    facts = found.to_json()
+    return {"eta": found.least_eta, "outside": facts["share_outside"], "rising": facts["share_rising_outside"]}

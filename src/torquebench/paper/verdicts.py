@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from torquebench.paper.records import Records
+from torquebench.paper.records import Records, ratio_of
 from torquebench.paper.workload import CHAINS, UNCERTAIN
-from torquebench.statistics import Ratio, mean_interval, paired_ratio
+from torquebench.statistics import Ratio, mean_interval
 
 HOLDS, FAILS, ONLY_IF = "holds", "fails", "holds only if"
-
+NO_CHANGE = 1.1
+"""Ratio of errors up to which one law does as well as another, an error is negligible, or a law insensitive [1]."""
+ATTENUATED = 0.9
+"""Ratio below which something counts as attenuated [1]."""
 
 Place: TypeAlias = tuple[str, str, str]
 """Reference, chain and condition of runs."""
@@ -27,7 +31,7 @@ class Case(NamedTuple):
     figure: float
     low: float
     high: float
-    """Figure with its 95 % interval; all three equal where one run is all there is."""
+    """Figure with its 95 % interval; all three equal where nothing is drawn, NaN where no run has a figure."""
     pairs: int
     """Draws behind it."""
     failed: tuple[int, int]
@@ -42,15 +46,20 @@ class Case(NamedTuple):
 
 
 def below(who: str, place: Place, ratio: Ratio, limit: float = 1.0) -> Case:
-    """Judge that a ratio is below a limit; a run that failed speaks against the claim.
+    """Judge that a ratio is below a limit; the claimed law's failed runs speak against the claim.
 
     Args:
         who: Gain set or controller.
         place: Where it was run.
-        ratio: The figure.
+        ratio: The figure, of the law that the claim praises over another's. Where the other one failed in every draw
+            there is none, and the praised one needs only not to have failed.
         limit: What it must be below, interval and all.
     """
-    holds = ratio.high < limit and not any(ratio.failed)
+    return _case(who, place, ratio, ratio.high < limit)
+
+
+def _case(who: str, place: Place, ratio: Ratio, true: bool) -> Case:
+    holds = ratio.failed[0] == 0 and (true if ratio.pairs else ratio.failed[1] > 0)
     return Case(who, place, ratio.ratio, ratio.low, ratio.high, ratio.pairs, ratio.failed, holds)
 
 
@@ -63,7 +72,7 @@ def above(who: str, place: Place, ratio: Ratio, limit: float) -> Case:
         ratio: The figure.
         limit: What it must be above, interval and all.
     """
-    return below(who, place, ratio)._replace(holds=ratio.low > limit and not any(ratio.failed))
+    return _case(who, place, ratio, ratio.low > limit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +85,7 @@ class Claim:
     verdict: str
     """``holds``, ``fails`` or ``holds only if``."""
     figure: float
-    """Of the first case; see `measure`."""
+    """Of the first case; see `measure`; NaN where no run has one."""
     interval: tuple[float, float]
     """95 % interval of `figure`."""
     condition: str
@@ -85,23 +94,49 @@ class Claim:
     """What does as well, or what a simpler law gives."""
     config: str
     """Config that shows it."""
+    overrides: tuple[str, ...]
+    """What `torquebench run` needs beside the config to show the first case, each after ``--set``."""
     measure: str
     """What the figure is, and when the claim counts as true."""
     cases: tuple[Case, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data; cases as a list of objects."""
-        return asdict(self) | {
-            "interval": list(self.interval),
-            "cases": [case._asdict() | {"where": case.where} for case in self.cases],
-        }
+        """Return plain data; cases as a list of objects, None for a figure that there is not."""
+        cases = [case._asdict() | {"where": case.where} for case in self.cases]
+        plain = asdict(self) | {"interval": self.interval, "cases": cases, "command": self.command}
+        return {key: _finite(value) for key, value in plain.items()}
+
+    @property
+    def command(self) -> str:
+        """Command that runs the first case."""
+        return " ".join(["torquebench run", self.config, *(f"--set '{change}'" for change in self.overrides)])
+
+    @property
+    def figure_text(self) -> str:
+        """The figure with its interval; where nothing is drawn there is none."""
+        if math.isnan(self.figure):
+            return "none: no run has a figure"
+        if self.cases[0].pairs == 1:
+            return f"{self.figure:.3g} (nothing is drawn)"
+        return f"{self.figure:.3g} [{self.interval[0]:.3g}, {self.interval[1]:.3g}]"
 
 
-def judged(claim: str, where: str, measure: str, cases: Sequence[Case], *, ablation: str, config: str) -> Claim:
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(x) for key, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(x) for x in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def judged(
+    claim: str, where: str, measure: str, cases: Sequence[Case], *, ablation: str, config: str,
+    overrides: tuple[str, ...] = (),
+) -> Claim:  # fmt: skip
     """Return a claim with the verdict that its cases give: all hold, none, or some.
 
     Args:
-        claim, where, measure, ablation, config: See `Claim`.
+        claim, where, measure, ablation, config, overrides: See `Claim`.
         cases: At least one; the first is the headline.
     """
     held = sum(case.holds for case in cases)
@@ -112,8 +147,9 @@ def judged(claim: str, where: str, measure: str, cases: Sequence[Case], *, ablat
         condition = f"in all {len(cases)} conditions tried" if len(cases) > 1 else f"{cases[0].who}, {cases[0].where}"
     first = cases[0]
     return Claim(
-        claim, where, verdict, first.figure, (first.low, first.high), condition, ablation, config, measure, tuple(cases)
-    )
+        claim, where, verdict, first.figure, (first.low, first.high), condition, ablation, config, overrides, measure,
+        tuple(cases),
+    )  # fmt: skip
 
 
 def _listed(cases: Sequence[Case], side: bool) -> str:
@@ -134,13 +170,15 @@ def _chains(chains: Sequence[str]) -> str:
 
 
 def geometric_mean(values: Sequence[float | None]) -> Ratio:
-    """Return the geometric mean of a positive figure over draws, with its interval."""
-    return paired_ratio(values, [1.0] * len(values))
+    """Return the geometric mean of a positive figure over draws, with its interval; NaN where no draw has one."""
+    return ratio_of(values, [1.0] * len(values))
 
 
 def average(values: Sequence[float | None]) -> Ratio:
-    """Return the mean over draws of a figure of either sign, with Student's interval."""
+    """Return the mean over draws of a figure of either sign, with Student's interval; NaN where no draw has one."""
     known = [value for value in values if value is not None]
+    if not known:
+        return Ratio(math.nan, math.nan, math.nan, 0, (len(values), 0))
     mean, half = mean_interval(known)
     return Ratio(mean, mean - half, mean + half, len(known), (len(values) - len(known), 0))
 
@@ -148,6 +186,14 @@ def average(values: Sequence[float | None]) -> Ratio:
 def ablated(x: Records, form: str, chain: str) -> Ratio:
     """Return the RMSE of an ablation, such as ``l-no-fuzzy``, over that of the law it is taken from."""
     return x.ratio("rmse", form, f"proposed-{form[0]}", "sine", chain, UNCERTAIN)
+
+
+def as_well(tried: Mapping[str, Ratio]) -> str:
+    """Return which of the laws tried have an error at most a tenth larger, interval and all, and which do not."""
+    well = [f"{name} x{text(ratio)}" for name, ratio in tried.items() if ratio.high < NO_CHANGE and not ratio.failed[0]]
+    others = [f"{name} x{text(ratio)}" for name, ratio in tried.items() if f"{name} x{text(ratio)}" not in well]
+    parts = [f"as well: {', '.join(well)}" if well else "nothing tried does as well"]
+    return "; ".join(parts + ([f"worse: {', '.join(others)}"] if others else []))
 
 
 def text(ratio: Ratio) -> str:

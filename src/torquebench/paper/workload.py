@@ -9,6 +9,7 @@ from torquebench.experiment import load_experiment
 from torquebench.experiment.scenario_schema import (
     BandLimitedNoise,
     Bias,
+    Chain,
     Disturbance,
     Friction,
     Mismatch,
@@ -17,16 +18,20 @@ from torquebench.experiment.scenario_schema import (
 )
 from torquebench.experiment.schema import Experiment
 from torquebench.robot.library import data_root
+from torquebench.sim.chain import CHAINS as CHAIN_NAMED
 
 CHAINS = ("ideal", "fast", "slow")
-NOMINAL, UNCERTAIN, MISMATCH = "nominal", "uncertain", "mismatch"
+NOMINAL, NOISE, UNCERTAIN, MISMATCH = "nominal", "noise", "noise and a wrong model", "a wrong model"
+EXACT = "exact encoders"
 SLOW_NOISE, LIMIT_NOISE = "noise held 100 ms", "noise of 30 % of the limit held 100 ms"
 BIAS, SINUSOID = "constant torque of sigma", "1 Hz torque of sigma"
 PAYLOAD, FRICTION = "payload of 2 kg", "friction"
-"""Conditions: nothing else; model error and noise; model error alone; other readings of the paper's noise; disturbances
-that are no noise; burdens that no model knows of."""
+"""Conditions: nothing else; the paper's noise; model error and noise; model error alone; encoders without noise; other
+readings of the paper's noise, with model error; disturbances that are no noise; burdens that no model knows of."""
 PAIRED_DRAWS = {"quick": 4, "full": 30}
 """Draws behind each interval, by size."""
+ENCODER_DRAWS = 8
+"""At most this many where the encoders' own noise is all that is drawn."""
 RELATIVE = 0.3
 """Error of every constant of the controllers' model in uncertain conditions [1]."""
 OF_LIMIT = (29.28, 55.92, 26.82, 7.26, 6.03, 6.39)
@@ -39,6 +44,10 @@ CLAIMED = (
 """Controllers of Figs 10 and 11."""
 STRONG = "conventional-strong"
 """A conventional controller that is as fast as the torque limits allow, on the step only."""
+EQUAL = ("conventional-06", "conventional-m-06")
+"""Conventional controllers with as much torque to spend against noise as the proposed ones, K_K + K_F."""
+LINEAR = ("m-computed-torque", "m-pid")
+"""Laws without any of the paper's parts, at the proposed law's gains of set M."""
 BANDS = ("band", "linear-band")
 """Controllers of Fig 9 besides the conventional one, which is Fig 10's too."""
 FAMILIES = (
@@ -77,22 +86,26 @@ def blocks(draws: int) -> list[Block]:
     """
     every: list[Block] = []
     for chain in CHAINS:
-        every += [Block(f"fig9-{name}", chain, NOMINAL, BANDS, 1) for name in ("chattering", "step")]
-        every.append(Block("fig9-ramp", chain, NOMINAL, ("conventional", *BANDS), 1))
-        every.append(Block("fig10-following", chain, NOMINAL, CLAIMED, 1))
-        every.append(Block("fig10-step", chain, NOMINAL, (*CLAIMED, STRONG), 1))
+        some = 1 if chain == "ideal" else min(draws, ENCODER_DRAWS)
+        every += [Block(f"fig9-{name}", chain, NOMINAL, BANDS, some) for name in ("chattering", "step")]
+        every.append(Block("fig9-ramp", chain, NOMINAL, ("conventional", *BANDS), some))
+        every.append(Block("fig10-following", chain, NOMINAL, CLAIMED, some))
+        every.append(Block("fig10-step", chain, NOMINAL, (*CLAIMED, STRONG), some))
         every.append(Block("families", chain, NOMINAL, FAMILIES, 1))
-        every.append(Block("literal", chain, NOMINAL, ("equation-149", "equation-98"), 1))
-        every.append(Block("fig9-noise", chain, UNCERTAIN, BANDS, draws))
-        every.append(Block("fig11-noise", chain, UNCERTAIN, CLAIMED, draws))
+        every.append(Block("literal", chain, NOMINAL, ("equation-149", "equation-98"), some))
+        every.append(Block("fig9-noise", chain, NOISE, BANDS, draws))
+        every += [Block("fig11-noise", chain, condition, CLAIMED, draws) for condition in (NOISE, UNCERTAIN)]
+    every += [Block("fig9-chattering", chain, EXACT, ("conventional", *BANDS), 1) for chain in ("fast", "slow")]
+    every.append(Block("fig9-noise", "ideal", UNCERTAIN, BANDS, draws))
     every.append(Block("fig10-step", "ideal", UNCERTAIN, (*CLAIMED, STRONG), draws))
-    for chain, prefix in (("ideal", "l"), ("slow", "m")):
-        every.append(Block("ablations", chain, UNCERTAIN, tuple(f"{prefix}-{form}" for form in FORMS), draws))
+    every.append(Block("ablations", "ideal", UNCERTAIN, tuple(f"l-{form}" for form in FORMS), draws))
+    every.append(Block("ablations", "slow", UNCERTAIN, (*(f"m-{form}" for form in FORMS), *LINEAR), draws))
     every.append(Block("fig11-noise", "ideal", MISMATCH, tuple(n for n in CLAIMED if n.startswith("proposed")), draws))
     for condition in (BIAS, SINUSOID, PAYLOAD, FRICTION):
         every.append(Block("fig11-noise", "ideal", condition, CLAIMED, 1))
     noisy = ("conventional", "conventional-m", "proposed-l", "proposed-m")
-    every += [Block("fig11-noise", "ideal", condition, noisy, draws) for condition in (SLOW_NOISE, LIMIT_NOISE)]
+    every.append(Block("fig11-noise", "ideal", SLOW_NOISE, noisy, draws))
+    every.append(Block("fig11-noise", "ideal", LIMIT_NOISE, (*noisy, *EQUAL), draws))
     return every
 
 
@@ -118,7 +131,7 @@ def chosen(experiment: Experiment, controllers: Sequence[str]) -> Experiment:
 
 def under(experiment: Experiment, condition: str) -> Experiment:
     """Return an experiment under a condition; the noise that a config has is the paper's."""
-    noise = experiment.disturbances
+    noise, chain = experiment.disturbances, experiment.chain
     if condition == UNCERTAIN and not noise:
         noise = experiment_of(Block("fig11-noise", "ideal", UNCERTAIN, (), 0)).disturbances
     change = _CHANGES.get(condition)
@@ -126,10 +139,23 @@ def under(experiment: Experiment, condition: str) -> Experiment:
     error = Mismatch(relative=RELATIVE) if condition in (UNCERTAIN, MISMATCH, SLOW_NOISE, LIMIT_NOISE) else None
     plant = experiment.plant.model_copy(update=_BURDENS.get(condition, {}))
     belief = experiment.model.model_copy(update={"mismatch": error})
-    return experiment.model_copy(update={"plant": plant, "model": belief, "disturbances": disturbances})
+    if condition == EXACT and isinstance(chain, str):
+        chain = exact_encoders(chain)
+    changed = {"plant": plant, "model": belief, "chain": chain, "disturbances": disturbances}
+    return experiment.model_copy(update=changed)
+
+
+def exact_encoders(name: str) -> Chain:
+    """Return the chain of a name without its encoders' noise."""
+    known = CHAIN_NAMED[name]
+    return Chain(
+        velocity="differentiated", velocity_filter=known.velocity_rate, actuator_lag=known.lag, delay=known.delay,
+        quantisation=known.quantum,
+    )  # fmt: skip
 
 
 _CHANGES: dict[str, Callable[[BandLimitedNoise], Disturbance]] = {
+    NOISE: lambda noise: noise,
     UNCERTAIN: lambda noise: noise,
     SLOW_NOISE: lambda noise: noise.model_copy(update={"hold": 0.1}),
     LIMIT_NOISE: lambda noise: noise.model_copy(update={"hold": 0.1, "sigma": OF_LIMIT}),
