@@ -114,7 +114,7 @@ class Certificate:
 
     @property
     def least_eta(self) -> float | None:
-        """Least eta_i / K_i of a joint outside its layer; None if none ever is. 1 where K acts with nothing opposing."""
+        """Least eta_i / K_i of a joint outside its layer; None if none ever is. 1 where nothing opposes K."""
         outside = np.abs(self.s) > self.layer
         return float(np.min((self.eta / self.K)[outside])) if outside.any() else None
 
