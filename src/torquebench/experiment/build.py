@@ -92,7 +92,9 @@ class Builder:
             "reference", 4, lambda: sampled(build_reference(experiment.reference, n), experiment),
             experiment.reference, n, experiment.n_steps, run.control_period,
         )  # fmt: skip
-        model, redraws = self._kept("belief", 1, lambda: build_belief(experiment), experiment.model, arm, *drawn)
+        structure, constants = experiment.model.structure, experiment.model.constants
+        right = self._kept("model", 4, lambda: load_model(arm, structure, constants), arm, structure, constants)
+        model, redraws = self._kept("belief", 1, lambda: build_belief(experiment, right), experiment.model, arm, *drawn)
         controllers: tuple[Controller, ...] = self._kept(
             "controllers", 4, lambda: build_controllers(experiment), experiment.controllers, experiment.fuzzy, n
         )
@@ -143,14 +145,18 @@ def redrawn(experiment: schema.Experiment, loop: Loop) -> Loop:
     )  # fmt: skip
 
 
-def build_belief(experiment: schema.Experiment) -> tuple[RobotModel, int]:
+def build_belief(experiment: schema.Experiment, right: RobotModel | None = None) -> tuple[RobotModel, int]:
     """Make the model that the laws use, and return it with the number of rejected draws of its mismatch.
+
+    Args:
+        experiment: The experiment.
+        right: The model without mismatch, where it is there already.
 
     Raises:
         ConfigError: no acceptable mismatch was found.
     """
     keys, run = experiment.model, experiment.run
-    model = load_model(experiment.plant.model, keys.structure, keys.constants)
+    model = load_model(experiment.plant.model, keys.structure, keys.constants) if right is None else right
     try:
         match keys.mismatch:
             case None:

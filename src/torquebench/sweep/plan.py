@@ -194,7 +194,9 @@ class Plan:
     def _checked(self, case: int, combination: Combination) -> _Fixed:
         numbers = [random.numbers[0] for random in self.continuous]
         document, places = self.variant(self.assigned(case, combination, numbers))
-        return _Fixed(check_experiment(document), places)
+        experiment = check_experiment(document)
+        _ = experiment.n  # kept in the copies that draws make of it: it reads the arm's files
+        return _Fixed(experiment, places)
 
     def columns(self, rows: int) -> dict[str, npt.NDArray[Any]]:
         """Return the columns of a table of some rows, not filled yet, in their order."""

@@ -68,7 +68,7 @@ def facts_of(plan: Plan, shard_size: int) -> dict[str, Any]:
     """Return what identifies a sweep, and what it is made of."""
     source = plan.source
     made_of = {
-        "software": {name: version for name, version in versions().items() if name not in _APART},
+        "software": {name: version for name, version in versions().items() if name in _DECISIVE},
         "plugins": checksums(source.plugins),
         "model_files": checksums(sorted(p for p in model_folder(plan.first.plant.model).iterdir() if p.is_file())),
     }
@@ -134,8 +134,8 @@ def refuse_changes(stored: Stored, plan: Plan, option: str) -> None:
     )
 
 
-_APART = ("matplotlib", "pyyaml", "pydantic")
-"""Packages on which no number depends."""
+_DECISIVE = ("torquebench", "python", "mujoco", "numpy", "numba")
+"""Software on which numbers depend."""
 _COMPARED = ("config", "software", "plugins", "model_files")
 
 
