@@ -180,6 +180,12 @@ def plant_factors(experiment: schema.Experiment) -> Array | None:
     return draw_factors(experiment.n, perturb.relative, generator(run.seed, run.draw, Stream.PERTURBATION))
 
 
+def payload_of(keys: schema.Plant) -> Payload | None:
+    """Return what a plant takes up; a mass of zero is none."""
+    load = keys.payload
+    return None if load is None or load.mass == 0.0 else Payload(load.mass, load.at, load.offset)
+
+
 def build_plant(experiment: schema.Experiment) -> Plant:
     """Make the plant; MuJoCo is imported only for ``engine: mujoco``.
 
@@ -188,8 +194,7 @@ def build_plant(experiment: schema.Experiment) -> Plant:
         ModelError: the arm cannot carry the payload.
     """
     keys, factors = experiment.plant, plant_factors(experiment)
-    load, rub = keys.payload, keys.friction
-    payload = None if load is None else Payload(load.mass, load.at, load.offset)
+    payload, rub = payload_of(keys), keys.friction
     friction = None if rub is None else Friction(rub.viscous, rub.coulomb, rub.speed)
     try:
         if isinstance(keys, schema.AnalyticPlant):
