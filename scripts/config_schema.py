@@ -112,11 +112,19 @@ def _groups(node: Node) -> list[str]:
 
 def _inner(node: Node) -> list[Node]:
     """Return what a list's items and a mapping's values are."""
-    return [*([node["items"]] if "items" in node else []), *node.get("patternProperties", {}).values()]
+    others = node.get("additionalProperties")
+    named = [others] if isinstance(others, dict) else []
+    return [*([node["items"]] if "items" in node else []), *node.get("patternProperties", {}).values(), *named]
 
 
 def _kind(key: str, node: Node, definitions: Node) -> str:
     """Return the values that a key takes, in words."""
+    if not node:
+        return "value"
+    if isinstance(node.get("additionalProperties"), dict):
+        return f"names, each with {_kind(key, node['additionalProperties'], definitions)}"
+    if node.get("additionalProperties") is True:
+        return "mapping of names to values"
     if _groups(node):
         most = f"list of {node.get('minItems', 0)} to {node['maxItems']}, " if "items" in node else ""
         most = f"mapping of at most {node['maxProperties']}, " if "patternProperties" in node else most
@@ -124,8 +132,6 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
         return ", or ".join([*words, f"{most}see below"])
     if "anyOf" in node:
         return ", or ".join(_kind(key, choice, definitions) for choice in node["anyOf"])
-    if node.get("type") == "object":
-        return f"names, each with {_kind(key, node['additionalProperties'], definitions)}"
     if node.get("type") == "array":
         low, high = node["minItems"], node["maxItems"]
         items = node.get("prefixItems", [node.get("items")])[0]

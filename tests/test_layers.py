@@ -17,7 +17,7 @@ from tests.source_tree import ALL, FILES, TREES, imports
 LAYERS = (
     ("errors",), ("kernel_cache",), ("kernel",), ("packing",), ("packing_types",), ("fuzzy", "robot"),
     ("references", "disturbances"), ("dialect",), ("laws",), ("sim",), ("check",), ("measures", "statistics"),
-    ("metrics", "certificates"), ("experiment",), ("analysis",), ("bench", "report", "video"), ("paper",),
+    ("metrics", "certificates"), ("experiment",), ("sweep",), ("analysis",), ("bench", "report", "video"), ("paper",),
     ("cli",),
     ("__main__",),
 )  # fmt: skip
@@ -86,6 +86,8 @@ HOMES = {
         "cli/compare.py",
         "cli/main.py",
         "cli/paper.py",
+        "cli/run.py",
+        "cli/sweep.py",
         "cli/video.py",
     },
 }

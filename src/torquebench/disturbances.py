@@ -16,6 +16,7 @@ class Stream(IntEnum):
     TORQUE_NOISE = 1
     POSITION_NOISE = 2
     PERTURBATION = 3
+    SWEEP = 4
 
 
 def generator(seed: int, run: int, stream: Stream, index: int = 0) -> np.random.Generator:

@@ -1,18 +1,19 @@
 """The formulas behind the metrics: pure functions of sampled signals, one value per joint.
 
 Source of every definition: docs/definitions.md, "Metrics". Signals are arrays (N, n), control instants by
-joints; e = q_ref - q. A value is NaN where the metric is undefined.
+joints; e = q_ref - q. A value is NaN where the metric is undefined. Sums run over the instants in order.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from torquebench.kernel import Array
+from torquebench.kernel import Array, kernel, sign
 
 HF_FROM_HZ = 30.0
 """Lowest frequency that counts as chattering [Hz]."""
@@ -22,7 +23,23 @@ HF_MAX_PERIOD = 0.010
 
 def rms(e: Array) -> Array:
     """sqrt(mean e^2) over the samples, (n,) [unit of e]."""
-    return np.asarray(np.sqrt(np.mean(e * e, axis=0)))
+    out = np.zeros(e.shape[1])
+    sum_of_squares(e, np.ones(e.shape[1]), out)
+    return np.asarray(np.sqrt(out / len(e)))
+
+
+def mean_absolute(e: Array) -> Array:
+    """Mean |e| over the samples, (n,) [unit of e]."""
+    out = np.zeros(e.shape[1])
+    absolute_sum(e, out)
+    return out / len(e)
+
+
+def greatest(e: Array) -> Array:
+    """Return max |e| over the samples, (n,) [unit of e]."""
+    out = np.zeros(e.shape[1])
+    absolute_maximum(e, out)
+    return out
 
 
 def absolute_error_integral(t: Array, e: Array, weight: Array | None = None) -> Array:
@@ -30,8 +47,9 @@ def absolute_error_integral(t: Array, e: Array, weight: Array | None = None) -> 
 
     IAE has weight 1; ITAE has weight t, (N,) [s], and is in rad s^2.
     """
-    weighted = np.abs(e) if weight is None else np.abs(e) * weight[:, None]
-    return np.asarray(np.trapezoid(weighted, t, axis=0), dtype=np.float64)
+    out = np.zeros(e.shape[1])
+    trapezium(t, e, np.ones(len(t)) if weight is None else weight, out)
+    return out
 
 
 class StepResponse(NamedTuple):
@@ -97,12 +115,27 @@ def _settles(t: Array, deviation: Array, band: float) -> float:
     return float(t[k] + (before - edge) / (before - after) * (t[k + 1] - t[k]) - t[0])
 
 
+@lru_cache(maxsize=8)
+def hann(n: int) -> Array:
+    """Return the periodic Hann window of n samples, a column (n, 1); read-only."""
+    window: Array = (0.5 - 0.5 * np.cos(2.0 * math.pi * np.arange(n) / n))[:, None]
+    window.setflags(write=False)
+    return window
+
+
+@lru_cache(maxsize=8)
+def frequencies(n: int, control_period: float) -> Array:
+    """Return the frequencies of the lines of a spectrum of n samples [Hz]; read-only."""
+    lines: Array = np.asarray(np.fft.rfftfreq(n, control_period), dtype=np.float64)
+    lines.setflags(write=False)
+    return lines
+
+
 def hann_spectrum(x: Array, control_period: float) -> tuple[Array, npt.NDArray[np.complex128]]:
     """Frequencies [Hz] and rfft of x less its mean under a periodic Hann window (mean square 3/8)."""
     n = len(x)
-    window = 0.5 - 0.5 * np.cos(2.0 * math.pi * np.arange(n) / n)
-    spectrum = np.fft.rfft((x - np.mean(x, axis=0)) * window[:, None], axis=0)
-    return np.asarray(np.fft.rfftfreq(n, control_period), dtype=np.float64), spectrum
+    spectrum = np.fft.rfft((x - np.mean(x, axis=0)) * hann(n), axis=0)
+    return frequencies(n, control_period), spectrum
 
 
 def chattering_index(tau: Array, control_period: float, tau_max: Array) -> Array:
@@ -125,31 +158,109 @@ def chattering_index(tau: Array, control_period: float, tau_max: Array) -> Array
 
 def total_variation(tau: Array, control_period: float, tau_max: Array) -> Array:
     """Sum |delta tau| / (length tau_max), (n,) [tau_max/s]; length = time from first to last sample."""
-    steps = np.diff(tau, axis=0)
-    return np.asarray(np.sum(np.abs(steps), axis=0)) / (len(steps) * control_period * tau_max)
+    out = np.zeros(tau.shape[1])
+    travelled(tau, out)
+    return out / ((len(tau) - 1) * control_period * tau_max)
 
 
 def reversals(tau: Array, control_period: float, tau_max: Array) -> Array:
     """Sign changes per second of delta tau, (n,) [1/s]; changes of at most 1e-3 tau_max are passed over."""
-    steps = np.diff(tau, axis=0)
     counts = np.zeros(tau.shape[1])
-    for i in range(tau.shape[1]):
-        rising = steps[np.abs(steps[:, i]) > 1e-3 * tau_max[i], i] > 0.0
-        counts[i] = np.count_nonzero(rising[1:] != rising[:-1])
-    return counts / (len(steps) * control_period)
+    turns(tau, tau_max, counts)
+    return counts / ((len(tau) - 1) * control_period)
 
 
 def effort(tau: Array, tau_max: Array) -> Array:
     """Mean (tau/tau_max)^2, (n,) [1]."""
-    return np.asarray(np.mean((tau / tau_max) ** 2, axis=0))
+    out = np.zeros(tau.shape[1])
+    sum_of_squares(tau, tau_max, out)
+    return out / len(tau)
 
 
 def saturation_fraction(tau: Array, tau_max: Array) -> Array:
     """Fraction of the samples with |tau| at its limit, (n,) [1]."""
-    return np.asarray(np.mean(np.abs(tau) >= tau_max * (1.0 - 1e-12), axis=0))
+    below = np.zeros(tau.shape[1])
+    count_below(tau, tau_max * (1.0 - 1e-12), below)
+    return (len(tau) - below) / len(tau)
 
 
 def time_in_band(s: Array, phi: Array | float) -> Array:
     """Fraction of the samples with |s| <= phi, (n,) [1]; NaN for a joint whose s is not always defined."""
-    inside = np.mean(np.abs(s) <= phi, axis=0)
-    return np.where(np.isfinite(s).all(axis=0), inside, np.nan)
+    n = s.shape[1]
+    outside = np.zeros(n)
+    count_above(s, np.array(np.broadcast_to(phi, (n,)), dtype=np.float64), outside)
+    return (len(s) - outside) / len(s)
+
+
+@kernel
+def sum_of_squares(x: Array, unit: Array, out: Array) -> None:
+    """Add (x/unit)^2 up over the samples x (N, n); unit and out (n,)."""
+    for k in range(len(x)):
+        for i in range(len(out)):
+            ratio = x[k, i] / unit[i]
+            out[i] += ratio * ratio
+
+
+@kernel
+def absolute_sum(x: Array, out: Array) -> None:
+    """Add |x| up over the samples x (N, n); out (n,)."""
+    for k in range(len(x)):
+        for i in range(len(out)):
+            out[i] += abs(x[k, i])
+
+
+@kernel
+def absolute_maximum(x: Array, out: Array) -> None:
+    """Find the greatest |x| of the samples x (N, n); out (n,)."""
+    for k in range(len(x)):
+        for i in range(len(out)):
+            if abs(x[k, i]) > out[i]:
+                out[i] = abs(x[k, i])
+
+
+@kernel
+def trapezium(t: Array, x: Array, weight: Array, out: Array) -> None:
+    """Integrate |x| weight by the trapezium rule; t and weight (N,), x (N, n), out (n,)."""
+    for k in range(1, len(t)):
+        step = t[k] - t[k - 1]
+        for i in range(len(out)):
+            out[i] += step * (abs(x[k, i]) * weight[k] + abs(x[k - 1, i]) * weight[k - 1]) / 2.0
+
+
+@kernel
+def travelled(x: Array, out: Array) -> None:
+    """Add the changes |x_k - x_(k-1)| up over the samples x (N, n); out (n,)."""
+    for k in range(1, len(x)):
+        for i in range(len(out)):
+            out[i] += abs(x[k, i] - x[k - 1, i])
+
+
+@kernel
+def turns(x: Array, size: Array, out: Array) -> None:
+    """Count how often x (N, n) turns round, changes of at most a thousandth of size (n,) passed over; out (n,)."""
+    for i in range(len(out)):
+        last = 0.0
+        for k in range(1, len(x)):
+            change = x[k, i] - x[k - 1, i]
+            if abs(change) > 1e-3 * size[i]:
+                if change * last < 0.0:
+                    out[i] += 1.0
+                last = sign(change)
+
+
+@kernel
+def count_below(x: Array, limit: Array, out: Array) -> None:
+    """Count the samples of x (N, n) with |x| < limit (n,); out (n,)."""
+    for k in range(len(x)):
+        for i in range(len(out)):
+            if abs(x[k, i]) < limit[i]:
+                out[i] += 1.0
+
+
+@kernel
+def count_above(x: Array, limit: Array, out: Array) -> None:
+    """Count the samples of x (N, n) with |x| > limit (n,); NaN from a sample on that is not finite; out (n,)."""
+    for k in range(len(x)):
+        for i in range(len(out)):
+            if not abs(x[k, i]) <= limit[i]:
+                out[i] += 1.0 + 0.0 * x[k, i]

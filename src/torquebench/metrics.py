@@ -109,10 +109,24 @@ class Metrics:
 
 
 def _metric(per_joint: Array, reduce: _Reduce, counted: _Counted | None = None) -> Metric:
-    used = per_joint if counted is None else per_joint[counted]
-    defined = used.size > 0 and bool(np.isfinite(used).all())
-    listed = tuple(float(x) if math.isfinite(x) else None for x in per_joint)
+    listed = tuple(x if math.isfinite(x) else None for x in per_joint.tolist())
+    if counted is None:
+        used, defined = per_joint, None not in listed
+    else:
+        used = per_joint[counted]
+        defined = used.size > 0 and bool(np.isfinite(used).all())
     return Metric(float(reduce(used)) if defined else None, listed, int(used.size))
+
+
+def _mean(x: Array) -> np.floating[Any]:
+    """Return the mean, without what numpy's own looks up first."""
+    total: np.floating[Any] = np.add.reduce(x) / len(x)
+    return total
+
+
+def _root_mean_square(x: Array) -> np.floating[Any]:
+    root: np.floating[Any] = np.sqrt(_mean(x * x))
+    return root
 
 
 def compute_metrics(
@@ -147,30 +161,31 @@ def compute_metrics(
     limit = np.asarray(tau_max, dtype=np.float64)
     if limit.shape != (n,) or not np.all(np.isfinite(limit) & (limit > 0.0)):
         raise ResultError(f"torque limits {limit.tolist()}: wanted {n} positive numbers")
-    window = t > metrics_from - 1e-6 * control_period  # t >= metrics_from, whichever way k T was rounded
-    if np.count_nonzero(window) < 2:
+    # t >= metrics_from, whichever way k T was rounded
+    first = int(np.searchsorted(t, metrics_from - 1e-6 * control_period, side="right"))
+    if len(t) - first < 2:
         raise ResultError(f"the metrics' window from {metrics_from:g} s holds fewer than two samples")
-    e, tau, s = q_ref - q, trajectory.tau[window], trajectory.s[window]
+    e, tau, s = q_ref - q, trajectory.tau[first:], trajectory.s[first:]
     undefined = np.full(n, np.nan)
     last = math.floor(STEADY_SPAN / control_period + 1e-6)
-    steady = np.mean(np.abs(e[-last:]), axis=0) if 1 <= last <= len(e) else undefined
+    steady = measures.mean_absolute(e[-last:]) if 1 <= last <= len(e) else undefined
     if reference_kind in STEP_KINDS:
         response = measures.step_response(t, q, q_ref)
     else:
         response = measures.StepResponse(undefined, undefined, undefined, np.zeros(n, dtype=bool))
     return Metrics(
-        rmse=_metric(measures.rms(e[window]), lambda x: np.sqrt(np.mean(x * x))),
-        max_error=_metric(np.max(np.abs(e[window]), axis=0), np.max),
+        rmse=_metric(measures.rms(e[first:]), _root_mean_square),
+        max_error=_metric(measures.greatest(e[first:]), np.max),
         steady_state_error=_metric(steady, np.max),
-        iae=_metric(measures.absolute_error_integral(t, e), np.mean),
-        itae=_metric(measures.absolute_error_integral(t, e, t), np.mean),
-        rise_time=_metric(response.rise_time, np.mean, response.counted),
+        iae=_metric(measures.absolute_error_integral(t, e), _mean),
+        itae=_metric(measures.absolute_error_integral(t, e, t), _mean),
+        rise_time=_metric(response.rise_time, _mean, response.counted),
         overshoot=_metric(response.overshoot, np.max, response.counted),
         settling_time=_metric(response.settling_time, np.max, response.counted),
-        hf=_metric(measures.chattering_index(tau, control_period, limit), np.mean),
-        total_variation=_metric(measures.total_variation(tau, control_period, limit), np.mean),
-        reversals=_metric(measures.reversals(tau, control_period, limit), np.mean),
-        effort=_metric(measures.effort(tau, limit), np.mean),
-        saturation_fraction=_metric(measures.saturation_fraction(tau, limit), np.mean),
-        time_in_band=_metric(undefined if phi is None else measures.time_in_band(s, phi), np.mean),
+        hf=_metric(measures.chattering_index(tau, control_period, limit), _mean),
+        total_variation=_metric(measures.total_variation(tau, control_period, limit), _mean),
+        reversals=_metric(measures.reversals(tau, control_period, limit), _mean),
+        effort=_metric(measures.effort(tau, limit), _mean),
+        saturation_fraction=_metric(measures.saturation_fraction(tau, limit), _mean),
+        time_in_band=_metric(undefined if phi is None else measures.time_in_band(s, phi), _mean),
     )

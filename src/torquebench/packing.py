@@ -18,6 +18,7 @@ import numpy as np
 
 from torquebench.kernel import Array, IntArray
 
+_KINDS = {kind: np.dtype(kind) for kind in (np.float64, np.int64)}
 _DOUBLE, _DOUBLE_AS_INT = struct.Struct("<d"), struct.Struct("<q")
 
 
@@ -95,7 +96,9 @@ def words(value: Any) -> list[int]:
     for name, (kind, dimensions, _) in layout(type(value))[0].items():
         content = getattr(value, name)
         if dimensions:
-            fits = isinstance(content, np.ndarray) and content.dtype == kind and content.ndim == dimensions
+            # numpy has one object for each of the two kinds, so that most need no comparison
+            fits = isinstance(content, np.ndarray) and content.ndim == dimensions
+            fits = fits and (content.dtype is _KINDS[kind] or content.dtype == kind)
             if not (fits and content.flags.c_contiguous):
                 raise TypeError(
                     f"{type(value).__name__}.{name} is {content!r}, wanted a C-contiguous array of {kind.__name__} "

@@ -178,7 +178,7 @@ BAD_NUMBERS = [
     Bad("seed: 7", "seed: " + "9" * 5000, "run.seed", "whole number"),
     Bad("draw: 3", "draw: -3", "run.draw", "at least 0"),
     Bad("metrics_from: 1.25", "metrics_from: -1", "run.metrics_from", "at least 0"),
-    Bad("relative: 0.3", "relative: 0", "model.mismatch.relative", "more than 0"),
+    Bad("relative: 0.3", "relative: -0.1", "model.mismatch.relative", "at least 0"),
     Bad("relative: 0.3", "relative: 1", "model.mismatch.relative", "less than 1"),
     Bad("relative: 0.3", "relative: 30", "model.mismatch.relative", "it is a fraction: 0.3 for 30 %"),
     Bad("at: 0.2", "at: -0.2", "reference.at", "at least 0", text=STEP),

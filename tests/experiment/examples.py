@@ -192,6 +192,36 @@ fuzzy:
 reference:
 """,
 )
+SWEEP = """\
+sweep:
+  draws: 30
+  grid:
+    chain: [ideal, fast]
+    controllers.*.gains.lam:
+      from: 5
+      to: 20
+      count: 3
+      spacing: log
+  random:
+    run.metrics_from:
+      uniform: [1, 2]
+    controllers.linear-band.gains.kv:
+      log_uniform: [10, 30]
+    controllers[1].gains.phi:
+      normal:
+        mean: 0.35
+        std: 0.01
+    disturbances[0].sigma:
+      choice: [0.5, 1]
+  keep:
+    worst: 3
+    by: hf
+"""
+"""A section of `GOOD` that is no experiment's."""
+VARIED = {
+    "controllers.*.gains.lam", "run.metrics_from", "controllers.linear-band.gains.kv", "controllers[1].gains.phi",
+    "disturbances[0].sigma",
+}  # fmt: skip
 ALL = {
     "good": GOOD,
     "step": STEP,

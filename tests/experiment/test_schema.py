@@ -7,7 +7,7 @@ import runpy
 
 import pytest
 
-from tests.experiment.examples import ALL, properties
+from tests.experiment.examples import ALL, SWEEP, VARIED, properties
 from torquebench.experiment import experiment_json_schema
 from torquebench.laws.base import find_law, law_names
 from torquebench.robot.library import data_root
@@ -44,6 +44,7 @@ def test_key_reference_has_every_key_in_a_table_of_four_columns() -> None:
         assert listed == [*law.options, *["fuzzy"] * len(law.rules), *law.gains]
 
 
+WRITTEN = ("good", "step", "ramp", "analytic", "fuzzy", "scenario", "tolerance", "single")
 FACTS = [
     ("initial_q", "home is every joint at zero. References start at zero whatever initial_q is"),
     ("expect", "failed makes a failing run the expected outcome"),
@@ -51,7 +52,7 @@ FACTS = [
     ("amplitude", " for slide joints"),
     ("target", "[rad], in m for slide joints"),
     ("integrator", "euler is semi-implicit"),
-    ("relative", "| number, > 0, < 1 | "),
+    ("relative", "| number, >= 0, < 1 | "),
     ("timestep", "| number, > 0 | `0.001` |"),
     ("equivalent_control", "`true`"),
     ("surface", "Sliding variable: "),
@@ -90,8 +91,9 @@ def test_schema_and_loader_know_the_same_keys() -> None:
     described = {key for key, _ in properties(schema)}
     written = {
         line.strip().removeprefix("- ").partition(":")[0]
-        for name in ("good", "step", "ramp", "analytic", "fuzzy", "scenario", "tolerance", "single")
-        for line in ALL[name].splitlines()
+        for text in (SWEEP, *(ALL[name] for name in WRITTEN))
+        for line in text.splitlines()
         if not line.strip().startswith("- [")
     }
-    assert written == described | {"three", "list"}  # the names of the fuzzy systems
+    # the names of the fuzzy systems, and the keys that the sweep varies
+    assert written == described | {"three", "list"} | VARIED

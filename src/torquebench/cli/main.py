@@ -31,7 +31,9 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="run one experiment: every controller in it, side by side")
-    run.add_argument("config", type=Path, help="experiment, a YAML file")
+    run.add_argument("config", type=Path, nargs="?", help="experiment, a YAML file")
+    run.add_argument("--from-sweep", type=Path, metavar="DIR", help="run one row of a sweep again instead")
+    run.add_argument("--index", type=int, metavar="K", help="number of that row, from 0")
     run.add_argument("--out", type=Path, help="folder for the results, new or empty (default: runs/NAME-UTC)")
     run.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
@@ -67,6 +69,26 @@ def parser() -> argparse.ArgumentParser:
     fuzzy.add_argument("--out", type=Path, help="folder for the figures, new or empty (default: runs/fuzzy-NAME-UTC)")
     fuzzy.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
                        help="Python file that registers laws which the config uses")  # fmt: skip
+
+    sweep = commands.add_parser(
+        "sweep", help="many runs of one experiment: grids and random draws over any of its keys",
+        description="Run every case of a file's section `sweep` in every draw for every controller, and store a table "
+        "of their metrics. The work is estimated and shown first.",
+    )  # fmt: skip
+    sweep.add_argument("config", type=Path, nargs="?", help="experiment with a section `sweep`, a YAML file")
+    sweep.add_argument("--out", type=Path, help="folder for the results, new or empty (default: runs/NAME-UTC)")
+    sweep.add_argument("--resume", type=Path, metavar="DIR", help="go on with the sweep in this folder")
+    sweep.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="how many run (default: one per core)")
+    sweep.add_argument("--executor", choices=["processes", "threads"], default="processes",
+                       help="what the workers are (default: processes)")  # fmt: skip
+    sweep.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+        help="change one key, for example --set sweep.draws=10 or --set run.duration=2",
+    )  # fmt: skip
+    sweep.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
+                       help="Python file that registers laws of your own with @controller")  # fmt: skip
+    sweep.add_argument("--no-cap", action="store_true", help="start whatever it takes")
+    sweep.add_argument("--dry-run", action="store_true", help="check and estimate only")
 
     paper = commands.add_parser(
         "paper", help="the paper's Figs 9 to 11 and a verdict on each of its claims",
@@ -211,9 +233,11 @@ def dispatch(options: argparse.Namespace) -> int:
     if options.command == "run":
         from torquebench.cli.run import run
 
-        return run(
-            options.config, options.out, options.overrides, options.plugin, not options.no_figures, options.gl
-        )  # fmt: skip
+        return run(options)
+    if options.command == "sweep":
+        from torquebench.cli.sweep import sweep
+
+        return sweep(options)
     if options.command == "video":
         from torquebench.cli.video import video
 

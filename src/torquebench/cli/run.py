@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -12,11 +13,12 @@ from torquebench.cli.conditions import chain_text, conditions_text, noise_text
 from torquebench.cli.fuzzy import remarks, run_figures, used
 from torquebench.cli.terminal import complain, progress_bar, say, table
 from torquebench.disturbances import Stream
+from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
 from torquebench.experiment.build import build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
-from torquebench.experiment.schema import whole_steps
+from torquebench.experiment.schema import Experiment, whole_steps
 from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes, machine, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
@@ -29,30 +31,23 @@ from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
 
-def run(
-    config: Path, out: Path | None, overrides: Sequence[str], plugins: Sequence[Path], with_figures: bool,
-    gl: str | None = None,
-) -> int:  # fmt: skip
+def run(options: argparse.Namespace) -> int:
     """Run an experiment and return the exit status.
 
     Args:
-        config: The experiment's YAML file.
-        out: Folder for the results; None for ``runs/NAME-UTC``.
-        overrides: ``key=value`` changes of single keys.
-        plugins: Files that register further laws.
-        with_figures: Whether to draw figures, and a film if the config asks for one.
-        gl: The user's MUJOCO_GL, for the film.
+        options: Arguments of the command; see ``torquebench run --help``.
 
     Raises:
         ConfigError: bad input; nothing has been written.
     """
+    plugins = options.plugin
     for plugin in plugins:
         load_plugin(plugin)
-    experiment = load_experiment(config, overrides)
+    experiment = chosen(options)
     loop = build(experiment)
     for flag in flags(experiment, loop):
         complain(f"torquebench: {flag}")
-    directory = RunDirectory(claim_folder(out, experiment.name))
+    directory = RunDirectory(claim_folder(options.out, experiment.name))
     directory.write("experiment.yaml", dump_experiment(experiment).encode())
     begin = "starting (compiles on first use)"
     with progress_bar(experiment.n_steps * len(experiment.controllers), "step", begin) as bar:
@@ -68,7 +63,7 @@ def run(
             directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
 
         result = run_experiment(experiment, loop, progress=report, finished=keep)
-    proofs = write_results(result, directory, plugins, with_figures)
+    proofs = write_results(result, directory, plugins, not options.no_figures)
     say(summary(result))
     for line in certificate_lines(result, proofs):
         say(line)
@@ -76,10 +71,10 @@ def run(
         say(remark)
     say()
     say(f"results: {directory.folder}")
-    if with_figures and experiment.video is not None:
+    if not options.no_figures and experiment.video is not None:
         from torquebench.cli.video import film_of_run
 
-        film_of_run(result, directory.folder, gl)
+        film_of_run(result, directory.folder, options.gl)
     for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
         complain(f"torquebench: interpreted, which is slower: {reason}")
     for name in result.unexpected:
@@ -90,6 +85,36 @@ def run(
             f"torquebench: controller '{name}': {outcome_text(result, name)}{detail}; the config expects: {wanted}"
         )
     return 1 if result.unexpected else 0
+
+
+def chosen(options: argparse.Namespace) -> Experiment:
+    """Return the experiment of a file, or that of a sweep's row.
+
+    Args:
+        options: Arguments of the command; see ``torquebench run --help``.
+
+    Raises:
+        ConfigError: it has mistakes, or the arguments do not go together.
+    """
+    if options.from_sweep is None:
+        if options.config is None:
+            raise ConfigError([Problem("CONFIG", "", "missing: wanted an experiment's file, or --from-sweep")])
+        if options.index is not None:
+            raise ConfigError([Problem("--index", "", "has no effect without --from-sweep")])
+        return load_experiment(options.config, options.overrides)
+    extra = [("CONFIG", options.config is not None), ("--set", bool(options.overrides))]
+    problems = [Problem(name, "", "has no effect with --from-sweep: a row is run as it was") for name, is_there in extra
+                if is_there]  # fmt: skip
+    if options.index is None:
+        problems.append(Problem("--index", "", "missing: wanted the number of a row, from 0"))
+    if problems:
+        raise ConfigError(problems)
+    from torquebench.sweep.store import opened
+
+    plan = opened(options.from_sweep, tuple(options.plugin), "--from-sweep").plan
+    if not 0 <= options.index < plan.rows:
+        raise ConfigError([Problem("--index", "", f"got {options.index}, wanted 0 to {plan.rows - 1}")])
+    return plan.experiment_of(plan.row(options.index))
 
 
 def write_results(

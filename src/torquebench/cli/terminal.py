@@ -53,16 +53,19 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -
 
 
 @contextmanager
-def progress_bar(total: int, unit: str, begin: str) -> Iterator[Bar]:
+def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[Bar]:
     """Show progress on standard error, and clear it at the end; silent when that is not a terminal.
 
     Args:
         total: Number of units of work.
         unit: What one unit is called.
         begin: What is being done until the first unit is finished.
+        done: Units that were finished before.
     """
     from tqdm import tqdm
 
     hidden = sys.stderr is None or not sys.stderr.isatty()
-    with tqdm(total=total, desc=begin, unit=unit, unit_scale=True, leave=False, disable=hidden, file=sys.stderr) as bar:
+    with tqdm(
+        total=total, initial=done, desc=begin, unit=unit, unit_scale=True, leave=False, disable=hidden, file=sys.stderr
+    ) as bar:  # fmt: skip
         yield bar

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from torquebench.sim.friction import Friction, SteepError
 from torquebench.sim.loop import Controller
 from torquebench.sim.plant import Plant
 
+PLANTS = 8
+"""Plants that a `Builder` keeps: each has MuJoCo's working memory, about 1 MB."""
+
 
 class Loop(NamedTuple):
     """Everything one experiment's runs share, and its controllers."""
@@ -46,28 +50,83 @@ class Loop(NamedTuple):
     initial_q: Array
 
 
-def build(experiment: schema.Experiment) -> Loop:
-    """Make the objects of an experiment; all randomness is drawn here, from its seed and draw.
+class Fixed(NamedTuple):
+    """What an experiment's runs share whatever is drawn in them, but for a perturbed plant and a mismatch."""
 
-    Raises:
-        ConfigError: the reference leaves the range of floating-point numbers, the friction is too steep, or no
-            acceptable mismatch was found.
-        ModelError: a model is malformed.
-    """
-    n, run = experiment.n, experiment.run
-    reference = sampled(build_reference(experiment.reference, n), experiment)
-    model, redraws = build_belief(experiment)
-    systems = systems_of(experiment)
-    controllers = []
+    plant: Plant
+    model: RobotModel
+    redraws: int
+    controllers: tuple[Controller, ...]
+    reference: Reference
+
+
+class Builder:
+    """Makes the objects of experiments, and keeps those that the next experiments have too; one for each thread."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, list[tuple[tuple[Any, ...], Any]]] = {}
+
+    def __call__(self, experiment: schema.Experiment) -> Loop:
+        """Make the objects of an experiment; all randomness is drawn here, from its seed and draw.
+
+        Raises:
+            ConfigError: the reference leaves the range of floating-point numbers, the friction is too steep, or no
+                acceptable mismatch was found.
+            ModelError: a model is malformed.
+        """
+        plant, model, redraws, controllers, reference = self.fixed(experiment)
+        n, run = experiment.n, experiment.run
+        drawn = n, experiment.n_steps, run.control_period, run.seed, run.draw
+        return Loop(
+            plant, model.joint_names, model, redraws, controllers, reference,
+            self._kept("noise", 1, lambda: build_position_noise(experiment), experiment.chain, *drawn),
+            self._kept("torque", 1, lambda: build_disturbance(experiment), experiment.disturbances, *drawn),
+            np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
+        )  # fmt: skip
+
+    def fixed(self, experiment: schema.Experiment) -> Fixed:
+        """Make all but the signals that are drawn; errors as of a call."""
+        n, run, arm = experiment.n, experiment.run, experiment.plant.model
+        drawn = run.seed, run.draw
+        reference: Reference = self._kept(
+            "reference", 4, lambda: sampled(build_reference(experiment.reference, n), experiment),
+            experiment.reference, n, experiment.n_steps, run.control_period,
+        )  # fmt: skip
+        structure, constants = experiment.model.structure, experiment.model.constants
+        right = self._kept("model", 4, lambda: load_model(arm, structure, constants), arm, structure, constants)
+        model, redraws = self._kept("belief", 1, lambda: build_belief(experiment, right), experiment.model, arm, *drawn)
+        controllers: tuple[Controller, ...] = self._kept(
+            "controllers", 4, lambda: build_controllers(experiment), experiment.controllers, experiment.fuzzy, n
+        )
+        own = drawn if experiment.plant.perturb is not None else ()
+        plant: Plant = self._kept("plant", PLANTS, lambda: build_plant(experiment), experiment.plant, *own)
+        return Fixed(plant, model, redraws, controllers, reference)
+
+    def _kept(self, what: str, most: int, make: Callable[[], Any], *key: Any) -> Any:
+        """Return what was made for an equal key, or make it; at most `most` of a kind are kept."""
+        kept = self._last.setdefault(what, [])
+        for known, value in kept:
+            if known == key:
+                return value
+        value = make()
+        del kept[: max(0, len(kept) - most + 1)]
+        kept.append((key, value))
+        return value
+
+
+def build(experiment: schema.Experiment) -> Loop:
+    """Make the objects of one experiment; see `Builder`."""
+    return Builder()(experiment)
+
+
+def build_controllers(experiment: schema.Experiment) -> tuple[Controller, ...]:
+    """Make the controllers."""
+    systems, controllers = systems_of(experiment), []
     for c in experiment.controllers:
         law = find_law(c.law)
         fuzzy = systems[c.fuzzy] if c.fuzzy is not None else None
-        controllers.append(Controller(c.name, law, law.pack_gains(n, c.gains, c.options, fuzzy)))
-    return Loop(
-        build_plant(experiment), model.joint_names, model, redraws, tuple(controllers),
-        reference, build_position_noise(experiment), build_disturbance(experiment),
-        np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
-    )  # fmt: skip
+        controllers.append(Controller(c.name, law, law.pack_gains(experiment.n, c.gains, c.options, fuzzy)))
+    return tuple(controllers)
 
 
 def redrawn(experiment: schema.Experiment, loop: Loop) -> Loop:
@@ -86,14 +145,18 @@ def redrawn(experiment: schema.Experiment, loop: Loop) -> Loop:
     )  # fmt: skip
 
 
-def build_belief(experiment: schema.Experiment) -> tuple[RobotModel, int]:
+def build_belief(experiment: schema.Experiment, right: RobotModel | None = None) -> tuple[RobotModel, int]:
     """Make the model that the laws use, and return it with the number of rejected draws of its mismatch.
+
+    Args:
+        experiment: The experiment.
+        right: The model without mismatch, where it is there already.
 
     Raises:
         ConfigError: no acceptable mismatch was found.
     """
     keys, run = experiment.model, experiment.run
-    model = load_model(experiment.plant.model, keys.structure, keys.constants)
+    model = load_model(experiment.plant.model, keys.structure, keys.constants) if right is None else right
     try:
         match keys.mismatch:
             case None:
@@ -117,6 +180,12 @@ def plant_factors(experiment: schema.Experiment) -> Array | None:
     return draw_factors(experiment.n, perturb.relative, generator(run.seed, run.draw, Stream.PERTURBATION))
 
 
+def payload_of(keys: schema.Plant) -> Payload | None:
+    """Return what a plant takes up; a mass of zero is none."""
+    load = keys.payload
+    return None if load is None or load.mass == 0.0 else Payload(load.mass, load.at, load.offset)
+
+
 def build_plant(experiment: schema.Experiment) -> Plant:
     """Make the plant; MuJoCo is imported only for ``engine: mujoco``.
 
@@ -125,8 +194,7 @@ def build_plant(experiment: schema.Experiment) -> Plant:
         ModelError: the arm cannot carry the payload.
     """
     keys, factors = experiment.plant, plant_factors(experiment)
-    load, rub = keys.payload, keys.friction
-    payload = None if load is None else Payload(load.mass, load.at, load.offset)
+    payload, rub = payload_of(keys), keys.friction
     friction = None if rub is None else Friction(rub.viscous, rub.coulomb, rub.speed)
     try:
         if isinstance(keys, schema.AnalyticPlant):

@@ -9,13 +9,13 @@ import numpy as np
 
 from torquebench.certificates import Certificate, Phases, SlidingLaw, certify, required_gain
 from torquebench.experiment import schema
-from torquebench.experiment.build import Loop, plant_factors
+from torquebench.experiment.build import Loop, payload_of, plant_factors
 from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.bodies import perturbed
-from torquebench.robot.payload import Payload, phases
+from torquebench.robot.payload import phases
 from torquebench.sim.trajectory import Trajectory
 
 
@@ -49,7 +49,7 @@ def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
         model = load_model(plant.model, plant.structure, plant.constants)
     factors = plant_factors(experiment)
     model = model if factors is None else perturbed(model, factors)
-    payload = None if plant.payload is None else Payload(plant.payload.mass, plant.payload.at, plant.payload.offset)
+    payload = payload_of(plant)
     first, later = phases(model, payload)
     if payload is None or later is None:
         return first

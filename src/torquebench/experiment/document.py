@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias
 
@@ -58,6 +59,13 @@ class Document:
         self._values: dict[KeyPath, Place] = {}
         self._found: list[tuple[Place, Problem]] = []
         self._more = False
+
+    def twin(self) -> Document:
+        """Return another document of the same content and places, without mistakes so far."""
+        other = Document(self.filename)
+        other.root, other.overrides = copy.deepcopy(self.root), list(self.overrides)
+        other._keys, other._values = dict(self._keys), dict(self._values)
+        return other
 
     def mark(self, path: KeyPath, key: Place | None, value: Place) -> None:
         """Record where a key and its value were written."""
@@ -122,6 +130,11 @@ class Document:
         """
         self.add((), message, place=place)
         raise ConfigError(self._sorted())
+
+    @property
+    def found(self) -> list[tuple[Place, Problem]]:
+        """The mistakes found so far, each with its place, in the order they were found."""
+        return list(self._found)
 
     def raise_problems(self) -> None:
         """Raise every mistake found so far, in reading order.

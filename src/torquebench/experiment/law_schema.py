@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from torquebench.experiment.keys import Keys
 from torquebench.experiment.schema import MAX_CONTROLLERS, ControllerKeys, Experiment
+from torquebench.experiment.sweep_schema import Sweep
 from torquebench.experiment.values import EachJoint, Vector
 from torquebench.fuzzy import BUILTIN
 from torquebench.laws.base import find_law, law_names
@@ -70,6 +71,7 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     text = Experiment.model_fields["controllers"].description
     info = Field(min_length=1, max_length=MAX_CONTROLLERS, description=text)
     fields: dict[str, Any] = {"controllers": (list[controller], info)}
+    fields["sweep"] = Sweep | None, Field(None, description="What `torquebench sweep` varies; not for other commands.")
     schema = _create("Experiment", Experiment, fields).model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_without_null(schema)}
 

@@ -69,6 +69,15 @@ def parse_experiment(text: str | bytes, filename: str, overrides: Sequence[str] 
     """
     document = read_document(text, filename)
     apply_overrides(document, overrides)
+    return check_experiment(document)
+
+
+def check_experiment(document: Document) -> schema.Experiment:
+    """Check an experiment given as a document.
+
+    Raises:
+        ConfigError: something in it is wrong; all mistakes at once, in reading order.
+    """
     reader = _Reader(document)
     top = reader.read()
     document.raise_problems()
@@ -97,7 +106,7 @@ class _Reader:
             "video": self._video,
         }
         raw = {"model": {}, "fuzzy": {}, "disturbances": [], **self._document.root}
-        top = check_fields(self._document, (), raw, schema.Experiment, handlers, elsewhere=_home)
+        top = check_fields(self._document, (), raw, schema.Experiment, handlers, elsewhere=_elsewhere)
         parts = Parts(
             plant=top.get("plant"),
             model=top.get("model"),
@@ -195,6 +204,18 @@ def _homes() -> dict[str, str]:
 
 
 _HOMES = _homes()
+
+
+SWEEP = "sweep"
+
+
+def _elsewhere(key: str) -> str | None:
+    if key == SWEEP:
+        return (
+            "is for many runs: wanted torquebench sweep FILE, or one of its runs by torquebench run --from-sweep DIR "
+            "--index K"
+        )
+    return _home(key)
 
 
 def _home(key: str) -> str | None:

@@ -32,7 +32,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
 
 def _apply(document: Document, text: str, place: Place) -> None:
     key, equals, value_text = text.partition("=")
-    parts = _split(key.strip())
+    parts = split_key(key.strip())
     if not equals or not parts:
         document.add((), _FORM, place=place)
         return
@@ -40,8 +40,19 @@ def _apply(document: Document, text: str, place: Place) -> None:
         document.add((), f"is {len(text)} characters long, at most {MAX_CHARACTERS} are read", place=place)
         return
     value = parse_value(document, value_text, tuple(parts), place)
-    if value is BROKEN:
-        return
+    if value is not BROKEN:
+        assign(document, parts, value, place, place)
+
+
+def assign(document: Document, parts: Sequence[str | int], value: Any, key_place: Place, value_place: Place) -> None:
+    """Set the value that a key addresses, making the mappings on the way that are not there; mistakes are recorded.
+
+    Args:
+        document: What is edited; its root is a mapping.
+        parts: The key; see `split_key`.
+        value: What to set.
+        key_place, value_place: Where key and value were written.
+    """
     node: Any = document.root
     path: KeyPath = ()
     for depth, part in enumerate(parts):
@@ -49,18 +60,19 @@ def _apply(document: Document, text: str, place: Place) -> None:
             return
         index = _index(node, part)
         if index is None:
-            document.add((*path, part), f"cannot be set: {_refusal(node, path, part)}", place=place)
+            document.add((*path, part), f"cannot be set: {_refusal(node, path, part)}", place=key_place)
             return
         path = (*path, index)
         last = depth == len(parts) - 1
         if last or (isinstance(node, dict) and node.get(part) is None):
             document.forget(path)
-            document.mark(path, place, place)
+            document.mark(path, key_place, value_place)
             node[index] = value if last else {}
         node = node[index]
 
 
-def _split(key: str) -> list[str | int] | None:
+def split_key(key: str) -> list[str | int] | None:
+    """Return the names and indices of a dotted key, or None when it is none."""
     parts: list[str | int] = []
     for text in key.split("."):
         match = _PART.fullmatch(text)

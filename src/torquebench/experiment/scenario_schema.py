@@ -20,7 +20,7 @@ from torquebench.robot.puma560.symbols import CONSTANTS
 
 ChainName: TypeAlias = Literal["ideal", "fast", "slow"]
 ConstantName: TypeAlias = Literal[CONSTANTS]  # type: ignore[valid-type]  # a computed tuple
-Spread: TypeAlias = Annotated[float, Field(gt=0, lt=1)]
+Spread: TypeAlias = Annotated[float, Field(ge=0, lt=1), AfterValidator(positive_zero)]
 Factor: TypeAlias = Annotated[float, AfterValidator(positive_zero)]
 
 
@@ -57,7 +57,7 @@ class Chain(Keys):
 class Payload(Keys):
     """A point mass on the last link, with a belief that knows nothing of it."""
 
-    mass: Positive = Field(description="Mass [kg].")
+    mass: NotNegative = Field(description="Mass; 0 for none [kg].")
     at: NotNegative = Field(
         0.0,
         description="Time at which it is taken up, at the joints' position and velocity of then: a whole multiple of "

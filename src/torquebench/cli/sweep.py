@@ -1,0 +1,208 @@
+"""``torquebench sweep``: many runs of one experiment, begun or continued, and a table of what came out."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+import numpy as np
+
+from torquebench.cli.terminal import complain, progress_bar, say, table
+from torquebench.errors import ConfigError, Problem, TorquebenchError
+from torquebench.experiment.store import RunDirectory, claim_folder
+from torquebench.experiment.yaml_source import read_bytes
+from torquebench.laws.plugin import load_plugin
+from torquebench.report.tables import COLUMNS, number
+from torquebench.sweep.checking import Survey, check_plan
+from torquebench.sweep.estimate import Estimate, duration, estimate, shard_size, size
+from torquebench.sweep.executors import Executor, Processes, Threads
+from torquebench.sweep.plan import Plan, Source
+from torquebench.sweep.results import read_column
+from torquebench.sweep.run import COMPLETED, State, check_finished, conclude, outcomes, rows_in, run_missing, state_of
+from torquebench.sweep.store import Stored, alone, begin, opened, refuse_changes
+
+DONE, FAILED, INTERNAL, INTERRUPTED = 0, 1, 3, 130
+
+
+def sweep(options: argparse.Namespace) -> int:
+    """Begin or continue a sweep and return the exit status.
+
+    Args:
+        options: Arguments of the command; see ``torquebench sweep --help``.
+
+    Raises:
+        ConfigError: bad input; nothing has been written.
+    """
+    check_options(options)
+    for plugin in options.plugin:
+        load_plugin(plugin)
+    stored = begun(options) if options.resume is None else continued(options)
+    if stored is None:
+        return DONE
+    state = state_of(stored)
+    if stored.finished:
+        check_finished(stored)
+        say(f"finished already: all {stored.shards} shards are there")
+    else:
+        if options.resume is not None:
+            damaged = f", {len(state.damaged)} damaged" if state.damaged else ""
+            say(f"{len(state.complete)} of {stored.shards} shards are there{damaged}; {len(state.missing)} to run")
+        status = run_rest(stored, state, executor(options), options)
+        if status != DONE:
+            return status
+    say(summary(stored))
+    say()
+    say(f"results: {stored.folder}")
+    return unexpected(stored)
+
+
+def check_options(options: argparse.Namespace) -> None:
+    """Refuse arguments that make no sense.
+
+    Raises:
+        ConfigError: there are some.
+    """
+    problems = []
+    if options.workers < 1:
+        problems.append(Problem("--workers", "", f"got {options.workers}, wanted at least 1"))
+    if options.config is None and options.resume is None:
+        problems.append(Problem("CONFIG", "", "missing: wanted a sweep's file, or --resume with a sweep's folder"))
+    if options.resume is not None and options.out is not None:
+        problems.append(Problem("--out", "", "has no effect with --resume, which goes on in the sweep's own folder"))
+    if options.resume is not None and options.config is None and options.overrides:
+        problems.append(Problem("--set", "", "has no effect with --resume alone: what was set is stored"))
+    if problems:
+        raise ConfigError(problems)
+
+
+def begun(options: argparse.Namespace) -> Stored | None:
+    """Check a sweep, say how much work it is, and make its folder; None when that was all that was wanted.
+
+    Raises:
+        ConfigError: the file has mistakes, or the work is more than the caps allow.
+    """
+    plan = Plan(source_of(options))
+    with progress_bar(plan.cases, "case", "checking") as bar:
+        survey = check_plan(plan, bar.update)
+    work = told(plan, survey, options)
+    refusals = work.refusals((options.out or Path("runs")).absolute())
+    if refusals and not options.no_cap:
+        raise ConfigError([Problem("--no-cap", "", f"needs {text}: lift the caps with it") for text in refusals])
+    if options.dry_run:
+        return None
+    directory = RunDirectory(claim_folder(options.out, plan.first.name))
+    return begin(directory, plan, shard_size(plan, survey))
+
+
+def continued(options: argparse.Namespace) -> Stored:
+    """Return the sweep of a folder, which the file, if one is given, must still describe.
+
+    Raises:
+        ConfigError: there is none, or something that decides results has changed.
+    """
+    stored = opened(options.resume, tuple(options.plugin), "--resume")
+    if options.config is not None:
+        plan = Plan(source_of(options))
+        check_plan(plan)
+        refuse_changes(stored, plan, "--resume")
+    return stored
+
+
+def source_of(options: argparse.Namespace) -> Source:
+    """Return the file and the changes that the arguments name."""
+    text = read_bytes(options.config)
+    return Source(text, str(options.config), tuple(options.overrides), tuple(p.absolute() for p in options.plugin))
+
+
+def told(plan: Plan, survey: Survey, options: argparse.Namespace) -> Estimate:
+    """Say how much work a sweep is, and return it."""
+    with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
+        work = estimate(plan, survey, options.workers, options.executor == "processes")
+    say(
+        f"{plan.first.name}: {plan.cases:,} case{'s' * (plan.cases != 1)} x {plan.draws:,} draw"
+        f"{'s' * (plan.draws != 1)} x {len(plan.controllers)} controller{'s' * (len(plan.controllers) != 1)}"
+    )
+    say(
+        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} on {options.workers} "
+        f"{options.executor}, {size(work.memory)} of memory, {size(work.disk)} on disk"
+    )
+    return work
+
+
+def executor(options: argparse.Namespace) -> Executor:
+    """Return what runs the shards."""
+    return Processes(options.workers) if options.executor == "processes" else Threads(options.workers)
+
+
+def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Namespace) -> int:
+    """Run what is missing and conclude; return the exit status of what went wrong, or 0.
+
+    Args:
+        stored: The sweep.
+        state: How far it is.
+        how: What runs the shards.
+        options: Arguments of the command.
+    """
+    done = sum(rows_in(stored, shard) for shard in state.complete)
+    ran = 0
+    try:
+        with alone(stored), progress_bar(stored.plan.rows, "run", "running", done) as bar:
+
+            def report(rows: int) -> None:
+                nonlocal ran
+                ran += 1
+                bar.update(rows)
+
+            run_missing(stored, state, how, report)
+            bar.set_description_str("writing the tables")
+            conclude(stored)
+    except KeyboardInterrupt:
+        complain(f"torquebench: interrupted; {resume_hint(stored, options)}")
+        return INTERRUPTED
+    except (OSError, TorquebenchError) as error:
+        complain(f"torquebench: {error}; {resume_hint(stored, options)}")
+        return INTERNAL
+    say(f"{ran} shards run, {len(state.complete)} were there")
+    return DONE
+
+
+def resume_hint(stored: Stored, options: argparse.Namespace) -> str:
+    """Return what to type to go on."""
+    words = ["torquebench", "sweep", "--resume", str(stored.folder)]
+    words += [word for plugin in options.plugin for word in ("--plugin", str(plugin))]
+    return f"what is stored is kept, go on with: {shlex.join(words)}"
+
+
+def summary(stored: Stored) -> str:
+    """Return the table of what came out: of each controller the runs that completed, and medians of its metrics."""
+    names, ended = read_column(stored, "controller"), read_column(stored, "outcome")
+    rows = []
+    for name in stored.plan.controllers:
+        own = names == name
+        cells = [name, f"{np.count_nonzero(own):,}", f"{np.count_nonzero(ended[own] == COMPLETED):,}"]
+        for key, (_, scale) in COLUMNS.items():
+            values = read_column(stored, key)[own]
+            defined = values[~np.isnan(values)]
+            cells.append(number(float(np.median(defined)) if len(defined) else None, scale))
+        worst = read_column(stored, "rmse")
+        at = np.flatnonzero(own & (ended != COMPLETED))
+        if len(at) == 0:
+            at = np.flatnonzero(own & (worst == np.max(worst[own])))
+        rows.append([*cells, str(at[0])])
+    header = ["controller", "runs", "completed", *(title for title, _ in COLUMNS.values()), "worst run"]
+    return f"{stored.plan.first.name}: medians of the runs that completed\n\n{table(header, rows)}"
+
+
+def unexpected(stored: Stored) -> int:
+    """Return 1 after naming controllers of which a run ended otherwise than the file expects, else 0."""
+    status = DONE
+    for keys in stored.plan.first.controllers:
+        found = outcomes(stored)[keys.name]
+        failed = sum(found.values()) - found.get(COMPLETED, 0)
+        wrong = failed if keys.expect == "completed" else found.get(COMPLETED, 0)
+        if wrong:
+            kinds = ", ".join(f"{count:,} {kind.lower().replace('_', ' ')}" for kind, count in found.items())
+            complain(f"torquebench: controller '{keys.name}': {kinds}; the file expects: {keys.expect}")
+            status = FAILED
+    return status

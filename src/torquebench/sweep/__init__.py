@@ -1,0 +1,1 @@
+"""Sweeps: grids and random draws over any key of an experiment."""

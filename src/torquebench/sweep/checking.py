@@ -1,0 +1,151 @@
+"""Checking every experiment of a sweep before the first of them is run."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from torquebench.errors import ConfigError, ModelError, Problem
+from torquebench.experiment.build import Builder
+from torquebench.experiment.document import Document, Place
+from torquebench.experiment.load import check_experiment
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.sweep_keys import Random, Value, in_words
+from torquebench.sweep.plan import Combination, Plan
+
+MAX_CORNERS = 64
+"""Combinations of the least and greatest values of the random keys that are tried; of more, a part."""
+MAX_PROBLEMS = 100
+
+
+@dataclass(slots=True)
+class Survey:
+    """What checking has found."""
+
+    steps: list[int] = field(default_factory=list)
+    """Number of control instants of one loop, by case."""
+
+
+def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Survey:
+    """Check every experiment of a sweep: each case with each choice that is drawn, and at the ends of random keys.
+
+    Draws that differ in numbers of random keys alone are not read again: these are tried at their least and greatest
+    values. What can be made of an experiment before its run is made, once for each case.
+
+    Args:
+        plan: The sweep.
+        progress: Called after each case.
+
+    Raises:
+        ConfigError: there are mistakes; all of them, each with the value of the sweep that causes it.
+    """
+    checker, survey, first = _Checker(plan), Survey(), (0,) * len(plan.choices)
+    low = [random.numbers[0] for random in plan.continuous]
+    for case in range(plan.cases):
+        experiment = checker.read(case, first, low, build=True)
+        survey.steps.append(0 if experiment is None else experiment.n_steps)
+        progress()
+    checker.raise_problems()
+    drawn = {plan.combination(draw) for draw in range(plan.draws)} if plan.choices else {()}
+    ends = list(corners([extremes(plan, random) for random in plan.continuous]))
+    for case in range(plan.cases):
+        for combination in sorted(drawn):
+            for numbers in ends if ends else [()]:
+                if ends or combination != first:
+                    checker.read(case, combination, numbers, build=False)
+    checker.raise_problems()
+    return survey
+
+
+def extremes(plan: Plan, random: Random) -> tuple[float, float]:
+    """Return between which values a continuous random key lies: its ends, or the least and greatest that is drawn."""
+    if random.kind != "normal":
+        return random.numbers[0], random.numbers[1]
+    drawn = [plan.drawn(random, draw) for draw in range(plan.draws)]
+    return min(drawn), max(drawn)
+
+
+def corners(ends: Sequence[tuple[float, float]]) -> Iterator[tuple[float, ...]]:
+    """Yield the corners of a box; of one with more than `MAX_CORNERS`, the two extreme ones and those beside them."""
+    if 2 ** len(ends) <= MAX_CORNERS:
+        yield from (corner for corner in itertools.product(*ends) if corner)
+        return
+    for own, other in ((0, 1), (1, 0)):
+        whole = [end[own] for end in ends]
+        yield tuple(whole)
+        yield from ((*whole[:i], ends[i][other], *whole[i + 1 :]) for i in range(len(ends)))
+
+
+@dataclass(slots=True)
+class _Mistake:
+    problem: Problem
+    values: list[set[float | str]]
+    """Values of the sweep's keys with which it was seen, key by key."""
+
+
+class _Checker:
+    """Collects the mistakes of many variants of one document."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan, self._build = plan, Builder()
+        self._found: dict[tuple[Place, str, str], _Mistake] = {}
+        self._tried: dict[str, set[float | str]] = {}
+        self._names: list[str] | None = None
+
+    def read(self, case: int, combination: Combination, numbers: Sequence[float], *, build: bool) -> Experiment | None:
+        """Return an experiment, or None after noting why there is none."""
+        if len(self._found) >= MAX_PROBLEMS:
+            return None
+        values = self._plan.assigned(case, combination, numbers)
+        for key, value in values:
+            self._tried.setdefault(key, set()).add(value.word)
+        document, _ = self._plan.variant(values)
+        try:
+            experiment = check_experiment(document)
+            self._check_names(document, experiment, values)
+            if build:
+                self._build.fixed(experiment)
+            return experiment
+        except ConfigError as error:
+            placed = document.found or [(Place(0, 1, 1), problem) for problem in error.problems]
+        except ModelError as error:
+            placed = [(Place(0, 1, 1), Problem("", "", " ".join(str(error).split())))]
+        for place, problem in placed:
+            if not problem.where:
+                problem = problem._replace(where=document.where(place))
+            mistake = self._found.setdefault(
+                (place, problem.key, problem.message), _Mistake(problem, [set() for _ in values])
+            )
+            for seen, (_, value) in zip(mistake.values, values, strict=True):
+                seen.add(value.word)
+        return None
+
+    def _check_names(self, document: Document, experiment: Experiment, values: Sequence[tuple[str, Value]]) -> None:
+        names = [keys.name for keys in experiment.controllers]
+        self._names = self._names or names
+        if names != self._names:
+            place = next((v.place for key, v in values if key.startswith("controllers")), Place(0, 1, 1))
+            message = f"the controllers are {', '.join(names)} here and {', '.join(self._names)} in the first case"
+            document.add(("controllers",), f"{message}: wanted the same in every case", place=place)
+            document.raise_problems()
+
+    def raise_problems(self) -> None:
+        """Raise what was noted.
+
+        Raises:
+            ConfigError: something was.
+        """
+        if self._found:
+            ordered = sorted(self._found.items(), key=lambda item: item[0])
+            raise ConfigError([self._explained(mistake) for _, mistake in ordered])
+
+    def _explained(self, mistake: _Mistake) -> Problem:
+        """Return a mistake with the values of the sweep that cause it: those without which it was not seen."""
+        pairs = zip(self._tried.items(), mistake.values, strict=True)
+        causes = [
+            f"{key} = {in_words(next(iter(seen)))}" for (key, tried), seen in pairs if len(seen) == 1 < len(tried)
+        ]
+        if not causes:
+            return mistake.problem
+        return mistake.problem._replace(message=f"{mistake.problem.message} (in the sweep: {', '.join(causes)})")

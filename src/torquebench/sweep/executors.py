@@ -1,0 +1,134 @@
+"""Where shards are run: on threads of this process, or in processes of their own."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import multiprocessing
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for
+from multiprocessing.process import BaseProcess
+from typing import Any, Protocol
+
+from torquebench.errors import ResultError, TorquebenchError
+from torquebench.sweep.plan import Table
+from torquebench.sweep.work import Task, load_plugins, run_shard
+
+PATIENCE = 10.0
+"""Time that processes get to end by themselves [s]."""
+
+
+class Executor(Protocol):
+    """Runs shards; the same bytes come back whatever it is."""
+
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
+        """Run shards and yield the number and table of each as soon as it is done, in any order.
+
+        Closing the iterator, or an exception in it, stops what is still running.
+        """
+        ...
+
+
+class Threads:
+    """Threads of this process; compiled loops do not hold the interpreter's lock, the rest does.
+
+    Args:
+        count: Number of threads.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
+        """Run shards; see `Executor`."""
+        if self._count == 1:
+            for shard in shards:
+                yield shard, run_shard(task, shard)
+            return
+        stop, waiting = threading.Event(), iter(shards)
+        pending: dict[Future[Table], int] = {}
+        with ThreadPoolExecutor(self._count) as pool:
+            try:
+                while True:
+                    # one more than there are threads, so that none waits for this one
+                    for shard in itertools.islice(waiting, self._count + 1 - len(pending)):
+                        pending[pool.submit(run_shard, task, shard, stop.is_set)] = shard
+                    if not pending:
+                        return
+                    for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                        yield pending.pop(future), future.result()
+            finally:
+                stop.set()
+                pool.shutdown(cancel_futures=True)
+
+
+class Processes:
+    """Processes of their own, started anew, which end when this process does, however it ends.
+
+    Args:
+        count: Number of processes.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
+        """Run shards; see `Executor`.
+
+        Raises:
+            ResultError: a process died, or could not do its work.
+        """
+        waiting, context = iter(shards), multiprocessing.get_context("spawn")
+        workers: dict[Connection[Any, Any], BaseProcess] = {}
+        try:
+            for first in itertools.islice(waiting, self._count):
+                own, theirs = context.Pipe()
+                process: BaseProcess = context.Process(target=_serve, args=(theirs, task), daemon=True)
+                process.start()
+                theirs.close()
+                workers[own] = process
+                own.send(first)
+            while workers:
+                ready = wait_for(list(workers))
+                for connection in [known for known in workers if known in ready]:
+                    shard, table, reason = _received(connection, workers)
+                    if reason:
+                        raise ResultError(reason)
+                    if shard is None:
+                        workers.pop(connection).join(PATIENCE)
+                    else:
+                        connection.send(next(waiting, None))
+                        yield shard, table
+        finally:
+            for connection, process in workers.items():
+                connection.close()
+                process.terminate()
+            for process in workers.values():
+                process.join(PATIENCE)
+
+
+def _received(
+    connection: Connection[Any, Any], workers: dict[Connection[Any, Any], BaseProcess]
+) -> tuple[int | None, Table, str]:
+    try:
+        return connection.recv()  # type: ignore[no-any-return]
+    except (EOFError, ConnectionError):
+        workers[connection].join(PATIENCE)
+        return None, {}, f"a worker process died (exit status {workers[connection].exitcode})"
+
+
+def _serve(connection: Connection[Any, Any], task: Task) -> None:
+    """Run the shards that come through a connection until None comes, or nobody is left at its other end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to all; the first process decides
+    with contextlib.suppress(EOFError, ConnectionError):
+        try:
+            load_plugins(task.source)
+            while (shard := connection.recv()) is not None:
+                connection.send((shard, run_shard(task, shard), ""))
+            connection.send((None, {}, ""))
+        except TorquebenchError as error:
+            connection.send((None, {}, str(error)))

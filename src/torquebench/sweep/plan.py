@@ -1,0 +1,259 @@
+"""A sweep as rows, one closed loop each: which experiment each row is, and how rows make shards and tables."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from torquebench.disturbances import Stream, generator
+from torquebench.experiment.document import Document, KeyPath, dotted
+from torquebench.experiment.load import check_experiment
+from torquebench.experiment.overrides import apply_overrides
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.sweep_keys import Random, Value, between, take_sweep
+from torquebench.experiment.variants import varied, with_draw, with_number
+from torquebench.experiment.yaml_source import read_document
+from torquebench.metrics import METRICS
+from torquebench.sim.trajectory import Outcome
+
+Table: TypeAlias = Mapping[str, npt.NDArray[Any]]
+"""Columns of equal length by name, in row order."""
+Combination: TypeAlias = tuple[int, ...]
+"""Which of its choices each random key with choices has."""
+
+REFUSED = "REFUSED"
+"""Outcome of a run that cannot be built, such as one whose drawn model is no arm."""
+OUTCOMES = (*(outcome.name for outcome in Outcome), REFUSED)
+REMEMBERED = 64
+"""Checked experiments that are kept in case they are asked for again."""
+
+
+class Source(NamedTuple):
+    """Where a sweep comes from; enough to make its plan anew in another process."""
+
+    text: bytes
+    filename: str
+    overrides: tuple[str, ...] = ()
+    plugins: tuple[Path, ...] = ()
+
+
+class Row(NamedTuple):
+    """One closed loop."""
+
+    case: int
+    draw: int
+    controller: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Fixed:
+    """A checked experiment, and where its continuous random keys are in it."""
+
+    experiment: Experiment
+    places: Mapping[str, list[KeyPath]]
+
+
+class Plan:
+    """The rows of a sweep.
+
+    Args:
+        source: The sweep's file and its changes.
+
+    Raises:
+        ConfigError: the file cannot be read, or its section ``sweep`` has mistakes.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.document: Document = read_document(source.text, source.filename)
+        apply_overrides(self.document, source.overrides)
+        self.raw: dict[str, Any] = dict(self.document.root)
+        """The file as it is after the overrides."""
+        self.keys = take_sweep(self.document)
+        self.document.raise_problems()
+        axes, random = self.keys.axes, self.keys.random
+        self.continuous: tuple[Random, ...] = tuple(r for r in random if r.choices is None)
+        self.choices: tuple[Random, ...] = tuple(r for r in random if r.choices is not None)
+        self.cases = math.prod(len(axis.values) for axis in axes)
+        self.draws = self.keys.draws
+        self._fixed = functools.lru_cache(maxsize=REMEMBERED)(self._checked)
+        self.pairs = self.cases * self.draws
+
+    @functools.cached_property
+    def first(self) -> Experiment:
+        """The experiment of the first case, continuous random keys somewhere."""
+        return self.fixed(0)
+
+    @functools.cached_property
+    def seed(self) -> int:
+        """Source of the random keys, whatever a case's own seed is."""
+        return self.first.run.seed
+
+    @functools.cached_property
+    def controllers(self) -> tuple[str, ...]:
+        """Names of the controllers, the same in every case."""
+        return tuple(keys.name for keys in self.first.controllers)
+
+    @property
+    def rows(self) -> int:
+        """Number of closed loops."""
+        return self.pairs * len(self.controllers)
+
+    def row(self, index: int) -> Row:
+        """Return which loop a row is."""
+        pair, controller = divmod(index, len(self.controllers))
+        return Row(*divmod(pair, self.draws), controller)
+
+    def values(self, case: int) -> tuple[Value, ...]:
+        """Return the values of the grid's keys in a case; the last key goes fastest."""
+        found: list[Value] = []
+        for axis in reversed(self.keys.axes):
+            case, i = divmod(case, len(axis.values))
+            found.append(axis.values[i])
+        return tuple(reversed(found))
+
+    def drawn(self, random: Random, draw: int) -> float:
+        """Return the value of a random key in a draw, or which of its choices; from seed, draw and key alone."""
+        name = int.from_bytes(hashlib.sha256(random.key.encode()).digest()[:4], "little")
+        rng = generator(self.seed, draw, Stream.SWEEP, name)
+        match random.kind:
+            case "choice":
+                return float(rng.integers(len(random.choices.values)))  # type: ignore[union-attr]
+            case "normal":
+                return random.numbers[0] + random.numbers[1] * float(rng.standard_normal())
+            case kind:
+                low, high = random.numbers
+                return min(max(between(low, high, float(rng.random()), kind == "log_uniform"), low), high)
+
+    def combination(self, draw: int) -> Combination:
+        """Return which choices a draw has."""
+        return tuple(int(self.drawn(random, draw)) for random in self.choices)
+
+    def fixed(self, case: int, combination: Combination | None = None) -> Experiment:
+        """Return a case's experiment, checked, with its continuous random keys somewhere within their ranges.
+
+        Args:
+            case: The case.
+            combination: Which choices; None for the first of each.
+
+        Raises:
+            ConfigError: it has mistakes.
+        """
+        return self._fixed(case, combination or (0,) * len(self.choices)).experiment
+
+    def experiment(self, case: int, draw: int) -> Experiment:
+        """Return the experiment of a case in a draw, with every controller.
+
+        Raises:
+            ConfigError: it has mistakes.
+        """
+        found = self._fixed(case, self.combination(draw))
+        experiment = found.experiment
+        for random in self.continuous:
+            value = self.drawn(random, draw)
+            for path in found.places[random.key]:
+                experiment = with_number(experiment, path, value)
+        return with_draw(experiment, draw)
+
+    def experiment_of(self, row: Row) -> Experiment:
+        """Return the experiment of one row, with its controller alone.
+
+        Raises:
+            ConfigError: it has mistakes.
+        """
+        experiment = self.experiment(row.case, row.draw)
+        return experiment.model_copy(update={"controllers": (experiment.controllers[row.controller],)})
+
+    def assigned(self, case: int, combination: Combination, numbers: Sequence[float]) -> list[tuple[str, Value]]:
+        """Return what every varied key is set to.
+
+        Args:
+            case: The case.
+            combination: Which choices.
+            numbers: Values of the continuous random keys.
+        """
+        values = [(axis.key, value) for axis, value in zip(self.keys.axes, self.values(case), strict=True)]
+        for random, i in zip(self.choices, combination, strict=True):
+            values.append((random.key, random.choices.values[i]))  # type: ignore[union-attr]
+        for random, number in zip(self.continuous, numbers, strict=True):
+            values.append((random.key, Value(number, number, random.place)))
+        return values
+
+    def variant(self, values: Sequence[tuple[str, Value]]) -> tuple[Document, Mapping[str, list[KeyPath]]]:
+        """Return the document with keys set, unchecked, and where they are."""
+        return varied(self.document, values)
+
+    def _checked(self, case: int, combination: Combination) -> _Fixed:
+        numbers = [random.numbers[0] for random in self.continuous]
+        document, places = self.variant(self.assigned(case, combination, numbers))
+        experiment = check_experiment(document)
+        _ = experiment.n  # kept in the copies that draws make of it: it reads the arm's files
+        return _Fixed(experiment, places)
+
+    def columns(self, rows: int) -> dict[str, npt.NDArray[Any]]:
+        """Return the columns of a table of some rows, not filled yet, in their order."""
+        floats, words = np.dtype("<f8"), self._words
+        kinds: dict[str, Any] = dict.fromkeys(("index", "case", "draw"), np.dtype("<i8"))
+        kinds |= {"controller": _text(self.controllers), "outcome": _text(OUTCOMES), "failed_at": floats}
+        kinds |= {key: _text(words[key]) if key in words else floats for key in self.varied}
+        kinds |= {info.key: floats for info in METRICS}
+        return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
+
+    @functools.cached_property
+    def varied(self) -> tuple[str, ...]:
+        """Every varied key, those of the grid first."""
+        return (*(axis.key for axis in self.keys.axes), *(random.key for random in self.keys.random))
+
+    @functools.cached_property
+    def _words(self) -> dict[str, tuple[str, ...]]:
+        """Values of the keys that tables show as words."""
+        axes = [*self.keys.axes, *(r.choices for r in self.keys.random if r.choices is not None)]
+        return {axis.key: tuple(_word(value) for value in axis.values) for axis in axes if not axis.numeric}
+
+    def values_of(self, case: int, draw: int) -> dict[str, float | str]:
+        """Return the values of every varied key as tables show them."""
+        found: dict[str, float | str] = {}
+        for axis, value in zip(self.keys.axes, self.values(case), strict=True):
+            found[axis.key] = value.word if axis.numeric else _word(value)
+        for random in self.keys.random:
+            drawn = self.drawn(random, draw)
+            if random.choices is None:
+                found[random.key] = drawn
+            else:
+                value = random.choices.values[int(drawn)]
+                found[random.key] = value.word if random.choices.numeric else _word(value)
+        return found
+
+
+def flattened(tree: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
+    """Yield every value of a tree of plain values under its dotted key; named items of lists by their names."""
+    if isinstance(tree, dict) and tree:
+        for key, value in tree.items():
+            yield from flattened(value, (*path, key))
+    elif isinstance(tree, list) and any(isinstance(item, dict | list) for item in tree):
+        for i, item in enumerate(tree):
+            name = item.get("name") if isinstance(item, dict) else None
+            yield from flattened(item, (*path, name if isinstance(name, str) else i))
+    else:
+        yield dotted(path), tree
+
+
+def pairs_of(size: int, pairs: int, shard: int) -> range:
+    """Return the (case, draw) pairs of a shard, as numbers case * draws + draw."""
+    return range(shard * size, min((shard + 1) * size, pairs))
+
+
+def _word(value: Value) -> str:
+    return value.word if isinstance(value.word, str) else repr(value.raw)
+
+
+def _text(words: Sequence[str]) -> np.dtype[Any]:
+    return np.dtype(f"<U{max(map(len, words))}")

@@ -1,0 +1,131 @@
+"""Running a sweep from wherever it stands: the shards that are missing, the final table, the worst trajectories."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from torquebench.errors import ResultError
+from torquebench.experiment.store import check_run
+from torquebench.experiment.sweep_schema import Worst
+from torquebench.metrics import METRICS
+from torquebench.sweep.executors import Executor
+from torquebench.sweep.results import finish, read_column, write_results
+from torquebench.sweep.shards import Shards
+from torquebench.sweep.store import TRAJECTORIES, Stored
+from torquebench.sweep.work import Task, Worker, keep
+
+COMPLETED = "COMPLETED"
+HIGHER = frozenset(info.key for info in METRICS if info.better == "higher")
+
+
+class State(NamedTuple):
+    """How far a sweep is."""
+
+    complete: frozenset[int]
+    """Shards that are there."""
+    damaged: frozenset[int]
+    """Shards that are there, but not as they were written; they are run again."""
+    missing: tuple[int, ...]
+    """Shards to run, the damaged ones among them."""
+
+
+def state_of(stored: Stored) -> State:
+    """Return how far a sweep is; every shard that is there is read and verified."""
+    good, bad = Shards(stored.folder, stored.digest).complete(stored.shards)
+    missing = tuple(shard for shard in range(stored.shards) if shard not in good)
+    return State(frozenset(good), frozenset(bad), missing)
+
+
+def rows_in(stored: Stored, shard: int) -> int:
+    """Return the number of rows of a shard."""
+    pairs = min((shard + 1) * stored.shard_size, stored.plan.pairs) - shard * stored.shard_size
+    return pairs * len(stored.plan.controllers)
+
+
+def run_missing(
+    stored: Stored, state: State, executor: Executor, progress: Callable[[int], None] = lambda rows: None
+) -> None:
+    """Run the shards that are missing and store each as soon as it is done.
+
+    Args:
+        stored: The sweep.
+        state: How far it is.
+        executor: What runs them.
+        progress: Called with the number of rows of each shard that has been stored.
+
+    Raises:
+        ResultError: a worker died.
+        OSError: a shard could not be written.
+    """
+    folder = None
+    if stored.plan.keys.keep == "all":
+        folder = stored.folder.resolve() / TRAJECTORIES
+        folder.mkdir(exist_ok=True)
+    shards = Shards(stored.folder, stored.digest)
+    shards.sweep_up()
+    for shard, table in executor.run(Task(stored.plan.source, stored.shard_size, folder), state.missing):
+        shards.write(shard, table)
+        progress(rows_in(stored, shard))
+
+
+def conclude(stored: Stored) -> None:
+    """Write the final table from the shards, run the worst rows again for their trajectories, and write the manifest.
+
+    Args:
+        stored: The sweep, all of whose shards are complete.
+
+    Raises:
+        ResultError: a shard is missing or damaged.
+    """
+    write_results(stored, Shards(stored.folder, stored.digest))
+    kept = stored.plan.keys.keep
+    worst = worst_rows(stored, kept) if isinstance(kept, Worst) else []
+    (stored.folder / TRAJECTORIES).mkdir(exist_ok=True) if worst else None
+    worker = Worker(stored.plan)
+    for index in worst:
+        row = stored.plan.row(index)
+        for i, (*_, trajectory) in enumerate(worker.pair(row.case, row.draw)):
+            if i == row.controller and trajectory is not None:
+                keep(stored.folder / TRAJECTORIES, index, stored.plan.controllers[i], trajectory)
+    finish(stored, {"outcomes": outcomes(stored), "worst": worst})
+
+
+def worst_rows(stored: Stored, kept: Worst) -> list[int]:
+    """Return the rows whose trajectories are to be kept, controller by controller, the worst first.
+
+    A failed run is worse than any other, the earlier it fails the worse; then come runs for which the metric is not
+    defined; of equal ones the first.
+
+    Args:
+        stored: The sweep, with its final table.
+        kept: How many, and by which metric.
+    """
+    names, failed_at = read_column(stored, "controller"), read_column(stored, "failed_at")
+    value = read_column(stored, kept.by)
+    badness = np.where(np.isnan(value), np.inf, -value if kept.by in HIGHER else value)
+    failed = read_column(stored, "outcome") != COMPLETED
+    order = np.lexsort((np.arange(len(names)), -badness, np.where(failed, failed_at, np.inf), ~failed))
+    return [int(i) for name in stored.plan.controllers for i in order[names[order] == name][: kept.worst]]
+
+
+def outcomes(stored: Stored) -> dict[str, dict[str, int]]:
+    """Return how many runs of each controller ended in which way."""
+    names, ended = read_column(stored, "controller"), read_column(stored, "outcome")
+    found: dict[str, dict[str, int]] = {}
+    for name in stored.plan.controllers:
+        kinds, counts = np.unique(ended[names == name], return_counts=True)
+        found[name] = {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
+    return found
+
+
+def check_finished(stored: Stored) -> None:
+    """Verify the files of a finished sweep.
+
+    Raises:
+        ResultError: one is missing or altered.
+    """
+    if check_run(stored.folder).get("digest") != stored.digest:
+        raise ResultError(f"{stored.folder}: its manifest is another sweep's")

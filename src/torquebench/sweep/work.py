@@ -1,0 +1,150 @@
+"""The work of a sweep: the rows of one shard run, one after the other, and their table filled."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from torquebench.errors import ConfigError, ModelError
+from torquebench.experiment.build import Builder
+from torquebench.experiment.run import metrics_of, trial_of
+from torquebench.experiment.store import atomic_write
+from torquebench.laws.plugin import load_plugin
+from torquebench.metrics import METRICS
+from torquebench.sim.batch import run_trial
+from torquebench.sim.trajectory import Trajectory
+from torquebench.sweep.plan import REFUSED, Plan, Source, Table, pairs_of
+
+KEYS = tuple(info.key for info in METRICS)
+
+
+class Stopped(Exception):
+    """The work was to stop before the shard was done."""
+
+
+class Task(NamedTuple):
+    """A sweep as its workers see it: small, and plain enough to be sent to another process or machine."""
+
+    source: Source
+    shard_size: int
+    """Number of (case, draw) pairs in a shard."""
+    trajectories: Path | None = None
+    """Folder for the trajectory of every run, shared by all workers; None for none."""
+
+
+class Worker:
+    """Runs shards, with plants and laws of its own; one for each thread.
+
+    Args:
+        plan: The sweep.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan, self._build = plan, Builder()
+
+    def table(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
+        """Run the rows of a shard and return their table.
+
+        Args:
+            task: The sweep.
+            shard: Number of the shard.
+            stop: Asked before each pair whether to give up.
+
+        Raises:
+            Stopped: it was to give up.
+        """
+        plan, pairs = self._plan, pairs_of(task.shard_size, self._plan.pairs, shard)
+        count = len(plan.controllers)
+        columns = plan.columns(len(pairs) * count)
+        at = 0
+        for pair in pairs:
+            if stop():
+                raise Stopped
+            case, draw = divmod(pair, plan.draws)
+            varied = plan.values_of(case, draw)
+            for i, (outcome, failed_at, values, run) in enumerate(self.pair(case, draw)):
+                index = pair * count + i
+                for name, value in (("index", index), ("case", case), ("draw", draw), *varied.items(), *values.items()):
+                    columns[name][at] = value
+                columns["controller"][at], columns["outcome"][at] = plan.controllers[i], outcome
+                columns["failed_at"][at] = failed_at
+                if task.trajectories is not None and run is not None:
+                    keep(task.trajectories, index, plan.controllers[i], run)
+                at += 1
+        return columns
+
+    def pair(self, case: int, draw: int) -> Iterator[tuple[str, float, dict[str, float], Trajectory | None]]:
+        """Run every controller of a case in a draw; yield outcome, failing instant, metrics and trajectory.
+
+        Args:
+            case: The case.
+            draw: The draw.
+        """
+        experiment = self._plan.experiment(case, draw)
+        try:
+            loop = self._build(experiment)
+        except (ConfigError, ModelError):
+            # the draw, not the file, is at fault: every case has been built before
+            for _ in experiment.controllers:
+                yield REFUSED, 0.0, dict.fromkeys(KEYS, math.nan), None
+            return
+        for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
+            run = run_trial(loop.plant, trial_of(experiment, loop, controller))
+            if run.completed:
+                metrics = metrics_of(experiment, loop, keys, run)
+                headlines = {info.key: math.nan if m.value is None else m.value for info, m in metrics.items()}
+                yield run.outcome.name, math.nan, headlines, run
+            else:
+                yield run.outcome.name, float(run.failed_at or 0), dict.fromkeys(KEYS, math.nan), run
+
+
+def keep(folder: Path, index: int, controller: str, run: Trajectory) -> None:
+    """Write the trajectory of a row, whole or not at all.
+
+    Args:
+        folder: Where.
+        index: The row's number.
+        controller: Name of its controller.
+        run: The trajectory.
+    """
+    atomic_write(folder / trajectory_name(index, controller), run.to_bytes())
+
+
+def trajectory_name(index: int, controller: str) -> str:
+    """Return the name of a row's trajectory file."""
+    return f"{index}-{controller}.npz"
+
+
+_own = threading.local()
+
+
+def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
+    """Run one shard, anywhere: in this thread, or in a process or on a machine that has just received the task.
+
+    Args:
+        task: The sweep.
+        shard: Number of the shard.
+        stop: Asked now and then whether to give up.
+
+    Raises:
+        Stopped: it was to give up.
+        ConfigError: the sweep's file or a plug-in cannot be used here.
+    """
+    last = getattr(_own, "last", None)
+    if last is None or last[0] != task.source:
+        last = _own.last = task.source, Worker(Plan(task.source))
+    worker: Worker = last[1]
+    return worker.table(task, shard, stop)
+
+
+def load_plugins(source: Source) -> None:
+    """Register the laws of a sweep's plug-ins in this process.
+
+    Raises:
+        ConfigError: one of them cannot be used.
+    """
+    for path in source.plugins:
+        load_plugin(path)
