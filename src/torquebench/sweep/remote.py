@@ -1,0 +1,144 @@
+"""A worker on another machine: whether its numbers would be the client's to the last bit, and its shards."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import torquebench
+from torquebench.errors import ConfigError, ModelError, TorquebenchError
+from torquebench.experiment.store import checksums
+from torquebench.laws.plugin import load_plugin
+from torquebench.robot.library import model_folder, model_names
+from torquebench.sweep.plan import Plan, Source, Table
+from torquebench.sweep.store import decisive_versions
+from torquebench.sweep.work import Task, Worker, run_shard
+
+ABSENT = "absent"
+
+
+class Needs(NamedTuple):
+    """What a worker must have, and be, so that its rows are those that the client would have computed."""
+
+    source: Source
+    plugins: tuple[tuple[str, bytes], ...]
+    """Name and content of each file of the user's laws."""
+    made_of: Mapping[str, str]
+    """What the client computes with; see `made_of`."""
+    sample: str
+    """Digest of the first rows as the client computes them."""
+
+
+class Rows(NamedTuple):
+    """What comes back from a worker."""
+
+    table: Table
+    trajectories: Mapping[str, bytes]
+    """Content of each trajectory's file by its name; empty when none is kept."""
+    refusal: str = ""
+    """Why the worker takes no part; then there are no rows."""
+
+
+def needs_of(source: Source) -> Needs:
+    """Return what the workers of a sweep need.
+
+    Args:
+        source: The sweep; its laws are registered here.
+    """
+    plan = Plan(source)
+    words = {str(value.word) for axis in plan.keys.axes for value in axis.values} | {str(plan.first.plant.model)}
+    plugins = tuple((path.name, path.read_bytes()) for path in source.plugins)
+    return Needs(source, plugins, made_of(sorted(words.intersection(model_names()))), sample(plan))
+
+
+def made_of(models: list[str]) -> dict[str, str]:
+    """Return the versions that decide numbers, and digests of this package's source and of the arms' files.
+
+    Args:
+        models: Names of the arms.
+    """
+    found = decisive_versions()
+    package, digest = Path(torquebench.__file__).parent, hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes())
+    found["source of torquebench"] = digest.hexdigest()[:16]
+    for model in models:
+        try:
+            files = checksums(sorted(p for p in model_folder(model).iterdir() if p.is_file()))
+        except ModelError:
+            files = {}
+        found[f"model {model}"] = hashlib.sha256(repr(files).encode()).hexdigest()[:16] if files else ABSENT
+    return found
+
+
+def sample(plan: Plan) -> str:
+    """Return a digest of the first rows of a sweep, computed here: other processors may have other last bits."""
+    digest = hashlib.sha256()
+    for name, column in Worker(plan).table(Task(plan.source, 1), 0).items():
+        digest.update(name.encode() + b"\0" + column.tobytes())
+    return digest.hexdigest()[:16]
+
+
+_lock = threading.Lock()
+_known: dict[str, str] = {}
+_loaded: dict[str, bytes] = {}
+
+
+def refusal(needs: Needs, folder: Path) -> str:
+    """Return why this process cannot take part in a sweep, or nothing; laws of the user are registered.
+
+    Args:
+        needs: What is needed.
+        folder: Where files of laws may be put; they must last as long as the process.
+    """
+    key = hashlib.sha256(repr(needs).encode()).hexdigest()
+    with _lock:  # threads of one process ask at the same time
+        if key not in _known:
+            _known[key] = _refusal(needs, folder)
+        return _known[key]
+
+
+def _refusal(needs: Needs, folder: Path) -> str:
+    models = [name.removeprefix("model ") for name in needs.made_of if name.startswith("model ")]
+    here = made_of(models)
+    if wrong := [
+        f"{name} {here[name]} instead of {want}" for name, want in needs.made_of.items() if here[name] != want
+    ]:
+        return f"has {', '.join(wrong)}: rows would not be the client's"
+    try:
+        for name, content in needs.plugins:
+            if _loaded.setdefault(name, content) != content:
+                return f"has another {name} loaded: restart the workers"
+            path = folder / "torquebench-laws" / name
+            if not path.exists():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+                load_plugin(path)
+        found = sample(Plan(needs.source))
+    except ConfigError as error:
+        return "; ".join(map(str, error.problems))
+    except (OSError, TorquebenchError) as error:
+        return str(error)
+    if found != needs.sample:
+        return "computes other last bits in the first rows than the client, from the same software: other processor?"
+    return ""
+
+
+def run(needs: Needs, shard_size: int, with_trajectories: bool, shard: int) -> Rows:
+    """Run a shard in a process that nothing is wrong with.
+
+    Args:
+        needs: The sweep.
+        shard_size: Number of (case, draw) pairs in a shard.
+        with_trajectories: Whether the trajectories come back, too.
+        shard: Number of the shard.
+    """
+    if not with_trajectories:
+        return Rows(run_shard(Task(needs.source, shard_size), shard), {})
+    with tempfile.TemporaryDirectory(prefix="torquebench-") as folder:
+        table = run_shard(Task(needs.source, shard_size, Path(folder)), shard)
+        return Rows(table, {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())})
