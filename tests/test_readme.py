@@ -38,6 +38,7 @@ def test_every_command_parses(arguments):
         "paper",
         "boundary-layer",
         "report",
+        "sweep",
     )
 
 

@@ -392,7 +392,9 @@ def test_a_disk_that_refuses_is_status_3(quick, command, monkeypatch):
     assert not (quick.parent / "result" / "manifest.json").exists()
 
 
-CONFIGS = sorted((data_root() / "configs").rglob("*.yaml"))
+SHIPPED = sorted((data_root() / "configs").rglob("*.yaml"))
+SWEEPS = [path for path in SHIPPED if "\nsweep:" in path.read_text(encoding="utf-8")]
+CONFIGS = [path for path in SHIPPED if path not in SWEEPS]
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.stem)
@@ -403,3 +405,11 @@ def test_every_config_that_ships_runs(path, tmp_path, command):
     status, _, err = command("run", path, "--out", tmp_path / "out", "--no-figures", *short)
     remarks = [line for line in err.splitlines() if "cannot meet its reaching condition" not in line]
     assert (status, remarks) == (0, [])
+
+
+@pytest.mark.parametrize("path", SWEEPS, ids=lambda p: p.stem)
+def test_every_sweep_that_ships_is_one(path, command):
+    """Each case of each sweep's file is an experiment; nothing is run but the few loops that are timed."""
+    status, out, err = command("sweep", path, "--dry-run", "--set", "run.duration=2.5")
+    assert (status, err) == (0, "")
+    assert "runs, " in out

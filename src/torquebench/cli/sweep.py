@@ -23,7 +23,7 @@ from torquebench.sweep.executors import Executor, Processes, Threads
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.results import read_column
 from torquebench.sweep.run import COMPLETED, State, check_finished, conclude, outcomes, rows_in, run_missing, state_of
-from torquebench.sweep.store import Stored, begin, opened, refuse_changes
+from torquebench.sweep.store import Stored, alone, begin, opened, refuse_changes
 
 DONE, FAILED, INTERNAL, INTERRUPTED = 0, 1, 3, 130
 
@@ -207,7 +207,7 @@ def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Name
     done = sum(rows_in(stored, shard) for shard in state.complete)
     ran = 0
     try:
-        with progress_bar(stored.plan.rows, "run", "running", done) as bar:
+        with alone(stored), progress_bar(stored.plan.rows, "run", "running", done) as bar:
 
             def report(rows: int) -> None:
                 nonlocal ran
@@ -215,7 +215,8 @@ def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Name
                 bar.update(rows)
 
             run_missing(stored, state, how, report)
-        conclude(stored)
+            bar.set_description_str("writing the tables")
+            conclude(stored)
     except KeyboardInterrupt:
         complain(f"torquebench: interrupted; {resume_hint(stored, options)}")
         return INTERRUPTED

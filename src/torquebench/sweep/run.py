@@ -65,6 +65,7 @@ def run_missing(
         folder = stored.folder.resolve() / TRAJECTORIES
         folder.mkdir(exist_ok=True)
     shards = Shards(stored.folder, stored.digest)
+    shards.sweep_up()
     for shard, table in executor.run(Task(stored.plan.source, stored.shard_size, folder), state.missing):
         shards.write(shard, table)
         progress(rows_in(stored, shard))

@@ -63,6 +63,12 @@ class Shards:
         good = {shard for shard in there if self.read(shard) is not None}
         return good, there - good
 
+    def sweep_up(self) -> None:
+        """Remove what a killed process was about to write."""
+        for folder in (self._folder, self._folder.parent):
+            for torn in folder.glob(".*.tmp"):
+                torn.unlink(missing_ok=True)
+
     def path(self, shard: int) -> Path:
         """Return the file of a shard."""
         return self._folder / f"{shard:06d}.shard"

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import hashlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from torquebench.errors import ConfigError, Problem
+from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.dump import plain
 from torquebench.experiment.store import MANIFEST, RunDirectory, checksums, json_bytes, versions
 from torquebench.robot.library import model_folder
@@ -62,6 +65,21 @@ def begin(directory: RunDirectory, plan: Plan, shard_size: int) -> Stored:
     directory.write(CONFIG, plan.source.text)
     directory.write(PLAN, json_bytes(facts))
     return Stored(directory.folder, plan, facts)
+
+
+@contextlib.contextmanager
+def alone(stored: Stored) -> Iterator[None]:
+    """Keep other processes from running the same sweep meanwhile; the end of this one, however it ends, lets them.
+
+    Raises:
+        ResultError: another process is running it.
+    """
+    with (stored.folder / PLAN).open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ResultError(f"{stored.folder}: another process is running this sweep") from error
+        yield
 
 
 def facts_of(plan: Plan, shard_size: int) -> dict[str, Any]:

@@ -1,0 +1,35 @@
+"""A small sweep that the tests of sweeps share: two controllers, two keys of the grid, one random key, noise."""
+
+from __future__ import annotations
+
+from torquebench.sweep.plan import Plan, Source
+
+BASE = """\
+name: small
+plant: {engine: mujoco, model: puma560, integrator: euler}
+model: {structure: corrected, constants: printed, mismatch: {relative: 0.3}}
+controllers:
+  - {name: band, law: linear-band-smc, gains: {lam: 10, k: 0.3, phi: 0.3, kv: 20}}
+  - {name: sign, law: smc, switching: sign, gains: {lam: 10, k: 0.3}}
+reference: {kind: sine, amplitude: 1.0, frequency_hz: 1.0}
+chain: {encoder_noise: 0.0001}
+disturbances:
+  - {kind: band-limited-noise, channel: torque, sigma: [5.06, 16.59, 3.30, 0.54, 0.62, 0.81]}
+run: {duration: 0.6, metrics_from: 0.1, seed: 3}
+"""
+SMALL = BASE + (
+    """\
+sweep:
+  draws: 6
+  grid:
+    plant.payload.mass: [0, 2]
+    controllers.*.gains.phi: {from: 0.1, to: 0.3, count: 3}
+  random:
+    controllers.*.gains.lam: {uniform: [8, 12]}
+"""
+)
+
+
+def plan_of(text: str, *overrides: str) -> Plan:
+    """Return the plan of a sweep's text."""
+    return Plan(Source(text.encode(), "small.yaml", overrides))
