@@ -201,7 +201,7 @@ def test_workers_with_other_software_are_refused(folder, cluster, address, comma
 
 
 @pytest.mark.parametrize(("name", "value", "text"), [
-    ("made_of", lambda models: remote.decisive_versions() | {"source of torquebench": "x"}, "has source of torquebench"),
+    ("made_of", lambda models: remote.decisive_versions() | {"source of torquebench": "x"}, "has source of torque"),
     ("made_of", lambda models: remote.decisive_versions() | {"model nobody": "x"}, "has model nobody absent instead"),
     ("sample", lambda plan: "x", "computes other last bits"),
 ])  # fmt: skip

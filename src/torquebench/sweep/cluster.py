@@ -30,6 +30,8 @@ LOOK = 5.0
 """Time between looks whether a worker that is waited for is still there [s]."""
 AHEAD = 2
 """Shards asked for in advance for each thread: enough to keep it busy, few enough to keep memory flat."""
+DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""What a local worker does first: Ctrl-C comes from the terminal to all processes, and this one decides."""
 LOCAL = re.compile(r"local(?::(\d{1,4}))?")
 REMOTE = re.compile(r"(tcp|tls)://[^\s/]+:\d+")
 
@@ -59,7 +61,7 @@ def opened(address: str) -> Iterator[Cluster]:
             count = int(local[1] or os.cpu_count() or 1)
             cluster = stack.enter_context(LocalCluster(
                 n_workers=count, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
-                memory_limit=None, silence_logs=logging.CRITICAL,
+                memory_limit=None, preload=DEAF, silence_logs=logging.CRITICAL,
             ))  # fmt: skip
             yield Cluster(stack.enter_context(Client(cluster)), address, count)
             return
