@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib
 import itertools
 import logging
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,8 @@ AHEAD = 2
 """Shards asked for in advance for each thread: enough to keep it busy, few enough to keep memory flat."""
 DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 """What a local worker does first: Ctrl-C comes from the terminal to all processes, and this one decides."""
+WORKER_SIDE = "torquebench.sweep.cluster"
+"""What every worker must be able to import."""
 LOCAL = re.compile(r"local(?::(\d{1,4}))?")
 REMOTE = re.compile(r"(tcp|tls)://[^\s/]+:\d+")
 
@@ -113,25 +116,29 @@ class Cluster:
         Raises:
             ConfigError: one would compute others, or cannot compute any; each is named.
         """
+        needs = self._needs_of(source)
+        # by steps, each sent only to those who can read it: a worker dies of a message that it cannot
+        _refuse_workers({name: _failure(f) for name, f in self._each(importlib.import_module, WORKER_SIDE).items()})
+        _refuse_workers({
+            name: _failure(f) or remote.difference(f.result(), needs.made_of)
+            for name, f in self._each(remote.made_of, needs.models).items()
+        })  # fmt: skip
+        _refuse_workers({name: _failure(f) or f.result() for name, f in self._each(_ask, needs).items()})
+
+    def _each(self, function: Callable[..., object], *arguments: object) -> dict[str, Future]:
+        """Have every worker do something, and return what came of it for those that are there at the end."""
         from distributed import wait
 
-        needs, found = self._needs_of(source), dict[str, list[str]]()
-        asked: dict[Future, str] = {
-            self._client.submit(_ask, needs, workers=[name], allow_other_workers=False, pure=False): name
+        asked: dict[str, Future] = {
+            name: self._client.submit(function, *arguments, workers=[name], allow_other_workers=False, pure=False)
             for name in self._client.nthreads()
         }
-        while asked:
+        while any(not future.done() for future in asked.values()):
             with contextlib.suppress(TimeoutError):
-                wait(list(asked), timeout=LOOK, return_when="FIRST_COMPLETED")
+                wait(list(asked.values()), timeout=LOOK)
             there = self._client.nthreads()
-            for future in [future for future, name in asked.items() if future.done() or name not in there]:
-                name, done = asked.pop(future), future.done()
-                if done and (text := _failure(future) or future.result()):
-                    found.setdefault(text, []).append(name)
-        if found:
-            raise ConfigError([
-                Problem("--cluster", "", f"worker {' and '.join(names)} {text}") for text, names in found.items()
-            ])  # fmt: skip
+            asked = {name: future for name, future in asked.items() if future.done() or name in there}
+        return asked
 
     def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards; see `Executor`. Workers that die or fall silent are Dask's business.
@@ -199,6 +206,14 @@ def _failure(future: Future) -> str:
         return "the connection to the scheduler is lost"
     error = future.exception()
     return f"cannot do the work ({type(error).__name__}: {' '.join(str(error).split())})"
+
+
+def _refuse_workers(texts: Mapping[str, str]) -> None:
+    reasons = {text: [name for name in texts if texts[name] == text] for text in texts.values() if text}
+    if reasons:
+        raise ConfigError([
+            Problem("--cluster", "", f"worker {' and '.join(names)} {text}") for text, names in reasons.items()
+        ])  # fmt: skip
 
 
 def _number(count: int, what: str) -> str:

@@ -18,7 +18,7 @@ from torquebench.sweep.plan import Plan, Source, Table
 from torquebench.sweep.store import decisive_versions
 from torquebench.sweep.work import Task, Worker, run_shard
 
-ABSENT = "absent"
+ABSENT, MODEL = "absent", "model "
 
 
 class Needs(NamedTuple):
@@ -31,6 +31,11 @@ class Needs(NamedTuple):
     """What the client computes with; see `made_of`."""
     sample: str
     """Digest of the first rows as the client computes them."""
+
+    @property
+    def models(self) -> list[str]:
+        """Names of the arms."""
+        return [name.removeprefix(MODEL) for name in self.made_of if name.startswith(MODEL)]
 
 
 class Rows(NamedTuple):
@@ -71,8 +76,21 @@ def made_of(models: list[str]) -> dict[str, str]:
             files = checksums(sorted(p for p in model_folder(model).iterdir() if p.is_file()))
         except ModelError:
             files = {}
-        found[f"model {model}"] = hashlib.sha256(repr(files).encode()).hexdigest()[:16] if files else ABSENT
+        found[MODEL + model] = hashlib.sha256(repr(files).encode()).hexdigest()[:16] if files else ABSENT
     return found
+
+
+def difference(there: Mapping[str, str], here: Mapping[str, str]) -> str:
+    """Return how a worker is made of other things than the client, or nothing.
+
+    Args:
+        there: What the worker is made of.
+        here: What the client is made of.
+    """
+    wrong = [
+        f"{name} {there.get(name, ABSENT)} instead of {want}" for name, want in here.items() if there.get(name) != want
+    ]
+    return f"has {', '.join(wrong)}: its rows would not be the client's" if wrong else ""
 
 
 def sample(plan: Plan) -> str:
@@ -103,12 +121,8 @@ def refusal(needs: Needs, folder: Path) -> str:
 
 
 def _refusal(needs: Needs, folder: Path) -> str:
-    models = [name.removeprefix("model ") for name in needs.made_of if name.startswith("model ")]
-    here = made_of(models)
-    if wrong := [
-        f"{name} {here[name]} instead of {want}" for name, want in needs.made_of.items() if here[name] != want
-    ]:
-        return f"has {', '.join(wrong)}: rows would not be the client's"
+    if text := difference(made_of(needs.models), needs.made_of):
+        return text
     try:
         for name, content in needs.plugins:
             if _loaded.setdefault(name, content) != content:
