@@ -81,6 +81,15 @@ def shards_of(plan: Plan, executor: Executor, size: int) -> dict[int, Any]:
     return found
 
 
+def test_a_local_cluster_listens_on_loopback_only(cluster: Cluster) -> None:
+    """Scheduler, workers and the scheduler's page of numbers: nobody on the network can reach them."""
+    scheduler = default_client().cluster.scheduler
+    assert {address.partition("//")[2].partition(":")[0] for address in (scheduler.address, *scheduler.workers)} == {
+        "127.0.0.1"
+    }
+    assert scheduler.http_server.address == "127.0.0.1"
+
+
 def test_tables_are_equal_in_every_byte_whoever_makes_them(folder, address, command):
     """Threads, processes, and Dask by address; trajectories too, which workers send and the client writes."""
     kept = ("--set", "sweep.keep=all", "--set", "sweep.draws=2")
@@ -264,8 +273,8 @@ def test_laws_of_the_user_are_sent_to_the_workers(folder, address, command, monk
     ("localhost:8786", "got 'localhost:8786', wanted tcp://HOST:PORT"),
     ("local:0", "got 'local:0', wanted"),
     ("tcp://127.0.0.1", "got 'tcp://127.0.0.1', wanted"),
-    ("tcp://127.0.0.1:1", "no scheduler answers at tcp://127.0.0.1:1 within 0.3 s"),
-    ("tls://127.0.0.1:1", "no scheduler answers at tls://127.0.0.1:1 within 0.3 s"),
+    ("tcp://127.0.0.1:1", "no connection to a scheduler at tcp://127.0.0.1:1 within 0.3 s"),
+    ("tls://127.0.0.1:1", "no connection to a scheduler at tls://127.0.0.1:1 within 0.3 s"),
 ])  # fmt: skip
 def test_an_address_without_a_scheduler_is_refused(folder, command, monkeypatch, address, text):
     """Exit 2 after at most the stated time, with the reason, and nothing written."""

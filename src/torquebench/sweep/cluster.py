@@ -64,6 +64,7 @@ def opened(address: str) -> Iterator[Cluster]:
             count = int(local[1] or os.cpu_count() or 1)
             cluster = stack.enter_context(LocalCluster(
                 n_workers=count, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # any port: the default one may be taken
                 memory_limit=None, preload=DEAF, silence_logs=logging.CRITICAL,
             ))  # fmt: skip
             yield Cluster(stack.enter_context(Client(cluster)), address, count)
@@ -72,7 +73,7 @@ def opened(address: str) -> Iterator[Cluster]:
             client = stack.enter_context(Client(address, timeout=CONNECT))
         except (OSError, TypeError, ValueError, RuntimeError) as error:  # TypeError: no certificates for tls://
             raise ConfigError([
-                Problem("--cluster", "", f"no scheduler answers at {address} within {CONNECT:g} s ({error})")
+                Problem("--cluster", "", f"no connection to a scheduler at {address} within {CONNECT:g} s ({error})")
             ]) from error  # fmt: skip
         try:
             client.wait_for_workers(1, timeout=FIRST)
