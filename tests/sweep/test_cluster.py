@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import signal
 import sys
 import time
@@ -15,12 +16,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+import yaml
 from distributed import Client, default_client
 
 from tests.sweep.examples import SMALL, plan_of
 from tests.sweep.test_executors import same
-from torquebench.cli.main import main
+from torquebench.cli.main import main, parser
 from torquebench.errors import ConfigError, ResultError
+from torquebench.robot.library import data_root
 from torquebench.sweep import cluster as cluster_module
 from torquebench.sweep import remote
 from torquebench.sweep.cluster import AHEAD, Cluster, opened
@@ -300,3 +303,15 @@ def test_options_that_have_no_effect_are_refused(folder, command, option):
     status, _, err = command("small.yaml", "--cluster", "local", *option)
     assert status == 2
     assert err.startswith(f"{option[0]}: has no effect with --cluster")
+
+
+def test_what_the_documentation_shows_can_be_read() -> None:
+    """Its Python is Python, its YAML is YAML, and its commands are commands of this version."""
+    text = (data_root() / "docs" / "cluster.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE)
+    assert [language for language, _ in blocks] == ["sh", "sh", "python", "yaml"]
+    compile(blocks[2][1], "slurm.py", "exec")
+    assert set(yaml.safe_load(blocks[3][1])["distributed"]["comm"]) == {"require-encryption", "tls"}
+    lines = [line.partition("#")[0].split() for _, block in blocks[:2] for line in block.splitlines()]
+    commands = [words[1:] for words in lines if words and words[0].endswith("torquebench")]
+    assert [parser().parse_args(words).cluster for words in commands] == ["local", "local:3", "tcp://one:8786"]
