@@ -103,7 +103,9 @@ def sample(plan: Plan) -> str:
 
 _lock = threading.Lock()
 _known: dict[str, str] = {}
+"""What `refusal` has found, by digest of what was needed."""
 _loaded: dict[str, bytes] = {}
+"""Laws of the user in this process: content by file name; laws cannot be registered anew."""
 
 
 def refusal(needs: Needs, folder: Path) -> str:
@@ -125,13 +127,14 @@ def _refusal(needs: Needs, folder: Path) -> str:
         return text
     try:
         for name, content in needs.plugins:
-            if _loaded.setdefault(name, content) != content:
-                return f"has another {name} loaded: restart the workers"
-            path = folder / "torquebench-laws" / name
-            if not path.exists():
+            if name not in _loaded:
+                path = folder / "torquebench-laws" / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(content)
                 load_plugin(path)
+                _loaded[name] = content
+            if _loaded[name] != content:
+                return f"has another {name} loaded: restart the workers"
         found = sample(Plan(needs.source))
     except ConfigError as error:
         return "; ".join(map(str, error.problems))
