@@ -66,11 +66,7 @@ def made_of(models: list[str]) -> dict[str, str]:
     Args:
         models: Names of the arms.
     """
-    found = decisive_versions()
-    package, digest = Path(torquebench.__file__).parent, hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        digest.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes())
-    found["source of torquebench"] = digest.hexdigest()[:16]
+    found = decisive_versions() | {"source of torquebench": _SOURCE}
     for model in models:
         try:
             files = checksums(sorted(p for p in model_folder(model).iterdir() if p.is_file()))
@@ -78,6 +74,17 @@ def made_of(models: list[str]) -> dict[str, str]:
             files = {}
         found[MODEL + model] = hashlib.sha256(repr(files).encode()).hexdigest()[:16] if files else ABSENT
     return found
+
+
+def _source() -> str:
+    package, digest = Path(torquebench.__file__).parent, hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+_SOURCE = _source()
+"""As it was when this process read it: a worker may be older than what is on its disk by now."""
 
 
 def difference(there: Mapping[str, str], here: Mapping[str, str]) -> str:
