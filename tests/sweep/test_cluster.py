@@ -212,13 +212,32 @@ def test_workers_with_other_software_are_refused(folder, cluster, address, comma
     monkeypatch.setattr(cluster, "_needs", None)
 
 
+def test_the_one_worker_that_differs_is_named(cluster):
+    """One of the three has other source: it is the one that is refused, whichever it is."""
+    client = default_client()
+
+    def alter(text: str) -> str:
+        from torquebench.sweep import remote
+
+        before, remote._SOURCE = remote._SOURCE, text
+        return before
+
+    for name in client.nthreads():
+        before = client.run(alter, "other", workers=[name])[name]
+        with pytest.raises(ConfigError) as caught:
+            cluster.prepare(PLAN.source)
+        client.run(alter, before, workers=[name])
+        (problem,) = caught.value.problems
+        assert problem.message.startswith(f"worker {name} has source of torquebench other instead of {before}")
+    cluster.prepare(PLAN.source)
+
+
 @pytest.mark.parametrize(("name", "value", "text"), [
-    ("made_of", lambda models: remote.decisive_versions() | {"source of torquebench": "x"}, "has source of torque"),
     ("made_of", lambda models: remote.decisive_versions() | {"model nobody": "x"}, "has model nobody absent instead"),
     ("sample", lambda plan: "x", "computes other last bits"),
 ])  # fmt: skip
 def test_workers_that_would_compute_other_bytes_are_refused(cluster, monkeypatch, name, value, text):
-    """Other source, other files of the arm, or other last bits of the first rows."""
+    """Other files of the arm, or other last bits of the first rows."""
     monkeypatch.setattr(cluster, "_needs", None)
     monkeypatch.setattr(remote, name, value)
     with pytest.raises(ConfigError, match=text):
