@@ -98,7 +98,7 @@ def test_tables_are_equal_in_every_byte_whoever_makes_them(folder, address, comm
     kept = ("--set", "sweep.keep=all", "--set", "sweep.draws=2")
     for name, how in (
         ("a", ("--executor", "threads", "--workers", 2)),
-        ("b", ("--workers", 2)),
+        ("b", ("--workers", 1)),
         ("c", ("--cluster", address)),
     ):
         status, out, err = command("small.yaml", "--out", name, *kept, *how)
@@ -213,8 +213,9 @@ def test_workers_with_other_software_are_refused(folder, cluster, address, comma
 
 
 def test_the_one_worker_that_differs_is_named(cluster):
-    """One of the three has other source: it is the one that is refused, whichever it is."""
+    """One of the three has other source, and is busy, so that Dask would rather ask another: it is refused."""
     client = default_client()
+    name = next(iter(client.nthreads()))
 
     def alter(text: str) -> str:
         from torquebench.sweep import remote
@@ -222,13 +223,14 @@ def test_the_one_worker_that_differs_is_named(cluster):
         before, remote._SOURCE = remote._SOURCE, text
         return before
 
-    for name in client.nthreads():
-        before = client.run(alter, "other", workers=[name])[name]
-        with pytest.raises(ConfigError) as caught:
-            cluster.prepare(PLAN.source)
-        client.run(alter, before, workers=[name])
-        (problem,) = caught.value.problems
-        assert problem.message.startswith(f"worker {name} has source of torquebench other instead of {before}")
+    before = client.run(alter, "other", workers=[name])[name]
+    busy = client.submit(time.sleep, 0.5, workers=[name], pure=False)
+    with pytest.raises(ConfigError) as caught:
+        cluster.prepare(PLAN.source)
+    assert busy.done()
+    client.run(alter, before, workers=[name])
+    (problem,) = caught.value.problems
+    assert problem.message.startswith(f"worker {name} has source of torquebench other instead of {before}")
     cluster.prepare(PLAN.source)
 
 
