@@ -78,9 +78,10 @@ def parser() -> argparse.ArgumentParser:
     sweep.add_argument("config", type=Path, nargs="?", help="experiment with a section `sweep`, a YAML file")
     sweep.add_argument("--out", type=Path, help="folder for the results, new or empty (default: runs/NAME-UTC)")
     sweep.add_argument("--resume", type=Path, metavar="DIR", help="go on with the sweep in this folder")
-    sweep.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="how many run (default: one per core)")
-    sweep.add_argument("--executor", choices=["processes", "threads"], default="processes",
-                       help="what the workers are (default: processes)")  # fmt: skip
+    sweep.add_argument("--workers", type=int, help="how many run (default: one per core)")
+    sweep.add_argument("--executor", choices=["processes", "threads"], help="what the workers are (default: processes)")
+    sweep.add_argument("--cluster", metavar="ADDRESS", help="run on a Dask cluster: tcp://HOST:PORT or tls://HOST:PORT "
+                       "of its scheduler; local or local:N makes one here")  # fmt: skip
     sweep.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="change one key, for example --set sweep.draws=10 or --set run.duration=2",

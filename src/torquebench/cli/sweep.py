@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -37,20 +40,20 @@ def sweep(options: argparse.Namespace) -> int:
     check_options(options)
     for plugin in options.plugin:
         load_plugin(plugin)
-    stored = begun(options) if options.resume is None else continued(options)
-    if stored is None:
-        return DONE
-    state = state_of(stored)
-    if stored.finished:
-        check_finished(stored)
-        say(f"finished already: all {stored.shards} shards are there")
+    if options.resume is None:
+        plan = Plan(source_of(options))
+        with progress_bar(plan.cases, "case", "checking") as bar:
+            survey = check_plan(plan, bar.update)
+        with executor(options) as how:
+            stored = begun(plan, survey, how, options)
+            if stored is None:
+                return DONE
+            status = run_rest(stored, state_of(stored), how, options)
     else:
-        if options.resume is not None:
-            damaged = f", {len(state.damaged)} damaged" if state.damaged else ""
-            say(f"{len(state.complete)} of {stored.shards} shards are there{damaged}; {len(state.missing)} to run")
-        status = run_rest(stored, state, executor(options), options)
-        if status != DONE:
-            return status
+        stored = continued(options)
+        status = finished(stored) if stored.finished else rest_of(stored, options)
+    if status != DONE:
+        return status
     say(summary(stored))
     say()
     say(f"results: {stored.folder}")
@@ -64,7 +67,10 @@ def check_options(options: argparse.Namespace) -> None:
         ConfigError: there are some.
     """
     problems = []
-    if options.workers < 1:
+    for option in ("workers", "executor"):
+        if options.cluster is not None and getattr(options, option) is not None:
+            problems.append(Problem(f"--{option}", "", "has no effect with --cluster, whose workers run the sweep"))
+    if options.workers is not None and options.workers < 1:
         problems.append(Problem("--workers", "", f"got {options.workers}, wanted at least 1"))
     if options.config is None and options.resume is None:
         problems.append(Problem("CONFIG", "", "missing: wanted a sweep's file, or --resume with a sweep's folder"))
@@ -76,21 +82,25 @@ def check_options(options: argparse.Namespace) -> None:
         raise ConfigError(problems)
 
 
-def begun(options: argparse.Namespace) -> Stored | None:
-    """Check a sweep, say how much work it is, and make its folder; None when that was all that was wanted.
+def begun(plan: Plan, survey: Survey, how: Executor, options: argparse.Namespace) -> Stored | None:
+    """Say how much work a sweep is, and make its folder; None when the former was all that was wanted.
+
+    Args:
+        plan: The sweep.
+        survey: What checking it has found.
+        how: What will run it.
+        options: Arguments of the command.
 
     Raises:
-        ConfigError: the file has mistakes, or the work is more than the caps allow.
+        ConfigError: the work is more than the caps allow, or a worker cannot take part.
     """
-    plan = Plan(source_of(options))
-    with progress_bar(plan.cases, "case", "checking") as bar:
-        survey = check_plan(plan, bar.update)
-    work = told(plan, survey, options)
+    work = told(plan, survey, how)
     refusals = work.refusals((options.out or Path("runs")).absolute())
     if refusals and not options.no_cap:
         raise ConfigError([Problem("--no-cap", "", f"needs {text}: lift the caps with it") for text in refusals])
     if options.dry_run:
         return None
+    prepare(how, plan.source)
     directory = RunDirectory(claim_folder(options.out, plan.first.name))
     return begin(directory, plan, shard_size(plan, survey))
 
@@ -109,30 +119,80 @@ def continued(options: argparse.Namespace) -> Stored:
     return stored
 
 
+def finished(stored: Stored) -> int:
+    """Verify the files of a finished sweep and return the exit status.
+
+    Raises:
+        ResultError: one is missing or altered.
+    """
+    check_finished(stored)
+    say(f"finished already: all {stored.shards} shards are there")
+    return DONE
+
+
+def rest_of(stored: Stored, options: argparse.Namespace) -> int:
+    """Say how far a sweep is, run the rest, and return the exit status.
+
+    Raises:
+        ConfigError: a worker cannot take part.
+    """
+    state = state_of(stored)
+    damaged = f", {len(state.damaged)} damaged" if state.damaged else ""
+    say(f"{len(state.complete)} of {stored.shards} shards are there{damaged}; {len(state.missing)} to run")
+    with executor(options) as how:
+        prepare(how, stored.plan.source)
+        return run_rest(stored, state, how, options)
+
+
+def prepare(how: Executor, source: Source) -> None:
+    """Have the workers ready.
+
+    Raises:
+        ConfigError: one cannot take part.
+    """
+    with progress_bar(0, "worker", "preparing the workers (compiles on first use)"):
+        how.prepare(source)
+
+
 def source_of(options: argparse.Namespace) -> Source:
     """Return the file and the changes that the arguments name."""
     text = read_bytes(options.config)
     return Source(text, str(options.config), tuple(options.overrides), tuple(p.absolute() for p in options.plugin))
 
 
-def told(plan: Plan, survey: Survey, options: argparse.Namespace) -> Estimate:
+def told(plan: Plan, survey: Survey, how: Executor) -> Estimate:
     """Say how much work a sweep is, and return it."""
     with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
-        work = estimate(plan, survey, options.workers, options.executor == "processes")
+        work = estimate(plan, survey, how.count, how.processes, how.here)
     say(
         f"{plan.first.name}: {plan.cases:,} case{'s' * (plan.cases != 1)} x {plan.draws:,} draw"
         f"{'s' * (plan.draws != 1)} x {len(plan.controllers)} controller{'s' * (len(plan.controllers) != 1)}"
     )
     say(
-        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} on {options.workers} "
-        f"{options.executor}, {size(work.memory)} of memory, {size(work.disk)} on disk"
+        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} on {how}, "
+        f"{size(work.memory)} of memory, {size(work.disk)} on disk"
     )
     return work
 
 
-def executor(options: argparse.Namespace) -> Executor:
-    """Return what runs the shards."""
-    return Processes(options.workers) if options.executor == "processes" else Threads(options.workers)
+@contextlib.contextmanager
+def executor(options: argparse.Namespace) -> Iterator[Executor]:
+    """Have what runs the shards.
+
+    Raises:
+        ConfigError: there is no such cluster.
+    """
+    if options.cluster is None:
+        count = options.workers or os.cpu_count() or 1
+        yield Threads(count) if options.executor == "threads" else Processes(count)
+        return
+    from torquebench.sweep.cluster import opened as opened_cluster
+
+    with contextlib.ExitStack() as stack:
+        with progress_bar(0, "worker", f"waiting for the cluster {options.cluster}"):
+            cluster = stack.enter_context(opened_cluster(options.cluster))
+        say(str(cluster))
+        yield cluster
 
 
 def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Namespace) -> int:

@@ -44,7 +44,7 @@ class Estimate(NamedTuple):
     seconds: float
     """Time on the given number of workers [s]."""
     memory: int
-    """Bytes."""
+    """Bytes on this machine."""
     disk: int
     """Bytes."""
 
@@ -83,14 +83,15 @@ def shard_size(plan: Plan, survey: Survey) -> int:
     return max(size, -(-plan.pairs // MOST_SHARDS))
 
 
-def estimate(plan: Plan, survey: Survey, workers: int, processes: bool) -> Estimate:
+def estimate(plan: Plan, survey: Survey, workers: int, processes: int, here: int) -> Estimate:
     """Return what a sweep takes, after timing a few of its runs.
 
     Args:
         plan: The sweep.
         survey: What checking it has found.
         workers: How many run at once.
-        processes: Whether each is a process of its own.
+        processes: How many processes of their own there are on this machine.
+        here: How many of those that run at once are on this machine.
     """
     controllers = len(plan.controllers)
     steps = controllers * plan.draws * sum(survey.steps)
@@ -102,7 +103,7 @@ def estimate(plan: Plan, survey: Survey, workers: int, processes: bool) -> Estim
         kept = min(plan.rows, plan.keys.keep.worst * controllers)
     return Estimate(
         runs=plan.rows, steps=steps, seconds=seconds_per_step(plan, survey) * steps / workers,
-        memory=PROCESS_BYTES * (1 + (workers if processes else 0)) + workers * ARRAYS * 8 * n * longest,
+        memory=PROCESS_BYTES * (1 + processes) + max(1, here) * ARRAYS * 8 * n * longest,
         disk=plan.rows * (2 * row + text) + kept * STORED * 8 * n * longest,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
 from torquebench.errors import ResultError, TorquebenchError
-from torquebench.sweep.plan import Table
+from torquebench.sweep.plan import Source, Table
 from torquebench.sweep.work import Task, load_plugins, run_shard
 
 PATIENCE = 10.0
@@ -23,7 +23,30 @@ PATIENCE = 10.0
 
 
 class Executor(Protocol):
-    """Runs shards; the same bytes come back whatever it is."""
+    """Runs shards; the same bytes come back whatever it is. Its text says what it is."""
+
+    @property
+    def count(self) -> int:
+        """How many shards it runs at once."""
+        ...
+
+    @property
+    def processes(self) -> int:
+        """How many processes of their own it has on this machine."""
+        ...
+
+    @property
+    def here(self) -> int:
+        """How many of the shards that it runs at once are run on this machine."""
+        ...
+
+    def prepare(self, source: Source) -> None:
+        """Make sure that whoever runs the shards of a sweep would get the same bytes as this process.
+
+        Raises:
+            ConfigError: one would not.
+        """
+        ...
 
     def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards and yield the number and table of each as soon as it is done, in any order.
@@ -41,21 +64,28 @@ class Threads:
     """
 
     def __init__(self, count: int) -> None:
-        self._count = count
+        self.count = self.here = count
+        self.processes = 0
+
+    def __str__(self) -> str:
+        return f"{self.count} thread{'s' * (self.count != 1)}"
+
+    def prepare(self, source: Source) -> None:
+        """Do nothing: it is the same machine; see `Executor`."""
 
     def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards; see `Executor`."""
-        if self._count == 1:
+        if self.count == 1:
             for shard in shards:
                 yield shard, run_shard(task, shard)
             return
         stop, waiting = threading.Event(), iter(shards)
         pending: dict[Future[Table], int] = {}
-        with ThreadPoolExecutor(self._count) as pool:
+        with ThreadPoolExecutor(self.count) as pool:
             try:
                 while True:
                     # one more than there are threads, so that none waits for this one
-                    for shard in itertools.islice(waiting, self._count + 1 - len(pending)):
+                    for shard in itertools.islice(waiting, self.count + 1 - len(pending)):
                         pending[pool.submit(run_shard, task, shard, stop.is_set)] = shard
                     if not pending:
                         return
@@ -74,7 +104,13 @@ class Processes:
     """
 
     def __init__(self, count: int) -> None:
-        self._count = count
+        self.count = self.here = self.processes = count
+
+    def __str__(self) -> str:
+        return f"{self.count} process{'es' * (self.count != 1)}"
+
+    def prepare(self, source: Source) -> None:
+        """Do nothing: it is the same machine; see `Executor`."""
 
     def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards; see `Executor`.
@@ -85,7 +121,7 @@ class Processes:
         waiting, context = iter(shards), multiprocessing.get_context("spawn")
         workers: dict[Connection[Any, Any], BaseProcess] = {}
         try:
-            for first in itertools.islice(waiting, self._count):
+            for first in itertools.islice(waiting, self.count):
                 own, theirs = context.Pipe()
                 process: BaseProcess = context.Process(target=_serve, args=(theirs, task), daemon=True)
                 process.start()

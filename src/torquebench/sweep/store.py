@@ -86,7 +86,7 @@ def facts_of(plan: Plan, shard_size: int) -> dict[str, Any]:
     """Return what identifies a sweep, and what it is made of."""
     source = plan.source
     made_of = {
-        "software": {name: version for name, version in versions().items() if name in _DECISIVE},
+        "software": decisive_versions(),
         "plugins": checksums(source.plugins),
         "model_files": checksums(sorted(p for p in model_folder(plan.first.plant.model).iterdir() if p.is_file())),
     }
@@ -98,6 +98,11 @@ def facts_of(plan: Plan, shard_size: int) -> dict[str, Any]:
         "digest": hashlib.sha256(text.encode()).hexdigest(),
         "filename": source.filename, "overrides": list(source.overrides), "config": plan.raw,
     }  # fmt: skip
+
+
+def decisive_versions() -> dict[str, str]:
+    """Return the versions of the software on which numbers depend."""
+    return {name: version for name, version in versions().items() if name in _DECISIVE}
 
 
 def opened(folder: Path, plugins: tuple[Path, ...], option: str) -> Stored:
