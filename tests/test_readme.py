@@ -40,6 +40,7 @@ def test_every_command_parses(arguments):
         "paper",
         "boundary-layer",
         "report",
+        "completion",
     )
 
 

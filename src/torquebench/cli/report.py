@@ -8,7 +8,7 @@ from typing import Any
 
 from torquebench.cli.conditions import conditions_text
 from torquebench.cli.run import draw_figures
-from torquebench.cli.terminal import say
+from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.certify import certificates
 from torquebench.experiment.store import add_to_run, atomic_write
@@ -42,6 +42,7 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
     if len(stored) == 1 and out is None:
         (run,) = stored
         add_to_run(run.folder, PAGE, page_of(run, redraw))
+        tell(report=run.folder / PAGE, runs=runs)
         say(f"report: {run.folder / PAGE}")
         return 0
     target = out or Path("comparison.html")
@@ -52,6 +53,7 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
         raise ConfigError([Problem("RUN", "", f"two runs are called {max(names, key=names.count)}")])
     content = page_of(stored[0], redraw) if len(stored) == 1 else comparison_of(dict(zip(names, stored, strict=True)))
     atomic_write(target, content)
+    tell(report=target, runs=runs)
     say(f"report: {target}")
     return 0
 

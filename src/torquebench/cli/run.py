@@ -8,15 +8,16 @@ from typing import Any, Literal
 
 from torquebench.certificates import Certificate
 from torquebench.cli.certificates import certificate_lines, certificate_pages
+from torquebench.cli.colour import bad, good
 from torquebench.cli.conditions import chain_text, conditions_text, noise_text
 from torquebench.cli.fuzzy import remarks, run_figures, used
-from torquebench.cli.terminal import complain, progress_bar, say, table
+from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.disturbances import Stream
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
 from torquebench.experiment.build import build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
-from torquebench.experiment.schema import whole_steps
+from torquebench.experiment.schema import Experiment, whole_steps
 from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes, machine, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
@@ -51,7 +52,7 @@ def run(
     experiment = load_experiment(config, overrides)
     loop = build(experiment)
     for flag in flags(experiment, loop):
-        complain(f"torquebench: {flag}")
+        warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(out, experiment.name))
     directory.write("experiment.yaml", dump_experiment(experiment).encode())
     begin = "starting (compiles on first use)"
@@ -69,6 +70,7 @@ def run(
 
         result = run_experiment(experiment, loop, progress=report, finished=keep)
     proofs = write_results(result, directory, plugins, with_figures)
+    tell(directory=directory.folder, **run_facts(result, proofs))
     say(summary(result))
     for line in certificate_lines(result, proofs):
         say(line)
@@ -81,7 +83,7 @@ def run(
 
         film_of_run(result, directory.folder, gl)
     for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
-        complain(f"torquebench: interpreted, which is slower: {reason}")
+        warn(f"torquebench: interpreted, which is slower: {reason}")
     for name in result.unexpected:
         trajectory = result.runs[name]
         detail = f" ({trajectory.detail})" if trajectory.detail else ""
@@ -135,21 +137,8 @@ def write_results(
             "scenario": scenario_facts(result),
             "model_files": checksums(sorted(p for p in model_folder(experiment.plant.model).iterdir() if p.is_file())),
             "plugins": checksums(plugins),
-            "fuzzy": {
-                name: {"method": prepared.method, "error_bound": prepared.bound}
-                for name, prepared in used(experiment).items()
-            },
-            "outcomes": {
-                name: {
-                    "path": trajectory.path,
-                    "path_reason": trajectory.path_reason,
-                    "outcome": trajectory.outcome.name,
-                    "failed_at": trajectory.failed_at,
-                    "detail": trajectory.detail,
-                    "digest": trajectory.digest(),
-                }
-                for name, trajectory in result.runs.items()
-            },
+            "fuzzy": fuzzy_facts(experiment),
+            "outcomes": {name: outcome_facts(trajectory) for name, trajectory in result.runs.items()},
         }
     )
     return proofs
@@ -219,4 +208,42 @@ def draw_figures(
 def summary(result: ExperimentResult) -> str:
     """Return the table of headline metrics, one row a controller."""
     header, rows = headline_table(result)
+    rows = [[*row[:2], (bad if row[0] in result.unexpected else good)(row[2]), *row[3:]] for row in rows]
     return f"{result.experiment.name}\n{conditions_text(result.experiment)}\n\n{table(header, rows)}"
+
+
+def run_facts(result: ExperimentResult, proofs: Mapping[str, Certificate]) -> dict[str, Any]:
+    """Return what ``--json`` tells of a run: what was run, and outcome, metrics and certificate of each controller.
+
+    Args:
+        result: The run.
+        proofs: Controller name -> certificates.
+    """
+    controllers = {}
+    for keys in result.experiment.controllers:
+        trajectory, metrics = result.runs[keys.name], result.metrics.get(keys.name)
+        controllers[keys.name] = {
+            "law": keys.law, **outcome_facts(trajectory), "expected": keys.name not in result.unexpected,
+            "metrics": None if metrics is None else metrics.to_json(),
+            "certificate": proofs[keys.name].to_json() if keys.name in proofs else None,
+        }  # fmt: skip
+    return {
+        "name": result.experiment.name, "conditions": conditions_text(result.experiment).splitlines(),
+        "joints": list(result.loop.joint_names), "controllers": controllers,
+        "fuzzy": fuzzy_facts(result.experiment),
+    }  # fmt: skip
+
+
+def outcome_facts(trajectory: Trajectory) -> dict[str, Any]:
+    """Return how a run ended, for the manifest and for ``--json``."""
+    return {
+        "path": trajectory.path, "path_reason": trajectory.path_reason, "outcome": trajectory.outcome.name,
+        "failed_at": trajectory.failed_at, "detail": trajectory.detail, "digest": trajectory.digest(),
+    }  # fmt: skip
+
+
+def fuzzy_facts(experiment: Experiment) -> dict[str, dict[str, Any]]:
+    """Return how each fuzzy system in use is evaluated, for the manifest and for ``--json``."""
+    return {
+        name: {"method": prepared.method, "error_bound": prepared.bound} for name, prepared in used(experiment).items()
+    }
