@@ -25,7 +25,6 @@ from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table, outcome_text
 from torquebench.robot.bodies import FACTORS, links_in
 from torquebench.robot.library import model_folder
-from torquebench.robot.model import SLIDE
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
@@ -190,7 +189,7 @@ def draw_figures(
         result.runs, title=experiment.name, subtitle=conditions_text(experiment), joint_names=result.loop.joint_names,
         tau_max=result.loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period, metrics=result.metrics,
-        bands=bands, slides=[kind == SLIDE for kind in result.loop.model.flat.kind],
+        bands=bands, slides=result.slides,
     )  # fmt: skip
     figures |= certificate_pages(result, proofs, conditions_text(experiment))
     figures |= run_figures(result, conditions_text(experiment))
