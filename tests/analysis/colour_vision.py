@@ -49,11 +49,11 @@ def difference(one: Array, two: Array) -> float:
     h1, h2 = (math.degrees(math.atan2(b, stretch * a)) % 360.0 for a, b in ((a1, b1), (a2, b2)))
     turn = (h2 - h1 + 180.0) % 360.0 - 180.0 if c1 * c2 else 0.0
     hue = 2.0 * math.sqrt(c1 * c2) * math.sin(math.radians(turn / 2.0))
-    l, c = (l1 + l2) / 2.0, (c1 + c2) / 2.0
+    light, c = (l1 + l2) / 2.0, (c1 + c2) / 2.0
     h = (h1 + turn / 2.0) % 360.0 if c1 * c2 else h1 + h2
     waves = ((-0.17, 1.0, -30.0), (0.24, 2.0, 0.0), (0.32, 3.0, 6.0), (-0.20, 4.0, -63.0))
     t = 1.0 + sum(size * math.cos(math.radians(k * h + phase)) for size, k, phase in waves)
-    by_l = (l2 - l1) / (1.0 + 0.015 * (l - 50.0) ** 2 / math.sqrt(20.0 + (l - 50.0) ** 2))
+    by_l = (l2 - l1) / (1.0 + 0.015 * (light - 50.0) ** 2 / math.sqrt(20.0 + (light - 50.0) ** 2))
     by_c, by_h = (c2 - c1) / (1.0 + 0.045 * c), hue / (1.0 + 0.015 * c * t)
     blue = 60.0 * math.exp(-(((h - 275.0) / 25.0) ** 2))
     turned = -2.0 * math.sqrt(c**7 / (c**7 + 25.0**7)) * math.sin(math.radians(blue))
