@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from torquebench.cli.terminal import progress_bar, say, tell
+from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean
 from torquebench.experiment import load_experiment
 from torquebench.experiment.fuzzy_system import names_used, systems_of
@@ -54,6 +54,8 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
                     atomic_write(folder / f"{key}-{what}.{fmt}", figure_bytes(figure, fmt))
                     bar.update(1)
     (folder / CLAIM).unlink()
+    header = ["system", "rules", "terms", "error at most", "remarks", "evaluated"]
+    say("\n" + table(header, [summary_row(key, system) for key, system in prepared.items()], prose=True))
     say(f"\nfigures: {folder}")
     return 0
 
@@ -87,6 +89,19 @@ def description(prepared: Prepared) -> str:
         f"fuzzy system {system.name}: {len(system.rules)} rules on {sizes} terms",
         f"evaluated: {evaluation(prepared)}", "lint:", *findings,
     ])  # fmt: skip
+
+
+def summary_row(name: str, prepared: Prepared) -> list[str]:
+    """Return the cells of a system in the table.
+
+    Args:
+        name: What it is called.
+        prepared: The system.
+    """
+    found = facts(prepared)
+    terms = " x ".join(str(count) for count in found["terms"])
+    bound = f"{prepared.bound:.2g}" if prepared.bound else "0"
+    return [name, str(found["rules"]), terms, bound, str(len(found["findings"])), prepared.method]
 
 
 def facts(prepared: Prepared) -> dict[str, Any]:

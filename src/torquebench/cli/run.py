@@ -69,7 +69,8 @@ def run(
 
         result = run_experiment(experiment, loop, progress=report, finished=keep)
     proofs = write_results(result, directory, plugins, with_figures)
-    tell(directory=directory.folder, **run_facts(result, proofs))
+    proved = {name: found.to_json() for name, found in proofs.items()}
+    tell(directory=directory.folder, **run_facts(result), certificates=proved, fuzzy=fuzzy_facts(experiment))
     say(summary(result))
     for line in certificate_lines(result, proofs):
         say(line)
@@ -211,25 +212,18 @@ def summary(result: ExperimentResult) -> str:
     return f"{result.experiment.name}\n{conditions_text(result.experiment)}\n\n{table(header, rows)}"
 
 
-def run_facts(result: ExperimentResult, proofs: Mapping[str, Certificate]) -> dict[str, Any]:
-    """Return what ``--json`` tells of a run: what was run, and outcome, metrics and certificate of each controller.
-
-    Args:
-        result: The run.
-        proofs: Controller name -> certificates.
-    """
+def run_facts(result: ExperimentResult) -> dict[str, Any]:
+    """Return what ``--json`` tells of a run: what was run, and outcome and metrics of each controller."""
     controllers = {}
     for keys in result.experiment.controllers:
         trajectory, metrics = result.runs[keys.name], result.metrics.get(keys.name)
         controllers[keys.name] = {
             "law": keys.law, **outcome_facts(trajectory), "expected": keys.name not in result.unexpected,
             "metrics": None if metrics is None else metrics.to_json(),
-            "certificate": proofs[keys.name].to_json() if keys.name in proofs else None,
         }  # fmt: skip
     return {
         "name": result.experiment.name, "conditions": conditions_text(result.experiment).splitlines(),
         "joints": list(result.loop.joint_names), "controllers": controllers,
-        "fuzzy": fuzzy_facts(result.experiment),
     }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from torquebench.cli.report import PAGE, page_of
-from torquebench.cli.terminal import complain, progress_bar, say, tell, warn
+from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
 from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.store import add_to_run, atomic_write, check_run
@@ -14,6 +14,9 @@ from torquebench.experiment.stored import StoredRun
 from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
 from torquebench.video.settings import Settings
 from torquebench.video.stored import Subject, model_changed, read_subject
+
+SHOWN = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
+"""What the table says of a film or a picture."""
 
 
 def video(options: argparse.Namespace) -> int:
@@ -47,7 +50,13 @@ def video(options: argparse.Namespace) -> int:
         path = options.out
         atomic_write(path, made.content)
     announce(path, made)
+    shown = {key: made.facts[key] for key in SHOWN if key in made.facts}
+    say("\n" + table(list(shown), [[_text(value) for value in shown.values()]]))
     return 0
+
+
+def _text(value: object) -> str:
+    return " x ".join(str(part) for part in value) if isinstance(value, list | tuple) else str(value)
 
 
 def film(subject: Subject, settings: Settings, gl: str | None, still: float | None = None) -> Made:
