@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from torquebench.cli.terminal import warn
 from torquebench.errors import ConfigError, Problem
@@ -25,10 +25,21 @@ EXAMPLES = {
     "completion": "torquebench completion bash > ~/.local/share/bash-completion/completions/torquebench",
 }
 """The last line of each command's help."""
+EXAMPLE = "Example: "
+
+
+class Help(argparse.HelpFormatter):
+    """Help whose examples are lines to copy, however narrow the terminal."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return text if text.startswith(EXAMPLE) else super()._fill_text(text, width, indent)
 
 
 class Parser(argparse.ArgumentParser):
     """An argument parser whose complaints are problems like all others."""
+
+    def __init__(self, **more: Any) -> None:
+        super().__init__(**{"formatter_class": Help} | more)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.
@@ -60,7 +71,7 @@ def add_common(commands: Mapping[str, argparse.ArgumentParser]) -> None:
         else:
             command.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
         if name in EXAMPLES:
-            command.epilog = f"Example: {EXAMPLES[name]}"
+            command.epilog = EXAMPLE + EXAMPLES[name]
 
 
 def frame_size(text: str) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes,
 from torquebench.paper.claims import claims
 from torquebench.paper.report import agreement_text, lost_text, page
 from torquebench.paper.runs import Study, run_study, steps_of
-from torquebench.paper.verdicts import Claim
+from torquebench.paper.verdicts import FAILS, HOLDS, Claim
 from torquebench.paper.workload import NOISE, NOMINAL, PAIRED_DRAWS, RELATIVE
 from torquebench.report.render import Picture
 
@@ -37,6 +37,7 @@ PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
     ),
 }  # fmt: skip
 """Pages: title, what is drawn, caption."""
+TONES = {HOLDS: good, FAILS: bad}
 
 
 def paper(options: argparse.Namespace) -> int:
@@ -172,7 +173,7 @@ def markdown(table_of: list[Claim]) -> str:
 def claims_table(table_of: list[Claim]) -> str:
     """Return the table of claims for the terminal, conditions under it."""
     rows = [
-        [claim.claim, claim.where, (good if claim.verdict == "holds" else bad)(claim.verdict), claim.figure_text]
+        [claim.claim, claim.where, TONES.get(claim.verdict, str)(claim.verdict), claim.figure_text]
         for claim in table_of
     ]  # fmt: skip
     lines = [table(["claim", "where", "verdict", "figure [95 %]"], rows, left=3, keys=2), ""]
