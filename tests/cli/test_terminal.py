@@ -133,8 +133,8 @@ def test_progress_is_for_people(monkeypatch, is_terminal, quiet, seen):
     """On a terminal: what is being done, how much, the time left; else, and with --quiet, nothing at all."""
     stream = Terminal() if is_terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
-    with speaking(quiet, as_json=False), progress_bar(4, "step", "starting") as bar:
-        bar.update(2)
+    with speaking(quiet, as_json=False), progress_bar(4, "step", "starting", done=1) as bar:
+        bar.update(1)
         bar.set_description_str("going on", refresh=True)
     written = stream.getvalue()
     assert bool(written) == seen

@@ -7,18 +7,15 @@ import contextlib
 import io
 import os
 import sys
-import traceback
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import torquebench
+from torquebench.cli.ending import Ending, guarded
 from torquebench.cli.options import Parser, add_common, frame_size, joint_list, name_list
-from torquebench.cli.signals import Terminated, terminable
-from torquebench.cli.terminal import complain, emit, speaking
-from torquebench.errors import ConfigError, Problem, TorquebenchError
+from torquebench.cli.signals import terminable
+from torquebench.cli.terminal import emit, speaking
 
-DONE, FAILED, BAD_INPUT, INTERNAL, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 130, 143
 SHELLS = ("bash", "zsh", "fish")
 
 
@@ -143,14 +140,6 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-@dataclass
-class Ending:
-    """How a command ended before its end, for the document of --json."""
-
-    problems: tuple[Problem, ...] = ()
-    error: str | None = None
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     for stream in (sys.stdout, sys.stderr):
@@ -177,47 +166,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         status = guarded(work, ending)
         return guarded(conclude, Ending()) if voice.as_json else status
-
-
-def guarded(work: Callable[[], int], ending: Ending) -> int:
-    """Return the exit status of `work`; errors become lines, an exit status, and `ending`."""
-    try:
-        status = work()
-        if sys.stdout is not None:
-            sys.stdout.flush()
-        return status
-    except ConfigError as error:
-        ending.problems = error.problems
-        for problem in error.problems:
-            complain(str(problem))
-        return BAD_INPUT
-    except KeyboardInterrupt as error:
-        terminated = isinstance(error, Terminated)
-        ending.error = "terminated" if terminated else "interrupted"
-        complain(f"torquebench: {ending.error}; a run directory without manifest.json is unfinished")
-        return TERMINATED if terminated else INTERRUPTED
-    except BrokenPipeError:
-        sys.stdout = None  # nobody reads it any more; the interpreter must not complain when it closes it
-        return INTERNAL
-    except (TorquebenchError, OSError) as error:
-        ending.error = str(error)
-        complain(f"torquebench: {error}")
-        drop_broken_output()
-        return INTERNAL
-    except Exception as error:  # noqa: BLE001  the last resort: one line, and where to look
-        frame = traceback.extract_tb(error.__traceback__)[-1]
-        ending.error = f"{type(error).__name__}: {error} ({frame.filename}, line {frame.lineno})"
-        complain(f"torquebench: internal error: {ending.error}")
-        return INTERNAL
-
-
-def drop_broken_output() -> None:
-    """Forget standard output if it takes nothing, so that the interpreter does not complain when it closes it."""
-    try:
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except OSError:
-        sys.stdout = None
 
 
 @contextlib.contextmanager

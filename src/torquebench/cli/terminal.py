@@ -196,7 +196,7 @@ def _folded(line: str) -> str:
 
 
 @contextmanager
-def progress_bar(total: int, unit: str, begin: str) -> Iterator[Bar]:
+def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[Bar]:
     """Show progress and the time left on standard error, and clear it at the end.
 
     Silent when standard error is not a terminal, or only errors are wanted.
@@ -205,12 +205,13 @@ def progress_bar(total: int, unit: str, begin: str) -> Iterator[Bar]:
         total: Number of units of work; 0 while it is not known.
         unit: What one unit is called.
         begin: What is being done until the first unit is finished.
+        done: Units that were finished before.
     """
     from tqdm import tqdm
 
     hidden = _VOICES[-1].quiet or sys.stderr is None or not sys.stderr.isatty()
     with tqdm(
-        total=total or None, desc=begin, unit=unit, unit_scale=True, leave=False, disable=hidden, file=sys.stderr,
-        dynamic_ncols=True,
+        total=total or None, initial=done, desc=begin, unit=unit, unit_scale=True, leave=False, disable=hidden,
+        file=sys.stderr, dynamic_ncols=True,
     ) as bar:  # fmt: skip
         yield bar
