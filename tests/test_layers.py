@@ -86,7 +86,9 @@ HOMES = {
         "cli/bench.py",
         "cli/boundary_layer.py",
         "cli/compare.py",
+        "cli/completion.py",
         "cli/main.py",
+        "cli/options.py",
         "cli/paper.py",
         "cli/run.py",
         "cli/sweep.py",
@@ -263,6 +265,7 @@ except SystemExit:
 LOADED = """
 import json, sys
 {statement}
+print()
 print(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))
 """
 
@@ -272,8 +275,10 @@ print(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))
     "import torquebench; dir(torquebench); torquebench.__version__",
     *(HELP.format(arguments=arguments) for arguments in (["--help"], ["run", "--help"], ["compare", "--help"],
                                                          ["fuzzy", "--help"], ["check", "--help"],
-                                                         ["video", "--help"])),
-], ids=["import", "dir", "help", "run help", "compare help", "fuzzy help", "check help", "video help"])  # fmt: skip
+                                                         ["video", "--help"], ["completion", "bash"],
+                                                         ["completion", "zsh", "--json"])),
+], ids=["import", "dir", "help", "run help", "compare help", "fuzzy help", "check help", "video help", "completion",
+        "completion as JSON"])  # fmt: skip
 def test_help_and_import_are_light(statement: str) -> None:
     """Neither importing the package nor asking for help loads numpy, numba, MuJoCo, matplotlib or pydantic."""
     command = [sys.executable, "-c", LOADED.format(statement=statement)]

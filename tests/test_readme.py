@@ -41,6 +41,7 @@ def test_every_command_parses(arguments):
         "boundary-layer",
         "report",
         "sweep",
+        "completion",
     )
 
 

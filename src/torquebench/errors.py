@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -76,6 +77,32 @@ class Problem(NamedTuple):
 
     def __str__(self) -> str:
         return ": ".join(part for part in self if part)
+
+    def to_json(self) -> dict[str, str | int | None]:
+        """Return the mistake with its place taken apart.
+
+        Returns:
+            `file`, `line`, `column` (None where the mistake is in no file, or has no line), `option` (the command-line
+            option or argument; None where it is in a file), `key`, `message`, and `wanted`: what would have been right,
+            None where the message does not say.
+        """
+        place = _PLACE.fullmatch(self.where)
+        file, line, column = (place[1], int(place[2]), int(place[3])) if place else (None, None, None)
+        option = None if file or not self.where else self.where
+        if option is not None and not _OPTION.match(option):
+            file, option = option, None
+        wanted = _WANTED.search(self.message)
+        return {
+            "file": file, "line": line, "column": column, "option": option, "key": self.key or None,
+            "message": self.message,
+            "wanted": next((text for text in wanted.groups() if text), None) if wanted else None,
+        }  # fmt: skip
+
+
+_PLACE = re.compile(r"(.*):(\d+):(\d+)", flags=re.DOTALL)
+_OPTION = re.compile(r"--|[A-Z][A-Z0-9]*$")
+"""An option, or the name of an argument in the help."""
+_WANTED = re.compile(r"\(did you mean '(.*?)'\?\)|\(one of: (.*)\)|\bwanted (.*?)\)?$", flags=re.DOTALL)
 
 
 class ConfigError(TorquebenchError):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import re
 from html.parser import HTMLParser
@@ -9,6 +11,7 @@ from html.parser import HTMLParser
 import pytest
 
 from torquebench.cli.main import main
+from torquebench.cli.paper import claims_table
 from torquebench.experiment.store import check_run
 from torquebench.paper.claims import claims
 from torquebench.paper.records import Records
@@ -16,11 +19,30 @@ from torquebench.robot.library import data_root
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Results of the quick study."""
+def study(tmp_path_factory):
+    """The quick study: the folder of its results, and what it printed with --json."""
     out = tmp_path_factory.mktemp("paper") / "out"
-    assert main(["paper", "--quick", "--out", str(out)]) == 0
-    return out
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert main(["paper", "--quick", "--out", str(out), "--json"]) == 0
+    return out, printed.getvalue()
+
+
+@pytest.fixture(scope="module")
+def folder(study):
+    """Results of the quick study."""
+    return study[0]
+
+
+def test_what_it_prints_agrees_with_the_files(study):
+    """With --json: the claims of ``claims.json``, the plants of ``checks.json``; as a table: each claim and verdict."""
+    out, printed = study
+    told, stored = json.loads(printed), read(out, "claims.json")
+    assert (told["command"], told["status"], told["problems"]) == ("paper", 0, [])
+    assert told["claims"] == stored
+    assert told["plants_apart"] == read(out, "checks.json")["agreement"]
+    assert told["directory"] == str(out)
+    table = claims_table(claims(Records.from_json(read(out, "runs.json"))))
+    assert all(claim["claim"] in table and claim["verdict"] in table for claim in stored)
 
 
 def read(folder, name):

@@ -5,12 +5,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
 import pytest
 
 from torquebench import load_trajectory
+from torquebench.cli.main import main
 from torquebench.disturbances import Stream, generator
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
@@ -359,8 +361,11 @@ def endless(gains, model, t, q, qd, ref, memory, tau):
 '''
 
 
-def test_interrupting_leaves_no_manifest(quick):
-    """Ctrl-C ends with status 130 and without a manifest, so that the directory cannot pass for a finished run."""
+@pytest.mark.parametrize(
+    ("number", "status", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_interrupting_leaves_no_manifest(quick, number, status, word):
+    """Ctrl-C and SIGTERM end with their status, one line and no manifest, so that it cannot pass for a finished run."""
     (quick.parent / "endless.py").write_text(ENDLESS_LAW)
     line = "  - {name: endless, law: endless, gains: {}}\n"
     quick.write_text(quick.read_text().replace("reference:", line + "reference:"))
@@ -371,11 +376,46 @@ def test_interrupting_leaves_no_manifest(quick):
     deadline = time.monotonic() + 120
     while not (quick.parent / "begun").exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
+    assert process.returncode == status, err
+    assert f"torquebench: {word}; a run directory without manifest.json is unfinished" in err
     assert "Traceback" not in err
     assert not (quick.parent / "result" / "manifest.json").exists()
+
+
+EARLY = """
+import runpy, sys
+
+class Interrupted:
+    def find_spec(self, name, path=None, target=None):
+        if name == {name!r}:
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupted())
+sys.argv = ["torquebench", "doctor"]
+runpy.run_module("torquebench", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("name", ["torquebench.cli.main", "argparse", "torquebench.cli.doctor"])
+def test_interrupting_while_it_starts(name):
+    """Ctrl-C while modules are still being read: status 130 and one line, no traceback."""
+    done = subprocess.run([sys.executable, "-c", EARLY.format(name=name)], capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert len(done.stderr.splitlines()) == 1
+    assert "interrupted" in done.stderr
+
+
+def test_sigterm_is_left_as_it_was(quick, command):
+    """After a command, and in a thread, which cannot have signals, the handler is the caller's."""
+    before = signal.getsignal(signal.SIGTERM)
+    assert command("compare", "mujco:x", "y")[0] == 2
+    assert signal.getsignal(signal.SIGTERM) is before
+    thread = threading.Thread(target=main, args=(["compare", "mujco:x", "y"],))
+    thread.start()
+    thread.join()
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_a_disk_that_refuses_is_status_3(quick, command, monkeypatch):

@@ -51,14 +51,14 @@ def _membership(prepared: Prepared) -> Figure:
     for i, (what, variable) in enumerate(variables):
         ax = fig.add_subplot(grid[i, 0])
         _terms(ax, variable, variable.low, variable.high)
-        ax.set_xlabel(f"{what} (range {variable.low:g} to {variable.high:g})")
+        ax.set_xlabel(f"{what} [1] (range {variable.low:g} to {variable.high:g})")
     ax = fig.add_subplot(grid[-1, 0])
     output = system.output
     if isinstance(output, Functions):
         _functions(ax, output)
     else:
         _terms(ax, output, min(t.a for t in output.terms), max(t.d for t in output.terms))
-    ax.set_xlabel(f"output (range {output.low:g} to {output.high:g})")
+    ax.set_xlabel(f"output [1] (range {output.low:g} to {output.high:g})")
     shade = Patch(label="beyond the range, what the law sees as -1 to 1", **SHADE | {"color": "0.9"})
     finish_page(fig, *_titles(prepared), [shade])
     return fig
@@ -81,7 +81,7 @@ def _terms(ax: Axes, variable: Variable, low: float, high: float) -> None:
     ax.set_ylim(0.0, 1.22)
     for left, right in ((low - room, variable.low), (variable.high, high + room)):
         ax.axvspan(left, right, **SHADE)
-    ax.set_ylabel("degree")
+    ax.set_ylabel("degree [1]")
     style.plain_numbers(ax, x_bins=9, y_bins=3)
     ax.set_yticks([0.0, 0.5, 1.0])
 
@@ -104,7 +104,7 @@ def _functions(ax: Axes, output: Functions) -> None:
                     fontsize=7.5, color=colour)  # fmt: skip
     ax.set_xlim(min(output.low, *values) - room, max(output.high, *values) + room)
     ax.set_ylim(0.0, 1.25)
-    ax.set_ylabel("constant")
+    ax.set_ylabel("constant [1]")
     style.plain_numbers(ax, x_bins=9)
     ax.set_yticks([])
 
@@ -132,8 +132,8 @@ def _surface(prepared: Prepared) -> Figure:
         ax.plot(x, np.clip(a + b, -1.0, 1.0), **_REFERENCE | {"linewidth": 0.6})
     what = "sum of the inputs" if len(system.inputs) == 2 else "input"
     handles.append(Line2D([], [], label=f"{what}, clipped", **_REFERENCE))
-    ax.set_xlabel("input 1 (normalised)")
-    ax.set_ylabel("output (normalised)")
+    ax.set_xlabel("input 1, normalised [1]")
+    ax.set_ylabel("output, normalised [1]")
     ax.set_xlim(-1.0, 1.0)
     style.plain_numbers(ax)
     finish_page(fig, *_titles(prepared), handles)
@@ -148,11 +148,11 @@ def _contours(fig: Figure, ax: Axes, prepared: Prepared, x: Array) -> None:
     ax.contour(x, x, z.T, levels=levels, colors="0.25", linewidths=0.5, negative_linestyles="solid")
     bar = fig.colorbar(mesh, ax=ax, pad=0.02)
     bar.ax.tick_params(labelsize=7.0)
-    ax.set_title("output (normalised)", loc="left", pad=3.0)
+    bar.set_label("output, normalised [1]")
     ax.set_aspect("equal")
     ax.grid(False)
-    ax.set_xlabel("input 1 (normalised)")
-    ax.set_ylabel("input 2 (normalised)")
+    ax.set_xlabel("input 1, normalised [1]")
+    ax.set_ylabel("input 2, normalised [1]")
     style.plain_numbers(ax)
 
 
@@ -174,7 +174,7 @@ def _scaling(prepared: Prepared) -> Figure:
         below.plot(signal, prepared.outputs(signal / scale, 0.0 * signal), color=style.COLOURS[0])
         below.plot(signal, np.clip(signal / scale, -1.0, 1.0), **_REFERENCE)
         above.set_title(f"{name}: scale {scale:g} x largest input", loc="left", pad=3.0)
-        below.set_xlabel("input 1 over its largest value")
+        below.set_xlabel("input 1 over its largest [1]")
         for ax, low in ((above, -0.02), (below, -1.08)):
             for side in (-1.0, 1.0):
                 if scale < 1.0:
@@ -184,8 +184,8 @@ def _scaling(prepared: Prepared) -> Figure:
             ax.tick_params(labelleft=column == 0, labelbottom=ax is below)
             style.plain_numbers(ax, x_bins=5, y_bins=4)
         if column == 0:
-            above.set_ylabel("degree")
-            below.set_ylabel("output, input 2 = 0")
+            above.set_ylabel("degree [1]")
+            below.set_ylabel("output, input 2 = 0 [1]")
     handles: list[Artist] = [
         Line2D([], [], color=style.COLOURS[0], label="output"),
         Line2D([], [], label="input over its scale, clipped", **_REFERENCE),

@@ -30,7 +30,9 @@ def firing_figure(prepared: Prepared, shares: Array, joint_names: Sequence[str],
     system = prepared.system
     with style.journal_style():
         columns = len(system.inputs[1].names) if len(system.inputs) == 2 else 1
-        fig, panels = panel_grid(joint_names, "input 1", ["input 2" if columns > 1 else ""] * len(joint_names))
+        fig, panels = panel_grid(
+            joint_names, "input 1 [term]", ["input 2 [term]" if columns > 1 else ""] * len(joint_names)
+        )
         top = max(float(shares.max()), 1e-12)
         for ax, share in zip(panels, shares, strict=True):
             _table(ax, system, share[:, :columns], top)
@@ -48,10 +50,10 @@ def _table(ax: Axes, system: FuzzySystem, share: Array, top: float) -> None:
     ax.pcolormesh(np.ma.masked_equal(share, 0.0).T, cmap=SEQUENTIAL, norm=norm, edgecolors="white", lw=0.8)
     for i, j in np.ndindex(share.shape):
         if share[i, j] > 0.0:
-            light = norm(share[i, j]) > 0.45
+            light = norm(share[i, j]) > 0.4
             percent = 100.0 * share[i, j]
             text = f"{percent:.0f}" if percent >= 9.95 else f"{percent:.2g}" if percent >= 0.1 else "<0.1"
-            ax.text(i + 0.5, j + 0.5, text, ha="center", va="center", fontsize=5.5, color="white" if light else "0.2")
+            ax.text(i + 0.5, j + 0.5, text, ha="center", va="center", fontsize=6.0, color="white" if light else "0.2")
     ax.grid(False)
     ax.set_xticks(np.arange(share.shape[0]) + 0.5, system.inputs[0].names)
     if len(system.inputs) == 2:

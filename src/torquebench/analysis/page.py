@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 
 PAGE_WIDTH = 7.2
-"""Width of every figure [in]: two columns of a journal, so that nothing is scaled down in print."""
+"""Width of every figure [in]: 183 mm, two columns of a journal, so that nothing is scaled down in print."""
 BODY_HEIGHT = 6.4
 """Height of the panels together, while they are few enough to be higher than the least height [in]."""
 

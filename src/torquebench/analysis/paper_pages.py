@@ -59,14 +59,14 @@ def comparison_page(
             reference = x.longest.q_ref[:, i]
             draw(position, x, {run.name: run.data.q[:, i] for run in x.runs}, False, [reference])
             position.plot(*style.decimate(x.longest.t, reference, x.bins), **_REFERENCE)
-            position.set_ylabel(f"{printable(name)}\n[rad]")
+            position.set_ylabel(f"{printable(name)}\nposition [rad]")
             draw(error, x, {key: e[:, i] * unit.factor for key, e in errors.items()}, True)
             late = [e[run.data.t >= metrics_from, i] for run, e in zip(x.runs, errors.values(), strict=True)]
             low, high = style.limits(late, floor=1e-6)
             error.set_ylim(low * unit.factor * 1.3, high * unit.factor * 1.3)
-            error.set_ylabel(f"[{unit.name}]")
+            error.set_ylabel(f"e [{unit.name}]")
             draw_zoom(torque, x, i, zoom)
-            torque.set_ylabel("[N m]")
+            torque.set_ylabel("torque [N m]")
             for ax, text in (
                 (position, "position"),
                 (error, "error e"),

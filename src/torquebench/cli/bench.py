@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from torquebench.bench.timing import Row
-from torquebench.cli.terminal import progress_bar, say, table
+from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.store import atomic_write, json_bytes
 
@@ -45,15 +45,16 @@ def bench(options: argparse.Namespace) -> int:
             bar.update(1)
 
         rows = measure(cases, rounds, report)
+    tell(rows=[asdict(row) for row in rows], rounds=rounds, left_out=left_out)
     if options.markdown:
-        say(markdown(rows))
+        say(markdown(rows), fold=False)
     else:
         say(table(["case", "threads", "median", "unit", "ratio", "against"], [cells(row) for row in rows]))
     say()
     say(f"ratio: median speed over median speed of the case named, in this run; {rounds} rounds, in turn")
     for reason in left_out:
         say(f"left out: {reason}")
-    if options.json is not None:
+    if isinstance(options.json, Path):
         atomic_write(options.json, json_bytes([asdict(row) for row in rows]))
         say(f"written: {options.json}")
     return 0
@@ -88,7 +89,7 @@ def _check(options: argparse.Namespace) -> None:
         problems.append(Problem("--rounds", "", f"got {options.rounds}, wanted 1 to 1000"))
     if not 1 <= options.threads <= 64:
         problems.append(Problem("--threads", "", f"got {options.threads}, wanted 1 to 64"))
-    if options.json is not None and not Path(options.json).parent.is_dir():
+    if isinstance(options.json, Path) and not options.json.parent.is_dir():
         problems.append(Problem("--json", "", f"{options.json}: no such folder"))
     if problems:
         raise ConfigError(problems)

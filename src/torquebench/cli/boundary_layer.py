@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from torquebench.cli.conditions import conditions_text
-from torquebench.cli.terminal import progress_bar, say, table
+from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes
 from torquebench.paper.boundary_layer import Point, front, grid, study
@@ -34,10 +34,12 @@ def boundary_layer(options: argparse.Namespace) -> int:
 
         points = study(draws, options.workers, report)
     best = front(points)
-    directory.write("points.json", json_bytes([
+    facts = [
         {"phi": p.phi, "k": p.k, "lam": p.lam, "rmse": p.rmse._asdict(), "hf": p.hf._asdict(), "front": p in best}
         for p in points
-    ]))  # fmt: skip
+    ]
+    directory.write("points.json", json_bytes(facts))
+    tell(directory=directory.folder, draws=draws, points=facts)
     write_page(points, best, directory, f"{conditions_text(experiment)}; {draws} draws")
     directory.finish({"name": "boundary-layer", "draws": draws})
     rows = [
@@ -49,7 +51,7 @@ def boundary_layer(options: argparse.Namespace) -> int:
     say(f"choices that no other one of {len(points)} beats in both error and chattering:")
     say()
     header = ["phi [rad/s]", "k", "lambda [1/s]", "RMSE [mrad]", "95 %", "HF [%]", "95 %"]
-    say(table(header, rows, left=0))
+    say(table(header, rows, left=0, keys=3))
     say()
     say(f"results: {directory.folder}")
     return 0

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import json
-import textwrap
-from collections.abc import Iterator
 from pathlib import Path
 
 from torquebench.check.driving import silence
 from torquebench.check.law import check_law
-from torquebench.check.report import Report
-from torquebench.cli.terminal import progress_bar, say, table
+from torquebench.check.report import FAIL, PASS, Report
+from torquebench.cli.colour import bad, good
+from torquebench.cli.terminal import broken, progress_bar, say, table, tell, width
 from torquebench.errors import ConfigError, Problem, did_you_mean
 from torquebench.laws.plugin import load_plugin
 
 WIDTH = 96
-"""Longest line of what was found."""
+"""Longest line of what was found, where standard output is no terminal."""
 
 
-def check(file: Path, law: str | None, as_json: bool) -> int:
+def check(file: Path, law: str | None) -> int:
     """Try the laws of a file and return 0 when everything held, else 1.
 
     Args:
         file: Python file that registers laws.
         law: The only one to try; None for all.
-        as_json: Whether to print JSON instead of tables.
 
     Raises:
         ConfigError: the file registers no law, or not this one.
@@ -41,25 +38,22 @@ def check(file: Path, law: str | None, as_json: bool) -> int:
             reports.append(check_law(name))
             bar.update(1)
     held = all(report.held for report in reports)
-    if as_json:
-        say(json.dumps({"held": held, "laws": [report.to_json() for report in reports]}, indent=2))
-    else:
-        say("\n\n".join(_text(report) for report in reports))
+    tell(held=held, laws=[report.to_json() for report in reports])
+    say("\n\n".join(_text(report) for report in reports))
     return 0 if held else 1
 
 
-def _rows(report: Report) -> Iterator[tuple[str, str, str]]:
-    """Return the cells of a report's checks, long ones over several rows."""
-    for check in report.checks:
-        first, *rest = textwrap.wrap(check.detail, WIDTH, break_long_words=False, break_on_hyphens=False) or [""]
-        yield check.name, check.verdict, first
-        yield from (("", "", line) for line in rest)
+def _rows(report: Report) -> list[list[str]]:
+    """Return the cells of a report's checks; off the terminal, which has a width of its own, long ones over rows."""
+    tones = {PASS: good, FAIL: bad}
+    rows = [[check.name, tones.get(check.verdict, str)(check.verdict), check.detail] for check in report.checks]
+    return broken(rows, WIDTH) if width() is None else rows
 
 
 def _text(report: Report) -> str:
     """Return a law's table, the places that keep it from being compiled, and the verdict."""
     lines = [f"law '{report.law}' ({report.file}:{report.line})", ""]
-    lines.append(table(["check", "", "what was tried, or what was found"], list(_rows(report)), left=3))
+    lines.append(table(["check", "", "what was tried, or what was found"], _rows(report), left=3, prose=True))
     if report.complaints:
         lines += ["", f"Outside the dialect ({len(report.complaints)}), so that the law is interpreted:"]
         lines += [f"  {report.file}:{c.line}: {c.what}: {c.cure}" for c in report.complaints]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from dataclasses import asdict
 
@@ -17,7 +16,8 @@ from torquebench.analysis.compare import (
     slightly_wrong,
 )
 from torquebench.analysis.sides import Side, parse_side
-from torquebench.cli.terminal import progress_bar, say, table
+from torquebench.cli.colour import bad, good
+from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 
 
@@ -52,15 +52,15 @@ def compare(options: argparse.Namespace) -> int:
         if options.rollout > 0:
             rows += compare_rollouts(a, b, slightly_wrong(a, b), options.rollout, progress=report)
     agree = all(row.agrees for row in rows)
-    if options.json:
-        data = {"a": a.label, "b": b.label, "states": options.states, "seed": options.seed, "agree": agree}
-        say(json.dumps(data | {"rows": [_plain(row) for row in rows]}, indent=2))
-    else:
-        held = ", ".join(str(j) for j in options.frozen_joints)
-        say(f"A = {a.label}\nB = {b.label}\n{options.states} random states (seed {options.seed})"
-            + (f", joints {held} held at zero" if held else " of all joints") + "\n")  # fmt: skip
-        say(table(["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"], [_cells(r) for r in rows]))
-        say(f"\n{'agree' if agree else 'DIFFER'}: {sum(r.agrees for r in rows)} of {len(rows)} within their limits")
+    tell(
+        a=a.label, b=b.label, states=options.states, seed=options.seed, agree=agree,
+        rows=[asdict(row) | {"agrees": row.agrees} for row in rows],
+    )  # fmt: skip
+    held = ", ".join(str(j) for j in options.frozen_joints)
+    say(f"A = {a.label}\nB = {b.label}\n{options.states} random states (seed {options.seed})"
+        + (f", joints {held} held at zero" if held else " of all joints") + "\n")  # fmt: skip
+    say(table(["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"], [_cells(r) for r in rows]))
+    say(f"\n{'agree' if agree else 'DIFFER'}: {sum(r.agrees for r in rows)} of {len(rows)} within their limits")
     return 0 if agree else 1
 
 
@@ -94,12 +94,7 @@ def _check(options: argparse.Namespace) -> None:
         raise ConfigError(problems)
 
 
-def _plain(row: Row) -> dict[str, object]:
-    values = asdict(row) | {"agrees": row.agrees}
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
-
-
 def _cells(row: Row) -> list[str]:
     limit = f"{row.limit:.0e} {'rad' if row.measure == 'absolute' else 'rel.'}"
     gaps = [f"{row.absolute:.2e}", row.unit, f"{row.relative:.2e}", row.where]
-    return [row.term, *gaps, limit, "yes" if row.agrees else "NO"]
+    return [row.term, *gaps, limit, good("yes") if row.agrees else bad("NO")]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from torquebench.experiment.scenario_schema import (
     BandLimitedNoise,
     Bias,
@@ -10,7 +12,7 @@ from torquebench.experiment.scenario_schema import (
     Mismatch,
     Sinusoid,
 )
-from torquebench.experiment.schema import AnalyticPlant, Experiment
+from torquebench.experiment.schema import AnalyticPlant, Experiment, slide_joints
 from torquebench.experiment.values import Vector
 
 
@@ -30,15 +32,36 @@ def conditions_text(experiment: Experiment) -> str:
     )
 
 
+class Units(NamedTuple):
+    """How what acts on joints, and what is measured of them, is written."""
+
+    torque: str
+    viscous: str
+    milli: str
+    what: str
+
+
+TURN = Units("N m", "N m s/rad", "mrad", "torque")
+SLIDE = Units("N", "N s/m", "mm", "force")
+
+
+def units_of(experiment: Experiment) -> Units:
+    """Return the units of an experiment's joints, both where some turn and some slide."""
+    kinds = dict.fromkeys(SLIDE if slides else TURN for slides in slide_joints(experiment.plant.model))
+    return Units(*(" or ".join(texts) for texts in zip(*kinds, strict=True)))
+
+
 def burden_text(experiment: Experiment) -> str:
     """Return what the plant has that the belief does not know of."""
+    units = units_of(experiment)
     payload, friction, perturb = experiment.plant.payload, experiment.plant.friction, experiment.plant.perturb
     text = "" if perturb is None else f", links perturbed up to {100 * perturb.relative:g} %"
     if payload is not None:
         place = f" at {_numbers(payload.offset)} m" if any(payload.offset) else ""
         text += f", payload {payload.mass:g} kg{place}" + (f" from {payload.at:g} s" if payload.at > 0 else "")
     if friction is not None:
-        text += f", friction viscous {_numbers(friction.viscous)} N m s/rad, Coulomb {_numbers(friction.coulomb)} N m"
+        text += f", friction viscous {_numbers(friction.viscous)} {units.viscous}"
+        text += f", Coulomb {_numbers(friction.coulomb)} {units.torque}"
     return text
 
 
@@ -59,8 +82,9 @@ def chain_text(experiment: Experiment) -> str:
     chain = experiment.chain
     if not isinstance(chain, Chain):
         return chain
-    parts = [f"noise {1e3 * chain.encoder_noise:g} mrad"] * (chain.encoder_noise > 0)
-    parts += [f"encoder step {1e3 * chain.quantisation:g} mrad"] * (chain.quantisation > 0)
+    units = units_of(experiment)
+    parts = [f"noise {1e3 * chain.encoder_noise:g} {units.milli}"] * (chain.encoder_noise > 0)
+    parts += [f"encoder step {1e3 * chain.quantisation:g} {units.milli}"] * (chain.quantisation > 0)
     if chain.velocity == "differentiated":
         filtered = "" if chain.velocity_filter is None else f", filtered at {chain.velocity_filter:g} rad/s"
         parts.append(f"velocity differentiated{filtered}")
@@ -71,19 +95,20 @@ def chain_text(experiment: Experiment) -> str:
 
 def noise_text(experiment: Experiment) -> str:
     """Return the definition of every disturbance in words; it moves results more than the choice of law."""
-    return "; ".join(_disturbance_text(d) for d in experiment.disturbances) or "none"
+    units = units_of(experiment)
+    return "; ".join(_disturbance_text(d, units) for d in experiment.disturbances) or "none"
 
 
-def _disturbance_text(disturbance: Disturbance) -> str:
+def _disturbance_text(disturbance: Disturbance, units: Units) -> str:
     match disturbance:
         case BandLimitedNoise(sigma=sigma, hold=hold, clip_sigma=clip):
-            held = f"torque noise held {1e3 * hold:g} ms"
-            return f"{held}, Gaussian, sigma {_numbers(sigma)} N m, clipped at {clip:g} sigma"
+            held = f"{units.what} noise held {1e3 * hold:g} ms"
+            return f"{held}, Gaussian, sigma {_numbers(sigma)} {units.torque}, clipped at {clip:g} sigma"
         case Bias(value=value):
-            return f"constant torque {_numbers(value)} N m"
+            return f"constant {units.what} {_numbers(value)} {units.torque}"
         case Sinusoid(rms=rms, amplitude=amplitude, frequency_hz=frequency):
             size = f"amplitude {_numbers(amplitude)}" if amplitude is not None else f"RMS {_numbers(rms or 0.0)}"
-            return f"sinusoidal torque, {size} N m, {_numbers(frequency)} Hz"
+            return f"sinusoidal {units.what}, {size} {units.torque}, {_numbers(frequency)} Hz"
 
 
 def _numbers(vector: Vector) -> str:

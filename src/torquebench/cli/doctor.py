@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 from importlib import metadata
 from typing import Any
 
 import torquebench
-from torquebench.cli.terminal import say, table
+from torquebench.cli.colour import bad, good
+from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import TorquebenchError
 from torquebench.experiment.store import PACKAGES, machine
 from torquebench.kernel_cache import cache_folder
@@ -19,25 +19,25 @@ from torquebench.video.encode import ffmpeg_program
 MORE_PACKAGES = ("scipy", "scikit-fuzzy", "jinja2", "tqdm", "imageio-ffmpeg")
 
 
-def doctor(as_json: bool, gl: str | None) -> int:
+def doctor(gl: str | None) -> int:
     """Try what depends on the machine, print what was found, and return 0.
 
     Args:
-        as_json: Print it as JSON.
         gl: The user's MUJOCO_GL.
     """
     found = findings(gl)
-    if as_json:
-        say(json.dumps(found, indent=2))
-        return 0
+    tell(**found)
     say(table(["package", "version"], [[name, version] for name, version in found["software"].items()], left=2))
     say()
     for name, value in (found["machine"] | {"kernel cache": found["kernel_cache"], "ffmpeg": found["ffmpeg"]}).items():
         say(f"{name}: {value}")
     say(f"threads: {found['threads']['usable']} usable of {found['threads']['cores']}")
     say()
-    rows = [[x["name"], "draws" if x["ok"] else "no", x["renderer"] or x["why"]] for x in found["drawing"]["tried"]]
-    say(table(["OpenGL", "", "by, or why not"], rows or [["-", "no", "MUJOCO_GL asks for none"]], left=3))
+    rows = [
+        [x["name"], good("draws") if x["ok"] else bad("no"), x["renderer"] or x["why"]]
+        for x in found["drawing"]["tried"]
+    ]
+    say(table(["OpenGL", "", "by, or why not"], rows or [["-", "no", "MUJOCO_GL asks for none"]], left=3, prose=True))
     say(f"films are drawn by: {found['drawing']['used']}")
     for x in found["drawing"]["tried"]:
         if x["install"]:
@@ -53,7 +53,11 @@ def findings(gl: str | None) -> dict[str, Any]:
     Args:
         gl: The user's MUJOCO_GL.
     """
-    tried = [probe(name) for name in candidates(gl)]
+    tried, names = [], candidates(gl)
+    with progress_bar(len(names), "back end", "trying what draws") as bar:
+        for name in names:
+            tried.append(probe(name))
+            bar.update(1)
     used = next((backend.name for backend in tried if backend.ok), STICK)
     install = []
     try:

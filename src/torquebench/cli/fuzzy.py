@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from torquebench.cli.terminal import progress_bar, say
+from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean
 from torquebench.experiment import load_experiment
 from torquebench.experiment.fuzzy_system import names_used, systems_of
@@ -36,8 +36,13 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
     for plugin in plugins:
         load_plugin(plugin)
     label, systems = _systems(source, name)
-    prepared = {key: prepare(system) for key, system in systems.items()}
+    prepared = {}
+    with progress_bar(len(systems), "system", "preparing (compiles on first use)") as bar:
+        for key in systems:
+            prepared[key] = prepare(systems[key])
+            bar.update(1)
     folder = claim_folder(out, f"fuzzy-{label}")
+    tell(directory=folder, systems={key: facts(system) for key, system in prepared.items()})
     say("\n\n".join(description(system) for system in prepared.values()))
     from torquebench.analysis.figures import figure_bytes
     from torquebench.analysis.fuzzy_figures import system_figures
@@ -49,6 +54,8 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
                     atomic_write(folder / f"{key}-{what}.{fmt}", figure_bytes(figure, fmt))
                     bar.update(1)
     (folder / CLAIM).unlink()
+    header = ["system", "rules", "terms", "error at most", "remarks", "evaluated"]
+    say("\n" + table(header, [summary_row(key, system) for key, system in prepared.items()], prose=True))
     say(f"\nfigures: {folder}")
     return 0
 
@@ -82,6 +89,28 @@ def description(prepared: Prepared) -> str:
         f"fuzzy system {system.name}: {len(system.rules)} rules on {sizes} terms",
         f"evaluated: {evaluation(prepared)}", "lint:", *findings,
     ])  # fmt: skip
+
+
+def summary_row(name: str, prepared: Prepared) -> list[str]:
+    """Return the cells of a system in the table.
+
+    Args:
+        name: What it is called.
+        prepared: The system.
+    """
+    found = facts(prepared)
+    terms = " x ".join(str(count) for count in found["terms"])
+    bound = f"{prepared.bound:.2g}" if prepared.bound else "0"
+    return [name, str(found["rules"]), terms, bound, str(len(found["findings"])), prepared.method]
+
+
+def facts(prepared: Prepared) -> dict[str, Any]:
+    """Return what ``--json`` tells of a system: sizes, evaluation, and what lint says."""
+    system = prepared.system
+    return {
+        "rules": len(system.rules), "terms": [len(variable.terms) for variable in system.inputs],
+        "method": prepared.method, "error_bound": prepared.bound, "findings": lint(prepared),
+    }  # fmt: skip
 
 
 def evaluation(prepared: Prepared) -> str:

@@ -6,26 +6,27 @@ import argparse
 import contextlib
 import io
 import os
-import re
 import sys
-import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import torquebench
-from torquebench.cli.terminal import complain
-from torquebench.errors import ConfigError, TorquebenchError
+from torquebench.cli.ending import Ending, guarded
+from torquebench.cli.options import Parser, add_common, frame_size, joint_list, name_list
+from torquebench.cli.signals import terminable
+from torquebench.cli.terminal import emit, speaking
 
-DONE, FAILED, BAD_INPUT, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 130
+SHELLS = ("bash", "zsh", "fish")
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="torquebench", allow_abbrev=False,
         description="Compare torque laws for robot arms on a plant that an analytic model agrees with to round-off.",
         epilog="Exit status: 0 done and every check held; 1 a run failed unexpectedly or a check did not hold; "
-        "2 bad input, nothing written; 3 disk or internal error; 130 interrupted.",
+        "2 bad input, nothing written; 3 disk or internal error; 130 interrupted; 143 terminated. "
+        "Every command has --quiet and --json. Example: torquebench run configs/paper/fig9-chattering.yaml",
     )  # fmt: skip
     top.add_argument("--version", action="version", version=f"torquebench {torquebench.__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -58,7 +59,6 @@ def parser() -> argparse.ArgumentParser:
                          help="relative difference that still counts as agreement (default 1e-12)")  # fmt: skip
     compare.add_argument("--rollout", type=float, default=0.0, metavar="SECONDS",
                          help="also compare closed loops of this length on both plants (default: none)")  # fmt: skip
-    compare.add_argument("--json", action="store_true", help="print the result as JSON")
 
     fuzzy = commands.add_parser(
         "fuzzy", help="a fuzzy system: how it is evaluated, what is odd about it, and its figures",
@@ -139,45 +139,28 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     check.add_argument("file", metavar="FILE", type=Path, help="Python file of laws, as for --plugin")
     check.add_argument("--law", metavar="NAME", help="the only law of the file to try (default: all)")
-    check.add_argument("--json", action="store_true", help="print the result as JSON")
 
     bench = commands.add_parser(
         "bench", help="speed against peers, as ratios within one run",
         description="Time the closed loop, MuJoCo's open loop and other ways to write the same, in turn, many times.",
     )  # fmt: skip
-    bench.add_argument("--json", type=Path, metavar="FILE", help="also write the rows as JSON")
     bench.add_argument("--markdown", action="store_true", help="print the table as Markdown, with what each row is")
     bench.add_argument("--quick", action="store_true", help="short runs, few rounds")
     bench.add_argument("--rounds", type=int, help="how often each case is timed (default 15, with --quick 3)")
     bench.add_argument("--threads", type=int, default=2, help="threads of the largest case (default 2)")
 
-    doctor = commands.add_parser(
+    commands.add_parser(
         "doctor", help="versions, what can draw films here, threads, caches, and what to install",
         description="Try everything that depends on the machine. The exit status is 0 whatever is found.",
     )  # fmt: skip
-    doctor.add_argument("--json", action="store_true", help="print the result as JSON")
+
+    completion = commands.add_parser(
+        "completion", help="a script that completes commands, options and values in a shell"
+    )
+    completion.add_argument("shell", choices=SHELLS, metavar="SHELL", help="bash, zsh or fish")
+
+    add_common(commands.choices)
     return top
-
-
-def frame_size(text: str) -> tuple[int, int]:
-    """Read the size of a frame."""
-    found = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text)
-    if found is None:
-        raise argparse.ArgumentTypeError(f"got {text!r}, wanted WIDTHxHEIGHT, for example 640x480")
-    return int(found[1]), int(found[2])
-
-
-def name_list(text: str) -> list[str]:
-    """Read names separated by commas."""
-    return text.split(",")
-
-
-def joint_list(text: str) -> list[int]:
-    """Read joint numbers separated by commas."""
-    try:
-        return [int(word) for word in text.split(",")]
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"got {text!r}, wanted joint numbers separated by commas") from error
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -185,34 +168,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
-    options = parser().parse_args(arguments)
-    try:
-        with without_opengl() as options.gl:
-            status = dispatch(options)
-        if sys.stdout is not None:
-            sys.stdout.flush()
-        return status
-    except ConfigError as error:
-        for problem in error.problems:
-            complain(str(problem))
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        complain("torquebench: interrupted; a run directory without manifest.json is unfinished")
-        return INTERRUPTED
-    except BrokenPipeError:
-        sys.stdout = None  # nobody reads it any more; the interpreter must not complain when it closes it
-        return INTERNAL
-    except (TorquebenchError, OSError) as error:
-        complain(f"torquebench: {error}")
-        if isinstance(error, OSError):
-            sys.stdout = None
-        return INTERNAL
-    except Exception as error:  # noqa: BLE001  the last resort: one line, and where to look
-        frame = traceback.extract_tb(error.__traceback__)[-1]
-        complain(
-            f"torquebench: internal error: {type(error).__name__}: {error} ({frame.filename}, line {frame.lineno})"
-        )
-        return INTERNAL
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    options, ending = argparse.Namespace(command=None), Ending()
+    # what --quiet and --json mean for a mistake in the arguments themselves
+    with speaking("--quiet" in words, "--json" in words) as voice:
+
+        def work() -> int:
+            parser().parse_args(words, options)
+            voice.quiet, voice.as_json = options.quiet, options.json is True
+            with without_opengl() as options.gl, terminable(), contextlib.ExitStack() as stack:
+                if voice.as_json:  # whatever a plug-in prints is no part of the document
+                    stack.enter_context(contextlib.redirect_stdout(sys.stderr))
+                return dispatch(options)
+
+        def conclude() -> int:
+            from torquebench.cli.document import document
+
+            emit(document(options.command, status, ending.problems, ending.error, voice))
+            return status
+
+        status = guarded(work, ending)
+        return guarded(conclude, Ending()) if voice.as_json else status
 
 
 @contextlib.contextmanager
@@ -246,7 +222,7 @@ def dispatch(options: argparse.Namespace) -> int:
     if options.command == "doctor":
         from torquebench.cli.doctor import doctor
 
-        return doctor(options.json, options.gl)
+        return doctor(options.gl)
     if options.command == "fuzzy":
         from torquebench.cli.fuzzy import fuzzy
 
@@ -254,7 +230,7 @@ def dispatch(options: argparse.Namespace) -> int:
     if options.command == "check":
         from torquebench.cli.check import check
 
-        return check(options.file, options.law, options.json)
+        return check(options.file, options.law)
     if options.command == "bench":
         from torquebench.cli.bench import bench
 
@@ -267,6 +243,10 @@ def dispatch(options: argparse.Namespace) -> int:
         from torquebench.cli.report import report
 
         return report(options.runs, options.out, options.plugin, options.redraw)
+    if options.command == "completion":
+        from torquebench.cli.completion import completion
+
+        return completion(options.shell, parser())
     if options.command == "paper":
         from torquebench.cli.paper import paper
 

@@ -7,14 +7,15 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from torquebench.cli.colour import bad, good
 from torquebench.cli.conditions import conditions_text, noise_text
-from torquebench.cli.terminal import progress_bar, say, table
+from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes, machine, versions
 from torquebench.paper.claims import claims
 from torquebench.paper.report import agreement_text, lost_text, page
 from torquebench.paper.runs import Study, run_study, steps_of
-from torquebench.paper.verdicts import Claim
+from torquebench.paper.verdicts import FAILS, HOLDS, Claim
 from torquebench.paper.workload import NOISE, NOMINAL, PAIRED_DRAWS, RELATIVE
 from torquebench.report.render import Picture
 
@@ -36,6 +37,7 @@ PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
     ),
 }  # fmt: skip
 """Pages: title, what is drawn, caption."""
+TONES = {HOLDS: good, FAILS: bad}
 
 
 def paper(options: argparse.Namespace) -> int:
@@ -65,6 +67,10 @@ def paper(options: argparse.Namespace) -> int:
     pictures = write_pages(study, directory)
     write_report(study, table_of, pictures, directory, draws)
     directory.finish({"name": "paper", "draws": draws, "mismatch_redraws": study.redraws})
+    tell(
+        directory=directory.folder, draws=draws, claims=[claim.to_json() for claim in table_of],
+        plants_apart=agreement_facts(study),
+    )  # fmt: skip
     say(claims_table(table_of))
     say()
     say(f"two plants: {agreement_text(study.apart)}")
@@ -123,14 +129,13 @@ def write_report(
     from torquebench.paper.checks import chattering_by_period, noise_spectrum
 
     noisy = study.kept["fig11-noise", NOISE, "proposed-m"][0]
-    chattering = chattering_by_period()
-    noise = noise_spectrum(1_000_000) | {"definition": noise_text(noisy)}
-    agreement = [
-        {"config": config, "chain": chain, "condition": condition, "controller": name, **value._asdict()}
-        for (config, chain, condition, name), value in study.apart.items()
-    ]
+    with progress_bar(2, "check", "chattering by control period") as bar:
+        chattering = chattering_by_period()
+        bar.set_description_str("spectrum of the noise")
+        bar.update(1)
+        noise = noise_spectrum(1_000_000) | {"definition": noise_text(noisy)}
     facts: Mapping[str, Any] = {
-        "agreement": agreement, "chattering": [row._asdict() for row in chattering], "noise": noise,
+        "agreement": agreement_facts(study), "chattering": [row._asdict() for row in chattering], "noise": noise,
     }  # fmt: skip
     directory.write("checks.json", json_bytes(facts))
     workload = (
@@ -142,6 +147,14 @@ def write_report(
     directory.write(
         "report.html", page(table_of, study.records, pictures, study.apart, chattering, noise, workload, software)
     )
+
+
+def agreement_facts(study: Study) -> list[dict[str, Any]]:
+    """Return how far the two plants are apart, a mapping for each closed loop."""
+    return [
+        {"config": config, "chain": chain, "condition": condition, "controller": name, **value._asdict()}
+        for (config, chain, condition, name), value in study.apart.items()
+    ]
 
 
 def markdown(table_of: list[Claim]) -> str:
@@ -160,9 +173,10 @@ def markdown(table_of: list[Claim]) -> str:
 def claims_table(table_of: list[Claim]) -> str:
     """Return the table of claims for the terminal, conditions under it."""
     rows = [
-        [claim.claim, claim.where, claim.verdict, claim.figure_text] for claim in table_of
+        [claim.claim, claim.where, TONES.get(claim.verdict, str)(claim.verdict), claim.figure_text]
+        for claim in table_of
     ]  # fmt: skip
-    lines = [table(["claim", "where", "verdict", "figure [95 %]"], rows, left=3), ""]
+    lines = [table(["claim", "where", "verdict", "figure [95 %]"], rows, left=3, keys=2), ""]
     for claim in table_of:
         lines.append(f"{claim.claim}: {claim.verdict}, {claim.condition}")
         lines.append(f"  figure: {claim.measure}; {claim.cases[0].who}, {claim.cases[0].where}")

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.cli.conditions import conditions_text
-from torquebench.cli.run import draw_figures
-from torquebench.cli.terminal import say
+from torquebench.cli.run import draw_figures, run_facts, summary
+from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.certify import certificates
 from torquebench.experiment.store import add_to_run, atomic_write
@@ -42,7 +42,7 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
     if len(stored) == 1 and out is None:
         (run,) = stored
         add_to_run(run.folder, PAGE, page_of(run, redraw))
-        say(f"report: {run.folder / PAGE}")
+        finish(run.folder / PAGE, stored)
         return 0
     target = out or Path("comparison.html")
     if target.exists():
@@ -52,8 +52,22 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
         raise ConfigError([Problem("RUN", "", f"two runs are called {max(names, key=names.count)}")])
     content = page_of(stored[0], redraw) if len(stored) == 1 else comparison_of(dict(zip(names, stored, strict=True)))
     atomic_write(target, content)
-    say(f"report: {target}")
+    finish(target, stored)
     return 0
+
+
+def finish(page: Path, stored: Sequence[StoredRun]) -> None:
+    """Say what is on a page and where it is.
+
+    Args:
+        page: The page.
+        stored: The runs on it.
+    """
+    runs = [{"directory": run.folder, **run_facts(run.result)} for run in stored]
+    tell(report=page, runs=runs)
+    for run in stored:
+        say(f"{run.folder}: {summary(run.result)}\n")
+    say(f"report: {page}")
 
 
 def page_of(run: StoredRun, redraw: bool) -> bytes:

@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 from torquebench.certificates import Certificate
 from torquebench.cli.certificates import certificate_lines, certificate_pages
+from torquebench.cli.colour import bad, good
 from torquebench.cli.conditions import chain_text, conditions_text, noise_text
 from torquebench.cli.fuzzy import remarks, run_figures, used
-from torquebench.cli.terminal import complain, progress_bar, say, table
+from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.disturbances import Stream
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
@@ -26,7 +27,6 @@ from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table, outcome_text
 from torquebench.robot.bodies import FACTORS, links_in
 from torquebench.robot.library import model_folder
-from torquebench.robot.model import SLIDE
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     experiment = chosen(options)
     loop = build(experiment)
     for flag in flags(experiment, loop):
-        complain(f"torquebench: {flag}")
+        warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(options.out, experiment.name))
     directory.write("experiment.yaml", dump_experiment(experiment).encode())
     begin = "starting (compiles on first use)"
@@ -64,6 +64,8 @@ def run(options: argparse.Namespace) -> int:
 
         result = run_experiment(experiment, loop, progress=report, finished=keep)
     proofs = write_results(result, directory, plugins, not options.no_figures)
+    proved = {name: found.to_json() for name, found in proofs.items()}
+    tell(directory=directory.folder, **run_facts(result), certificates=proved, fuzzy=fuzzy_facts(experiment))
     say(summary(result))
     for line in certificate_lines(result, proofs):
         say(line)
@@ -76,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
 
         film_of_run(result, directory.folder, options.gl)
     for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
-        complain(f"torquebench: interpreted, which is slower: {reason}")
+        warn(f"torquebench: interpreted, which is slower: {reason}")
     for name in result.unexpected:
         trajectory = result.runs[name]
         detail = f" ({trajectory.detail})" if trajectory.detail else ""
@@ -160,21 +162,8 @@ def write_results(
             "scenario": scenario_facts(result),
             "model_files": checksums(sorted(p for p in model_folder(experiment.plant.model).iterdir() if p.is_file())),
             "plugins": checksums(plugins),
-            "fuzzy": {
-                name: {"method": prepared.method, "error_bound": prepared.bound}
-                for name, prepared in used(experiment).items()
-            },
-            "outcomes": {
-                name: {
-                    "path": trajectory.path,
-                    "path_reason": trajectory.path_reason,
-                    "outcome": trajectory.outcome.name,
-                    "failed_at": trajectory.failed_at,
-                    "detail": trajectory.detail,
-                    "digest": trajectory.digest(),
-                }
-                for name, trajectory in result.runs.items()
-            },
+            "fuzzy": fuzzy_facts(experiment),
+            "outcomes": {name: outcome_facts(trajectory) for name, trajectory in result.runs.items()},
         }
     )
     return proofs
@@ -226,7 +215,7 @@ def draw_figures(
         result.runs, title=experiment.name, subtitle=conditions_text(experiment), joint_names=result.loop.joint_names,
         tau_max=result.loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period, metrics=result.metrics,
-        bands=bands, slides=[kind == SLIDE for kind in result.loop.model.flat.kind],
+        bands=bands, slides=result.slides,
     )  # fmt: skip
     figures |= certificate_pages(result, proofs, conditions_text(experiment))
     figures |= run_figures(result, conditions_text(experiment))
@@ -244,4 +233,35 @@ def draw_figures(
 def summary(result: ExperimentResult) -> str:
     """Return the table of headline metrics, one row a controller."""
     header, rows = headline_table(result)
+    rows = [[*row[:2], (bad if row[0] in result.unexpected else good)(row[2]), *row[3:]] for row in rows]
     return f"{result.experiment.name}\n{conditions_text(result.experiment)}\n\n{table(header, rows)}"
+
+
+def run_facts(result: ExperimentResult) -> dict[str, Any]:
+    """Return what ``--json`` tells of a run: what was run, and outcome and metrics of each controller."""
+    controllers = {}
+    for keys in result.experiment.controllers:
+        trajectory, metrics = result.runs[keys.name], result.metrics.get(keys.name)
+        controllers[keys.name] = {
+            "law": keys.law, **outcome_facts(trajectory), "expected": keys.name not in result.unexpected,
+            "metrics": None if metrics is None else metrics.to_json(),
+        }  # fmt: skip
+    return {
+        "name": result.experiment.name, "conditions": conditions_text(result.experiment).splitlines(),
+        "joints": list(result.loop.joint_names), "controllers": controllers,
+    }  # fmt: skip
+
+
+def outcome_facts(trajectory: Trajectory) -> dict[str, Any]:
+    """Return how a run ended, for the manifest and for ``--json``."""
+    return {
+        "path": trajectory.path, "path_reason": trajectory.path_reason, "outcome": trajectory.outcome.name,
+        "failed_at": trajectory.failed_at, "detail": trajectory.detail, "digest": trajectory.digest(),
+    }  # fmt: skip
+
+
+def fuzzy_facts(experiment: Experiment) -> dict[str, dict[str, Any]]:
+    """Return how each fuzzy system in use is evaluated, for the manifest and for ``--json``."""
+    return {
+        name: {"method": prepared.method, "error_bound": prepared.bound} for name, prepared in used(experiment).items()
+    }

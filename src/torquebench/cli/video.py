@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from torquebench.cli.report import PAGE, page_of
-from torquebench.cli.terminal import complain, progress_bar, say
+from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
 from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.store import add_to_run, atomic_write, check_run
@@ -14,6 +14,9 @@ from torquebench.experiment.stored import StoredRun
 from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
 from torquebench.video.settings import Settings
 from torquebench.video.stored import Subject, model_changed, read_subject
+
+SHOWN = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
+"""What the table says of a film or a picture."""
 
 
 def video(options: argparse.Namespace) -> int:
@@ -39,17 +42,21 @@ def video(options: argparse.Namespace) -> int:
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
     if model_changed(subject, manifest):
-        complain(
-            f"torquebench: the file of '{subject.model}' has changed since the run; the film shows it as it is now"
-        )
+        warn(f"torquebench: the file of '{subject.model}' has changed since the run; the film shows it as it is now")
     made = film(subject, settings, options.gl, options.still)
     if options.out is None:
         path = keep_film(options.run, made)
     else:
         path = options.out
         atomic_write(path, made.content)
-    tell(path, made)
+    announce(path, made)
+    shown = {key: made.facts[key] for key in SHOWN if key in made.facts}
+    say("\n" + table(list(shown), [[_text(value) for value in shown.values()]]))
     return 0
+
+
+def _text(value: object) -> str:
+    return " x ".join(str(part) for part in value) if isinstance(value, list | tuple) else str(value)
 
 
 def film(subject: Subject, settings: Settings, gl: str | None, still: float | None = None) -> Made:
@@ -71,15 +78,16 @@ def film(subject: Subject, settings: Settings, gl: str | None, still: float | No
         return make_film(subject, settings, gl, still=still, progress=report)
 
 
-def tell(path: Path, made: Made) -> None:
+def announce(path: Path, made: Made) -> None:
     """Say what was made, what drew it and why, and what to install for a better one."""
     facts = made.facts
+    tell(film=facts | {"file": path})
     what = f"{facts['frames']} frames, {facts['seconds']:g} s" if "frames" in facts else f"t = {facts['at']:g} s"
     say(
         f"{'film' if 'frames' in facts else 'picture'}: {path} ({what}; drawn by {facts['backend']}: {facts['reason']})"
     )
     if made.advice:
-        complain(f"torquebench: drawn as a stick figure; for the whole arm: {made.advice}")
+        warn(f"torquebench: drawn as a stick figure; for the whole arm: {made.advice}")
 
 
 def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
@@ -95,9 +103,10 @@ def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
         return
     try:
         made = film(read_subject(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
-        tell(keep_film(folder, made), made)
+        announce(keep_film(folder, made), made)
         add_to_run(folder, PAGE, page_of(StoredRun(folder, result, check_run(folder)), redraw=False))
     except Exception as error:  # noqa: BLE001  whatever it is, the run stands as it is
+        tell(film={"failed": str(error)})
         complain(f"torquebench: the run is complete, its film failed: {error}")
         try:
             keep_failure(folder, str(error))

@@ -15,6 +15,7 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.bodies import perturbed
+from torquebench.robot.model import SLIDE
 from torquebench.robot.payload import phases
 from torquebench.sim.trajectory import Trajectory
 
@@ -27,16 +28,18 @@ class Flag:
     joint: str
     """The joint that lacks most, as a fraction of its torque limit."""
     gain: float
-    """K there [N m]."""
+    """K there [`unit`]."""
     needed: float
-    """Least K that suffices there [N m]."""
+    """Least K that suffices there [`unit`]."""
     k_needed: float
     """Least k = K/tau_max that suffices on every joint [1]."""
+    unit: str = "N m"
+    """N for a joint that slides."""
 
     def __str__(self) -> str:
         return (
             f"controller '{self.controller}' cannot meet its reaching condition (123) on its reference: "
-            f"{self.joint} needs K > {self.needed:.4g} N m, has {self.gain:.4g}; "
+            f"{self.joint} needs K > {self.needed:.4g} {self.unit}, has {self.gain:.4g}; "
             f"k > {self.k_needed:.3g} would do for all joints"
         )
 
@@ -99,7 +102,9 @@ def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag, ...]:
         if np.any(needed >= law.K):
             worst = int(np.argmax((needed - law.K) / np.asarray(loop.plant.tau_max)))
             k_needed = float(np.max(needed / np.asarray(loop.plant.tau_max)))
-            found.append(Flag(keys.name, loop.joint_names[worst], float(law.K[worst]), float(needed[worst]), k_needed))
+            unit = "N" if loop.model.flat.kind[worst] == SLIDE else "N m"
+            gain, least = float(law.K[worst]), float(needed[worst])
+            found.append(Flag(keys.name, loop.joint_names[worst], gain, least, k_needed, unit))
     return tuple(found)
 
 

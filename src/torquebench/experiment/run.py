@@ -12,6 +12,7 @@ from torquebench.experiment.schema import Experiment
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, compute_metrics
+from torquebench.robot.model import SLIDE
 from torquebench.sim.batch import Trial, run_trial
 from torquebench.sim.loop import Controller, PathName
 from torquebench.sim.trajectory import Trajectory
@@ -27,6 +28,11 @@ class ExperimentResult:
     """Controller name -> its run, in the config's order."""
     metrics: Mapping[str, Metrics]
     """Controller name -> its metrics; a run that failed has none."""
+
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """Whether each joint slides instead of turning."""
+        return tuple(kind == SLIDE for kind in self.loop.model.flat.kind)
 
     @property
     def unexpected(self) -> tuple[str, ...]:

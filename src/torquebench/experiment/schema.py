@@ -29,6 +29,7 @@ from torquebench.experiment.values import (
     Slug,
 )
 from torquebench.robot import load_model
+from torquebench.robot.model import SLIDE
 
 MAX_CONTROLLERS = 64
 MAX_DISTURBANCES = 64
@@ -44,6 +45,15 @@ def joint_count(model_name: str) -> int:
         ModelError: there is no such model, or it is malformed.
     """
     return load_model(model_name).n
+
+
+def slide_joints(model_name: str) -> tuple[bool, ...]:
+    """Return whether each joint of the model called `model_name` slides instead of turning.
+
+    Raises:
+        ModelError: there is no such model, or it is malformed.
+    """
+    return tuple(kind == SLIDE for kind in load_model(model_name).flat.kind)
 
 
 class AnyPlant(Keys):

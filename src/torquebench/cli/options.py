@@ -1,0 +1,95 @@
+"""What all commands' arguments have in common: the parser, --quiet and --json, examples, and how values are read."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NoReturn
+
+from torquebench.cli.terminal import warn
+from torquebench.errors import ConfigError, Problem
+
+EXAMPLES = {
+    "run": "torquebench run configs/paper/fig9-chattering.yaml --set run.duration=2",
+    "compare": "torquebench compare mujoco:puma560 analytic:puma560 --rollout 5",
+    "fuzzy": "torquebench fuzzy pd-49",
+    "paper": "torquebench paper --quick",
+    "boundary-layer": "torquebench boundary-layer --quick",
+    "report": "torquebench report runs/one runs/two --out both.html",
+    "video": "torquebench video runs/one --speed 0.5",
+    "check": "torquebench check my_law.py",
+    "bench": "torquebench bench --quick --json",
+    "doctor": "torquebench doctor",
+    "completion": "torquebench completion bash > ~/.local/share/bash-completion/completions/torquebench",
+}
+"""The last line of each command's help."""
+EXAMPLE = "Example: "
+
+
+class Help(argparse.HelpFormatter):
+    """Help whose examples are lines to copy, however narrow the terminal."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return text if text.startswith(EXAMPLE) else super()._fill_text(text, width, indent)
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaints are problems like all others."""
+
+    def __init__(self, **more: Any) -> None:
+        super().__init__(**{"formatter_class": Help} | more)
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments.
+
+        Raises:
+            ConfigError: always.
+        """
+        warn(self.format_usage().rstrip())
+        found = re.fullmatch(r"argument (\S+?)(?:/\S+)?: (.*)", message, flags=re.DOTALL)
+        where, what = found.groups() if found else (self.prog, message)
+        raise ConfigError([Problem(where, "", what)])
+
+
+def add_common(commands: Mapping[str, argparse.ArgumentParser]) -> None:
+    """Give every command --quiet, --json and its example.
+
+    Args:
+        commands: Name -> parser.
+    """
+    for name, command in commands.items():
+        command.add_argument(
+            "--quiet", action="store_true", help="errors and nothing else; the exit status says the rest"
+        )
+        if name == "bench":
+            command.add_argument(
+                "--json", nargs="?", const=True, default=False, type=Path, metavar="FILE",
+                help="print one JSON document and nothing else; with FILE, write the rows there and print the table",
+            )  # fmt: skip
+        else:
+            command.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
+        if name in EXAMPLES:
+            command.epilog = EXAMPLE + EXAMPLES[name]
+
+
+def frame_size(text: str) -> tuple[int, int]:
+    """Read the size of a frame."""
+    found = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"got {text!r}, wanted WIDTHxHEIGHT, for example 640x480")
+    return int(found[1]), int(found[2])
+
+
+def name_list(text: str) -> list[str]:
+    """Read names separated by commas."""
+    return text.split(",")
+
+
+def joint_list(text: str) -> list[int]:
+    """Read joint numbers separated by commas."""
+    try:
+        return [int(word) for word in text.split(",")]
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"got {text!r}, wanted joint numbers separated by commas") from error

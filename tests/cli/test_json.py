@@ -1,0 +1,291 @@
+"""Every command's ``--json``, ``--quiet`` and ``--help``: a document that agrees with files, silence, an example."""
+
+import json
+import math
+import shlex
+import sys
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import QUICK
+from tests.cli.test_check import GOOD
+from tests.experiment.bad_configs import BAD
+from torquebench.bench.timing import Row
+from torquebench.check import paths
+from torquebench.cli import boundary_layer
+from torquebench.cli.document import plain
+from torquebench.cli.main import main, parser
+from torquebench.cli.options import EXAMPLES
+from torquebench.errors import ConfigError, Problem
+from torquebench.experiment import parse_experiment
+from torquebench.experiment.store import check_run
+from torquebench.laws import base
+from torquebench.paper.boundary_layer import Point
+from torquebench.statistics import Ratio
+
+ENVELOPE = {"command", "status", "problems", "error", "remarks"}
+COMMANDS = {name: action for action in parser()._actions if action.choices for name, action in action.choices.items()}
+
+
+def refuse(word):
+    """No bare NaN or Infinity."""
+    raise AssertionError(word)
+
+
+@pytest.fixture
+def document(command, monkeypatch):
+    """Run a command with --json on a terminal and return what it printed, after what all documents promise."""
+
+    def run(*arguments, status=0):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+        found, out, err = command(*arguments, "--json")
+        data = json.loads(out, parse_constant=refuse)
+        assert found == status == data["status"], err
+        assert data["command"] == arguments[0]
+        assert data.keys() >= ENVELOPE
+        return data, err
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Folder of a finished run."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "quick.yaml").write_text(QUICK)
+    assert main(["run", str(folder / "quick.yaml"), "--out", str(folder / "run"), "--no-figures", "--quiet"]) == 0
+    return folder / "run"
+
+
+def test_run(quick, document):
+    """Metrics, certificates and outcomes are those of the run's files, at full precision; progress is still shown."""
+    data, err = document("run", quick, "--out", "result", "--no-figures")
+    folder = quick.parent / "result"
+    assert data["directory"] == "result"
+    stored = json.loads((folder / "metrics.json").read_text())["controllers"]
+    outcomes = check_run(folder)["outcomes"]
+    assert list(data["controllers"]) == ["conventional", "linear-band"]
+    for name, told in data["controllers"].items():
+        assert told["metrics"] == stored[name]
+        assert {key: told[key] for key in outcomes[name]} == outcomes[name]
+        assert told["expected"]
+    assert data["certificates"] == json.loads((folder / "certificates.json").read_text())
+    assert "[00:00<" in err
+
+
+def test_run_with_a_talkative_plug_in(quick, document):
+    """What a plug-in prints is no part of the document; a failed run is in it, and the exit status is 1."""
+    (quick.parent / "my_law.py").write_text(GOOD + "\nprint('loaded')\n")
+    line = "  - {name: mine, law: good, gains: {k: 0.5}, expect: failed}\n"
+    quick.write_text(quick.read_text().replace("reference:", line + "reference:"))
+    registry = dict(base._REGISTRY)
+    try:
+        data, err = document("run", quick, "--no-figures", "--plugin", "my_law.py", status=1)
+    finally:
+        base._REGISTRY.clear()
+        base._REGISTRY.update(registry)
+    assert not data["controllers"]["mine"]["expected"]
+    assert data["controllers"]["mine"]["outcome"] == "COMPLETED"
+    assert "loaded" in err
+
+
+def test_report_and_video(finished, tmp_path, document, monkeypatch):
+    """The page and the picture are where the document says, and its metrics are the run's."""
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    data, _ = document("report", finished, "--out", tmp_path / "page.html")
+    assert (tmp_path / "page.html").read_text().startswith("<!doctype html>")
+    assert data["report"] == str(tmp_path / "page.html")
+    stored = json.loads((finished / "metrics.json").read_text())["controllers"]
+    assert {name: told["metrics"] for name, told in data["runs"][0]["controllers"].items()} == stored
+    data, err = document("video", finished, "--still", "0.1", "--out", tmp_path / "still.png", "--size", "320x240")
+    assert data["film"]["file"] == str(tmp_path / "still.png")
+    assert (tmp_path / "still.png").read_bytes().startswith(b"\x89PNG")
+    assert data["film"]["backend"] == "stick"
+    assert "[00:00" in err
+
+
+def test_compare(document):
+    """Every row of the table as numbers; they differ, so the status is 1."""
+    data, err = document("compare", "analytic:puma560", "analytic:puma560:corrected", "--states", "20", status=1)
+    assert not data["agree"]
+    assert all(
+        row["agrees"] == (row["relative"] <= row["limit"]) for row in data["rows"] if row["measure"] == "relative"
+    )
+    assert "[00:00<" in err
+
+
+def test_fuzzy(tmp_path, monkeypatch, document):
+    """Sizes and evaluation of the system, and its figures where the document says."""
+    monkeypatch.chdir(tmp_path)
+    data, err = document("fuzzy", "s-7", "--out", "figures")
+    assert data["systems"]["s-7"]["rules"] == 7
+    assert data["systems"]["s-7"]["error_bound"] >= 0.0
+    assert (tmp_path / data["directory"] / "s-7-membership.svg").is_file()
+    assert "[00:00<" in err
+
+
+def test_check(tmp_path, monkeypatch, document):
+    """As before, within the envelope."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(paths, "SCALES", (1.0,))
+    monkeypatch.setattr(paths, "DURATION", 0.02)
+    (tmp_path / "laws.py").write_text(GOOD)
+    data, _ = document("check", "laws.py")
+    assert data["held"]
+    assert [law["law"] for law in data["laws"]] == ["good"]
+
+
+def test_boundary_layer(tmp_path, monkeypatch, document):
+    """The points are those of the file."""
+    error, chattering = Ratio(1e-3, 9e-4, 2e-3, 4, (0, 0)), Ratio(0.5, 0.4, 0.6, 4, (0, 0))
+    points = [Point(phi, 0.3, 20.0, error, chattering) for phi in (0.1, 0.2, 1 / 3)]
+    monkeypatch.setattr(boundary_layer, "study", lambda *_: points)
+    data, err = document("boundary-layer", "--quick", "--out", tmp_path / "out")
+    assert data["points"] == json.loads((tmp_path / "out" / "points.json").read_text())
+    assert "[00:00<" in err
+
+
+def test_bench(tmp_path, monkeypatch, document, command):
+    """--json prints the rows, --json FILE writes the same rows and prints the table."""
+    row = Row("case", 1234.5678, "steps/s", "", None, (1.0, 2.0), 1, 3, "what it is")
+    monkeypatch.setattr("torquebench.bench.loops.closed_loops", lambda *_: [])
+    monkeypatch.setattr("torquebench.bench.parts.parts", list)
+    monkeypatch.setattr("torquebench.bench.peers.peers", lambda: ([], ["one that is not here"]))
+    monkeypatch.setattr("torquebench.bench.timing.measure", lambda *_: [row])
+    data, err = document("bench", "--quick")
+    status, out, _ = command("bench", "--quick", "--json", tmp_path / "rows.json")
+    assert status == 0
+    assert data["rows"] == json.loads((tmp_path / "rows.json").read_text())
+    assert data["rows"][0]["value"] == 1234.5678
+    assert data["left_out"] == ["one that is not here"]
+    assert "1,230" in out
+    assert "[00:00" in err
+
+
+def test_completion(document, command):
+    """The script as text."""
+    data, _ = document("completion", "bash")
+    assert data["script"] + "\n" == command("completion", "bash")[1]
+
+
+@pytest.mark.parametrize(("arguments", "option"), [
+    (["run"], None), (["run", "a.yaml", "--colour"], None), (["video", "r", "--size", "huge"], "--size"),
+    (["fly"], "COMMAND"),
+    (["compare", "mujoco:puma", "analytic:puma560"], "A"), (["paper", "--workers", "0"], "--workers"),
+])  # fmt: skip
+def test_bad_arguments(tmp_path, monkeypatch, command, arguments, option):
+    """Exit 2, one line for each problem on standard error, and the problems in the document."""
+    monkeypatch.chdir(tmp_path)
+    status, out, err = command(*arguments, "--json", "--quiet")
+    data = json.loads(out)
+    assert status == data["status"] == 2
+    assert len(err.splitlines()) == len(data["problems"]) == 1
+    assert data["problems"][0]["message"] in err
+    if option is not None:
+        assert data["problems"][0]["option"] == option
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_config(quick, command):
+    """Every mistake with file, line, column, key, message and what was wanted; nothing but the document on stdout."""
+    quick.write_text(quick.read_text().replace("lam: 10, k: 0.3}", "lamb: 10, k: -1}"))
+    column = next(line for line in quick.read_text().splitlines() if "lamb:" in line).index("lamb:") + 1
+    status, out, err = command("run", "quick.yaml", "--json")
+    problems = json.loads(out)["problems"]
+    assert status == 2
+    assert [p["message"] for p in problems] == [line.split(": ", 2)[2] for line in err.splitlines()]
+    assert problems[0] == {
+        "file": "quick.yaml", "line": 5, "column": column, "option": None, "key": "controllers[0].gains.lamb",
+        "message": "unknown gain (did you mean 'lam'?)", "wanted": "lam",
+    }  # fmt: skip
+
+
+def test_every_mistake_in_a_config_can_be_placed():
+    """Of all bad configs: the file's name, the line, the key; what was wanted, where the message says so."""
+    for bad in BAD:
+        with pytest.raises(ConfigError) as caught:
+            parse_experiment(bad.config, "a b:c.yaml")
+        told = caught.value.problems[0].to_json()
+        assert (told["file"], told["line"], told["option"]) == ("a b:c.yaml", bad.line, None)
+        assert told["column"] >= 1
+        assert (told["wanted"] is not None) == any(
+            word in told["message"] for word in ("wanted ", "did you", "(one of")
+        )
+
+
+@pytest.mark.parametrize(("problem", "place", "wanted"), [
+    (Problem("--set run.seed=x", "run.seed", "got 'x', wanted a number"), ("option", "--set run.seed=x"), "a number"),
+    (Problem("RUN", "", "runs/a: not a finished run directory"), ("option", "RUN"), None),
+    (Problem("missing.yaml", "", "does not exist"), ("file", "missing.yaml"), None),
+    (Problem("x.yaml:1:2", "law", "unknown (one of: a, b)"), ("file", "x.yaml"), "a, b"),
+    (Problem("", "reference", "too fast"), ("option", None), None),
+])  # fmt: skip
+def test_where_a_problem_is(problem, place, wanted):
+    """An option or an argument, or a file."""
+    told = problem.to_json()
+    assert told[place[0]] == place[1]
+    assert told["wanted"] == wanted
+
+
+def test_no_number_without_a_value():
+    """NaN and infinities are null at any depth, in arrays and tuples too; everything else keeps its value."""
+    value = {
+        "a": [math.nan, 1.5, (math.inf,)],
+        "b": np.array([1.0, -math.inf]),
+        "c": np.float64(0.1),
+        "d": True,
+        "e": None,
+    }
+    assert plain(value) == {"a": [None, 1.5, [None]], "b": [1.0, None], "c": 0.1, "d": True, "e": None}
+
+
+@pytest.mark.parametrize("error", [RuntimeError("boom"), OSError(28, "No space left"), KeyboardInterrupt()])
+def test_an_end_before_the_end(monkeypatch, command, error):
+    """The document says why, whatever it was, and has the exit status."""
+
+    def fail(_options):
+        raise error
+
+    monkeypatch.setattr("torquebench.cli.main.dispatch", fail)
+    status, out, err = command("doctor", "--json")
+    data = json.loads(out)
+    assert status == data["status"] == (130 if isinstance(error, KeyboardInterrupt) else 3)
+    assert data["error"]
+    assert data["error"] in err
+
+
+@pytest.mark.parametrize("arguments", [["report"], ["video", "--still", "0.1", "--size", "320x240", "--out", "x.png"]])
+def test_quiet(finished, tmp_path, monkeypatch, command, arguments):
+    """Nothing on either stream, on a terminal too, and the same exit status."""
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    more = ["--out", "page.html"] if arguments[0] == "report" else []
+    assert command(arguments[0], finished, *arguments[1:], *more, "--quiet") == (0, "", "")
+
+
+def test_quiet_keeps_the_exit_status(command):
+    """A comparison that differs is 1 without a word; bad input is its one line."""
+    assert command("compare", "analytic:puma560", "analytic:puma560:corrected", "--states", "20", "--quiet") == (
+        1,
+        "",
+        "",
+    )
+    status, out, err = command("compare", "--quiet")
+    assert (status, out) == (2, "")
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_quiet_json_and_an_example(name, capsys):
+    """Whatever is added: the options are there, and the last line of the help is a command that parses."""
+    flags = {flag for action in COMMANDS[name]._actions for flag in action.option_strings}
+    assert {"--quiet", "--json", "--help"} <= flags
+    with pytest.raises(SystemExit) as ended:
+        main([name, "--help"])
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.endswith(f"\nExample: {EXAMPLES[name]}\n")
+    words = shlex.split(EXAMPLES[name])
+    assert parser().parse_args(words[1 : words.index(">") if ">" in words else None]).command == name

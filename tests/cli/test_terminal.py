@@ -1,0 +1,142 @@
+"""What the terminal shows: tables that follow its width, colour, silence, progress."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import sys
+
+import pytest
+
+from torquebench.cli import colour, terminal
+from torquebench.cli.colour import bad, good, visible
+from torquebench.cli.terminal import progress_bar, say, speaking, table, warn
+
+HEADER = ["controller", "law", "RMSE [mrad]", "HF [%]", "outcome"]
+ROWS = [["conventional", "smc", "0.5298", "30.15", "completed"], ["band", "linear-band-smc", "0.05", "0.1", "diverged"]]
+WORDS = {word for row in (HEADER, *ROWS) for word in row}
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        """Say so."""
+        return True
+
+
+@pytest.fixture(autouse=True)
+def plain_environment(monkeypatch):
+    """No wishes about colour from outside."""
+    for name in ("NO_COLOR", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+
+
+@pytest.fixture
+def screen(monkeypatch):
+    """Make standard output a terminal of some width, and return it."""
+
+    def make(columns):
+        monkeypatch.setattr(sys, "stdout", Terminal())
+        monkeypatch.setattr(terminal.shutil, "get_terminal_size", lambda: os.terminal_size((columns, 24)))
+        return sys.stdout
+
+    return make
+
+
+@pytest.mark.parametrize("columns", [200, 61, 60, 50, 40, 30])
+def test_a_table_fits_the_terminal_and_loses_nothing(screen, columns):
+    """No line is longer than the terminal; every cell is there whole; each part begins with the controller."""
+    screen(columns)
+    text = visible(table(HEADER, ROWS))
+    parts = text.split("\n\n")
+    assert max(map(len, text.splitlines())) <= columns
+    assert all(word in text for word in WORDS)
+    for part in parts:
+        assert [re.split(r"\s", line)[0] for line in part.splitlines()[2:]] == ["conventional", "band"]
+    assert (len(parts) == 1) == (columns > 60)
+
+
+def test_a_terminal_too_narrow_for_two_columns_gets_lists(screen):
+    """Each row becomes a list of titles and values."""
+    screen(20)
+    assert "controller: band\nlaw: linear-band-smc\nRMSE [mrad]: 0.05" in table(HEADER, ROWS)
+
+
+def test_prose_is_broken_between_words(screen):
+    """The last column takes the room that is left; its words stay in order, and the other columns stay empty beside."""
+    screen(50)
+    text = "the law writes to q, which belongs to the loop and must be left alone"
+    lines = visible(table(["check", "what was found"], [["inputs", text]], prose=True)).splitlines()[2:]
+    assert max(map(len, lines)) <= 50
+    assert " ".join(" ".join(lines).removeprefix("inputs").split()) == text
+    assert all(line.startswith("        ") for line in lines[1:])
+
+
+def test_without_a_terminal_a_table_is_as_wide_as_it_is(monkeypatch):
+    """What a script reads does not depend on a window."""
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    monkeypatch.setenv("COLUMNS", "20")
+    assert len(table(HEADER, ROWS).splitlines()) == 4
+
+
+def test_long_lines_are_broken_and_paths_are_not(screen):
+    """Words keep their order; a word longer than the line stays whole."""
+    out = screen(20)
+    say("  results: runs/a-name-without-any-space in it")
+    assert out.getvalue() == "  results:\n    runs/a-name-without-any-space\n    in it\n"
+
+
+@pytest.mark.parametrize(("names", "is_terminal", "expected"), [
+    ({}, True, True), ({}, False, False), ({"NO_COLOR": "1"}, True, False), ({"NO_COLOR": ""}, True, True),
+    ({"FORCE_COLOR": "1"}, False, True), ({"TERM": "dumb"}, True, False),
+    ({"NO_COLOR": "1", "FORCE_COLOR": "1"}, True, False),
+])  # fmt: skip
+def test_when_there_is_colour(monkeypatch, names, is_terminal, expected):
+    """A terminal has it unless NO_COLOR or TERM=dumb; FORCE_COLOR brings it to a file; NO_COLOR has the last word."""
+    for name, value in names.items():
+        monkeypatch.setenv(name, value)
+    assert colour.coloured(Terminal() if is_terminal else io.StringIO()) == expected
+
+
+def test_colour_moves_nothing(screen, monkeypatch):
+    """Good is green and bad is red; without the escapes the coloured table is the plain one."""
+    rows = [["a", good("yes")], ["b", bad("NO")]]
+    screen(80)
+    painted = table(["term", "agrees"], rows)
+    assert "\x1b[32myes\x1b[0m" in painted
+    assert "\x1b[31mNO\x1b[0m" in painted
+    monkeypatch.setenv("NO_COLOR", "1")
+    plain = table(["term", "agrees"], rows)
+    assert "\x1b" not in plain
+    assert visible(painted) == plain
+
+
+def test_silence(capsys):
+    """With --quiet neither lines nor warnings are seen; the warnings are kept for the document."""
+    with speaking(quiet=True, as_json=False) as voice:
+        say("a line")
+        warn("a warning")
+        terminal.complain("an error")
+    assert capsys.readouterr() == ("", "an error\n")
+    assert voice.remarks == ["a warning"]
+    say("again")
+    assert capsys.readouterr().out == "again\n"
+
+
+@pytest.mark.parametrize(
+    ("is_terminal", "quiet", "seen"), [(True, False, True), (True, True, False), (False, False, False)]
+)
+def test_progress_is_for_people(monkeypatch, is_terminal, quiet, seen):
+    """On a terminal: what is being done, how much, the time left; else, and with --quiet, nothing at all."""
+    stream = Terminal() if is_terminal else io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with speaking(quiet, as_json=False), progress_bar(4, "step", "starting", done=1) as bar:
+        bar.update(1)
+        bar.set_description_str("going on", refresh=True)
+    written = stream.getvalue()
+    assert bool(written) == seen
+    if seen:
+        assert re.search(r"going on: +50%.*2\.00/4\.00 \[00:00<\d\d:\d\d", written)
