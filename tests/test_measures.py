@@ -98,7 +98,7 @@ def test_total_variation_of_sine_and_triangle() -> None:
     tau = columns(5.0 * np.cos(2 * math.pi * 2.0 * t), 4.0 * triangle)
     # Samples 0, 100 and 250 lie on the extrema, so that sampling loses none of the movement.
     expected = [4 * 5.0 * 2.0 / 50.0, 4 * 4.0 * 5.0 / 20.0]
-    assert measures.total_variation(tau, T, TAU_MAX) == pytest.approx(expected, rel=1e-9)
+    assert measures.torques(tau, T, TAU_MAX).total_variation == pytest.approx(expected, rel=1e-9)
 
 
 def test_reversals_of_switching_and_their_threshold() -> None:
@@ -108,8 +108,8 @@ def test_reversals_of_switching_and_their_threshold() -> None:
     ripple = np.where(np.arange(len(t)) % 2 == 0, 1.0, -1.0)
     tau = columns(10.0 * square, 20.0 * 0.9e-3 / 2 * ripple)
     # The window's 149 switchings are 148 changes of direction, two fewer than 3 s hold: 2/3 per second.
-    assert measures.reversals(tau, T, TAU_MAX) == pytest.approx([50.0, 0.0], abs=0.7)
-    louder = measures.reversals(1.2 * tau, T, TAU_MAX)
+    assert measures.torques(tau, T, TAU_MAX).reversals == pytest.approx([50.0, 0.0], abs=0.7)
+    louder = measures.torques(1.2 * tau, T, TAU_MAX).reversals
     assert louder == pytest.approx([50.0, 1000.0], abs=0.7)
 
 
@@ -118,7 +118,7 @@ def test_reversals_of_a_slow_wave_do_not_hide_in_its_flat_crests() -> None:
     t = times(10.0)
     tau = columns(40.0 * sin(1.0, t), 0.0 * t)
     # Ten periods change direction 20 times, whether or not one at the ends is missed.
-    assert measures.reversals(tau, T, TAU_MAX)[0] == pytest.approx(2.0, abs=0.11)
+    assert measures.torques(tau, T, TAU_MAX).reversals[0] == pytest.approx(2.0, abs=0.11)
 
 
 def test_effort_and_saturation() -> None:
@@ -126,9 +126,9 @@ def test_effort_and_saturation() -> None:
     t = times()
     limited = np.where(t % 1.0 < 0.25, -20.0, np.where(t % 1.0 < 0.4, 20.0, 19.99))
     tau = columns(25.0 * sin(1.0, t), limited)
-    assert measures.effort(tau, TAU_MAX)[0] == pytest.approx(0.125, rel=1e-12)
+    assert measures.torques(tau, T, TAU_MAX).effort[0] == pytest.approx(0.125, rel=1e-12)
     # Rounding of t % 1 may move each of the six edges by one of 3000 samples.
-    assert measures.saturation_fraction(tau, TAU_MAX) == pytest.approx([0.0, 0.4], abs=6 / 3000)
+    assert measures.torques(tau, T, TAU_MAX).saturation_fraction == pytest.approx([0.0, 0.4], abs=6 / 3000)
 
 
 @pytest.mark.parametrize("T", [0.001, 0.005, 0.01])

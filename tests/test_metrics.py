@@ -107,10 +107,10 @@ def test_torque_metrics_read_the_clipped_torque_inside_the_window() -> None:
     got, inside = metrics_of(make(t, 0.0 * tau, tau=tau)), tau[1000:]
     for metric, formula in (
         (got.hf, measures.chattering_index(inside, T, TAU_MAX)),
-        (got.total_variation, measures.total_variation(inside, T, TAU_MAX)),
-        (got.reversals, measures.reversals(inside, T, TAU_MAX)),
-        (got.effort, measures.effort(inside, TAU_MAX)),
-        (got.saturation_fraction, measures.saturation_fraction(inside, TAU_MAX)),
+        (got.total_variation, measures.torques(inside, T, TAU_MAX).total_variation),
+        (got.reversals, measures.torques(inside, T, TAU_MAX).reversals),
+        (got.effort, measures.torques(inside, T, TAU_MAX).effort),
+        (got.saturation_fraction, measures.torques(inside, T, TAU_MAX).saturation_fraction),
     ):
         assert metric.per_joint == pytest.approx(tuple(formula), rel=1e-15)
         assert metric.value == pytest.approx(np.mean(formula), rel=1e-15)

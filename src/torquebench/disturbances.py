@@ -30,7 +30,8 @@ def generator(seed: int, run: int, stream: Stream, index: int = 0) -> np.random.
         stream: What the numbers are for.
         index: Which of several uses of the same kind, in the config's order.
     """
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run, int(stream), index)))
+    seeds = np.random.SeedSequence(seed, spawn_key=(run, int(stream), index))
+    return np.random.Generator(np.random.PCG64(seeds))
 
 
 def band_limited_noise(
@@ -52,7 +53,7 @@ def band_limited_noise(
         Torque at each control instant, (N, n) [N m].
     """
     blocks = -(-n_steps // hold_steps)
-    values = np.clip(rng.standard_normal((blocks, len(sigma))), -clip_sigma, clip_sigma) * sigma
+    values = np.minimum(np.maximum(rng.standard_normal((blocks, len(sigma))), -clip_sigma), clip_sigma) * sigma
     return np.repeat(values, hold_steps, axis=0)[:n_steps]
 
 

@@ -21,35 +21,56 @@ HF_MAX_PERIOD = 0.010
 """Longest control period for which the chattering index is defined [s]."""
 
 
-def rms(e: Array) -> Array:
-    """sqrt(mean e^2) over the samples, (n,) [unit of e]."""
-    out = np.zeros(e.shape[1])
-    sum_of_squares(e, np.ones(e.shape[1]), out)
-    return np.asarray(np.sqrt(out / len(e)))
+class Errors(NamedTuple):
+    """How far a joint is from its reference; arrays (n,)."""
+
+    rms: Array
+    """sqrt(mean e^2) over a window [unit of e]."""
+    greatest: Array
+    """max |e| over the window [unit of e]."""
+    steady: Array
+    """mean |e| over the last samples [unit of e]; NaN where there are none."""
+    iae: Array
+    """Integral of |e| dt over the whole run by the trapezium rule [rad s]."""
+    itae: Array
+    """Integral of t |e| dt, likewise [rad s^2]."""
 
 
-def mean_absolute(e: Array) -> Array:
-    """Mean |e| over the samples, (n,) [unit of e]."""
-    out = np.zeros(e.shape[1])
-    absolute_sum(e, out)
-    return out / len(e)
+def errors(t: Array, e: Array, first: int, last: int) -> Errors:
+    """Return the measures of a tracking error.
 
-
-def greatest(e: Array) -> Array:
-    """Return max |e| over the samples, (n,) [unit of e]."""
-    out = np.zeros(e.shape[1])
-    absolute_maximum(e, out)
-    return out
-
-
-def absolute_error_integral(t: Array, e: Array, weight: Array | None = None) -> Array:
-    """Integral of weight |e| dt by the trapezium rule, (n,) [rad s].
-
-    IAE has weight 1; ITAE has weight t, (N,) [s], and is in rad s^2.
+    Args:
+        t: Control instants, (N,) [s].
+        e: The error at each of them, (N, n).
+        first: Where the window of RMS and maximum begins.
+        last: Number of samples at the end that the steady-state error is taken over.
     """
-    out = np.zeros(e.shape[1])
-    trapezium(t, e, np.ones(len(t)) if weight is None else weight, out)
-    return out
+    out = np.zeros((5, e.shape[1]))
+    add_errors(t, e, first, len(e) - last, out)
+    square, greatest, steady, iae, itae = out
+    return Errors(np.sqrt(square / (len(e) - first)), greatest, steady / last if last else out[0] + np.nan, iae, itae)
+
+
+class Torques(NamedTuple):
+    """What a joint's torque costs; arrays (n,)."""
+
+    total_variation: Array
+    """Sum |delta tau| / (length tau_max) [tau_max/s]; length = time from first to last sample."""
+    reversals: Array
+    """Sign changes per second of delta tau [1/s]; changes of at most 1e-3 tau_max are passed over."""
+    effort: Array
+    """Mean (tau/tau_max)^2 [1]."""
+    saturation_fraction: Array
+    """Fraction of the samples with |tau| at its limit [1]."""
+
+
+def torques(tau: Array, control_period: float, tau_max: Array) -> Torques:
+    """Return the measures of a torque tau (N, n) [N m] against its limits tau_max (n,) [N m]."""
+    out = np.zeros((4, tau.shape[1]))
+    add_torques(tau, tau_max, out)
+    travelled, turns, squares, saturated = out
+    length = (len(tau) - 1) * control_period
+    return Torques(travelled / (length * tau_max), turns / length, squares / len(tau), saturated / len(tau))
 
 
 class StepResponse(NamedTuple):
@@ -117,8 +138,8 @@ def _settles(t: Array, deviation: Array, band: float) -> float:
 
 @lru_cache(maxsize=8)
 def hann(n: int) -> Array:
-    """Return the periodic Hann window of n samples, a column (n, 1); read-only."""
-    window: Array = (0.5 - 0.5 * np.cos(2.0 * math.pi * np.arange(n) / n))[:, None]
+    """Return the periodic Hann window of n samples, (n,); read-only."""
+    window: Array = 0.5 - 0.5 * np.cos(2.0 * math.pi * np.arange(n) / n)
     window.setflags(write=False)
     return window
 
@@ -134,8 +155,9 @@ def frequencies(n: int, control_period: float) -> Array:
 def hann_spectrum(x: Array, control_period: float) -> tuple[Array, npt.NDArray[np.complex128]]:
     """Frequencies [Hz] and rfft of x less its mean under a periodic Hann window (mean square 3/8)."""
     n = len(x)
-    spectrum = np.fft.rfft((x - np.mean(x, axis=0)) * hann(n), axis=0)
-    return frequencies(n, control_period), spectrum
+    tapered, total = np.empty(x.shape), np.zeros(x.shape[1])
+    taper(x, hann(n), total, tapered)
+    return frequencies(n, control_period), np.fft.rfft(tapered, axis=0)
 
 
 def chattering_index(tau: Array, control_period: float, tau_max: Array) -> Array:
@@ -149,118 +171,79 @@ def chattering_index(tau: Array, control_period: float, tau_max: Array) -> Array
     if control_period > HF_MAX_PERIOD * (1.0 + 1e-9) or n * control_period * HF_FROM_HZ < 2.0:
         return np.full(tau.shape[1], np.nan)
     frequency, spectrum = hann_spectrum(tau, control_period)
-    high = np.abs(spectrum[frequency >= HF_FROM_HZ * (1.0 - 1e-9)])
+    high = np.abs(spectrum[np.searchsorted(frequency, HF_FROM_HZ * (1.0 - 1e-9)) :])
     if n % 2 == 0:
         high[-1] /= math.sqrt(2.0)
     above: Array = np.sqrt(2.0 * np.sum(high * high, axis=0) / (n * n * 3.0 / 8.0))
     return 100.0 / tau_max * above
 
 
-def total_variation(tau: Array, control_period: float, tau_max: Array) -> Array:
-    """Sum |delta tau| / (length tau_max), (n,) [tau_max/s]; length = time from first to last sample."""
-    out = np.zeros(tau.shape[1])
-    travelled(tau, out)
-    return out / ((len(tau) - 1) * control_period * tau_max)
-
-
-def reversals(tau: Array, control_period: float, tau_max: Array) -> Array:
-    """Sign changes per second of delta tau, (n,) [1/s]; changes of at most 1e-3 tau_max are passed over."""
-    counts = np.zeros(tau.shape[1])
-    turns(tau, tau_max, counts)
-    return counts / ((len(tau) - 1) * control_period)
-
-
-def effort(tau: Array, tau_max: Array) -> Array:
-    """Mean (tau/tau_max)^2, (n,) [1]."""
-    out = np.zeros(tau.shape[1])
-    sum_of_squares(tau, tau_max, out)
-    return out / len(tau)
-
-
-def saturation_fraction(tau: Array, tau_max: Array) -> Array:
-    """Fraction of the samples with |tau| at its limit, (n,) [1]."""
-    below = np.zeros(tau.shape[1])
-    count_below(tau, tau_max * (1.0 - 1e-12), below)
-    return (len(tau) - below) / len(tau)
-
-
 def time_in_band(s: Array, phi: Array | float) -> Array:
     """Fraction of the samples with |s| <= phi, (n,) [1]; NaN for a joint whose s is not always defined."""
-    n = s.shape[1]
-    outside = np.zeros(n)
-    count_above(s, np.array(np.broadcast_to(phi, (n,)), dtype=np.float64), outside)
-    return (len(s) - outside) / len(s)
+    inside, limit = np.zeros(s.shape[1]), np.empty(s.shape[1])
+    limit[:] = phi
+    count_within(s, limit, inside)
+    return inside / len(s)
 
 
 @kernel
-def sum_of_squares(x: Array, unit: Array, out: Array) -> None:
-    """Add (x/unit)^2 up over the samples x (N, n); unit and out (n,)."""
+def taper(x: Array, window: Array, mean: Array, out: Array) -> None:
+    """Fill out (N, n) with x less its mean, times the window (N,); mean (n,) begins at zero."""
+    for k in range(len(x)):
+        for i in range(len(mean)):
+            mean[i] += x[k, i]
+    for i in range(len(mean)):
+        mean[i] /= len(x)
+    for k in range(len(x)):
+        for i in range(len(mean)):
+            out[k, i] = (x[k, i] - mean[i]) * window[k]
+
+
+@kernel
+def add_errors(t: Array, e: Array, first: int, last: int, out: Array) -> None:
+    """Add up, in the rows of out (5, n): e^2, max |e| and |e| from instants first and last on, |e| dt and t |e| dt."""
+    n = e.shape[1]
+    for k in range(len(t)):
+        for i in range(n):
+            size = abs(e[k, i])
+            if k >= first:
+                out[0, i] += e[k, i] * e[k, i]
+                if size > out[1, i]:
+                    out[1, i] = size
+            if k >= last:
+                out[2, i] += size
+            if k > 0:
+                before, step = abs(e[k - 1, i]), t[k] - t[k - 1]
+                out[3, i] += step * (size + before) / 2.0
+                out[4, i] += step * (size * t[k] + before * t[k - 1]) / 2.0
+
+
+@kernel
+def add_torques(tau: Array, tau_max: Array, out: Array) -> None:
+    """Add up, in the rows of out (4, n): |delta tau|, reversals, (tau/tau_max)^2 and samples at the limit."""
+    for i in range(len(tau_max)):
+        limit = tau_max[i]
+        full, small, last = limit * (1.0 - 1e-12), 1e-3 * limit, 0.0
+        for k in range(len(tau)):
+            ratio = tau[k, i] / limit
+            out[2, i] += ratio * ratio
+            if abs(tau[k, i]) >= full:
+                out[3, i] += 1.0
+            if k > 0:
+                change = tau[k, i] - tau[k - 1, i]
+                out[0, i] += abs(change)
+                if abs(change) > small:
+                    if change * last < 0.0:
+                        out[1, i] += 1.0
+                    last = sign(change)
+
+
+@kernel
+def count_within(x: Array, limit: Array, out: Array) -> None:
+    """Count the samples of x (N, n) with |x| <= limit (n,); NaN where a sample is not finite; out (n,)."""
     for k in range(len(x)):
         for i in range(len(out)):
-            ratio = x[k, i] / unit[i]
-            out[i] += ratio * ratio
-
-
-@kernel
-def absolute_sum(x: Array, out: Array) -> None:
-    """Add |x| up over the samples x (N, n); out (n,)."""
-    for k in range(len(x)):
-        for i in range(len(out)):
-            out[i] += abs(x[k, i])
-
-
-@kernel
-def absolute_maximum(x: Array, out: Array) -> None:
-    """Find the greatest |x| of the samples x (N, n); out (n,)."""
-    for k in range(len(x)):
-        for i in range(len(out)):
-            if abs(x[k, i]) > out[i]:
-                out[i] = abs(x[k, i])
-
-
-@kernel
-def trapezium(t: Array, x: Array, weight: Array, out: Array) -> None:
-    """Integrate |x| weight by the trapezium rule; t and weight (N,), x (N, n), out (n,)."""
-    for k in range(1, len(t)):
-        step = t[k] - t[k - 1]
-        for i in range(len(out)):
-            out[i] += step * (abs(x[k, i]) * weight[k] + abs(x[k - 1, i]) * weight[k - 1]) / 2.0
-
-
-@kernel
-def travelled(x: Array, out: Array) -> None:
-    """Add the changes |x_k - x_(k-1)| up over the samples x (N, n); out (n,)."""
-    for k in range(1, len(x)):
-        for i in range(len(out)):
-            out[i] += abs(x[k, i] - x[k - 1, i])
-
-
-@kernel
-def turns(x: Array, size: Array, out: Array) -> None:
-    """Count how often x (N, n) turns round, changes of at most a thousandth of size (n,) passed over; out (n,)."""
-    for i in range(len(out)):
-        last = 0.0
-        for k in range(1, len(x)):
-            change = x[k, i] - x[k - 1, i]
-            if abs(change) > 1e-3 * size[i]:
-                if change * last < 0.0:
-                    out[i] += 1.0
-                last = sign(change)
-
-
-@kernel
-def count_below(x: Array, limit: Array, out: Array) -> None:
-    """Count the samples of x (N, n) with |x| < limit (n,); out (n,)."""
-    for k in range(len(x)):
-        for i in range(len(out)):
-            if abs(x[k, i]) < limit[i]:
+            if abs(x[k, i]) <= limit[i]:
                 out[i] += 1.0
-
-
-@kernel
-def count_above(x: Array, limit: Array, out: Array) -> None:
-    """Count the samples of x (N, n) with |x| > limit (n,); NaN from a sample on that is not finite; out (n,)."""
-    for k in range(len(x)):
-        for i in range(len(out)):
-            if not abs(x[k, i]) <= limit[i]:
-                out[i] += 1.0 + 0.0 * x[k, i]
+            else:
+                out[i] += 0.0 * x[k, i]

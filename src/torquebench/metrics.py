@@ -8,7 +8,6 @@ of the true position.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -25,7 +24,6 @@ STEADY_SPAN = 0.5
 STEP_KINDS = ("step", "quintic")
 """Kinds of reference that have a rise time, an overshoot and a settling time."""
 
-_Reduce = Callable[[Array], np.floating[Any]]
 _Counted = npt.NDArray[np.bool_]
 
 
@@ -108,25 +106,48 @@ class Metrics:
         return {info.key: metric.to_json() for info, metric in self.items()}
 
 
-def _metric(per_joint: Array, reduce: _Reduce, counted: _Counted | None = None) -> Metric:
-    listed = tuple(x if math.isfinite(x) else None for x in per_joint.tolist())
-    if counted is None:
-        used, defined = per_joint, None not in listed
-    else:
-        used = per_joint[counted]
-        defined = used.size > 0 and bool(np.isfinite(used).all())
-    return Metric(float(reduce(used)) if defined else None, listed, int(used.size))
+ROW = {info.key: row for row, info in enumerate(METRICS)}
+WORST = [row for row, info in enumerate(METRICS) if info.headline == "worst joint"]
+STEP = slice(ROW["rise_time"], ROW["settling_time"] + 1)
+"""Rows of the metrics that only a step has."""
+ERRORS = slice(ROW["rmse"], ROW["itae"] + 1)
+"""Rows of `measures.Errors`."""
+TORQUES = slice(ROW["total_variation"], ROW["saturation_fraction"] + 1)
+"""Rows of `measures.Torques`."""
 
 
-def _mean(x: Array) -> np.floating[Any]:
-    """Return the mean, without what numpy's own looks up first."""
-    total: np.floating[Any] = np.add.reduce(x) / len(x)
-    return total
+class PerJoint(NamedTuple):
+    """Every metric of every joint, before it is reduced to its headline."""
+
+    values: Array
+    """A row for each of `METRICS`, (len(METRICS), n); NaN where undefined."""
+    stepped: _Counted
+    """Joints that have a step, (n,): only these count in the metrics of the step response."""
 
 
-def _root_mean_square(x: Array) -> np.floating[Any]:
-    root: np.floating[Any] = np.sqrt(_mean(x * x))
-    return root
+def headlines(found: PerJoint) -> Array:
+    """Return the headline of each of `METRICS`, (len(METRICS),); NaN where a joint that counts has no value.
+
+    Args:
+        found: The metrics of the joints.
+    """
+    values = found.values
+    reduced: Array = np.add.reduce(values, axis=1) / values.shape[1]
+    reduced[WORST] = np.maximum.reduce(values, axis=1)[WORST]
+    squares = values[ROW["rmse"]] * values[ROW["rmse"]]
+    reduced[ROW["rmse"]] = np.sqrt(np.add.reduce(squares) / len(squares))
+    if not found.stepped.all():
+        own = values[STEP, found.stepped]
+        reduced[STEP] = np.nan
+        if own.size > 0:
+            reduced[ROW["rise_time"]] = np.add.reduce(np.ascontiguousarray(own[0])) / own.shape[1]
+            reduced[ROW["overshoot"]], reduced[ROW["settling_time"]] = np.maximum.reduce(own[1:], axis=1)
+    reduced[~np.isfinite(reduced)] = np.nan
+    return reduced
+
+
+def _listed(row: list[float]) -> tuple[float | None, ...]:
+    return tuple([x if math.isfinite(x) else None for x in row])
 
 
 def compute_metrics(
@@ -138,7 +159,33 @@ def compute_metrics(
     reference_kind: str,
     phi: Array | float | None = None,
 ) -> Metrics:
-    """Compute every metric of a completed run.
+    """Compute every metric of a completed run; arguments as of `per_joint`."""
+    found = per_joint(
+        trajectory, tau_max=tau_max, metrics_from=metrics_from, control_period=control_period,
+        reference_kind=reference_kind, phi=phi,
+    )  # fmt: skip
+    return from_joints(found)
+
+
+def from_joints(found: PerJoint) -> Metrics:
+    """Return metrics in the form that is stored and shown."""
+    counted = [found.values.shape[1]] * len(METRICS)
+    counted[STEP] = [int(np.count_nonzero(found.stepped))] * 3
+    reduced = [value if math.isfinite(value) else None for value in headlines(found).tolist()]
+    rows = map(_listed, found.values.tolist())
+    return Metrics(*map(Metric, reduced, rows, counted))
+
+
+def per_joint(
+    trajectory: Trajectory,
+    *,
+    tau_max: Array,
+    metrics_from: float,
+    control_period: float,
+    reference_kind: str,
+    phi: Array | float | None = None,
+) -> PerJoint:
+    """Compute every metric of a completed run, joint by joint.
 
     RMSE, maximum error, torque metrics and time in band use the samples with t >= `metrics_from`; the
     steady-state error the last 0.5 s; IAE, ITAE and the step response the whole run.
@@ -166,26 +213,15 @@ def compute_metrics(
     if len(t) - first < 2:
         raise ResultError(f"the metrics' window from {metrics_from:g} s holds fewer than two samples")
     e, tau, s = q_ref - q, trajectory.tau[first:], trajectory.s[first:]
-    undefined = np.full(n, np.nan)
-    last = math.floor(STEADY_SPAN / control_period + 1e-6)
-    steady = measures.mean_absolute(e[-last:]) if 1 <= last <= len(e) else undefined
+    values = np.full((len(METRICS), n), np.nan)
+    stepped = np.zeros(n, dtype=bool)
     if reference_kind in STEP_KINDS:
-        response = measures.step_response(t, q, q_ref)
-    else:
-        response = measures.StepResponse(undefined, undefined, undefined, np.zeros(n, dtype=bool))
-    return Metrics(
-        rmse=_metric(measures.rms(e[first:]), _root_mean_square),
-        max_error=_metric(measures.greatest(e[first:]), np.max),
-        steady_state_error=_metric(steady, np.max),
-        iae=_metric(measures.absolute_error_integral(t, e), _mean),
-        itae=_metric(measures.absolute_error_integral(t, e, t), _mean),
-        rise_time=_metric(response.rise_time, _mean, response.counted),
-        overshoot=_metric(response.overshoot, np.max, response.counted),
-        settling_time=_metric(response.settling_time, np.max, response.counted),
-        hf=_metric(measures.chattering_index(tau, control_period, limit), _mean),
-        total_variation=_metric(measures.total_variation(tau, control_period, limit), _mean),
-        reversals=_metric(measures.reversals(tau, control_period, limit), _mean),
-        effort=_metric(measures.effort(tau, limit), _mean),
-        saturation_fraction=_metric(measures.saturation_fraction(tau, limit), _mean),
-        time_in_band=_metric(undefined if phi is None else measures.time_in_band(s, phi), _mean),
-    )
+        *response, stepped = measures.step_response(t, q, q_ref)
+        values[STEP] = response
+    last = math.floor(STEADY_SPAN / control_period + 1e-6)
+    values[ERRORS] = measures.errors(t, e, first, last if last <= len(e) else 0)
+    values[ROW["hf"]] = measures.chattering_index(tau, control_period, limit)
+    values[TORQUES] = measures.torques(tau, control_period, limit)
+    if phi is not None:
+        values[ROW["time_in_band"]] = measures.time_in_band(s, phi)
+    return PerJoint(values, stepped)

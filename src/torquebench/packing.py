@@ -9,7 +9,9 @@ dimensions), or another structure, whose words lie inside its owner's. Interpret
 from __future__ import annotations
 
 import ctypes
+import operator
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
@@ -34,6 +36,7 @@ class Field(NamedTuple):
 
 
 _layouts: dict[type[Any], tuple[dict[str, Field], int]] = {}
+_readers: dict[type[Any], tuple[Callable[[Any], tuple[Any, ...]], tuple[tuple[str, Field], ...]]] = {}
 
 
 def layout(structure: type[Any]) -> tuple[dict[str, Field], int]:
@@ -93,8 +96,12 @@ def words(value: Any) -> list[int]:
         TypeError: a field does not hold what its class says.
     """
     table: list[int] = []
-    for name, (kind, dimensions, _) in layout(type(value))[0].items():
-        content = getattr(value, name)
+    known = _readers.get(type(value))
+    if known is None:
+        described = layout(type(value))[0]
+        # one call for all fields: a run has some sixty arrays to point to
+        known = _readers[type(value)] = operator.attrgetter(*described, "__class__"), tuple(described.items())
+    for content, (name, (kind, dimensions, _)) in zip(known[0](value), known[1], strict=False):
         if dimensions:
             # numpy has one object for each of the two kinds, so that most need no comparison
             fits = isinstance(content, np.ndarray) and content.ndim == dimensions

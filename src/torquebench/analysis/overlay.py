@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, level_lines, printable, write_note
 from torquebench.kernel import Array
-from torquebench.measures import hann_spectrum, total_variation
+from torquebench.measures import hann_spectrum, torques
 from torquebench.metrics import Metrics
 from torquebench.sim.trajectory import Outcome, Trajectory
 
@@ -118,7 +118,7 @@ def looks(runs: Mapping[str, Trajectory], tau_max: Array, control_period: float)
 
 def _restlessness(tau: Array, tau_max: Array, control_period: float) -> float:
     finite = tau[np.isfinite(tau).all(axis=1)]
-    return float(np.mean(total_variation(finite, control_period, tau_max))) if len(finite) > 1 else 0.0
+    return float(np.mean(torques(finite, control_period, tau_max).total_variation)) if len(finite) > 1 else 0.0
 
 
 def draw(ax: Axes, x: Comparison, signals: Mapping[str, Array], thin: bool, more: Sequence[Array] = ()) -> None:

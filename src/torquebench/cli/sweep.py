@@ -8,10 +8,11 @@ import os
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from torquebench.cli.terminal import complain, progress_bar, say, table
+from torquebench.cli.terminal import complain, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, TorquebenchError
 from torquebench.experiment.store import RunDirectory, claim_folder
 from torquebench.experiment.yaml_source import read_bytes
@@ -54,6 +55,7 @@ def sweep(options: argparse.Namespace) -> int:
         status = finished(stored) if stored.finished else rest_of(stored, options)
     if status != DONE:
         return status
+    tell(directory=stored.folder, **facts(stored))
     say(summary(stored))
     say()
     say(f"results: {stored.folder}")
@@ -252,6 +254,23 @@ def summary(stored: Stored) -> str:
         rows.append([*cells, str(at[0])])
     header = ["controller", "runs", "completed", *(title for title, _ in COLUMNS.values()), "worst run"]
     return f"{stored.plan.first.name}: medians of the runs that completed\n\n{table(header, rows)}"
+
+
+def facts(stored: Stored) -> dict[str, Any]:
+    """Return what ``--json`` says of a finished sweep: its size, how its runs ended, and medians in SI units."""
+    plan, names, ended = stored.plan, read_column(stored, "controller"), read_column(stored, "outcome")
+    found: dict[str, Any] = {}
+    for name in plan.controllers:
+        own = names == name
+        medians = {}
+        for key in COLUMNS:
+            values = read_column(stored, key)[own]
+            defined = values[~np.isnan(values)]
+            medians[key] = float(np.median(defined)) if len(defined) else None
+        completed = int(np.count_nonzero(ended[own] == COMPLETED))
+        found[name] = {"runs": int(np.count_nonzero(own)), "completed": completed, "outcomes": outcomes(stored)[name],
+                       "medians": medians}  # fmt: skip
+    return {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows, "controllers": found}
 
 
 def unexpected(stored: Stored) -> int:

@@ -236,6 +236,7 @@ def sampled(reference: ReferenceSource, experiment: schema.Experiment) -> Refere
     for name, values in zip(("position", "velocity", "acceleration"), samples, strict=True):
         if not np.all(np.isfinite(values)):
             raise ConfigError([Problem("", "reference", f"its {name} is beyond what floating-point numbers can hold")])
+        values.setflags(write=False)  # so that trajectories share it
     return samples
 
 
@@ -256,7 +257,9 @@ def build_position_noise(experiment: schema.Experiment) -> Array | None:
     if sigma == 0.0:
         return None
     rng = generator(run.seed, run.draw, Stream.POSITION_NOISE)
-    return sigma * rng.standard_normal((experiment.n_steps, experiment.n))
+    noise: Array = rng.standard_normal((experiment.n_steps, experiment.n))
+    noise *= sigma
+    return noise
 
 
 def build_disturbance(experiment: schema.Experiment) -> Array | None:
@@ -267,20 +270,21 @@ def build_disturbance(experiment: schema.Experiment) -> Array | None:
     if not experiment.disturbances:
         return None
     n, run = experiment.n, experiment.run
-    total, noises = np.zeros((experiment.n_steps, n)), 0
+    total: Array | float = 0.0
+    noises = 0
     for keys in experiment.disturbances:
         match keys:
             case BandLimitedNoise():
                 rng = generator(run.seed, run.draw, Stream.TORQUE_NOISE, noises)
                 noises += 1
                 sigma, hold = as_vector(keys.sigma, n), experiment.hold_steps(keys)
-                total += band_limited_noise(sigma, hold, experiment.n_steps, rng, keys.clip_sigma)
+                total = total + band_limited_noise(sigma, hold, experiment.n_steps, rng, keys.clip_sigma)
             case Bias():
-                total += bias(as_vector(keys.value, n), experiment.n_steps)
+                total = total + bias(as_vector(keys.value, n), experiment.n_steps)
             case Sinusoid():
                 size = as_vector(keys.amplitude or 0.0, n) + math.sqrt(2.0) * as_vector(keys.rms or 0.0, n)
-                total += sinusoid(size, as_vector(keys.frequency_hz, n), instants(experiment))
-    return total
+                total = total + sinusoid(size, as_vector(keys.frequency_hz, n), instants(experiment))
+    return np.asarray(total)
 
 
 def instants(experiment: schema.Experiment) -> Array:

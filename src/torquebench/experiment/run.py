@@ -11,7 +11,7 @@ from torquebench.experiment.schema import Controller as ControllerKeys
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
-from torquebench.metrics import Metrics, compute_metrics
+from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
 from torquebench.robot.model import SLIDE
 from torquebench.sim.batch import Trial, run_trial
 from torquebench.sim.loop import Controller, PathName
@@ -81,7 +81,12 @@ def run_experiment(
 
 
 def metrics_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Trajectory) -> Metrics:
-    """Return the metrics of one controller's completed run.
+    """Return the metrics of one controller's completed run; arguments as of `joints_of`."""
+    return from_joints(joints_of(experiment, loop, keys, run))
+
+
+def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Trajectory) -> PerJoint:
+    """Return the metrics of one controller's completed run, joint by joint.
 
     Args:
         experiment: What was run.
@@ -90,7 +95,7 @@ def metrics_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tr
         run: Its run.
     """
     band = band_of(keys.law, keys.gains)
-    return compute_metrics(
+    return per_joint(
         run, tau_max=loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period, reference_kind=experiment.reference.kind,
         phi=None if band is None else as_vector(band, experiment.n),

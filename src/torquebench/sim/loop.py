@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
@@ -21,7 +22,7 @@ from torquebench.sim.native_path import NativeRun, obstacle
 from torquebench.sim.plant import Plant, attached_at, substeps_per_period
 from torquebench.sim.python_path import PythonRun
 from torquebench.sim.result import trajectory_of
-from torquebench.sim.setup import set_up
+from torquebench.sim.setup import is_fixed, set_up
 from torquebench.sim.trajectory import Trajectory
 
 PathName = Literal["auto", "python", "native"]
@@ -160,6 +161,10 @@ def _each_joint(desired: Reference, n: int) -> Reference:
     return Reference(*(np.repeat(x, n, axis=1) if np.ndim(x) == 2 and x.shape[1] == 1 else x for x in desired))
 
 
+_checked = threading.local()
+"""The reference that was checked last in each thread, as far as nobody can change it: most runs have that one again."""
+
+
 def _check_shapes(
     n: int,
     n_steps: int,
@@ -175,11 +180,13 @@ def _check_shapes(
     for gain in controller.gains:
         if isinstance(gain, np.ndarray) and gain.shape != (n,):
             raise ValueError(f"controller '{controller.name}' has gains for {len(gain)} joints, the plant has {n}")
-    for name, array in desired._asdict().items():
+    last = getattr(_checked, "last", (None,) * len(desired))
+    for name, array, known in zip(desired._fields, desired, last, strict=True):
         if array.shape != (n_steps, n):
             raise ValueError(f"reference {name} has shape {array.shape}, wanted {(n_steps, n)}")
-        if not np.all(np.isfinite(array)):
+        if array is not known and not np.all(np.isfinite(array)):
             raise ValueError(f"reference {name} has values that are not finite")
+    _checked.last = tuple(array if is_fixed(array) else None for array in desired)
     if start.shape != (n,) or not np.all(np.isfinite(start)):
         raise ValueError(f"initial_q is {start}, wanted {n} finite numbers")
 

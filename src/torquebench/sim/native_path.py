@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import threading
+from collections import deque
 from functools import lru_cache
 from typing import Any
 
@@ -62,6 +64,21 @@ def native_law(law: Law) -> Any:
     return compile_law(law)
 
 
+_tables = threading.local()
+
+
+def _table_of(gains: Any) -> Table:
+    """Return the table of a law's gains: one of this thread's last ones again for the same gains."""
+    kept: deque[tuple[Any, Table]] | None = getattr(_tables, "kept", None)
+    if kept is None:
+        kept = _tables.kept = deque(maxlen=16)
+    for known, table in kept:
+        if known is gains:
+            return table
+    kept.append((gains, Table(gains)))
+    return kept[-1][1]
+
+
 class NativeRun:
     """A run on the native path: call it with a range of control instants to get how they ended.
 
@@ -75,7 +92,7 @@ class NativeRun:
 
     def __init__(self, setup: Setup, plant: NativePlant) -> None:
         job = setup.job
-        self._kept = setup, plant, Table(setup.gains), Table(setup.memory)
+        self._kept = setup, plant, _table_of(setup.gains), Table(setup.memory)
         self.detail = ""
         """What went wrong, when something did."""
         job.call[:] = [

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ def set_up(
     records = np.empty((4 + 2 * measured + acting + len(fields), n_steps, n))
     one = iter(records)
     # copies: they become the trajectory's, which nobody may write to, and the caller's own arrays stay the caller's
-    inputs = [np.array(x, dtype=np.float64, order="C") for x in desired]
+    inputs = [x if is_fixed(x) else np.array(x, dtype=np.float64, order="C") for x in desired]
     q, qd = (np.zeros(n), np.zeros(n)) if native is None else (native.q, native.qd)
     measured_q, measured_qd = (np.zeros(n), np.zeros(n)) if measured else (q, qd)
     fresh_q, fresh_qd = (np.zeros(n), np.zeros(n)) if delay > 0 else (measured_q, measured_qd)
@@ -88,15 +89,49 @@ def set_up(
     return Setup(law, gains, own, memory, plant, native, job)
 
 
+def is_fixed(x: Array) -> bool:
+    """Whether nobody can write to an array, which is one that a loop can read as it is."""
+    flags = x.flags
+    return not flags.writeable and flags.c_contiguous and x.base is None and x.dtype == np.float64
+
+
 _own = threading.local()
+_SHARED = operator.attrgetter(
+    *(field.name for field in fields(Model) if field.name not in ("constants", "control_period", "scratch"))
+)
+"""What draws of one model have in common."""
+
+
+@dataclass(slots=True)
+class _Own:
+    """A thread's own copy of the belief that it had last."""
+
+    belief: Model
+    copy: Model
+    constants: Array
+    """The copy's constants, which can be written here alone."""
 
 
 def own_belief(belief: Model, control_period: float) -> Model:
-    """Return a belief for the compiled runs of this thread alone: the last one again when it is asked for again."""
-    last = getattr(_own, "last", None)
-    if last is None or last[0] is not belief or last[1].control_period != control_period:
-        last = _own.last = belief, own_copy(belief, control_period=control_period)
-    found: Model = last[1]
-    for array in found.scratch:
+    """Return a belief for the compiled runs of this thread alone.
+
+    The last one comes again when it is asked for again, and when it differs in its constants alone, as draws do.
+    """
+    last: _Own | None = getattr(_own, "last", None)
+    if last is None or last.copy.control_period != control_period or not _alike(last.belief, belief):
+        constants = belief.constants.copy()
+        shown = constants.view()
+        shown.setflags(write=False)
+        copy = own_copy(belief, control_period=control_period, constants=shown)
+        last = _own.last = _Own(belief, copy, constants)
+    elif last.belief is not belief:
+        last.constants[:], last.belief = belief.constants, belief
+    for array in last.copy.scratch:
         array.fill(0.0)  # a law may have left something there
-    return found
+    return last.copy
+
+
+def _alike(a: Model, b: Model) -> bool:
+    """Whether two models share everything but their constants."""
+    same = a is b or all(x is y for x, y in zip(_SHARED(a), _SHARED(b), strict=True))
+    return same and len(a.constants) == len(b.constants)

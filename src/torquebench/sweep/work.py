@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 from torquebench.errors import ConfigError, ModelError
 from torquebench.experiment.build import Builder
-from torquebench.experiment.run import metrics_of, trial_of
+from torquebench.experiment.run import joints_of, trial_of
 from torquebench.experiment.store import atomic_write
 from torquebench.laws.plugin import load_plugin
-from torquebench.metrics import METRICS
+from torquebench.metrics import METRICS, headlines
 from torquebench.sim.batch import run_trial
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import REFUSED, Plan, Source, Table, pairs_of
@@ -94,9 +94,8 @@ class Worker:
         for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
             run = run_trial(loop.plant, trial_of(experiment, loop, controller))
             if run.completed:
-                metrics = metrics_of(experiment, loop, keys, run)
-                headlines = {info.key: math.nan if m.value is None else m.value for info, m in metrics.items()}
-                yield run.outcome.name, math.nan, headlines, run
+                values = headlines(joints_of(experiment, loop, keys, run)).tolist()
+                yield run.outcome.name, math.nan, dict(zip(KEYS, values, strict=True)), run
             else:
                 yield run.outcome.name, float(run.failed_at or 0), dict.fromkeys(KEYS, math.nan), run
 
