@@ -14,10 +14,11 @@ import numpy as np
 
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, TorquebenchError
+from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import RunDirectory, claim_folder
 from torquebench.experiment.yaml_source import read_bytes
 from torquebench.laws.plugin import load_plugin
-from torquebench.report.tables import COLUMNS, number
+from torquebench.report.tables import headlines, number
 from torquebench.sweep.checking import Survey, check_plan
 from torquebench.sweep.estimate import Estimate, duration, estimate, shard_size, size
 from torquebench.sweep.executors import Executor, Processes, Threads
@@ -239,11 +240,12 @@ def resume_hint(stored: Stored, options: argparse.Namespace) -> str:
 def summary(stored: Stored) -> str:
     """Return the table of what came out: of each controller the runs that completed, and medians of its metrics."""
     names, ended = read_column(stored, "controller"), read_column(stored, "outcome")
+    columns = headlines(slide_joints(stored.plan.first.plant.model))
     rows = []
     for name in stored.plan.controllers:
         own = names == name
         cells = [name, f"{np.count_nonzero(own):,}", f"{np.count_nonzero(ended[own] == COMPLETED):,}"]
-        for key, (_, scale) in COLUMNS.items():
+        for key, (_, scale) in columns.items():
             values = read_column(stored, key)[own]
             defined = values[~np.isnan(values)]
             cells.append(number(float(np.median(defined)) if len(defined) else None, scale))
@@ -252,7 +254,7 @@ def summary(stored: Stored) -> str:
         if len(at) == 0:
             at = np.flatnonzero(own & (worst == np.max(worst[own])))
         rows.append([*cells, str(at[0])])
-    header = ["controller", "runs", "completed", *(title for title, _ in COLUMNS.values()), "worst run"]
+    header = ["controller", "runs", "completed", *(title for title, _ in columns.values()), "worst run"]
     return f"{stored.plan.first.name}: medians of the runs that completed\n\n{table(header, rows)}"
 
 
@@ -263,7 +265,7 @@ def facts(stored: Stored) -> dict[str, Any]:
     for name in plan.controllers:
         own = names == name
         medians = {}
-        for key in COLUMNS:
+        for key in headlines(()):
             values = read_column(stored, key)[own]
             defined = values[~np.isnan(values)]
             medians[key] = float(np.median(defined)) if len(defined) else None

@@ -27,6 +27,18 @@ STEP_COLUMNS = {"rise_time": ("rise [s]", 1.0), "overshoot": ("over [%]", 1.0), 
 """Those that only a step has."""
 
 
+def headlines(slides: Sequence[bool], steps: bool = False) -> dict[str, tuple[str, float]]:
+    """Return title with unit and scale of each headline metric whose joints make one number together.
+
+    Args:
+        slides: Of each joint, whether it slides; where only some do, an error is in thousandths of rad and m alike.
+        steps: Whether to have those that only a step has.
+    """
+    unit = {frozenset({False}): "mrad", frozenset({True}): "mm"}.get(frozenset(slides), "mrad, mm")
+    errors = {key: (f"{title} [{unit}]", 1e3) for key, (title, _) in ERRORS.items()}
+    return errors | COLUMNS | (STEP_COLUMNS if steps else {})
+
+
 def outcome_text(result: ExperimentResult, name: str) -> str:
     """Return how a run ended, with the time of a failure.
 
