@@ -16,12 +16,12 @@ from torquebench.experiment.run import metrics_of, trial_of
 from torquebench.experiment.schema import Controller, Experiment
 from torquebench.paper.records import METRICS, Record, Records
 from torquebench.paper.shares import fuzzy_share
-from torquebench.paper.workload import NOMINAL, PLANTS, UNCERTAIN, Block, blocks, experiment_of
+from torquebench.paper.workload import FEW_DRAWS, NOMINAL, PLANTS, UNCERTAIN, Block, blocks, experiment_of
 from torquebench.sim.batch import Trial, Workers
 from torquebench.sim.trajectory import Trajectory
 
 CERTIFIED = ("conventional", "linear-band", "proposed-l", "proposed-m", "proposed-l-model", "proposed-m-model")
-"""Controllers whose certificates are computed in every draw on the ideal chain: they cost as much as the run."""
+"""Controllers that have certificates under noise and model error on the ideal chain."""
 
 
 class Apart(NamedTuple):
@@ -130,7 +130,7 @@ def _record(
         values = {key: getattr(metrics, key).value for key in METRICS}
         drawn = block.condition == UNCERTAIN and block.chain == "ideal"
         judged = plant == ("mujoco" if block.draws == 1 else "analytic")  # the runs that verdicts rest on: see Records
-        if judged and (block.condition == NOMINAL or (drawn and keys.name in CERTIFIED)):
+        if judged and draw < FEW_DRAWS and (block.condition == NOMINAL or (drawn and keys.name in CERTIFIED)):
             values |= _stability(experiment, loop, keys, run)
         if judged and drawn and experiment.reference.kind == "sine" and keys.name in ("proposed-l", "proposed-m"):
             values |= fuzzy_share(experiment, loop, keys, run)

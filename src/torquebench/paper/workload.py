@@ -30,8 +30,8 @@ PAYLOAD, FRICTION = "payload of 2 kg", "friction"
 readings of the paper's noise, with model error; disturbances that are no noise; burdens that no model knows of."""
 PAIRED_DRAWS = {"quick": 4, "full": 30}
 """Draws behind each interval, by size."""
-ENCODER_DRAWS = 8
-"""At most this many where the encoders' own noise is all that is drawn."""
+FEW_DRAWS = 5
+"""At most this many where the encoders alone draw noise, and for certificates, which cost as much as runs."""
 RELATIVE = 0.3
 """Error of every constant of the controllers' model in uncertain conditions [1]."""
 OF_LIMIT = (29.28, 55.92, 26.82, 7.26, 6.03, 6.39)
@@ -86,7 +86,7 @@ def blocks(draws: int) -> list[Block]:
     """
     every: list[Block] = []
     for chain in CHAINS:
-        some = 1 if chain == "ideal" else min(draws, ENCODER_DRAWS)
+        some = 1 if chain == "ideal" else min(draws, FEW_DRAWS)
         every += [Block(f"fig9-{name}", chain, NOMINAL, BANDS, some) for name in ("chattering", "step")]
         every.append(Block("fig9-ramp", chain, NOMINAL, ("conventional", *BANDS), some))
         every.append(Block("fig10-following", chain, NOMINAL, CLAIMED, some))
