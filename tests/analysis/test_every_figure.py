@@ -48,7 +48,10 @@ def certificate() -> Certificate:
     t = 0.001 * np.arange(500)
     column = np.exp(-5.0 * t)[:, None] * np.ones(N)
     one = np.ones(N)
-    return Certificate(one, t, column, column[:, 0], -5.0 * column[:, 0], column, 1.0 - column, one, one, 0.0, 0.1, 0.2)
+    return Certificate(
+        K=one, t=t, s=column, V=column[:, 0], V_rate=-5.0 * column[:, 0], demand=column, margin=1.0 - column,
+        eta=1.0 - column, K_u=one, layer=one, reaching_from=0.0, reaching_time=0.1, reaching_bound=0.2,
+    )  # fmt: skip
 
 
 def draw_all() -> dict[str, Figure]:
