@@ -15,6 +15,7 @@ EXAMPLES = {
     "run": "torquebench run configs/paper/fig9-chattering.yaml --set run.duration=2",
     "compare": "torquebench compare mujoco:puma560 analytic:puma560 --rollout 5",
     "fuzzy": "torquebench fuzzy pd-49",
+    "sweep": "torquebench sweep configs/sweep.yaml --dry-run",
     "paper": "torquebench paper --quick",
     "boundary-layer": "torquebench boundary-layer --quick",
     "report": "torquebench report runs/one runs/two --out both.html",
