@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from tests.source_tree import ALL, FILES, TREES, imports
+from tests.source_tree import ALL, FILES, SOURCE, TREES, imports
 
 OUTER = (
     "experiment/",
@@ -70,3 +70,15 @@ def test_no_print_eval_pickle_assert_or_bare_except(name: str) -> None:
 def test_the_sin_check_catches(text: str) -> None:
     """Each forbidden construct is found."""
     assert len(sins(ast.parse(text))) == 1
+
+
+def test_no_file_holds_the_marks_of_a_merge() -> None:
+    """No line of any text of the project is a conflict mark."""
+    root = SOURCE.parents[1]
+    kinds = ("*.py", "*.md", "*.yaml", "*.toml", "*.xml", "*.json", "*.j2", "*.js", "*.css")
+    folders = [root / name for name in ("src", "tests", "docs", "configs", "models", "scripts")]
+    files = [path for folder in folders for kind in kinds for path in folder.rglob(kind)] + list(root.glob("*.md"))
+    assert len(files) > 300
+    marks = ("<" * 7 + " ", ">" * 7 + " ")
+    marked = [path.name for path in files if any(x.startswith(marks) for x in path.read_text("utf-8").splitlines())]
+    assert marked == []
