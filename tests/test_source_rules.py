@@ -9,7 +9,17 @@ import pytest
 
 from tests.source_tree import ALL, FILES, TREES, imports
 
-OUTER = ("experiment/", "analysis/", "bench/", "check/", "cli/", "kernel_cache.py", "__init__.py", "__main__.py")
+OUTER = (
+    "experiment/",
+    "analysis/",
+    "bench/",
+    "check/",
+    "cli/",
+    "view/",
+    "kernel_cache.py",
+    "__init__.py",
+    "__main__.py",
+)
 """Where the time of day and temporary names have their place."""
 CLOCKS = {"time", "datetime", "random", "secrets", "uuid"}
 """What would make a run depend on more than its inputs."""

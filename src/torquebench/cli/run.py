@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from torquebench.certificates import Certificate
 from torquebench.cli.certificates import certificate_lines, certificate_pages
 from torquebench.cli.conditions import chain_text, conditions_text, noise_text
 from torquebench.cli.fuzzy import remarks, run_figures, used
+from torquebench.cli.showing import Showing
 from torquebench.cli.terminal import complain, progress_bar, say, table
 from torquebench.disturbances import Stream
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
-from torquebench.experiment.build import build, plant_factors
+from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
-from torquebench.experiment.schema import whole_steps
+from torquebench.experiment.schema import Experiment, whole_steps
 from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes, machine, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
@@ -28,10 +30,13 @@ from torquebench.robot.model import SLIDE
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from torquebench.cli.view import Audience
+
 
 def run(
     config: Path, out: Path | None, overrides: Sequence[str], plugins: Sequence[Path], with_figures: bool,
-    gl: str | None = None,
+    gl: str | None = None, live: Showing | None = None,
 ) -> int:  # fmt: skip
     """Run an experiment and return the exit status.
 
@@ -42,6 +47,7 @@ def run(
         plugins: Files that register further laws.
         with_figures: Whether to draw figures, and a film if the config asks for one.
         gl: The user's MUJOCO_GL, for the film.
+        live: How the run is shown while it is simulated; None not to show it.
 
     Raises:
         ConfigError: bad input; nothing has been written.
@@ -54,6 +60,55 @@ def run(
         complain(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(out, experiment.name))
     directory.write("experiment.yaml", dump_experiment(experiment).encode())
+    with shown(experiment, loop, directory.folder, live) as audience:
+        result = simulated(experiment, loop, directory, audience)
+        proofs = write_results(result, directory, plugins, with_figures)
+        say(summary(result))
+        for line in certificate_lines(result, proofs):
+            say(line)
+        for remark in remarks(experiment):
+            say(remark)
+        say()
+        say(f"results: {directory.folder}")
+        if with_figures and experiment.video is not None:
+            from torquebench.cli.video import film_of_run
+
+            film_of_run(result, directory.folder, gl)
+    for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
+        complain(f"torquebench: interpreted, which is slower: {reason}")
+    for name in result.unexpected:
+        trajectory = result.runs[name]
+        detail = f" ({trajectory.detail})" if trajectory.detail else ""
+        wanted = next(keys.expect for keys in experiment.controllers if keys.name == name)
+        complain(
+            f"torquebench: controller '{name}': {outcome_text(result, name)}{detail}; the config expects: {wanted}"
+        )
+    return 1 if result.unexpected else 0
+
+
+@contextmanager
+def shown(experiment: Experiment, loop: Loop, folder: Path, live: Showing | None) -> Iterator[Audience | None]:
+    """Show a run while it is simulated, if anyone asked for it. Arguments as of `watching`."""
+    if live is None:
+        yield None
+        return
+    from torquebench.cli.view import watching
+
+    with watching(experiment, loop, folder, live) as audience:
+        yield audience
+
+
+def simulated(
+    experiment: Experiment, loop: Loop, directory: RunDirectory, audience: Audience | None
+) -> ExperimentResult:
+    """Run every controller with a progress bar, and write its trajectory as soon as there is one.
+
+    Args:
+        experiment: What is run.
+        loop: Its objects.
+        directory: Where.
+        audience: Who is told how it goes.
+    """
     begin = "starting (compiles on first use)"
     with progress_bar(experiment.n_steps * len(experiment.controllers), "step", begin) as bar:
         done = dict.fromkeys((keys.name for keys in experiment.controllers), 0)
@@ -66,30 +121,12 @@ def run(
 
         def keep(name: str, trajectory: Trajectory) -> None:
             directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
+            if audience is not None:
+                audience.finished(name, trajectory)
 
-        result = run_experiment(experiment, loop, progress=report, finished=keep)
-    proofs = write_results(result, directory, plugins, with_figures)
-    say(summary(result))
-    for line in certificate_lines(result, proofs):
-        say(line)
-    for remark in remarks(experiment):
-        say(remark)
-    say()
-    say(f"results: {directory.folder}")
-    if with_figures and experiment.video is not None:
-        from torquebench.cli.video import film_of_run
-
-        film_of_run(result, directory.folder, gl)
-    for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
-        complain(f"torquebench: interpreted, which is slower: {reason}")
-    for name in result.unexpected:
-        trajectory = result.runs[name]
-        detail = f" ({trajectory.detail})" if trajectory.detail else ""
-        wanted = next(keys.expect for keys in experiment.controllers if keys.name == name)
-        complain(
-            f"torquebench: controller '{name}': {outcome_text(result, name)}{detail}; the config expects: {wanted}"
+        return run_experiment(
+            experiment, loop, progress=report, finished=keep, watch=None if audience is None else audience.watch
         )
-    return 1 if result.unexpected else 0
 
 
 def write_results(
