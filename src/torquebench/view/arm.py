@@ -56,7 +56,7 @@ class Arm:
 
     def __init__(self, name: str, poses: Array) -> None:
         self._scene: Scene = build_scene(name, poses)
-        m = self._scene.model
+        m, self.reach = self._scene.model, self._scene.reach
         self._d = mujoco.MjData(m)
         mujoco.mj_kinematics(m, self._d)
         mujoco.mj_camlight(m, self._d)
@@ -66,7 +66,6 @@ class Arm:
         self.joints: list[str] = joint_names(m)
         self.units = ["m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for kind in m.jnt_type]
         self.limits: Array = torque_limits(m, name)
-        self.reach = self._scene.reach
         planes = np.flatnonzero(m.geom_type == _KIND.mjGEOM_PLANE)
         self.floor = float(self._d.geom_xpos[planes[0], 2]) if len(planes) else None
         self.view = self._view()
@@ -100,9 +99,9 @@ class Arm:
             corners.append(shape.corners @ own.T + turn.T @ (d.geom_xpos[g] - origin))
             normals.append(shape.normals @ own.T)
             colours.append(np.tile(colour(m, g), (len(shape.corners), 1)))
+        fine = np.round(np.concatenate(corners) / self.reach, 6) * self.reach  # no gap where triangles share a corner
         return Part(
-            bool(m.body_weldid[body] != 0), Triangles(np.concatenate(corners), np.concatenate(normals)),
-            np.concatenate(colours),
+            bool(m.body_weldid[body] != 0), Triangles(fine, np.concatenate(normals)), np.concatenate(colours)
         )  # fmt: skip
 
     def _view(self) -> View:

@@ -32,6 +32,7 @@ def spun(profile: Array) -> Triangles:
     """
     turn = np.linspace(0.0, 2.0 * np.pi, SIDES + 1)
     spoke = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    spoke[-1] = spoke[0]  # no gap where it closes
     rings = np.concatenate([profile[:, None, :1] * spoke, np.repeat(profile[:, None, 1:2], SIDES + 1, axis=1)], axis=2)
     normal = np.concatenate([profile[:, None, 2:3] * spoke, np.repeat(profile[:, None, 3:], SIDES + 1, axis=1)], axis=2)
 

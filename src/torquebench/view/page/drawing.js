@@ -22,7 +22,7 @@ void main() {
   float far = lens.w, near = lens.z, z = behind * v.z;
   gl_Position = vec4(lens.x * v.x, lens.y * v.y, (-z * (far + near) - 2.0 * far * near) / (far - near) * (v.z / z), -v.z);
   vec3 towards = normalize(eye - p);
-  float light = 0.52 + 0.40 * max(dot(n, key), 0.0) + 0.10 * n.z + 0.06 * dot(n, towards);
+  float light = 0.58 + 0.42 * max(dot(n, key), 0.0) + 0.10 * n.z + 0.06 * dot(n, towards);
   float gloss = pow(max(dot(n, normalize(key + towards)), 0.0), 24.0);
   shade = mix(colour * light + 0.12 * gloss, tint.rgb * (flatten.x > 0.0 ? 1.0 : 0.75 + 0.3 * dot(n, towards)), tint.a);
 }`;
@@ -66,6 +66,7 @@ class WithWebGl {
     this.inputs = ["position", "normal", "colour"].map((name) => gl.getAttribLocation(program, name));
     this.inputs.forEach((input) => gl.enableVertexAttribArray(input));
     gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.CULL_FACE);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
@@ -156,7 +157,7 @@ class Painter {
         const points = world.map((p) => project(camera, p));
         if (points.includes(null)) continue;
         const size = Math.hypot(...n);
-        const light = 0.55 + 0.42 * Math.max(dot(n, KEY) / size, 0) + (0.1 * n[2]) / size;
+        const light = 0.62 + 0.42 * Math.max(dot(n, KEY) / size, 0) + (0.1 * n[2]) / size;
         const own = tint ?? data.subarray(k + 6, k + 9);
         seen.push({
           points, depth: points[0][2] + points[1][2] + points[2][2],

@@ -214,7 +214,7 @@ class Panel {
     };
     context.strokeStyle = colours.css.trail;
     context.lineWidth = 2 * ratio;
-    context.lineCap = "round";
+    context.lineCap = "butt"; // ends that overlap would show as dots
     let before = project(camera, point(first));
     for (let k = first + 1; k <= Math.ceil(now); k++) {
       const next = project(camera, point(Math.min(k, now)));
