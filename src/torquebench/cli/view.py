@@ -154,7 +154,10 @@ def watching(experiment: Experiment, loop: Loop, folder: Path, how: Showing) -> 
         yield Audience(None, lambda name, trajectory: None)
         say("the run is complete; close the window to end")
         flush()
-        window.join()
+        try:
+            window.join()
+        except KeyboardInterrupt:  # the run is complete all the same
+            say()
         return
     feed = Feed()
     subject = Subject(

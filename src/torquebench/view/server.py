@@ -89,9 +89,9 @@ class _Handler(BaseHTTPRequestHandler):
         name = re.sub(r":\d+$", "", self.headers.get("Host", ""))
         if name not in NAMES:
             return self._answer(HTTPStatus.FORBIDDEN, "text/plain", b"this server answers to 127.0.0.1 and localhost")
-        begin, _, wanted = self.path.removeprefix("/").partition("/")
+        begin, slash, wanted = self.path.removeprefix("/").partition("/")
         found = re.fullmatch(r"messages/(\d{1,9})", wanted)
-        if begin != self.server.token or (found is None and wanted not in PAGES):
+        if begin != self.server.token or not slash or (found is None and wanted not in PAGES):
             return self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"nothing here")
         if found is not None:
             feed, first = self.server.feed, int(found[1])

@@ -83,7 +83,7 @@ def add_ghost(view: Any, scene: Scene, d: Any) -> None:
             continue
         geom = view.geoms[view.ngeom]
         view.ngeom += 1
-        size = m.geom_size[i] + GROWN * scene.reach * (m.geom_size[i] > 0)
+        size = np.maximum(m.geom_size[i] - GROWN * scene.reach, 0.2 * m.geom_size[i])  # hidden by an arm that follows
         mujoco.mjv_initGeom(
             geom, int(m.geom_type[i]), size, d.geom_xpos[i], d.geom_xmat[i], np.array([*GHOST[:3], _ALPHA], np.float32)
         )

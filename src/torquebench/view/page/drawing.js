@@ -39,6 +39,9 @@ export function partsOf(scene) {
   });
 }
 
+// Which parts are drawn solid: without a pose of the arm only those that never move.
+const solidly = (arm) => (arm ? () => true : (part) => !part.moves);
+
 class WithWebGl {
   constructor(gl, scene, parts) {
     this.gl = gl;
@@ -72,7 +75,7 @@ class WithWebGl {
   }
 
   draw(context, camera, arm, ghost, colours) {
-    const { gl, at } = this;
+    const { gl, at } = this, solid = solidly(arm);
     const canvas = gl.canvas;
     if (canvas.width !== camera.width || canvas.height !== camera.height) {
       canvas.width = camera.width;
@@ -94,11 +97,11 @@ class WithWebGl {
       gl.stencilFunc(gl.EQUAL, 0, 255);
       gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
       gl.depthMask(false);
-      this.pass(arm, () => true, { flatten: [1, floor, 0], tint: [...colours.shadow, 1], alpha: 0.55 });
+      this.pass(arm ?? ghost, solid, { flatten: [1, floor, 0], tint: [...colours.shadow, 1], alpha: 0.55 });
       gl.depthMask(true);
       gl.disable(gl.STENCIL_TEST);
     }
-    this.pass(arm, () => true, {});
+    this.pass(arm ?? ghost, solid, {});
     if (ghost) {
       const look = { tint: [...colours.ghost, 1], grown: GROWN * reach, behind: BEHIND, alpha: 0.5 };
       const moving = (part) => part.moves;
@@ -138,7 +141,7 @@ class Painter {
 
   draw(context, camera, arm, ghost, colours) {
     if (ghost) this.paint(context, camera, ghost, (part) => part.moves, colours.ghost.map((x, i) => 0.5 * (x + colours.sky[i])));
-    this.paint(context, camera, arm, () => true, null);
+    this.paint(context, camera, arm ?? ghost, solidly(arm), null);
   }
 
   paint(context, camera, poses, wanted, tint) {
@@ -160,7 +163,7 @@ class Painter {
         const light = 0.62 + 0.42 * Math.max(dot(n, KEY) / size, 0) + (0.1 * n[2]) / size;
         const own = tint ?? data.subarray(k + 6, k + 9);
         seen.push({
-          points, depth: points[0][2] + points[1][2] + points[2][2],
+          points, depth: Math.max(...points.map((p) => p[2])), // by the farthest corner: what lies on a large face stays on it
           colour: `rgb(${[0, 1, 2].map((c) => Math.round(255 * Math.min(1, own[c] * (tint ? 1 : light)))).join(",")})`,
         });
       }

@@ -169,6 +169,7 @@ class Panel {
     this.done = true;
     this.ending = ending;
     this.banner.textContent = ending;
+    this.banner.classList.add("failed");
   }
 
   // Poses at a time; the last known ones where it is later.
@@ -187,8 +188,8 @@ class Panel {
     this.drawBars();
     this.drawTrace(scale);
     const frame = time / scene.period;
-    if (!this.done && !this.known) this.banner.textContent = "waiting";
-    else if (!this.done) this.banner.textContent = this.known - 1 < frame - 1 ? `simulated to ${(this.known * scene.period).toFixed(2)} s` : "";
+    const behind = this.known ? `simulated to ${(this.known * scene.period).toFixed(2)} s` : "waiting for its turn";
+    if (!this.done) this.banner.textContent = this.known <= frame ? behind : "";
   }
 
   drawArm() {
@@ -199,9 +200,8 @@ class Panel {
     context.fillRect(0, 0, width, height);
     if (scene.floor !== null) drawFloor(context, camera, ratio);
     const ghost = reference.known ? this.poses(reference.bodies, reference.known, time) : null;
-    const arm = this.known ? this.poses(this.values.bodies, this.known, time) : ghost;
-    if (!arm) return;
-    draws.draw(context, camera, arm, this.known ? ghost : null, colours);
+    const arm = this.known ? this.poses(this.values.bodies, this.known, time) : null;
+    if (arm || ghost) draws.draw(context, camera, arm, ghost, colours);
     if (this.known) this.drawTrail(context, camera, ratio);
   }
 
