@@ -40,7 +40,7 @@ class Chromium:
         there_in, here_out = os.pipe()
         # the browser reads its file 3 and writes its file 4; moved out of the way first, in case a pipe got that number
         command = f'exec 8<&{there_in} 9>&{there_out}; exec 3<&8 4>&9 8<&- 9>&-; exec "$0" "$@"'
-        self._log = open(folder.with_suffix(".log"), "wb")  # noqa: SIM115
+        self._log = open(folder.with_suffix(".log"), "wb")
         self._process = subprocess.Popen(
             ["bash", "-c", command, program(), *FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"],
             pass_fds=(there_in, there_out), stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log,

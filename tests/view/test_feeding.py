@@ -9,7 +9,7 @@ import pytest
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment
 from torquebench.robot.puma560.puma import Puma560
-from torquebench.sim.trajectory import Outcome
+from torquebench.sim.trajectory import SIGNALS, Outcome
 from torquebench.view.feed import Feed
 from torquebench.view.live import Live, Subject, feed_stored
 from torquebench.view.replay import MOST_FRAMES, grid
@@ -80,12 +80,9 @@ def test_the_ghost_is_the_reference(stored, result):
 
 
 def test_a_failed_run_ends_where_it_failed(result):
-    """Its frames stop, its ending is told, what was not produced is left out, and the arm holds its last finite pose."""
+    """Its frames stop, its ending is told, what was not produced is left out, and the arm holds its last pose."""
     run = result.runs["conventional"]
-    short = {f.name: getattr(run, f.name)[:313] for f in dataclasses.fields(run) if f.name in
-             ("t", "q", "qd", "q_meas", "qd_meas", "q_ref", "qd_ref", "qdd_ref", "s", "tau_law", "tau", "tau_applied")}  # fmt: skip
-    short["q"] = short["q"].copy()
-    short["tau"] = short["tau"].copy()
+    short = {name: getattr(run, name)[:313].copy() for name in ("t", *SIGNALS)}
     short["q"][305:] = np.nan
     short["tau"][312] = np.nan
     failed = dataclasses.replace(run, **short, outcome=Outcome.DIVERGED, failed_at=312, extra={})

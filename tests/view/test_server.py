@@ -36,7 +36,7 @@ def ask(server, path, host=None, method="GET", body=None):
 
 
 def other_addresses():
-    """Addresses of this machine but for 127.0.0.1: others of the loopback, and where packets to elsewhere leave from."""
+    """Addresses of this machine but for 127.0.0.1: another of the loopback, and where packets to elsewhere leave."""
     found = ["127.0.0.2"]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:

@@ -19,7 +19,7 @@ def replay(tmp_path, result):
 
 
 def test_time_goes_by_at_the_chosen_speed(replay):
-    """0.8 s at half speed are sample 400; a pause holds it, arrows move it by 10 ms, and after the end it starts anew."""
+    """0.8 s at half speed are sample 400; a pause holds it, arrows move it by 10 ms, after the end it starts anew."""
     run = replay.run()
     assert replay.advance(0.8, run) == 400
     replay.key(SPACE)
