@@ -17,7 +17,8 @@ from tests.source_tree import ALL, FILES, TREES, imports
 LAYERS = (
     ("errors",), ("kernel_cache",), ("kernel",), ("packing",), ("packing_types",), ("fuzzy", "robot"),
     ("references", "disturbances"), ("dialect",), ("laws",), ("sim",), ("check",), ("measures", "statistics"),
-    ("metrics", "certificates"), ("experiment",), ("sweep",), ("analysis",), ("bench", "report", "video"), ("paper",),
+    ("metrics", "certificates"), ("experiment",), ("sweep",), ("analysis",), ("bench", "report", "video"),
+    ("paper", "view"),
     ("cli",),
     ("__main__",),
 )  # fmt: skip
@@ -38,7 +39,10 @@ HOMES = {
         "video/scene.py",
         "video/stage.py",
         "video/stick.py",
+        "view/arm.py",
+        "view/window.py",
     },
+    "glfw": {"view/display.py"},
     "OpenGL": {"video/probe.py"},
     "imageio_ffmpeg": {"video/encode.py"},
     "subprocess": {"video/child.py", "video/encode.py"},
@@ -92,7 +96,9 @@ HOMES = {
         "cli/paper.py",
         "cli/run.py",
         "cli/sweep.py",
+        "cli/showing.py",
         "cli/video.py",
+        "cli/view.py",
     },
 }
 """Third-party package, or what else has its place -> the only files that may import it."""

@@ -36,6 +36,7 @@ def test_every_command_parses(arguments):
         "check",
         "bench",
         "video",
+        "view",
         "doctor",
         "paper",
         "boundary-layer",

@@ -16,6 +16,7 @@ OUTER = (
     "check/",
     "cli/",
     "sweep/",
+    "view/",
     "kernel_cache.py",
     "__init__.py",
     "__main__.py",

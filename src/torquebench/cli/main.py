@@ -43,6 +43,8 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("--plugin", action="append", default=[], type=Path, metavar="FILE",
                      help="Python file that registers laws of your own with @controller")  # fmt: skip
     run.add_argument("--no-figures", action="store_true", help="write numbers only: no figures, no film")
+    run.add_argument("--live", action="store_true", help="watch while it is simulated; the results are the same")
+    showing_options(run)
 
     compare = commands.add_parser(
         "compare", help="two models or plants: where do they differ, and in which term",
@@ -133,6 +135,16 @@ def parser() -> argparse.ArgumentParser:
     video.add_argument("--still", type=float, metavar="SECONDS", help="one picture of this time, PNG; needs --out")
     video.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: RUN/video.mp4)")
 
+    view = commands.add_parser(
+        "view", help="replay a stored run, to look at it from all sides",
+        description="Nothing is simulated. MuJoCo's viewer where a window opens, else a page in the browser, served to "
+        "this machine alone until Ctrl-C.",
+    )  # fmt: skip
+    view.add_argument("run", type=Path, metavar="RUN", help="folder that `run` left")
+    view.add_argument("--controllers", type=name_list, default=[], metavar="NAME,NAME",
+                      help="those to show, in this order (default: all)")  # fmt: skip
+    showing_options(view)
+
     check = commands.add_parser(
         "check", help="contract test of your own laws: what the loop relies on, and whether they can be compiled",
         description="Try every law that FILE registers with @controller, on two arms and on both paths.",
@@ -161,6 +173,14 @@ def parser() -> argparse.ArgumentParser:
 
     add_common(commands.choices)
     return top
+
+
+def showing_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of what shows a motion."""
+    command.add_argument("--browser", action="store_true", help="in the browser, even where a window opens")
+    command.add_argument("--no-open", action="store_true", help="print the page's address; do not open the browser")
+    command.add_argument("--speed", type=float, help="simulated seconds in one second, to begin with (default 1)")
+    command.add_argument("--port", type=int, help="port of the page, for a tunnel (default: a free one)")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -209,8 +229,13 @@ def dispatch(options: argparse.Namespace) -> int:
     """Run the chosen command and return its exit status."""
     if options.command == "run":
         from torquebench.cli.run import run
+        from torquebench.cli.showing import live_of
 
-        return run(options)
+        return run(options, live_of(options))
+    if options.command == "view":
+        from torquebench.cli.view import view
+
+        return view(options)
     if options.command == "sweep":
         from torquebench.cli.sweep import sweep
 

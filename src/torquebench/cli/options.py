@@ -19,6 +19,7 @@ EXAMPLES = {
     "paper": "torquebench paper --quick",
     "boundary-layer": "torquebench boundary-layer --quick",
     "report": "torquebench report runs/one runs/two --out both.html",
+    "view": "torquebench view runs/one --browser",
     "video": "torquebench video runs/one --speed 0.5",
     "check": "torquebench check my_law.py",
     "bench": "torquebench bench --quick --json",

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from torquebench.certificates import Certificate
 from torquebench.cli.certificates import certificate_lines, certificate_pages
 from torquebench.cli.colour import bad, good
 from torquebench.cli.conditions import chain_text, conditions_text, noise_text
-from torquebench.cli.fuzzy import remarks, run_figures, used
+from torquebench.cli.fuzzy import remarks, run_figures
+from torquebench.cli.run_facts import fuzzy_facts, outcome_facts, run_facts
+from torquebench.cli.showing import Showing
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.disturbances import Stream
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import config_hash, dump_experiment, load_experiment
-from torquebench.experiment.build import build, plant_factors
+from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
 from torquebench.experiment.schema import Experiment, whole_steps
@@ -30,12 +33,16 @@ from torquebench.robot.library import model_folder
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from torquebench.cli.view import Audience
 
-def run(options: argparse.Namespace) -> int:
+
+def run(options: argparse.Namespace, live: Showing | None = None) -> int:
     """Run an experiment and return the exit status.
 
     Args:
         options: Arguments of the command; see ``torquebench run --help``.
+        live: How the run is shown while it is simulated; None not to show it.
 
     Raises:
         ConfigError: bad input; nothing has been written.
@@ -49,6 +56,57 @@ def run(options: argparse.Namespace) -> int:
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(options.out, experiment.name))
     directory.write("experiment.yaml", dump_experiment(experiment).encode())
+    with shown(experiment, loop, directory.folder, live) as audience:
+        result = simulated(experiment, loop, directory, audience)
+        proofs = write_results(result, directory, plugins, not options.no_figures)
+        proved = {name: found.to_json() for name, found in proofs.items()}
+        tell(directory=directory.folder, **run_facts(result), certificates=proved, fuzzy=fuzzy_facts(experiment))
+        say(summary(result))
+        for line in certificate_lines(result, proofs):
+            say(line)
+        for remark in remarks(experiment):
+            say(remark)
+        say()
+        say(f"results: {directory.folder}")
+        if not options.no_figures and experiment.video is not None:
+            from torquebench.cli.video import film_of_run
+
+            film_of_run(result, directory.folder, options.gl)
+    for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
+        warn(f"torquebench: interpreted, which is slower: {reason}")
+    for name in result.unexpected:
+        trajectory = result.runs[name]
+        detail = f" ({trajectory.detail})" if trajectory.detail else ""
+        wanted = next(keys.expect for keys in experiment.controllers if keys.name == name)
+        complain(
+            f"torquebench: controller '{name}': {outcome_text(result, name)}{detail}; the config expects: {wanted}"
+        )
+    return 1 if result.unexpected else 0
+
+
+@contextmanager
+def shown(experiment: Experiment, loop: Loop, folder: Path, live: Showing | None) -> Iterator[Audience | None]:
+    """Show a run while it is simulated, if anyone asked for it. Arguments as of `watching`."""
+    if live is None:
+        yield None
+        return
+    from torquebench.cli.view import watching
+
+    with watching(experiment, loop, folder, live) as audience:
+        yield audience
+
+
+def simulated(
+    experiment: Experiment, loop: Loop, directory: RunDirectory, audience: Audience | None
+) -> ExperimentResult:
+    """Run every controller with a progress bar, and write its trajectory as soon as there is one.
+
+    Args:
+        experiment: What is run.
+        loop: Its objects.
+        directory: Where.
+        audience: Who is told how it goes.
+    """
     begin = "starting (compiles on first use)"
     with progress_bar(experiment.n_steps * len(experiment.controllers), "step", begin) as bar:
         done = dict.fromkeys((keys.name for keys in experiment.controllers), 0)
@@ -61,32 +119,12 @@ def run(options: argparse.Namespace) -> int:
 
         def keep(name: str, trajectory: Trajectory) -> None:
             directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
+            if audience is not None:
+                audience.finished(name, trajectory)
 
-        result = run_experiment(experiment, loop, progress=report, finished=keep)
-    proofs = write_results(result, directory, plugins, not options.no_figures)
-    proved = {name: found.to_json() for name, found in proofs.items()}
-    tell(directory=directory.folder, **run_facts(result), certificates=proved, fuzzy=fuzzy_facts(experiment))
-    say(summary(result))
-    for line in certificate_lines(result, proofs):
-        say(line)
-    for remark in remarks(experiment):
-        say(remark)
-    say()
-    say(f"results: {directory.folder}")
-    if not options.no_figures and experiment.video is not None:
-        from torquebench.cli.video import film_of_run
-
-        film_of_run(result, directory.folder, options.gl)
-    for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
-        warn(f"torquebench: interpreted, which is slower: {reason}")
-    for name in result.unexpected:
-        trajectory = result.runs[name]
-        detail = f" ({trajectory.detail})" if trajectory.detail else ""
-        wanted = next(keys.expect for keys in experiment.controllers if keys.name == name)
-        complain(
-            f"torquebench: controller '{name}': {outcome_text(result, name)}{detail}; the config expects: {wanted}"
+        return run_experiment(
+            experiment, loop, progress=report, finished=keep, watch=None if audience is None else audience.watch
         )
-    return 1 if result.unexpected else 0
 
 
 def chosen(options: argparse.Namespace) -> Experiment:
@@ -235,33 +273,3 @@ def summary(result: ExperimentResult) -> str:
     header, rows = headline_table(result)
     rows = [[*row[:2], (bad if row[0] in result.unexpected else good)(row[2]), *row[3:]] for row in rows]
     return f"{result.experiment.name}\n{conditions_text(result.experiment)}\n\n{table(header, rows)}"
-
-
-def run_facts(result: ExperimentResult) -> dict[str, Any]:
-    """Return what ``--json`` tells of a run: what was run, and outcome and metrics of each controller."""
-    controllers = {}
-    for keys in result.experiment.controllers:
-        trajectory, metrics = result.runs[keys.name], result.metrics.get(keys.name)
-        controllers[keys.name] = {
-            "law": keys.law, **outcome_facts(trajectory), "expected": keys.name not in result.unexpected,
-            "metrics": None if metrics is None else metrics.to_json(),
-        }  # fmt: skip
-    return {
-        "name": result.experiment.name, "conditions": conditions_text(result.experiment).splitlines(),
-        "joints": list(result.loop.joint_names), "controllers": controllers,
-    }  # fmt: skip
-
-
-def outcome_facts(trajectory: Trajectory) -> dict[str, Any]:
-    """Return how a run ended, for the manifest and for ``--json``."""
-    return {
-        "path": trajectory.path, "path_reason": trajectory.path_reason, "outcome": trajectory.outcome.name,
-        "failed_at": trajectory.failed_at, "detail": trajectory.detail, "digest": trajectory.digest(),
-    }  # fmt: skip
-
-
-def fuzzy_facts(experiment: Experiment) -> dict[str, dict[str, Any]]:
-    """Return how each fuzzy system in use is evaluated, for the manifest and for ``--json``."""
-    return {
-        name: {"method": prepared.method, "error_bound": prepared.bound} for name, prepared in used(experiment).items()
-    }

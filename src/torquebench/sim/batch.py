@@ -14,6 +14,7 @@ from torquebench.robot.arm import RobotModel
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.loop import Controller, PathName, simulate
 from torquebench.sim.plant import Plant
+from torquebench.sim.result import Watch
 from torquebench.sim.trajectory import Trajectory
 
 AHEAD = 2
@@ -112,12 +113,13 @@ def simulate_many(
 
 
 def run_trial(
-    plant: Plant, trial: Trial, path: PathName = "auto", progress: Callable[[int], None] | None = None
-) -> Trajectory:
+    plant: Plant, trial: Trial, path: PathName = "auto", progress: Callable[[int], None] | None = None,
+    watch: Watch | None = None,
+) -> Trajectory:  # fmt: skip
     """Run one trial; a failure is returned, not raised. Arguments as of `simulate`."""
     return simulate(
         plant, trial.controller, trial.model, trial.reference, duration=trial.duration,
         control_period=trial.control_period, chain=trial.chain, position_noise=trial.position_noise,
         disturbance=trial.disturbance, initial_q=trial.initial_q, path=path, throw=False,
-        progress=progress,
+        progress=progress, watch=watch,
     )  # fmt: skip

@@ -21,7 +21,7 @@ from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.native_path import NativeRun, obstacle
 from torquebench.sim.plant import Plant, attached_at, substeps_per_period
 from torquebench.sim.python_path import PythonRun
-from torquebench.sim.result import trajectory_of
+from torquebench.sim.result import Watch, motion_of, trajectory_of
 from torquebench.sim.setup import is_fixed, set_up
 from torquebench.sim.trajectory import Trajectory
 
@@ -79,6 +79,7 @@ def simulate(
     path: PathName = "auto",
     throw: bool = True,
     progress: Callable[[int], None] | None = None,
+    watch: Watch | None = None,
 ) -> Trajectory:
     """Run one closed loop from rest and return what happened.
 
@@ -101,6 +102,7 @@ def simulate(
             that is possible, and `Trajectory.path_reason` says why where it is not. Both give the same bytes.
         throw: Raise when the run does not complete, instead of returning the truncated trajectory.
         progress: Called with the index of the control instant just finished; on the native path now and then.
+        watch: Called after `progress` with the same index and what has been recorded.
 
     Raises:
         ValueError: durations, shapes or joint counts that do not fit, or an unknown path.
@@ -130,6 +132,7 @@ def simulate(
         native=native,
     )  # fmt: skip
     run = PythonRun(setup) if native is None else NativeRun(setup, native)
+    motion = None if watch is None else motion_of(setup)
     status, done, at_once = COMPLETED, 0, max(1, run.longest // substeps)
     while done < n_steps and status == COMPLETED:
         if done == attach > 0:
@@ -139,6 +142,8 @@ def simulate(
         done = last
         if progress is not None and status == COMPLETED:
             progress(last - 1)
+        if watch is not None and motion is not None and status == COMPLETED:
+            watch(last - 1, motion)
     trajectory = trajectory_of(setup, t, status, run.detail, "python" if native is None else "native", reason)
     if throw and not trajectory.completed:
         raise SimulationError(

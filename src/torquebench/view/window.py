@@ -1,0 +1,177 @@
+"""The process that replays runs in MuJoCo's viewer (``python -m torquebench.view.window``): a `Job` comes in.
+
+One controller is shown at a time. A line a second on standard output says that it is alive, the last that it has ended.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import mujoco.viewer
+import numpy as np
+
+from torquebench.errors import TorquebenchError
+from torquebench.kernel import Array
+from torquebench.sim.trajectory import Trajectory, load_trajectory
+from torquebench.video.job import Job, job_from
+from torquebench.video.scene import Scene, build_scene, joint_points
+from torquebench.video.stage import GHOST, GROWN, TOOL, TOOL_SIZE, TRAIL, TRAIL_SIZE
+
+RATE = 60.0
+"""Pictures a second."""
+TRAIL_TIME, TRAIL_POINTS = 1.0, 100
+"""Length of the tool's trail [s], and its points."""
+SPACE, ENTER, RIGHT, LEFT = 32, 257, 262, 263
+"""Keys, as GLFW has them."""
+STEP = 0.01
+"""What an arrow key moves the time by [s]."""
+_ALPHA = 0.35
+_SHOWN = 2
+
+
+class Replay:
+    """The clock, and what is shown; keys change them, from the viewer's thread.
+
+    Args:
+        job: The runs; files that are not there yet are waited for.
+    """
+
+    def __init__(self, job: Job) -> None:
+        self.job, self.time, self.playing, self.shown = job, 0.0, True, 0
+        self._runs: dict[int, Trajectory] = {}
+
+    def key(self, code: int) -> None:
+        """Do what a key asks for."""
+        if code == SPACE:
+            self.playing = not self.playing
+        elif code == ENTER:
+            self.shown = (self.shown + 1) % len(self.job.shots)
+        elif code in (LEFT, RIGHT):
+            self.playing = False
+            self.time = max(0.0, self.time + (STEP if code == RIGHT else -STEP))
+
+    def run(self) -> Trajectory | None:
+        """Return the run that is shown, or None while its file is not there."""
+        path = Path(self.job.shots[self.shown].trajectory)
+        if self.shown not in self._runs and path.is_file():
+            self._runs[self.shown] = load_trajectory(path)
+        return self._runs.get(self.shown)
+
+    def advance(self, passed: float, run: Trajectory) -> int:
+        """Let `passed` seconds go by, from the start again after the end; return the sample to show."""
+        if self.playing:
+            self.time += passed * self.job.settings.speed
+        k = round(self.time / self.job.control_period)
+        if k >= len(run.t):
+            if self.playing and self.time > run.t[-1] + self.job.settings.speed:  # stands still for a second
+                self.time = 0.0
+            k = len(run.t) - 1
+        return k
+
+
+def add_ghost(view: Any, scene: Scene, d: Any) -> None:
+    """Add the moving geoms of the arm at the pose of `d` to a viewer's own scene, translucent."""
+    m = scene.model
+    for i in scene.moving:
+        if m.geom_group[i] > _SHOWN:
+            continue
+        geom = view.geoms[view.ngeom]
+        view.ngeom += 1
+        size = np.maximum(m.geom_size[i] - GROWN * scene.reach, 0.2 * m.geom_size[i])  # hidden by an arm that follows
+        mujoco.mjv_initGeom(
+            geom, int(m.geom_type[i]), size, d.geom_xpos[i], d.geom_xmat[i], np.array([*GHOST[:3], _ALPHA], np.float32)
+        )
+        if m.geom_type[i] == mujoco.mjtGeom.mjGEOM_MESH:
+            geom.dataid = 2 * int(m.geom_dataid[i])
+
+
+def add_trail(view: Any, points: Array, reach: float) -> None:
+    """Add the tool's path, (K, 3) [m], and a ball at its end to a viewer's own scene."""
+    nothing = np.zeros(3), np.zeros(3), np.zeros(9)
+    line, ball = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
+    for a, b in itertools.pairwise(points):
+        geom = view.geoms[view.ngeom]
+        view.ngeom += 1
+        mujoco.mjv_initGeom(geom, line, *nothing, np.array([*TRAIL, 1.0], np.float32))
+        mujoco.mjv_connector(geom, line, TRAIL_SIZE * reach, a, b)
+    geom = view.geoms[view.ngeom]
+    view.ngeom += 1
+    mujoco.mjv_initGeom(geom, ball, np.full(3, TOOL_SIZE * reach), points[-1], np.eye(3).ravel(), TOOL)
+
+
+def replay(job: Job) -> None:
+    """Show the runs until the window is closed.
+
+    Raises:
+        TorquebenchError: a run or the arm cannot be read.
+    """
+    state = Replay(job)
+    run = state.run()
+    scene = build_scene(job.model, np.zeros((1, 1)) if run is None else np.nan_to_num(run.q[::50]))
+    m = scene.model
+    d, reference = mujoco.MjData(m), mujoco.MjData(m)
+    joints = m.njnt + 1
+    with mujoco.viewer.launch_passive(m, d, key_callback=state.key, show_left_ui=False, show_right_ui=False) as viewer:
+        with viewer.lock():
+            viewer.cam.type, viewer.cam.fixedcamid = mujoco.mjtCamera.mjCAMERA_FREE, -1
+            _look_like_first_camera(viewer.cam, m)
+        before, told = time.perf_counter(), 0.0
+        while viewer.is_running():
+            now = time.perf_counter()
+            run = state.run()
+            if run is not None:
+                k = state.advance(now - before, run)
+                back = np.linspace(max(0, k - TRAIL_TIME / job.control_period), k, TRAIL_POINTS).astype(int)
+                path = joint_points(m, reference, np.nan_to_num(run.q[np.unique(back)]))[joints - 1 :: joints]
+                reference.qpos[:] = run.q_ref[k]
+                mujoco.mj_kinematics(m, reference)
+                with viewer.lock():
+                    d.qpos[:] = np.nan_to_num(run.q[k])
+                    d.time = state.time
+                    mujoco.mj_forward(m, d)
+                    viewer.user_scn.ngeom = 0
+                    add_ghost(viewer.user_scn, scene, reference)
+                    add_trail(viewer.user_scn, path, scene.reach)
+            shot = job.shots[state.shown]
+            words = shot.name if run is not None else f"{shot.name}: not simulated yet"
+            place, font = mujoco.mjtGridPos.mjGRID_TOPLEFT, mujoco.mjtFontScale.mjFONTSCALE_150
+            viewer.set_texts((font, place, f"{words}\n{shot.ending}", f"t = {state.time:.2f} s\nspace, arrows, enter"))
+            viewer.sync()
+            if now - told > 1.0:
+                tell({"time": state.time, "shown": shot.name})
+                told = now
+            before = now
+            time.sleep(max(0.0, 1.0 / RATE - (time.perf_counter() - now)))
+
+
+def _look_like_first_camera(camera: Any, m: Any) -> None:
+    """Place a free camera where the scene's first camera is."""
+    d = mujoco.MjData(m)
+    mujoco.mj_kinematics(m, d)
+    mujoco.mj_camlight(m, d)
+    ahead = -d.cam_xmat[0].reshape(3, 3)[:, 2]
+    distance = float((m.stat.center - d.cam_xpos[0]) @ ahead)
+    camera.lookat[:] = d.cam_xpos[0] + distance * ahead
+    camera.distance = distance
+    camera.azimuth = float(np.rad2deg(np.arctan2(ahead[1], ahead[0])))
+    camera.elevation = float(np.rad2deg(np.arcsin(ahead[2])))
+
+
+def tell(message: dict[str, Any]) -> None:
+    """Send a line to the process that started this one."""
+    sys.stdout.write(json.dumps(message) + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    try:
+        replay(job_from(sys.stdin.read()))
+        tell({"closed": True})
+    except TorquebenchError as error:
+        tell({"failed": str(error)})

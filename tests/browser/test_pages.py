@@ -1,0 +1,185 @@
+"""The pages as a browser shows them: nothing complained of, nothing fetched, all of it visible, on any screen."""
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from torquebench.sim.trajectory import load_trajectory
+from torquebench.video.stored import read_subject
+from torquebench.view.feed import Feed
+from torquebench.view.live import Subject, feed_stored
+from torquebench.view.server import Server
+
+BOXES = """[...document.querySelectorAll('figure svg')].map(
+    (svg) => [svg.getBoundingClientRect(), svg.querySelectorAll('path').length]).map(
+    ([box, paths]) => [box.width, box.height, paths])"""
+CLIPPED = """[...document.querySelectorAll('body *')].filter((x) => !x.closest('.scroll, pre, svg, details')
+    && x.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5).map((x) => x.outerHTML)"""
+SOFTWARE = "GPU stall due to ReadPixels"
+"""What a machine without a graphics card says of itself; nothing that a page could do about."""
+
+
+def pixels(path):
+    """A picture, (height, width, 3), 0 to 255."""
+    return np.round(255 * matplotlib.image.imread(path)[:, :, :3]).astype(int)
+
+
+def complaints(page):
+    """What the console has, but for what the machine says of itself."""
+    return [c for c in page.complaints if not (isinstance(c, dict) and SOFTWARE in c.get("text", ""))]
+
+
+@pytest.fixture(scope="module")
+def pages(reported):
+    """A run's page and one of two runs side by side, as addresses, with how many figures each has."""
+    drawn = len(list((reported / "one" / "figures").glob("*.svg")))
+    assert drawn >= 4
+    return {
+        "report": ((reported / "one" / "report.html").as_uri(), drawn),
+        "comparison": ((reported / "comparison.html").as_uri(), 2),
+    }
+
+
+@pytest.mark.parametrize("name", ["report", "comparison"])
+def test_a_report_is_read_in_a_browser(browse, pages, keep, name):
+    """No error or warning, no request but for the file, every figure drawn, on a phone nothing sideways, dark too.
+
+    Only tables and listings in a box of their own may be wider than a phone, and are scrolled in that box.
+    """
+    address, figures = pages[name]
+    shown = {}
+    for kind, options in (
+        ("light", {}),
+        ("dark", {"dark": True}),
+        ("phone", {"width": 390, "height": 844, "scale": 2}),
+    ):
+        page = browse(**options)
+        page.go(address)
+        assert page.complaints == []
+        assert page.requests == [address]
+        boxes = page.value(BOXES)
+        assert len(boxes) == figures
+        assert all(width > 200 and height > 100 and paths > 10 for width, height, paths in boxes)
+        assert page.value("document.documentElement.scrollWidth") == options.get("width", 1200)
+        assert page.value(CLIPPED) == []
+        shown[kind] = pixels(page.picture(keep(f"{name}-{kind}"), whole=kind == "phone"))
+        page.close()
+    assert np.median(shown["light"][:, :40]) > 240
+    assert np.median(shown["dark"][:, :40]) < 40
+    assert shown["phone"].shape[1] == 2 * 390
+
+
+def test_a_sideways_scroll_would_be_seen(browse, pages):
+    """The phone's check is not blind: something wide put on the page is found."""
+    page = browse(width=390, height=844)
+    page.go(pages["report"][0])
+    page.value("document.body.insertAdjacentHTML('beforeend', '<div style=\"width:600px\">wide</div>')")
+    assert page.value("document.documentElement.scrollWidth") > 390
+    assert len(page.value(CLIPPED)) == 1
+    page.close()
+
+
+@pytest.fixture(scope="module")
+def served(replayed):
+    """Address at which the run is replayed."""
+    subject, feed = read_subject(replayed), Feed()
+    shown = Subject(
+        subject.title, subject.model, subject.control_period, tuple((s.name, s.note) for s in subject.shots)
+    )
+    feed_stored(feed, shown, [load_trajectory(s.trajectory) for s in subject.shots], ["#0072B2", "#D55E00"], 1.0)
+    with Server(feed, "token") as server:
+        yield server.address
+
+
+def box_of(page, selector):
+    """Left, top, width and height of an element [px]."""
+    return page.value(f"(({{x, y, width, height}}) => [x, y, width, height])"
+                      f"(document.querySelector('{selector}').getBoundingClientRect())")  # fmt: skip
+
+
+def part(picture, box):
+    """The pixels of a box of a picture of scale 1."""
+    x, y, width, height = (round(v) for v in box)
+    return picture[y : y + height, x : x + width]
+
+
+def at_frame(page, frame):
+    """Put the replay at a frame with the keyboard, and wait until it is drawn."""
+    page.press("Home", 36)
+    page.press("End", 35)
+    page.press(" ", 32) if page.value("document.getElementById('play').textContent") == "pause" else None
+    page.value(f"(() => {{ const s = document.getElementById('scrub'); s.value = {frame / 100};"
+               " s.dispatchEvent(new Event('input')); })()")  # fmt: skip
+    page.wait(f"document.body.dataset.frame === '{frame}'")
+    page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def colours_in(view):
+    """How many pixels of a view are the arm's shell, the ghost, the tool's mark and the trail, by their colours."""
+    r, g, b = np.moveaxis(view, 2, 0)
+    return {
+        "shell": int(np.count_nonzero((r > 150) & (r - b > 8) & (r - b < 60))),
+        "ghost": int(np.count_nonzero(b - r > 60)),
+        "tool": int(np.count_nonzero((r - g > 120) & (b - g > 60))),
+        "trail": int(np.count_nonzero((r - b > 90) & (r - g > 50) & (g - b > 20))),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("webgl", [True, False], ids=["webgl", "without"])
+def test_the_replay_plays_and_draws(browse, served, keep, webgl):
+    """It plays by itself, draws arm, ghost, tool and trail, obeys keys, slider and mouse, and tells a failure."""
+    page = browse(webgl)
+    page.go(served)
+    page.wait("Number(document.body.dataset.frame) > 3")
+    assert page.value("document.body.dataset.drawn") == ("WithWebGl" if webgl else "Painter")
+    page.press(" ", 32)
+    page.wait("document.getElementById('play').textContent === 'play'")
+    stood = page.value("document.body.dataset.frame")
+    page.value("new Promise((done) => setTimeout(done, 150))")
+    assert page.value("document.body.dataset.frame") == stood
+    at_frame(page, 30)
+    picture = pixels(page.picture(keep(f"view-{'webgl' if webgl else 'painter'}")))
+    box = box_of(page, "canvas.arm")
+    before = part(picture, box)
+    found = colours_in(before)
+    assert found["shell"] > 3000, found
+    assert found["ghost"] > 1500, found
+    assert found["tool"] > 20, found
+    assert found["trail"] > 20, found
+    bars, trace = (part(picture, box_of(page, f"canvas.{name}")) for name in ("bars", "trace"))
+    assert len(np.unique(bars.reshape(-1, 3), axis=0)) > 10
+    assert np.count_nonzero(np.abs(trace - np.array([0x00, 0x72, 0xB2])).sum(axis=2) < 60) > 100
+    page.press("ArrowRight", 39)
+    page.wait("document.body.dataset.frame === '31'")
+    page.press("ArrowLeft", 37)
+    page.wait("document.body.dataset.frame === '30'")
+    x, y = box[0] + box[2] / 2, box[1] + box[3] / 2
+    page.mouse("mousePressed", x, y, button="left", buttons=1, clickCount=1)
+    page.mouse("mouseMoved", x + 90, y - 30, button="left", buttons=1)
+    page.mouse("mouseReleased", x + 90, y - 30, button="left", clickCount=1)
+    page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    turned = part(pixels(page.picture(keep("view-turned"))), box)
+    assert np.mean(np.abs(turned - before).sum(axis=2) > 60) > 0.02
+    page.press("End", 35)
+    page.wait("document.body.dataset.frame === '119'")
+    assert page.value("[...document.querySelectorAll('h2 strong')].map((x) => x.textContent)") == [
+        "", "controller error at 0.8 s",
+    ]  # fmt: skip
+    assert complaints(page) == []
+    assert all(request.startswith(served) or request == "data:," for request in page.requests)
+    page.close()
+
+
+def test_the_replay_on_a_phone_and_in_the_dark(browse, served, keep):
+    """390 px wide nothing scrolls sideways; with the dark scheme page and sky are dark, and the arm is still there."""
+    page = browse(width=390, height=844, dark=True)
+    page.go(served)
+    page.wait("Number(document.body.dataset.frame) > 3")
+    at_frame(page, 30)
+    assert page.value("document.documentElement.scrollWidth") == 390
+    assert page.value(CLIPPED) == []
+    view = part(pixels(page.picture(keep("view-phone-dark"))), box_of(page, "canvas.arm"))
+    assert np.median(view) < 60
+    assert colours_in(view)["shell"] > 500
+    assert complaints(page) == []
+    page.close()

@@ -1,0 +1,130 @@
+"""The page's server: this machine alone, by its own names, behind its token, read-only."""
+
+import http.client
+import json
+import socket
+import threading
+
+import pytest
+
+from torquebench.view.feed import Feed
+from torquebench.view.server import PAGES, Server
+
+TOKEN = "a-token_1"
+
+
+@pytest.fixture
+def server():
+    """A server of a feed with one message."""
+    feed = Feed()
+    feed.add({"kind": "scene"})
+    with Server(feed, TOKEN) as server:
+        server.feed = feed
+        yield server
+
+
+def ask(server, path, host=None, method="GET", body=None):
+    """Status, headers and body of a request."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
+    connection.putrequest(method, path, skip_host=True)
+    connection.putheader("Host", f"127.0.0.1:{server.port}" if host is None else host)
+    connection.endheaders()
+    answer = connection.getresponse()
+    found = answer.status, dict(answer.getheaders()), answer.read()
+    connection.close()
+    return found
+
+
+def other_addresses():
+    """Addresses of this machine but for 127.0.0.1: another of the loopback, and where packets to elsewhere leave."""
+    found = ["127.0.0.2"]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # an address for documentation: nothing is sent
+            found.append(probe.getsockname()[0])
+        except OSError:
+            found.append("127.1.2.3")
+    return found
+
+
+def test_no_other_address_reaches_it(server):
+    """On 127.0.0.1 it answers; on every other address of this machine nothing listens at that port."""
+    assert ask(server, f"/{TOKEN}/")[0] == 200
+    for address in other_addresses():
+        with socket.socket() as other:
+            other.settimeout(5.0)
+            assert other.connect_ex((address, server.port)) != 0, address
+    with socket.socket(socket.AF_INET6) as other:
+        other.settimeout(5.0)
+        try:
+            reached = other.connect_ex(("::1", server.port)) == 0
+        except OSError:
+            reached = False
+        assert not reached
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost.evil.example",
+                                  "", "0.0.0.0", "localhost:1:2", "192.168.0.1"])  # fmt: skip
+def test_other_names_are_refused(server, host):
+    """A name that someone else has resolve to 127.0.0.1 gets nothing, whatever the path: 403."""
+    for path in (f"/{TOKEN}/", f"/{TOKEN}/messages/0", "/"):
+        status, _, body = ask(server, path, host)
+        assert status == 403
+        assert b"scene" not in body
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1", "localhost:8123", "127.0.0.1:9"])
+def test_its_own_names_are_answered(server, host):
+    """At any port: a tunnel's other end has another one."""
+    assert ask(server, f"/{TOKEN}/messages/0", host)[0] == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/messages/0", "/wrong/", "/wrong/messages/0", f"/{TOKEN}", f"/{TOKEN}x/",
+                                  f"/{TOKEN}/../arm.py", f"/{TOKEN}/../../errors.py", f"/{TOKEN}/messages/-1",
+                                  f"/{TOKEN}/messages/9999999999", f"/{TOKEN}/nothing.js"])  # fmt: skip
+def test_without_the_token_or_elsewhere_there_is_nothing(server, path):
+    """Neither the page nor a message, and no file but those of the page."""
+    status, _, body = ask(server, path)
+    assert (status, body) == (404, b"nothing here")
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD"])
+def test_only_reading(server, method):
+    """Nothing but GET is known."""
+    assert ask(server, f"/{TOKEN}/", method=method)[0] == 501
+
+
+def test_the_page_may_load_nothing_from_elsewhere(server):
+    """Every file comes with a policy that allows its own origin alone, and names no other address itself."""
+    for name in PAGES:
+        status, headers, body = ask(server, f"/{TOKEN}/{name}")
+        assert status == 200
+        assert "default-src 'none'" in headers["Content-Security-Policy"]
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert b"://" not in body
+
+
+def test_messages_come_when_they_come(server):
+    """A request for the next message waits for it; once the last one has been fetched the feed knows."""
+    feed = server.feed
+    assert feed.visited.is_set() is False
+    timer = threading.Timer(0.2, feed.add, [{"kind": "frames"}])
+    timer.start()
+    assert json.loads(ask(server, f"/{TOKEN}/messages/1")[2]) == [{"kind": "frames"}]
+    timer.join()
+    feed.close()
+    assert json.loads(ask(server, f"/{TOKEN}/messages/2")[2]) == [{"kind": "end"}]
+    assert feed.visited.is_set()
+    assert not feed.taken.is_set()
+    assert json.loads(ask(server, f"/{TOKEN}/messages/3")[2]) == []
+    assert feed.taken.is_set()
+
+
+def test_closed_it_is_gone(server):
+    """After the context the port is free again."""
+    feed = Feed()
+    with Server(feed, "x") as other:
+        port = other.port
+    with socket.socket() as again:
+        assert again.connect_ex(("127.0.0.1", port)) != 0

@@ -1,0 +1,108 @@
+"""Surfaces are closed, face outwards, enclose the volume that they must, and stand where the arm's geoms are."""
+
+import collections
+
+import mujoco
+import numpy as np
+import pytest
+
+from torquebench.robot.puma560.puma import Puma560
+from torquebench.video.scene import build_scene
+from torquebench.view import shapes
+from torquebench.view.arm import Arm
+
+N = shapes.SIDES
+PRISM = N / 2.0 * np.sin(2.0 * np.pi / N) / np.pi
+"""Area of the regular N-gon over that of its circle."""
+
+
+def volume(shape):
+    """Volume by the divergence theorem: a sixth of the sum of a . (b x c) over the triangles."""
+    a, b, c = np.moveaxis(shape.corners, 1, 0)
+    return float(np.sum(a * np.cross(b, c)) / 6.0)
+
+
+CASES = {
+    "box": (shapes.box(np.array([0.1, 0.2, 0.3])), 8 * 0.1 * 0.2 * 0.3, 1.0),
+    "cylinder": (shapes.cylinder(0.2, 0.3), np.pi * 0.2**2 * 0.6 * PRISM, 1.0),
+    "sphere": (shapes.capsule(0.2, 0.0), 4 / 3 * np.pi * 0.2**3, 0.95),
+    "capsule": (shapes.capsule(0.2, 0.3), 4 / 3 * np.pi * 0.2**3 + np.pi * 0.2**2 * 0.6, 0.95),
+    "ellipsoid": (shapes.ellipsoid(np.array([0.1, 0.2, 0.3])), 4 / 3 * np.pi * 0.1 * 0.2 * 0.3, 0.95),
+}
+"""Shape, volume in closed form, and how much of it at least is enclosed: round ones are drawn inscribed."""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_volume(name):
+    """Prisms to round-off; balls, inscribed, between 95 % of the volume and all of it. Inside out it is negative."""
+    shape, exact, least = CASES[name]
+    assert exact * least * (1 - 1e-12) <= volume(shape) <= exact * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_closed(name):
+    """Each edge is run through once in each direction: no gap, no face twice."""
+    shape = CASES[name][0]
+    edges = collections.Counter()
+    for triangle in np.round(shape.corners, 9) + 0.0:
+        points = [tuple(p) for p in triangle]
+        edges.update(zip(points, points[1:] + points[:1], strict=True))
+    assert set(edges.values()) == {1}
+    assert all((b, a) in edges for a, b in edges)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_normals(name):
+    """Unit vectors, within 30 degrees of the triangle's own outward normal: a side is 360 / 24 = 15 degrees wide."""
+    shape = CASES[name][0]
+    own = shapes.areas(shape.corners)
+    own /= np.linalg.norm(own, axis=1, keepdims=True)
+    assert np.allclose(np.linalg.norm(shape.normals, axis=2), 1.0, atol=1e-12)
+    assert np.min(np.einsum("tcx,tx->tc", shape.normals, own)) > np.cos(np.deg2rad(30.0))
+
+
+def distance(kind, size, point):
+    """Signed distance of points in a geom's own frame from its surface, for the kinds that the PUMA's look has."""
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        d = np.abs(point) - size
+    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        d = np.stack([np.hypot(point[:, 0], point[:, 1]) - size[0], np.abs(point[:, 2]) - size[1]], axis=1)
+    else:
+        assert kind == mujoco.mjtGeom.mjGEOM_SPHERE
+        d = np.linalg.norm(point, axis=1, keepdims=True) - size[0]
+    return np.linalg.norm(np.maximum(d, 0.0), axis=1) + np.minimum(np.max(d, axis=1), 0.0)
+
+
+def test_triangles_stand_where_the_geoms_are():
+    """At a pose of all joints every corner, moved with its body as the page does, lies on a geom, within 2 um.
+
+    Corners are rounded to a millionth of the arm's reach, 1.1 m. Where geoms are is MuJoCo's own ``geom_xpos``.
+    """
+    q = np.array([0.3, -0.8, 0.6, 1.1, -0.7, 0.4])
+    arm = Arm("puma560", q[None])
+    bodies, tool = arm.at(q[None])
+    m = build_scene("puma560", q[None]).model
+    d = mujoco.MjData(m)
+    d.qpos[:] = q
+    mujoco.mj_kinematics(m, d)
+    seen = [g for g in range(m.ngeom) if m.geom_group[g] <= 2 and m.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE]
+    assert sum(part.moves for part in arm.parts) == 6
+    for part, (x, y, z, *quaternion) in zip(arm.parts, bodies[0], strict=True):
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, np.array(quaternion))
+        corners = part.shape.corners.reshape(-1, 3) @ turn.reshape(3, 3).T + [x, y, z]
+        nearest = np.full(len(corners), np.inf)
+        for g in seen:
+            local = (corners - d.geom_xpos[g]) @ d.geom_xmat[g].reshape(3, 3)
+            nearest = np.minimum(nearest, np.abs(distance(m.geom_type[g], m.geom_size[g], local)))
+        assert np.max(nearest) < 2e-6
+    where = Puma560("exact", "fitted").forward_kinematics(q)[:3, 3]
+    assert np.max(np.abs(tool[0] - where)) < 1e-9
+
+
+def test_an_arm_without_a_look_can_be_drawn():
+    """two-link has neither geoms nor cameras: links, joints, a floor and a view are made."""
+    arm = Arm("two-link", np.zeros((1, 2)))
+    assert sum(part.moves for part in arm.parts) == 2
+    assert arm.floor is not None
+    assert np.linalg.norm(arm.view.eye - arm.view.target) > arm.reach
