@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.cli.conditions import conditions_text
-from torquebench.cli.run import draw_figures, run_facts, summary
+from torquebench.cli.run import draw_figures, summary
+from torquebench.cli.run_facts import run_facts
 from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.certify import certificates
