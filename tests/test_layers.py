@@ -17,7 +17,7 @@ from tests.source_tree import ALL, FILES, TREES, imports
 LAYERS = (
     ("errors",), ("kernel_cache",), ("kernel",), ("packing",), ("packing_types",), ("fuzzy", "robot"),
     ("references", "disturbances"), ("dialect",), ("laws",), ("sim",), ("check",), ("measures", "statistics"),
-    ("metrics", "certificates"), ("experiment",), ("analysis",), ("bench", "report"), ("paper",), ("cli",),
+    ("metrics", "certificates"), ("experiment",), ("sweep",), ("analysis",), ("bench", "report"), ("paper",), ("cli",),
     ("__main__",),
 )  # fmt: skip
 """From the bottom up; a unit imports itself and units below, never one beside or above it."""

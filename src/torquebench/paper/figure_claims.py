@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from torquebench.paper.records import Records
-from torquebench.paper.verdicts import Claim, ablated, below, geometric_mean, judged, text
+from torquebench.paper.verdicts import Claim, ablated, below, judged, text
 from torquebench.paper.workload import BIAS, CHAINS, LIMIT_NOISE, NOMINAL, SINUSOID, SLOW_NOISE, STRONG, UNCERTAIN
+from torquebench.statistics import geometric_mean
 
 NO_CHATTERING = 1.0
 """HF below which chattering counts as removed [% of the torque limit]."""

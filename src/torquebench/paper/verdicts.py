@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.paper.records import Records
 from torquebench.paper.workload import CHAINS, UNCERTAIN
-from torquebench.statistics import Ratio, mean_interval, paired_ratio
+from torquebench.statistics import Ratio, mean_interval
 
 HOLDS, FAILS, ONLY_IF = "holds", "fails", "holds only if"
 
@@ -131,11 +131,6 @@ def _listed(cases: Sequence[Case], side: bool) -> str:
 
 def _chains(chains: Sequence[str]) -> str:
     return "all chains" if set(chains) == set(CHAINS) else f"{' and '.join(chains)} chain"
-
-
-def geometric_mean(values: Sequence[float | None]) -> Ratio:
-    """Return the geometric mean of a positive figure over draws, with its interval."""
-    return paired_ratio(values, [1.0] * len(values))
 
 
 def average(values: Sequence[float | None]) -> Ratio:
