@@ -46,7 +46,7 @@ HOMES = {
         "cli/fuzzy.py",
     },
     "jinja2": {"report/render.py"},
-    "scipy": {"statistics.py", "paper/checks.py"},
+    "scipy": {"statistics.py", "sweep/effects.py", "paper/checks.py"},
     "skfuzzy": {"fuzzy/oracle.py", "bench/peers.py"},
     "pydantic": {name for name in ALL if name.startswith("experiment/")},
     "pydantic_core": {name for name in ALL if name.startswith("experiment/")},

@@ -36,7 +36,7 @@ class Failure(NamedTuple):
     draw: int
     outcome: str
     at: float
-    """When it failed [s]."""
+    """Number of the control instant at which it failed."""
 
 
 @dataclass(frozen=True, slots=True)
