@@ -84,7 +84,7 @@ def test_exactly_what_matters_is_found() -> None:
     assert (a.controller, a.cases, a.draws, a.left_out) == ("a", (1, 2, 4, 5), DRAWS, 0)
     assert a.effects is not None
     assert b.effects is not None
-    assert [e.inputs for e in a.effects.effects if e.matters] == [("g1",), ("I2",)]
+    assert [e.name for e in a.effects.effects if e.matters] == ["g1", "I2"]
     assert a.effects.effects[0].strength > 0.0 > a.effects.effects[1].strength
     assert not any(e.matters for e in b.effects.effects)
 
@@ -106,6 +106,7 @@ def test_what_cannot_be_told_says_why() -> None:
     assert hf.reason == "it is the same in every draw"
     data = json.loads(json.dumps([rmse.to_json(), hf.to_json()], allow_nan=False))
     assert data[0]["effects"]["effects"][0]["inputs"] == ["g1"]
+    assert data[0]["effects"]["ranked"] == ["g1", "I2"]
     assert data[1]["effects"] is None
 
 
@@ -116,12 +117,12 @@ def test_drawn_keys_count_beside_the_constants() -> None:
     table = {**table, "plant.payload.mass": mass[table["draw"]]}
     (only,) = sensitivities(table, lambda case, draw: NONE[draw], ["rmse"])
     assert only.effects is not None
-    assert [(e.inputs, round(e.strength, 9)) for e in only.effects.effects] == [(("plant.payload.mass",), 1.0)]
+    assert [(e.name, round(e.strength, 9)) for e in only.effects.effects] == [("plant.payload.mass", 1.0)]
     few = {name: column[:10] for name, column in table.items()}
     (both,) = sensitivities(few, lambda case, draw: TOLERANCE[draw], ["rmse"])
     assert both.effects is not None
-    assert both.effects.effects[0].inputs == ("plant.payload.mass",)
-    assert ("I5", "g2") in {effect.inputs for effect in both.effects.effects}
+    assert both.effects.effects[0].name == "plant.payload.mass"
+    assert "I5 = g2" in {effect.name for effect in both.effects.effects}
 
 
 def test_only_the_puma_has_constants() -> None:

@@ -55,7 +55,7 @@ def _panel(ax: Axes, one: Sensitivity) -> None:
         face = colour if effect.matters else "white"
         ax.plot(effect.strength, place, "o", color=colour, markersize=4.0, markerfacecolor=face)
     ax.axvline(0.0, color="0.4", linewidth=0.8, linestyle=(0, (1.5, 1.5)))
-    ax.set_yticks(range(len(shown)), [printable(" = ".join(effect.inputs)) for effect in shown])
+    ax.set_yticks(range(len(shown)), [printable(effect.name) for effect in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.set_xlim(-1.05, 1.05)
     ax.set_xticks([-1.0, -0.5, 0.0, 0.5, 1.0], ["\u22121", "\u22120.5", "0", "0.5", "1"])

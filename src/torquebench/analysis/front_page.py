@@ -70,9 +70,11 @@ def front_page(
         }  # fmt: skip
         ax.plot([s.chattering.ratio for s in best], [1e3 * s.error.ratio for s in best], **ring)
         for spot in best:
+            at = spot.chattering.ratio, 1e3 * spot.error.ratio
+            right = ax.transAxes.inverted().transform(ax.transData.transform(at))[0] > 0.8
             ax.annotate(
-                spot.label, (spot.chattering.ratio, 1e3 * spot.error.ratio), (6.0, -7.0), textcoords="offset points",
-                fontsize=6.5, color="0.25",
+                spot.label, at, (-6.0 if right else 6.0, -7.0), textcoords="offset points",
+                ha="right" if right else "left", fontsize=6.5, color="0.25",
             )  # fmt: skip
         ax.set_xlabel("chattering index HF [% of the torque limit]")
         ax.set_ylabel("RMS error [mrad]")

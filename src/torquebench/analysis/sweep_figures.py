@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from torquebench.analysis.course_page import course_page
@@ -12,8 +13,19 @@ from torquebench.analysis.front_page import Spot, front_page
 from torquebench.analysis.map_page import map_page
 from torquebench.analysis.spread_page import spread_page
 from torquebench.analysis.sweep_parts import key_values, value_text
-from torquebench.statistics import undominated
-from torquebench.sweep.columns import INFO, Table, checked, controllers, grid_keys, metric_keys, rows_by
+from torquebench.statistics import Ratio, undominated
+from torquebench.sweep.columns import (
+    INFO,
+    Rows,
+    Table,
+    checked,
+    completed,
+    controllers,
+    grid_keys,
+    metric_keys,
+    rows_by,
+    values_of,
+)
 from torquebench.sweep.reduce import level
 from torquebench.sweep.sensitivity import Sensitivity
 
@@ -31,7 +43,8 @@ def sweep_figures(
     """Draw every figure that a sweep's table has the columns for, by file name.
 
     ``spread``: metrics by law; ``over-KEY``: over each key of the grid; ``map-METRIC``: over the first two keys of the
-    grid; ``front``: error against chattering of every law and choice of gains; ``effects-METRIC``: what matters.
+    grid; ``front``: error against chattering of every law and choice of gains; ``effects-METRIC``: what matters, where
+    anything does.
 
     Args:
         table: The table.
@@ -60,7 +73,7 @@ def sweep_figures(
         figures["front"] = front_page(spots, heading, subtitle, "which it is", controllers(table))
     for metric in metrics:
         told = [one for one in found if one.metric == metric and one.effects is not None]
-        if told:
+        if any(effect.matters for one in told if one.effects for effect in one.effects.effects):
             heading = f"{title}: what the {INFO[metric].title} depends on"
             figures[f"effects-{metric}"] = effects_page(told, heading, subtitle)
     return figures
@@ -72,10 +85,11 @@ def slug(key: str) -> str:
 
 
 def front_spots(table: Table) -> list[Spot]:
-    """Return error and chattering of every law and choice: geometric means over draws and conditions.
+    """Return error and chattering of every law and choice, each in the condition in which it is worst.
 
-    Keys of the grid that start as `CHOSEN` are choices, a key of one controller for this one alone; over all others the
-    mean is taken, as over draws. A choice of which any run failed is not among the best.
+    Keys of the grid that start as `CHOSEN` are choices, a key of one controller for this one alone; all others are
+    conditions. Figures are geometric means over draws. A choice of which no draw completed in some condition is left
+    out, one of which any run failed is not among the best.
 
     Args:
         table: The table.
@@ -83,19 +97,30 @@ def front_spots(table: Table) -> list[Spot]:
     if not {"rmse", "hf"} <= set(metric_keys(table)):
         return []
     found = []
-    grid = grid_keys(table)
+    grid = [key for key in grid_keys(table) if len(key_values(table, key)) > 1]
+    by_law = rows_by(table, "controller", "case")
     for law in controllers(table):
         own = [key for key in grid if key.startswith(CHOSEN) and _concerns(key, law)]
-        own = [key for key in own if len(key_values(table, key)) > 1]
-        for (name, *values), rows in rows_by(table, "controller", *own).items():
-            error, chattering = level(table, rows, "rmse"), level(table, rows, "hf")
-            if name == law and error is not None and chattering is not None:
-                label = ", ".join(f"{key.split('.')[-1]} {value_text(v)}" for key, v in zip(own, values, strict=True))
-                found.append(Spot(law, label or law, error, chattering, not error.failed[0]))
-    best = undominated([(spot.error.ratio, spot.chattering.ratio) for spot in found if spot.best])
+        choices: dict[tuple[float | str | None, ...], list[Rows]] = {}
+        for (name, _), rows in by_law.items():
+            if name == law:
+                choices.setdefault(tuple(values_of(table, tuple(own), int(rows[0])).values()), []).append(rows)
+        for values, cases in choices.items():
+            error, chattering = (_worst([level(table, rows, key) for rows in cases]) for key in ("rmse", "hf"))
+            if error is not None and chattering is not None:
+                names = zip(own, values, strict=True)
+                label = ", ".join(f"{key.split('.')[-1]} {value_text(v)}" for key, v in names if v is not None)
+                whole = all(bool(np.all(completed(table, rows))) for rows in cases)
+                found.append(Spot(law, label or law, error, chattering, whole))
     places = [place for place, spot in enumerate(found) if spot.best]
+    best = undominated([(found[place].error.ratio, found[place].chattering.ratio) for place in places])
     ringed = {places[index] for index in best}
     return [spot._replace(best=place in ringed) for place, spot in enumerate(found)]
+
+
+def _worst(levels: Sequence[Ratio | None]) -> Ratio | None:
+    known = [level for level in levels if level is not None]
+    return max(known, key=lambda level: level.ratio) if len(known) == len(levels) else None
 
 
 def _concerns(key: str, law: str) -> bool:

@@ -15,6 +15,7 @@ from torquebench.report.sweep_tables import (
     failures_table,
     medians_table,
     overall_table,
+    silent_text,
 )
 from torquebench.sweep.columns import INFO, Table
 from torquebench.sweep.sensitivity import Sensitivity
@@ -31,8 +32,9 @@ CAPTIONS = {
     "over": "Geometric means over draws and all other keys, with 95 % intervals over draws. A law is missing where in "
     "every draw one of its runs failed.",
     "map": "Medians over draws and all other keys; in brackets how many runs failed.",
-    "front": "Geometric means over draws and conditions, with 95 % intervals. Ringed: no other law or choice has both "
-    "less error and less chattering, by these means; one with a failed run does not take part.",
+    "front": "Each law and choice in the condition in which it is worst, for error and for chattering: geometric means "
+    "over draws with 95 % intervals. Ringed: no other one has both less error and less chattering, by these means; one "
+    "with a failed run does not take part.",
     "effects": "Standardised rank regression coefficients, the strongest first, with intervals that hold for all laws, "
     "metrics and constants at once.",
 }
@@ -83,12 +85,12 @@ def sweep_page(
     return render(
         "sweep", title=info.name, lead=info.description or info.workload, asked=asked, reference=summary.reference,
         medians=medians_table(summary), failures=failures_table(summary), replay=info.replay,
-        overall=[(INFO[metric].title, overall_table(summary, metric)) for metric in shown],
+        overall=[(_heading(metric), overall_table(summary, metric)) for metric in shown],
         cases=[
-            (case_text(groups[0]), [(INFO[metric].title, case_table(summary, groups, metric)) for metric in shown])
+            (case_text(groups[0]), [(_heading(metric), case_table(summary, groups, metric)) for metric in shown])
             for groups in list(cases.values())[:MOST_CASES]
         ],
-        more=max(0, len(cases) - MOST_CASES), effects=effects_table(found),
+        more=max(0, len(cases) - MOST_CASES), effects=effects_table(found), silent=silent_text(found),
         config=info.config, facts=json.dumps(dict(info.facts), indent=2),
         figures=[picture(name, svg) for name, svg in (figures or {}).items()],
     )  # fmt: skip
@@ -102,6 +104,14 @@ def by_case(summary: Summary) -> dict[int, list[Group]]:
     return found
 
 
+def _heading(metric: str) -> str:
+    return _sentence(INFO[metric].title)
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
 def picture(name: str, svg: bytes) -> Picture:
     """Return a figure with its heading and what it shows.
 
@@ -111,4 +121,4 @@ def picture(name: str, svg: bytes) -> Picture:
     """
     kind, _, rest = name.partition("-")
     subject = INFO[rest].title if rest in INFO else rest.replace("-", " ")
-    return Picture(HEADINGS.get(kind, name).format(subject), svg.decode(), CAPTIONS.get(kind, ""))
+    return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg.decode(), CAPTIONS.get(kind, ""))

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from torquebench.report.tables import COLUMNS, STEP_COLUMNS, number
 from torquebench.statistics import Ratio, Share
+from torquebench.sweep.effects import ranked
 from torquebench.sweep.reduce import TAIL, Figure
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Group, Overall, Summary
@@ -105,22 +106,41 @@ def failures_table(summary: Summary) -> Cells:
 
 
 def effects_table(found: Sequence[Sensitivity]) -> Cells:
-    """Return a row for each law and metric: what matters for it, the strongest first."""
+    """Return a row for each law and metric of which something matters: what, ranked, and in which terms."""
     rows = []
     for one in found:
-        title = TITLES[one.metric][0].split(" [")[0]
-        cases = ", ".join(map(str, one.cases))
-        if one.effects is None:
-            rows.append([one.controller, title, cases, str(one.draws), f"nothing can be said: {one.reason}", ""])
-            continue
-        effects = one.effects.effects
+        effects = () if one.effects is None else one.effects.effects
         named = [f"{' = '.join(e.inputs)} {e.strength:+.2f} [{e.low:.2f}, {e.high:.2f}]" for e in effects if e.matters]
-        explained = one.effects.explained
-        share = "one at a time" if explained is None else f"{100 * max(explained, 0.0):.0f} % explained"
-        rows.append(
-            [one.controller, title, cases, str(one.draws), "; ".join(named) or f"none of {len(effects)}", share]
-        )
-    return ["controller", "metric", "cases", "draws", "what matters [95 %, all at once]", "by"], rows
+        if one.effects is not None and named:
+            explained = one.effects.explained
+            share = "one at a time" if explained is None else f"{100 * max(explained, 0.0):.0f} % explained"
+            cases = ", ".join(map(str, one.cases))
+            order = ", ".join(ranked(effects))
+            rows.append(
+                [one.controller, metric_name(one.metric), cases, str(one.draws), order, "; ".join(named), share]
+            )
+    header = ["controller", "metric", "cases", "draws", "what matters", "how [95 %, all at once]", "without products"]
+    return header, rows
+
+
+def silent_text(found: Sequence[Sensitivity]) -> str:
+    """Return of which laws and metrics nothing is said to matter, and why; empty when there are none."""
+    reasons: dict[str, list[str]] = {}
+    for one in found:
+        if one.effects is None:
+            reason = one.reason
+        elif any(effect.matters for effect in one.effects.effects):
+            continue
+        else:
+            count = len(one.effects.effects)
+            reason = f"none of {count} and of their {one.effects.pairs} products shows in {one.draws} draws"
+        reasons.setdefault(reason, []).append(f"{metric_name(one.metric)} of {one.controller}")
+    return "; ".join(f"{', '.join(dict.fromkeys(names))}: {reason}" for reason, names in reasons.items())
+
+
+def metric_name(metric: str) -> str:
+    """Return the short name of a metric, without its unit."""
+    return TITLES[metric][0].split(" [")[0]
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -19,7 +19,7 @@ from torquebench.robot.puma560.constants import fitted_constants
 from torquebench.robot.puma560.puma import puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sweep.columns import Rows, Table, checked, controllers, finished, grid_keys, rows_by, varied_keys
-from torquebench.sweep.effects import Effects, effects_on, ranks
+from torquebench.sweep.effects import Effects, effects_on, ranked, ranks
 
 MOST_DRAWS = 1000
 """Draws that are looked at: beyond these an effect that is still unseen is too small to matter."""
@@ -47,7 +47,8 @@ class Sensitivity(NamedTuple):
         return self._asdict() | {
             "cases": list(self.cases),
             "effects": None if effects is None else effects._asdict() | {
-                "effects": [e._asdict() | {"inputs": list(e.inputs), "matters": e.matters} for e in effects.effects]
+                "effects": [e._asdict() | {"inputs": list(e.inputs), "matters": e.matters} for e in effects.effects],
+                "ranked": ranked(effects.effects),
             },
         }  # fmt: skip
 
@@ -105,10 +106,10 @@ def sensitivities(
     drawn = _drawn_keys(table, draws)
     together = _alike(table, draws, experiment_of, drawn)
     places = [(cases, inputs, law) for cases, inputs in together for law in controllers(table)]
-    tests = sum(len(inputs) for _, inputs, _ in places) * len(metrics)
+    outputs = len(places) * len(metrics)
     return [
         _one(law, metric, cases, _ranked(table, [by_group[case, law] for case in cases], metric, draws), inputs,
-             confidence, tests)
+             confidence, outputs)
         for cases, inputs, law in places for metric in metrics
     ]  # fmt: skip
 
@@ -166,12 +167,12 @@ def _ranked(table: Table, parts: Sequence[Rows], metric: str, draws: NDArray[np.
 
 def _one(
     law: str, metric: str, cases: tuple[int, ...], figures: Array, inputs: Mapping[str, Array], confidence: float,
-    tests: int,
+    outputs: int,
 ) -> Sensitivity:  # fmt: skip
     known = np.isfinite(np.array([figures, *inputs.values()])).all(axis=0)
     counts = int(known.sum()), int((~known).sum())
     try:
-        found = effects_on(figures[known], {name: x[known] for name, x in inputs.items()}, confidence, tests)
+        found = effects_on(figures[known], {name: x[known] for name, x in inputs.items()}, confidence, outputs)
     except ResultError as error:
         return Sensitivity(law, metric, cases, *counts, None, str(error))
     return Sensitivity(law, metric, cases, *counts, found, "")
