@@ -1,4 +1,4 @@
-"""Paired ratios are Student's paired t-test on the logarithms, and failures are counted, never averaged."""
+"""Ratios, shares and tails against independent sources; failures are counted, never averaged."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from torquebench.errors import ResultError
-from torquebench.statistics import paired_ratio
+from torquebench.statistics import clopper_pearson, cvar, paired_ratio, undominated
 
 
 def test_the_interval_is_that_of_the_paired_t_test() -> None:
@@ -56,3 +56,59 @@ def test_what_cannot_be_compared_is_refused(a: list[float | None], b: list[float
     """Lists of different length, no pair, and values without a logarithm."""
     with pytest.raises(ResultError, match=text):
         paired_ratio(a, b)
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(0, 1), (1, 1), (0, 30), (30, 30), (7, 30), (999, 1000)])
+def test_clopper_pearson_is_scipys_exact_interval(successes: int, trials: int) -> None:
+    """The same as scipy.stats.binomtest, which inverts the test by root finding: 1e-9."""
+    wanted = stats.binomtest(successes, trials).proportion_ci(0.9, "exact")
+    found = clopper_pearson(successes, trials, 0.9)
+    assert (found.low, found.high) == pytest.approx((wanted.low, wanted.high), rel=1e-9, abs=1e-12)
+
+
+def test_clopper_pearson_covers() -> None:
+    """Whatever the probability, the intervals that contain it have at least 95 % of the binomial probability."""
+    intervals = [clopper_pearson(k, 20) for k in range(21)]
+    for p in np.linspace(0.01, 0.99, 99):
+        inside = np.array([share.low <= p <= share.high for share in intervals])
+        assert stats.binom.pmf(np.arange(21), 20, p)[inside].sum() >= 0.95
+
+
+def test_no_failure_in_n_runs_bounds_the_rate() -> None:
+    """The upper bound without a failure solves (1 - p)^n = 0.025, the rule of three at another level."""
+    assert clopper_pearson(0, 100).high == pytest.approx(1.0 - 0.025**0.01, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "share", "wanted"),
+    [([1.0, 2.0, 3.0, 4.0], 0.5, 3.5), ([4.0, 1.0, 3.0, 2.0], 0.25, 4.0), ([1.0, 2.0, 3.0, 4.0], 1.0, 2.5),
+     ([1.0, 2.0, 3.0, 4.0], 0.375, (4.0 + 0.5 * 3.0) / 1.5), ([1.0, 2.0], 0.01, 2.0)],
+)  # fmt: skip
+def test_cvar_by_hand(values: list[float], share: float, wanted: float) -> None:
+    """Whole counts are plain means of the worst, a part of a run counts as that part, less than one is the worst."""
+    assert cvar(values, share) == pytest.approx(wanted, rel=1e-12)
+    assert cvar([-x for x in values], share, higher_is_worse=False) == pytest.approx(-wanted, rel=1e-12)
+
+
+def test_cvar_is_the_least_of_rockafellar_and_uryasev() -> None:
+    """Their definition, min over c of c + mean(max(x - c, 0))/share, has its minimum at a value of the sample."""
+    x = np.random.default_rng(8).normal(size=37)
+    for share in (0.05, 0.1, 0.33, 0.9):
+        wanted = min(c + np.mean(np.maximum(x - c, 0.0)) / share for c in x)
+        assert cvar(x.tolist(), share) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_undominated_points() -> None:
+    """Points that another one beats in one figure, and not loses to in the other, are out; equal ones both stay."""
+    assert undominated([(1.0, 5.0), (2.0, 2.0), (2.0, 3.0), (5.0, 1.0), (6.0, 1.0), (2.0, 2.0)]) == [0, 1, 3, 5]
+    assert undominated([]) == []
+
+
+def test_no_share_of_nothing() -> None:
+    """No runs, more successes than runs, and a tail that is none."""
+    for successes, trials in ((0, 0), (3, 2), (-1, 2)):
+        with pytest.raises(ResultError, match="is not a share"):
+            clopper_pearson(successes, trials)
+    for values, share in (([], 0.1), ([1.0], 0.0), ([1.0], 1.5)):
+        with pytest.raises(ResultError, match="has no mean"):
+            cvar(values, share)

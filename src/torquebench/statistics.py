@@ -1,4 +1,4 @@
-"""Comparing laws draw by draw: geometric-mean ratios of a metric with intervals, failures counted apart."""
+"""Comparing laws draw by draw: geometric-mean ratios, shares and tails with intervals, failures counted apart."""
 
 from __future__ import annotations
 
@@ -71,3 +71,72 @@ def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidenc
     mean, half = mean_interval([math.log(x / y) for x, y in pairs], confidence)
     failed = sum(x is None for x in a), sum(y is None for y in b)
     return Ratio(math.exp(mean), math.exp(mean - half), math.exp(mean + half), len(pairs), failed)
+
+
+def geometric_mean(values: Sequence[float | None]) -> Ratio:
+    """Return the geometric mean of a positive figure over draws, with its interval, as `paired_ratio` to 1."""
+    return paired_ratio(values, [1.0] * len(values))
+
+
+class Share(NamedTuple):
+    """How many of so many, and between which bounds the probability behind it lies."""
+
+    successes: int
+    trials: int
+    low: float
+    """Lower end of the interval [1]."""
+    high: float
+    """Upper end."""
+
+
+def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> Share:
+    """Return a share with its exact binomial interval, which covers the probability at least as often as it says.
+
+    low solves P(X >= successes) = (1 - confidence)/2 and high P(X <= successes) = (1 - confidence)/2, X binomial:
+    quantiles of beta distributions. Clopper and Pearson, Biometrika 26 (1934), 404.
+
+    Args:
+        successes: How many succeeded.
+        trials: How many there were, independent of one another; at least one.
+        confidence: Probability content of the interval [1].
+
+    Raises:
+        ResultError: there is no trial, or a number of successes that cannot be.
+    """
+    if not 0 <= successes <= trials or trials == 0:
+        raise ResultError(f"{successes} of {trials} is not a share")
+    tail = 0.5 * (1.0 - confidence)
+    low = 0.0 if successes == 0 else float(stats.beta.ppf(tail, successes, trials - successes + 1))
+    high = 1.0 if successes == trials else float(stats.beta.ppf(1.0 - tail, successes + 1, trials - successes))
+    return Share(successes, trials, low, high)
+
+
+def cvar(values: Sequence[float], share: float, higher_is_worse: bool = True) -> float:
+    """Return the conditional value at risk: the mean of the worst `share` of a sample.
+
+    Where share n is not whole, the value at the edge counts with the fraction that is left: of 30 values the worst
+    tenth is the mean of 3, the worst 5 % (the worst + half of the second) / 1.5. Rockafellar and Uryasev, Journal of
+    Banking & Finance 26 (2002), 1443, for a sample of equally likely values.
+
+    Args:
+        values: At least one.
+        share: How much of the sample [1], above 0, at most 1.
+        higher_is_worse: Whether the worst are the largest.
+
+    Raises:
+        ResultError: there is no value, or the share is not one.
+    """
+    if not len(values) or not 0.0 < share <= 1.0:
+        raise ResultError(f"the worst {share:g} of {len(values)} values has no mean")
+    worst = np.sort(np.asarray(values, dtype=np.float64))
+    worst = worst[::-1] if higher_is_worse else worst
+    weights = np.clip(share * len(worst) - np.arange(len(worst)), 0.0, 1.0)
+    return float(np.dot(weights, worst) / np.sum(weights))
+
+
+def undominated(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Return the indices of the points than which no other one is lower in one figure and not higher in the other."""
+    return [
+        i for i, (x, y) in enumerate(points)
+        if not any(a <= x and b <= y and (a < x or b < y) for a, b in points)
+    ]  # fmt: skip

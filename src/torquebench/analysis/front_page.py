@@ -12,8 +12,6 @@ from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, new_page
 from torquebench.statistics import Ratio
 
-MARKERS = "osD^vP"
-
 
 class Spot(NamedTuple):
     """One choice of gains."""
@@ -30,27 +28,32 @@ class Spot(NamedTuple):
     """Whether it is on the front."""
 
 
-def front_page(spots: Sequence[Spot], title: str, subtitle: str) -> Figure:
+PHI = "its phi [rad/s]"
+
+
+def front_page(
+    spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = ()
+) -> Figure:
     """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the front ringed.
 
     Args:
         spots: Choices of gains.
         title, subtitle: Headings.
+        labels: What the spots' labels are.
+        order: Families whose places set colour and dash; empty for those of the spots.
     """
-    families = list(dict.fromkeys(spot.family for spot in spots))
+    families = list(dict.fromkeys((*order, *(spot.family for spot in spots))))
     with style.journal_style():
         fig = new_page(1, 4.6, 4.6)
         ax = fig.add_subplot()
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+        for axis, figures in ((ax.xaxis, [s.chattering for s in spots]), (ax.yaxis, [s.error for s in spots])):
+            style.fit_scale(axis, [figure.low for figure in figures] + [figure.high for figure in figures])
         keys = []
         for index, family in enumerate(families):
             own = [spot for spot in spots if spot.family == family]
-            look: dict[str, Any] = {
-                "color": style.COLOURS[index % len(style.COLOURS)],
-                "linestyle": style.DASHES[index % len(style.DASHES)], "marker": MARKERS[index % len(MARKERS)],
-                "markersize": 4.0, "linewidth": 0.9,
-            }  # fmt: skip
+            if not own:
+                continue
+            look = style.spot_look(index) | {"markersize": 4.0, "linewidth": 0.9}
             x, y = [s.chattering.ratio for s in own], [1e3 * s.error.ratio for s in own]
             ax.errorbar(
                 x, y, elinewidth=0.9, capsize=1.5, **look,
@@ -67,13 +70,14 @@ def front_page(spots: Sequence[Spot], title: str, subtitle: str) -> Figure:
         }  # fmt: skip
         ax.plot([s.chattering.ratio for s in best], [1e3 * s.error.ratio for s in best], **ring)
         for spot in best:
+            at = spot.chattering.ratio, 1e3 * spot.error.ratio
+            right = ax.transAxes.inverted().transform(ax.transData.transform(at))[0] > 0.8
             ax.annotate(
-                spot.label, (spot.chattering.ratio, 1e3 * spot.error.ratio), (6.0, -7.0), textcoords="offset points",
-                fontsize=6.5, color="0.25",
+                spot.label, at, (-6.0 if right else 6.0, -7.0), textcoords="offset points",
+                ha="right" if right else "left", fontsize=6.5, color="0.25",
             )  # fmt: skip
         ax.set_xlabel("chattering index HF [% of the torque limit]")
         ax.set_ylabel("RMS error [mrad]")
-        style.plain_decades(ax)
-        keys.append(Line2D([], [], label="no choice is better in both; its phi [rad/s]", **ring))
+        keys.append(Line2D([], [], label=f"no choice is better in both; {labels}", **ring))
         finish_page(fig, title, subtitle, keys)
     return fig

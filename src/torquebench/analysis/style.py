@@ -13,16 +13,18 @@ import matplotlib.style
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from torquebench.kernel import Array
+from torquebench.metrics import MetricInfo
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#882255")
 """Okabe-Ito without black, which is the reference's; a wine red stands for its yellow, which is lost on white."""
 DASHES: tuple[Any, ...] = ("-", (0, (5.0, 1.6)), (0, (6.0, 1.4, 1.2, 1.4)), (0, (1.4, 1.2)), (0, (9.0, 2.0)))
 """Prime to the number of colours in number: both together repeat after 35 controllers only."""
+MARKERS = "osD^vP"
 PNG_DPI = 150
 
 _RC: dict[str, Any] = {
@@ -60,6 +62,14 @@ def journal_style() -> Iterator[None]:
     """
     with matplotlib.style.context(["default", _RC]):
         yield
+
+
+def spot_look(place: int) -> dict[str, Any]:
+    """Return colour, dash and marker of the family, or law, at a place of the legend."""
+    return {
+        "color": COLOURS[place % len(COLOURS)], "linestyle": DASHES[place % len(DASHES)],
+        "marker": MARKERS[place % len(MARKERS)],
+    }  # fmt: skip
 
 
 def figure_bytes(fig: Figure, fmt: Literal["svg", "png"]) -> bytes:
@@ -203,3 +213,26 @@ def plain_powers(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(numticks=6))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
+
+
+def fit_scale(axis: Axis, values: npt.ArrayLike) -> bool:
+    """Give one axis a logarithmic scale where its values are positive and span a decade; say whether it has one.
+
+    Over fewer than three decades 2 and 5 are written between the powers of ten, on a linear axis plain numbers.
+    """
+    known = _finite([np.asarray(values, dtype=np.float64)])
+    span = float(known.max() / known.min()) if known.size and known.min() > 0.0 else 1.0
+    if span < 10.0:
+        axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "\u2212")))
+        return False
+    (axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale)("log")
+    plain_powers(axis)
+    if span < 1000.0:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    return True
+
+
+def metric_unit(info: MetricInfo, peak: float) -> Unit:
+    """Return how values of a metric up to `peak` are written; only angles and times take a prefix."""
+    return choose_unit(peak, info.unit) if info.unit.startswith(("rad", "s")) else Unit(info.unit, 1.0)

@@ -12,10 +12,9 @@ from torquebench.experiment.build import build
 from torquebench.experiment.run import metrics_of
 from torquebench.experiment.schema import Controller, Experiment
 from torquebench.paper.runs import draws_of
-from torquebench.paper.verdicts import geometric_mean
 from torquebench.robot.library import data_root
 from torquebench.sim.batch import Workers
-from torquebench.statistics import Ratio
+from torquebench.statistics import Ratio, geometric_mean, undominated
 
 PHI = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0)
 """Half-widths of the band [rad/s]; 0 is sgn(s)."""
@@ -90,8 +89,5 @@ def study(draws: int, workers: int, progress: Callable[[str, int], None] | None 
 def front(points: Sequence[Point]) -> list[Point]:
     """Return the points that no other one beats in both error and chattering, by chattering; failures disqualify."""
     whole = [p for p in points if p.failed == 0]
-    best = [
-        p for p in whole
-        if not any(o is not p and o.rmse.ratio <= p.rmse.ratio and o.hf.ratio <= p.hf.ratio for o in whole)
-    ]  # fmt: skip
-    return sorted(best, key=lambda p: p.hf.ratio)
+    best = undominated([(p.rmse.ratio, p.hf.ratio) for p in whole])
+    return sorted((whole[index] for index in best), key=lambda p: p.hf.ratio)

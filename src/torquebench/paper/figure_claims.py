@@ -10,9 +10,9 @@ from torquebench.paper.verdicts import (
     ablated,
     as_well,
     below,
-    geometric_mean,
     judged,
     text,
+    typical,
 )
 from torquebench.paper.workload import (
     BIAS,
@@ -58,7 +58,7 @@ def removes_chattering(x: Records) -> Claim:
     places += [(ref, chain, NOMINAL) for chain in ("fast", "slow") for ref in ("sine", "step", "ramp")]
     places += [("sine", chain, NOISE) for chain in ("fast", "slow")]
     cases = [
-        below("linear band", place, geometric_mean(x.values("hf", "linear-band", *place)), NO_CHATTERING)
+        below("linear band", place, typical(x.values("hf", "linear-band", *place)), NO_CHATTERING)
         for place in places
     ]  # fmt: skip
     left = {

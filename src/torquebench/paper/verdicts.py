@@ -169,7 +169,7 @@ def _chains(chains: Sequence[str]) -> str:
     return "all chains" if set(chains) == set(CHAINS) else f"{' and '.join(chains)} chain"
 
 
-def geometric_mean(values: Sequence[float | None]) -> Ratio:
+def typical(values: Sequence[float | None]) -> Ratio:
     """Return the geometric mean of a positive figure over draws, with its interval; NaN where no draw has one."""
     return ratio_of(values, [1.0] * len(values))
 

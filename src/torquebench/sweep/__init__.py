@@ -1,1 +1,1 @@
-"""Sweeps: grids and random draws over any key of an experiment."""
+"""Many closed loops: grids and draws over any key of an experiment, kept as one table, and what the table says."""

@@ -1,0 +1,71 @@
+"""Metrics over one key of a sweep: a line for each law, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from torquebench.analysis import style
+from torquebench.analysis.page import finish_page, new_page, printable
+from torquebench.analysis.sweep_parts import key_label, key_values, metric_scale, value_text
+from torquebench.sweep.columns import Rows, Table, rows_by
+from torquebench.sweep.reduce import level
+
+
+def course_page(table: Table, key: str, metrics: Sequence[str], title: str, subtitle: str) -> Figure:
+    """Draw geometric means over the draws, and over all other keys, with 95 % intervals; a panel for each metric.
+
+    A law is missing at a value at which no draw of it has the metric. Words stand side by side without lines.
+
+    Args:
+        table: The sweep's table.
+        key: The key along x.
+        metrics: Names of metrics, one below the other.
+        title, subtitle: Headings.
+    """
+    values = key_values(table, key)
+    cells = rows_by(table, "controller", key)
+    laws = [law for (law,) in rows_by(table, "controller")]
+    with style.journal_style():
+        fig = new_page(len(metrics), 2.0, 2.4)
+        panels = fig.subplots(len(metrics), 1, sharex=True, squeeze=False)[:, 0]
+        for ax, metric in zip(panels, metrics, strict=True):
+            _panel(ax, table, cells, laws, values, metric)
+        if not isinstance(values[0], str):
+            style.fit_scale(panels[-1].xaxis, values)
+        panels[-1].set_xlabel(key_label(key))
+        fig.align_ylabels(panels)
+        handles = [
+            Line2D([], [], label=printable(law), markersize=4.0, linewidth=0.9, **style.spot_look(place))
+            for place, law in enumerate(laws)
+        ]
+        finish_page(fig, title, subtitle, handles)
+    return fig
+
+
+def _panel(
+    ax: Axes, table: Table, cells: dict[tuple[str, float | str], Rows], laws: Sequence[str],
+    values: Sequence[float | str], metric: str,
+) -> None:  # fmt: skip
+    scale, words = metric_scale(table, metric), isinstance(values[0], str)
+    ends: list[float] = []
+    for place, law in enumerate(laws):
+        found = []
+        for at, value in enumerate(values):
+            ratio = level(table, cells[law, value], metric) if (law, value) in cells else None
+            if ratio is not None:
+                x = at + 0.6 * ((place + 0.5) / len(laws) - 0.5) if isinstance(value, str) else value
+                found.append((x, *(scale.factor * y for y in ratio[:3])))
+        if found:
+            x, y, low, high = np.array(found).T
+            look = style.spot_look(place) | ({"linestyle": "none"} if words else {})
+            ax.errorbar(x, y, [y - low, high - y], markersize=3.5, linewidth=0.9, elinewidth=0.9, capsize=1.5, **look)
+            ends += [*low, *high]
+    style.fit_scale(ax.yaxis, ends)
+    if words:
+        ax.set_xticks(range(len(values)), [value_text(value) for value in values])
+    ax.set_ylabel(scale.label.replace(" [", "\n["))

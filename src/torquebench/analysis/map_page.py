@@ -1,0 +1,101 @@
+"""A metric over two keys of a sweep's grid: a map for each law, one scale of colours for all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from torquebench.analysis import style
+from torquebench.analysis.page import finish_page, new_page, printable
+from torquebench.analysis.sweep_parts import key_label, key_values, metric_scale, scaled, value_text
+from torquebench.kernel import Array
+from torquebench.sweep.columns import Table, completed, rows_by
+
+COLUMNS = 3
+_MAP = colormaps["cividis"]
+"""Rises evenly in lightness, and looks alike to the colour-blind."""
+
+
+def map_page(table: Table, keys: tuple[str, str], metric: str, title: str, subtitle: str) -> Figure:
+    """Draw the median of a metric over the draws, and over all other keys, in each cell; failures in brackets.
+
+    Args:
+        table: The sweep's table.
+        keys: Keys of the grid along x and y.
+        metric: Name of the metric.
+        title, subtitle: Headings.
+    """
+    scale = metric_scale(table, metric)
+    xs, ys = key_values(table, keys[0]), key_values(table, keys[1])
+    cells = rows_by(table, "controller", *keys)
+    laws = [law for (law,) in rows_by(table, "controller")]
+    medians = {law: np.full((len(ys), len(xs)), np.nan) for law in laws}
+    failures = {law: np.zeros((len(ys), len(xs)), dtype=np.int64) for law in laws}
+    for (law, x, y), rows in cells.items():
+        if x in xs and y in ys:
+            at = ys.index(y), xs.index(x)
+            medians[law][at] = _median(scaled(table, rows, metric, scale))
+            failures[law][at] = int(np.sum(~completed(table, rows)))
+    with style.journal_style():
+        columns = min(COLUMNS, len(laws))
+        lines = -(-len(laws) // columns)
+        height = 0.5 + 0.24 * max(len(ys), 3)
+        fig = new_page(lines, height, height)
+        grid = fig.add_gridspec(lines, columns)
+        norm = _norm(np.array(list(medians.values())))
+        panels = []
+        for place, law in enumerate(laws):
+            ax = fig.add_subplot(grid[place // columns, place % columns])
+            _draw(ax, medians[law], failures[law], norm)
+            ax.set_title(printable(law), loc="left", pad=3.0)
+            ax.set_xticks(range(len(xs)), [value_text(x) for x in xs])
+            ax.set_yticks(range(len(ys)), [value_text(y) for y in ys] if place % columns == 0 else [""] * len(ys))
+            panels.append(ax)
+        fig.supxlabel(key_label(keys[0]), fontsize=8.0)
+        fig.supylabel(key_label(keys[1]), fontsize=8.0)
+        bar = fig.colorbar(panels[0].images[0], ax=panels, aspect=30, fraction=0.05, pad=0.02)
+        bar.set_label(f"median {scale.label}")
+        bar.outline.set_linewidth(0.6)
+        style.fit_scale(bar.ax.yaxis, [norm.vmin or 0.0, norm.vmax or 0.0])
+        handles = [Patch(facecolor="white", edgecolor="0.4", hatch="////", label="no run has it")]
+        if any(np.any(own) for own in failures.values()):
+            handles.append(Patch(facecolor="white", edgecolor="white", label="(n): n runs failed, and are left out"))
+        finish_page(fig, title, subtitle, handles)
+    return fig
+
+
+def _median(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def _norm(values: Array) -> Normalize:
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    return LogNorm(low, high) if low > 0.0 and high >= 10.0 * low else Normalize(low, high if high > low else low + 1.0)
+
+
+def _draw(ax: Axes, values: Array, failed: Any, norm: Normalize) -> None:
+    ax.set_facecolor("white")
+    rows, columns = values.shape
+    ax.imshow(
+        np.ma.masked_invalid(values), cmap=_MAP, norm=norm, aspect="auto", origin="lower", interpolation="nearest"
+    )
+    size = 6.5 if columns <= 4 else 5.5 if columns <= 6 else 4.5
+    for i, j in np.ndindex(rows, columns):
+        beside = f"\n({failed[i, j]})" if failed[i, j] else ""
+        if np.isfinite(values[i, j]):
+            colour = "black" if float(norm(values[i, j])) > 0.55 else "white"
+            ax.text(j, i, f"{values[i, j]:.3g}{beside}", ha="center", va="center", fontsize=size, color=colour)
+        else:
+            ax.fill_between(
+                (j - 0.5, j + 0.5), i - 0.5, i + 0.5, facecolor="white", edgecolor="0.4", hatch="////", lw=0.0
+            )
+    ax.grid(False)
+    ax.tick_params(length=0.0)

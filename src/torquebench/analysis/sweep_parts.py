@@ -1,0 +1,61 @@
+"""What the figures of a sweep share: titles of metrics and keys with their units, and names for values."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from torquebench.analysis import style
+from torquebench.experiment.units import unit_of
+from torquebench.kernel import Array
+from torquebench.sweep.columns import INFO, Rows, Table, finished
+
+
+class Scale(NamedTuple):
+    """How values of a metric are written."""
+
+    label: str
+    """Title and unit."""
+    factor: float
+    """By how much an SI value is multiplied."""
+
+
+def metric_scale(table: Table, key: str) -> Scale:
+    """Return how a metric of a sweep is written: with the prefix that suits its median."""
+    info = INFO[key]
+    values = finished(table, np.arange(len(table["index"])), key)
+    known = np.abs(values[np.isfinite(values)])
+    unit = style.metric_unit(info, float(np.median(known)) if known.size else 0.0)
+    return Scale(f"{info.title} [{unit.name}]", unit.factor)
+
+
+def key_label(key: str) -> str:
+    """Return a key with its unit, where it is a number."""
+    unit = unit_of(key)
+    return key if unit is None else f"{key} [{unit}]"
+
+
+def key_values(table: Table, key: str) -> list[float | str]:
+    """Return the values of a key: numbers ascending, words in order of their first rows."""
+    if table[key].dtype.kind == "f":
+        known = table[key][np.isfinite(table[key])]
+        return [float(value) for value in np.unique(known)]
+    return list(dict.fromkeys(table[key].tolist()))
+
+
+def value_text(value: float | str) -> str:
+    """Return a value of a key as text."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def scaled(table: Table, rows: Rows, key: str, scale: Scale) -> Array:
+    """Return a metric in some rows as it is written, NaN where the run failed or has none.
+
+    Args:
+        table: The table.
+        rows: Which rows.
+        key: The metric.
+        scale: How it is written.
+    """
+    return scale.factor * finished(table, rows, key)

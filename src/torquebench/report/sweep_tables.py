@@ -1,0 +1,149 @@
+"""The tables of a sweep, as text: each law over all cases and in each case, and what its figures depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from torquebench.report.tables import COLUMNS, STEP_COLUMNS, number
+from torquebench.statistics import Ratio, Share
+from torquebench.sweep.effects import ranked
+from torquebench.sweep.reduce import TAIL, Figure
+from torquebench.sweep.sensitivity import Sensitivity
+from torquebench.sweep.summary import Group, Overall, Summary
+
+SHOWN = ("rmse", "hf")
+"""Metrics that tables tell more of than the median."""
+TITLES = COLUMNS | STEP_COLUMNS
+Cells = tuple[list[str], list[list[str]]]
+"""Header and rows."""
+
+
+def medians_table(summary: Summary) -> Cells:
+    """Return a row for each law: how many runs completed, and the medians of these over all cases and draws."""
+    keys = [key for key in TITLES if key in summary.metrics]
+    rows = [
+        [law.controller, f"{law.successes:,} of {law.runs:,}", *(_median(law.figures, key) for key in keys)]
+        for law in summary.overall
+    ]
+    return ["controller", "completed", *(TITLES[key][0] for key in keys)], rows
+
+
+def overall_table(summary: Summary, metric: str) -> Cells:
+    """Return a row for each law with one metric over all cases: centre, tail, worst run, ratio to the reference.
+
+    Args:
+        summary: The sweep's summary.
+        metric: Name of the metric.
+    """
+    return _header(summary, metric), [[law.controller, *_cells(law, metric)] for law in summary.overall]
+
+
+def case_table(summary: Summary, groups: Sequence[Group], metric: str) -> Cells:
+    """Return a row for each law in one case: runs that completed with their interval, then as `overall_table`.
+
+    Args:
+        summary: The sweep's summary.
+        groups: The laws' groups of the case.
+        metric: Name of the metric.
+    """
+    header = _header(summary, metric)
+    rows = [[group.controller, share_text(group.successes), *_cells(group, metric)] for group in groups]
+    return [header[0], "completed [95 %]", *header[1:]], rows
+
+
+def _header(summary: Summary, metric: str) -> list[str]:
+    title = TITLES[metric][0]
+    return [
+        "controller", f"mean {title}", "median", f"worst {100 * TAIL:g} %", "worst", "its index",
+        f"over {summary.reference}'s [95 %]",
+    ]  # fmt: skip
+
+
+def _cells(own: Group | Overall, metric: str) -> list[str]:
+    figure, scale = own.figures.get(metric), TITLES[metric][1]
+    if figure is None:
+        return ["-"] * 6
+    values = (figure.mean, figure.median, figure.cvar, figure.worst)
+    return [*(number(value, scale) for value in values), str(figure.worst_row), ratio_text(own.ratios.get(metric))]
+
+
+def _median(figures: Mapping[str, Figure], key: str) -> str:
+    return number(figures[key].median, TITLES[key][1]) if key in figures else "-"
+
+
+def ratio_text(ratio: Ratio | None) -> str:
+    """Return a ratio with its interval, and in how many pairs one of the two had no value."""
+    if ratio is None:
+        return "-"
+    interval = f" [{ratio.low:.3g}, {ratio.high:.3g}]" if ratio.pairs > 1 else ""
+    missing = f", {max(ratio.failed)} left out" if any(ratio.failed) else ""
+    return f"{ratio.ratio:.3g}{interval}{missing}"
+
+
+def share_text(share: Share) -> str:
+    """Return how many of how many, with the interval of the probability in %."""
+    return f"{share.successes} of {share.trials} [{100 * share.low:.3g}, {100 * share.high:.3g}] %"
+
+
+def case_text(group: Group) -> str:
+    """Return the values of a case as text."""
+    values = [
+        f"{key} = {value:g}" if isinstance(value, float) else f"{key} = {value}"
+        for key, value in group.values.items() if value is not None
+    ]  # fmt: skip
+    return ", ".join(values) or "the only case"
+
+
+def failures_table(summary: Summary) -> Cells:
+    """Return a row for each law and case in which a run failed: how many, how, and the first of them."""
+    rows = []
+    for group in summary.groups:
+        first = group.earliest_failure
+        if first is not None:
+            kinds = ", ".join(f"{n} {kind.lower().replace('_', ' ')}" for kind, n in group.outcomes.items())
+            rows.append([group.controller, case_text(group), kinds, str(first.row), str(first.draw)])
+    return ["controller", "case", "outcomes", "index of the earliest failure", "its draw"], rows
+
+
+def effects_table(found: Sequence[Sensitivity]) -> Cells:
+    """Return a row for each law and metric of which something matters: what, ranked, and in which terms."""
+    rows = []
+    for one in found:
+        effects = () if one.effects is None else one.effects.effects
+        named = [f"{' = '.join(e.inputs)} {e.strength:+.2f} [{e.low:.2f}, {e.high:.2f}]" for e in effects if e.matters]
+        if one.effects is not None and named:
+            explained = one.effects.explained
+            share = "one at a time" if explained is None else f"{100 * max(explained, 0.0):.0f} % explained"
+            cases = ", ".join(map(str, one.cases))
+            order = ", ".join(ranked(effects))
+            rows.append(
+                [one.controller, metric_name(one.metric), cases, str(one.draws), order, "; ".join(named), share]
+            )
+    header = ["controller", "metric", "cases", "draws", "what matters", "how [95 %, all at once]", "without products"]
+    return header, rows
+
+
+def silent_text(found: Sequence[Sensitivity]) -> str:
+    """Return of which laws and metrics nothing is said to matter, and why; empty when there are none."""
+    reasons: dict[str, list[str]] = {}
+    for one in found:
+        if one.effects is None:
+            reason = one.reason
+        elif any(effect.matters for effect in one.effects.effects):
+            continue
+        else:
+            count = len(one.effects.effects)
+            reason = f"none of {count} and of their {one.effects.pairs} products shows in {one.draws} draws"
+        reasons.setdefault(reason, []).append(f"{metric_name(one.metric)} of {one.controller}")
+    return "; ".join(f"{', '.join(dict.fromkeys(names))}: {reason}" for reason, names in reasons.items())
+
+
+def metric_name(metric: str) -> str:
+    """Return the short name of a metric, without its unit."""
+    return TITLES[metric][0].split(" [")[0]
+
+
+def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table as Markdown, figures aligned to the right."""
+    lines = [list(header), ["---", *("---:" for _ in header[1:])], *map(list, rows)]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"

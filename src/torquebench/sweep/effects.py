@@ -1,0 +1,178 @@
+"""Which of many inputs an output depends on, alone and in pairs: rank regression, intervals that hold all at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from torquebench.errors import ResultError
+from torquebench.kernel import Array
+
+TIED = 1.0 - 1e-6
+"""Rank correlation from which on two inputs count as one."""
+LEAST = 8
+"""Fewest samples that are looked at."""
+
+
+class Effect(NamedTuple):
+    """How much an output rises with one input, or with the product of two."""
+
+    inputs: tuple[str, ...]
+    """The input, or the two; the same twice for a square. Inputs that cannot be told apart share a name, ``a = b``."""
+    strength: float
+    """Standardised rank regression coefficient [1]: by how many standard deviations the output's rank rises with one
+    of the input's rank, or of the product's; of tied inputs the first one counts."""
+    low: float
+    """Lower end of its interval."""
+    high: float
+    """Upper end."""
+
+    @property
+    def matters(self) -> bool:
+        """Whether the interval excludes zero."""
+        return self.low > 0.0 or self.high < 0.0
+
+    @property
+    def name(self) -> str:
+        """The input, ``a x b``, or ``a^2``."""
+        if len(self.inputs) == 2 and self.inputs[0] == self.inputs[1]:
+            return f"{self.inputs[0]}^2"
+        return " x ".join(self.inputs)
+
+
+class Effects(NamedTuple):
+    """All effects on one output."""
+
+    method: Literal["joint", "single"]
+    """joint: one regression on all inputs; single: one for each by itself, where samples are too few for that."""
+    explained: float | None
+    """Share of the variance of the output's ranks that the inputs explain, adjusted for their number, without their
+    products; only joint."""
+    pairs: int
+    """Number of products that were looked at."""
+    effects: tuple[Effect, ...]
+    """Those of all inputs and of the products that matter, the strongest first."""
+
+
+def effects_on(output: Array, inputs: Mapping[str, Array], confidence: float = 0.95, outputs: int = 1) -> Effects:
+    """Regress an output's ranks on its inputs' ranks, and look at the products of two of them.
+
+    With z standardised ranks, z_out = sum_j b_j z_j + noise; b by least squares, its interval b_j -+ t se_j. b is 1
+    where the output follows one input monotonically, and sum b^2 is the explained share where the inputs are
+    independent. Iman and Conover, Technometrics 21 (1979), 499; Helton et al., Reliability Engineering & System Safety
+    91 (2006), 1175. With fewer than twice as many samples N as inputs, b_j is the rank correlation with input j alone
+    and se_j = 1/sqrt(N - 1), its standard deviation over all orders of the samples, with the normal quantile: Student's
+    finds too much in the far tail there.
+
+    That alone is blind where an error is as bad upwards as downwards, or where one error makes up for another: the
+    square of a sum of signed errors. Therefore the products x_i x_j and squares x_i^2, x from the middle of its range,
+    are looked at one by one in the same way. Effects of third order are not seen.
+
+    Half of the risk 1 - confidence goes to the inputs and half to the products, shared evenly (Bonferroni): under pure
+    noise, nothing at all is found with probability `confidence`. Inputs that do not vary are left out.
+
+    Args:
+        output: Samples of the output, (N,), finite.
+        inputs: Name -> samples of an input, (N,), in the output's order.
+        confidence: Probability that no interval misses its coefficient [1].
+        outputs: How many outputs share this confidence.
+
+    Raises:
+        ResultError: fewer than `LEAST` samples, an output that is always the same, or no input that varies.
+    """
+    if len(output) < LEAST:
+        raise ResultError(f"{len(output)} draws are too few, wanted at least {LEAST}")
+    if np.ptp(output) == 0.0:
+        raise ResultError("it is the same in every draw")
+    names, X = _groups(inputs)
+    if not names:
+        raise ResultError("nothing that is drawn varies")
+    k, n = X.shape
+    z, Z = _standardised(output), _standardised(X).T
+    risk = 0.25 * (1.0 - confidence) / outputs
+    explained = None
+    if n >= 2 * k and np.linalg.matrix_rank(Z.T @ Z) == k:
+        b, half, explained = _regressed(z, Z, 1.0 - risk / k)
+    else:
+        b, half = _correlated(z, Z, 1.0 - risk / k)
+    found = [_effect((name,), *ends) for name, *ends in zip(names, b.tolist(), half.tolist(), strict=True)]
+    places, products = _products(X)
+    if len(places):
+        b, half = _correlated(z, _standardised(products).T, 1.0 - risk / len(places))
+        pairs = [((names[i], names[j]), *ends) for (i, j), *ends in zip(places, b.tolist(), half.tolist(), strict=True)]
+        found += [effect for effect in (_effect(*pair) for pair in pairs) if effect.matters]
+    found.sort(key=lambda effect: -abs(effect.strength))
+    return Effects("single" if explained is None else "joint", explained, len(places), tuple(found))
+
+
+def _effect(inputs: tuple[str, ...], strength: float, half: float) -> Effect:
+    return Effect(inputs, strength, strength - half, strength + half)
+
+
+def ranks(values: Array) -> Array:
+    """Return the ranks along the last axis, 1 for the least; equal values share the mean of theirs."""
+    return np.asarray(stats.rankdata(values, axis=-1))
+
+
+def _standardised(values: Array) -> Array:
+    centred = ranks(values) - 0.5 * (values.shape[-1] + 1)
+    return np.asarray(centred / np.sqrt(np.mean(centred * centred, axis=-1, keepdims=True)))
+
+
+def _groups(inputs: Mapping[str, Array]) -> tuple[list[str], Array]:
+    """Return the inputs that vary, tied ones together, and the first of each from the middle of its range, (k, N)."""
+    varying = [name for name, values in inputs.items() if np.ptp(values) > 0.0]
+    if not varying:
+        return [], np.zeros((0, 0))
+    X = np.array([inputs[name] for name in varying])
+    Z = _standardised(X)
+    tied = np.abs(Z @ Z.T) >= TIED * Z.shape[1]
+    first = np.argmax(tied, axis=1)
+    kept = np.unique(first)
+    names = [" = ".join(varying[i] for i in np.flatnonzero(first == j)) for j in kept]
+    low, high = X[kept].min(axis=1, keepdims=True), X[kept].max(axis=1, keepdims=True)
+    return names, (X[kept] - 0.5 * (low + high)) / (0.5 * (high - low))
+
+
+def _products(X: Array) -> tuple[list[tuple[int, int]], Array]:
+    """Return pairs of inputs and their products, (m, N); the square of one with two values does not vary."""
+    i, j = np.triu_indices(len(X))
+    products = X[i] * X[j]
+    varies = np.ptp(products, axis=1) > 1e-9
+    return list(zip(i[varies].tolist(), j[varies].tolist(), strict=True)), products[varies]
+
+
+def _regressed(z: Array, Z: Array, level: float) -> tuple[Array, Array, float]:
+    """Return coefficients, half-widths of their intervals, and the explained share, adjusted."""
+    n, k = Z.shape
+    inverse = np.linalg.inv(Z.T @ Z)
+    b = inverse @ (Z.T @ z)
+    left = float(np.sum((z - Z @ b) ** 2)) / (n - k - 1)
+    half = stats.t.ppf(level, n - k - 1) * np.sqrt(left * np.diag(inverse))
+    return b, half, 1.0 - left * (n - 1) / n
+
+
+def _correlated(z: Array, Z: Array, level: float) -> tuple[Array, Array]:
+    """Return the correlation with each column by itself, and half-widths of their intervals."""
+    n, k = Z.shape
+    return Z.T @ z / n, np.full(k, stats.norm.ppf(level) / math.sqrt(n - 1))
+
+
+def strongest(effects: Sequence[Effect], most: int) -> list[Effect]:
+    """Return the effects that matter, and of the others as many of the strongest as fit into `most`."""
+    found = [effect for effect in effects if effect.matters]
+    rest = [effect for effect in effects if not effect.matters]
+    return found + rest[: max(0, most - len(found))]
+
+
+def ranked(effects: Sequence[Effect]) -> list[str]:
+    """Return the inputs that matter, by the sum of the squared strengths of what they matter in."""
+    share: dict[str, float] = {}
+    for effect in effects:
+        for name in set(effect.inputs) if effect.matters else ():
+            share[name] = share.get(name, 0.0) + effect.strength**2
+    return sorted(share, key=lambda name: -share[name])
