@@ -7,6 +7,7 @@ import errno
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -23,7 +24,7 @@ from torquebench.cli.main import main
 from torquebench.experiment.store import check_run
 from torquebench.metrics import METRICS
 
-THREADS = ("--executor", "threads", "--workers", "2")
+THREADS = ("--executor", "threads", "--workers", "2", "--no-figures")
 
 
 @pytest.fixture
@@ -75,7 +76,8 @@ def test_a_sweep_tells_its_work_runs_and_stores_its_table(small, command):
     assert "of memory, " in out
     assert " on disk" in out
     manifest = check_run(small.parent / "s")
-    assert set(manifest["files"]) == {"sweep.yaml", "plan.json", "results.npz", "results.csv"}
+    files = {"sweep.yaml", "plan.json", "results.npz", "results.csv", "summary.json", "sensitivity.json", "report.html"}
+    assert set(manifest["files"]) == files
     assert manifest["outcomes"] == {"band": {"COMPLETED": 36}, "sign": {"COMPLETED": 36}}
     table = table_of("s")
     keys = ["plant.payload.mass", "controllers.*.gains.phi", "controllers.*.gains.lam"]
@@ -124,7 +126,7 @@ def test_a_row_run_alone_has_the_metrics_of_the_table(swept, command):
 def test_tables_are_equal_in_every_byte_whoever_makes_them(small, once, command):
     """One thread, two, four, and two processes."""
     for name, how in (("a", ("threads", 1)), ("b", ("threads", 4)), ("c", ("processes", 2))):
-        assert command("sweep", small, "--out", name, "--executor", how[0], "--workers", how[1])[0] == 0
+        assert command("sweep", small, "--out", name, "--executor", how[0], "--workers", how[1], "--no-figures")[0] == 0
         assert files_of(name) == files_of(once)
 
 
@@ -321,7 +323,7 @@ def test_every_trajectory_is_kept_when_asked_for(small, command):
     """keep: all: as many files as rows."""
     command("sweep", small, "--out", "s", "--set", "sweep.keep=all", *THREADS)
     assert len(list(Path("s/trajectories").iterdir())) == 72
-    assert len(check_run(small.parent / "s")["files"]) == 76
+    assert len(check_run(small.parent / "s")["files"]) == 79
 
 
 PLUGIN = '''
@@ -380,7 +382,8 @@ def test_an_interrupted_sweep_says_how_to_go_on(small):
     """Ctrl-C: exit 130 with the command to type, no process left, and no manifest; that command finishes the sweep."""
     long = SMALL.replace("duration: 0.6", "duration: 20")
     small.write_text(long)
-    command = [sys.executable, "-m", "torquebench", "sweep", "small.yaml", "--out", "s", "--workers", "1"]
+    alone = ("--workers", "1", "--no-figures")
+    command = [sys.executable, "-m", "torquebench", "sweep", "small.yaml", "--out", "s", *alone]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     while not list(Path("s/shards").glob("*.shard")) and run.poll() is None:
         time.sleep(0.01)
@@ -391,3 +394,32 @@ def test_an_interrupted_sweep_says_how_to_go_on(small):
     while alive(run.pid):  # the last helper of multiprocessing ends when it notices that it is alone
         time.sleep(0.01)
     assert not Path("s/manifest.json").exists()
+
+
+def test_what_the_table_says_is_written_and_made_again_in_the_same_bytes(small, command):
+    """Summary, what matters, figures and page are in the manifest; `report` makes them again from the table alone."""
+    assert command("sweep", small, "--out", "s", *THREADS[:4])[0] == 0
+    told = ["summary.json", "sensitivity.json", "report.html"]
+    told += [path.relative_to("s").as_posix() for path in sorted(Path("s/figures").iterdir())]
+    assert {"figures/spread.svg", "figures/front.png"} <= set(told)
+    files = json.loads(Path("s/manifest.json").read_text())["files"]
+    assert set(told) <= set(files)
+    summary = json.loads(Path("s/summary.json").read_text())
+    table = dict(np.load("s/results.npz"))
+    for law in summary["overall"]:
+        own = table["rmse"][table["controller"] == law["controller"]]
+        assert law["figures"]["rmse"]["median"] == pytest.approx(float(np.median(own)), rel=1e-12)
+    page = Path("s/report.html").read_text()
+    assert not re.search(r"(src|href)=.https?:", page)
+    assert page.count("<svg") == len(list(Path("s/figures").glob("*.svg")))
+    before = {name: Path("s", name).read_bytes() for name in [*told, "manifest.json"]}
+    Path("s/report.html").write_bytes(b"spoilt")
+    assert command("report", "s")[0] == 2
+    Path("s/report.html").write_bytes(before["report.html"])
+    assert command("report", "s")[0] == 0
+    after = {name: Path("s", name).read_bytes() for name in told}
+    assert after == {name: before[name] for name in told}
+    Path("s/manifest.json").unlink()
+    status, _, err = command("report", "s")
+    assert status == 2
+    assert "--resume s goes on with it" in err

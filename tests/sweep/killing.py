@@ -26,6 +26,7 @@ from torquebench.cli.main import main
 from torquebench.sweep.run import state_of
 from torquebench.sweep.store import PLAN, opened
 
+QUICK = "--no-figures"
 DRAWS = ["--set", "sweep.draws=24"]
 MOST_TRIES = 40
 """Kills that come too early or too late before one counts."""
@@ -84,11 +85,11 @@ class Bench:
     """
 
     def __init__(self, folder: Path, how: list[str]) -> None:
-        self.folder, self.how, self.count = folder, how, 0
+        self.folder, self.how, self.count = folder, [*how, QUICK], 0
         self.config = folder / "small.yaml"
         self.config.write_text(SMALL)
         # here, not in a fork, so that the forks have what is compiled and loaded
-        arguments = ["sweep", str(self.config), "--out", str(folder / "whole"), *DRAWS, "--workers", "1"]
+        arguments = ["sweep", str(self.config), "--out", str(folder / "whole"), *DRAWS, "--workers", "1", QUICK]
         status = command([*arguments, "--executor", "threads"], folder / "output.txt")()
         start = time.perf_counter()
         again, child = self.begin()

@@ -62,7 +62,7 @@ def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str,
     """Run ``torquebench sweep``: (exit status, standard output, standard error)."""
 
     def run(*arguments: object) -> tuple[int, str, str]:
-        status = main(["sweep", *map(str, arguments)])
+        status = main(["sweep", *map(str, arguments), "--no-figures"])
         captured = capsys.readouterr()
         return status, captured.out, captured.err
 

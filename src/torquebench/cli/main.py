@@ -92,6 +92,7 @@ def parser() -> argparse.ArgumentParser:
                        help="Python file that registers laws of your own with @controller")  # fmt: skip
     sweep.add_argument("--no-cap", action="store_true", help="start whatever it takes")
     sweep.add_argument("--dry-run", action="store_true", help="check and estimate only")
+    sweep.add_argument("--no-figures", action="store_true", help="tables, summary and page only: no figures")
 
     paper = commands.add_parser(
         "paper", help="the paper's Figs 9 to 11 and a verdict on each of its claims",
@@ -110,10 +111,10 @@ def parser() -> argparse.ArgumentParser:
     layer.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads (default: one per core)")
 
     report = commands.add_parser(
-        "report", help="the page of a stored run again, or several runs side by side",
+        "report", help="the page of a stored run or sweep again, or several runs side by side",
         description="Nothing is simulated: everything comes from the stored trajectories.",
     )  # fmt: skip
-    report.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder that `run` left")
+    report.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="folder that `run` or `sweep` left")
     report.add_argument("--out", type=Path, metavar="FILE",
                         help="page to write (default: RUN/report.html; comparison.html for several)")  # fmt: skip
     report.add_argument("--redraw", action="store_true", help="draw the figures again from the trajectories")

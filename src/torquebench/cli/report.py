@@ -9,6 +9,7 @@ from typing import Any
 from torquebench.cli.conditions import conditions_text
 from torquebench.cli.run import draw_figures, summary
 from torquebench.cli.run_facts import run_facts
+from torquebench.cli.sweep_report import PAGE, report_files
 from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.certify import certificates
@@ -17,8 +18,9 @@ from torquebench.experiment.stored import StoredRun, load_run
 from torquebench.laws.plugin import load_plugin
 from torquebench.report.render import Picture
 from torquebench.report.run_page import comparison_page, run_page
+from torquebench.sweep.run import check_finished
+from torquebench.sweep.store import PLAN, opened
 
-PAGE = "report.html"
 FILM = "video.mp4"
 
 
@@ -36,6 +38,9 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
     """
     for plugin in plugins:
         load_plugin(plugin)
+    if len(runs) == 1 and out is None and (runs[0] / PLAN).is_file():
+        report_sweep(runs[0], plugins)
+        return 0
     try:
         stored = [load_run(folder) for folder in runs]
     except ResultError as error:
@@ -55,6 +60,23 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
     atomic_write(target, content)
     finish(target, stored)
     return 0
+
+
+def report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
+    """Make summary, figures and page of a finished sweep again from its table.
+
+    Raises:
+        ConfigError: the sweep is not finished, or cannot be read.
+    """
+    stored = opened(folder, tuple(path.absolute() for path in plugins), "RUN")
+    if not stored.finished:
+        message = f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it"
+        raise ConfigError([Problem("RUN", "", message)])
+    check_finished(stored)
+    for name, content in report_files(stored, figures=True):
+        add_to_run(folder, name, content)
+    tell(report=folder / PAGE, directory=folder)
+    say(f"report: {folder / PAGE}")
 
 
 def finish(page: Path, stored: Sequence[StoredRun]) -> None:

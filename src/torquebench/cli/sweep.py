@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from torquebench.cli.sweep_report import report_files
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, TorquebenchError
 from torquebench.experiment.schema import slide_joints
@@ -219,7 +220,7 @@ def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Name
 
             run_missing(stored, state, how, report)
             bar.set_description_str("writing the tables")
-            conclude(stored)
+            conclude(stored, lambda done: report_files(done, not options.no_figures))
     except KeyboardInterrupt:
         complain(f"torquebench: interrupted; {resume_hint(stored, options)}")
         return INTERRUPTED

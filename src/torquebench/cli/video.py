@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from torquebench.cli.report import PAGE, page_of
+from torquebench.cli.report import page_of
+from torquebench.cli.sweep_report import PAGE
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
 from torquebench.experiment.run import ExperimentResult

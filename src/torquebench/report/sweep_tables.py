@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from torquebench.report.tables import COLUMNS, STEP_COLUMNS, number
+from torquebench.report.tables import headlines, number
 from torquebench.statistics import Ratio, Share
 from torquebench.sweep.effects import ranked
 from torquebench.sweep.reduce import TAIL, Figure
@@ -13,7 +13,7 @@ from torquebench.sweep.summary import Group, Overall, Summary
 
 SHOWN = ("rmse", "hf")
 """Metrics that tables tell more of than the median."""
-TITLES = COLUMNS | STEP_COLUMNS
+TITLES = headlines((False,), steps=True)
 Cells = tuple[list[str], list[list[str]]]
 """Header and rows."""
 

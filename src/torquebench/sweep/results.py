@@ -10,7 +10,7 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -89,16 +89,17 @@ def read_column(stored: Stored, name: str) -> npt.NDArray[Any]:
     return column
 
 
-def finish(stored: Stored, facts: Mapping[str, Any]) -> None:
+def finish(stored: Stored, facts: Mapping[str, Any], more: Sequence[str] = ()) -> None:
     """Write the manifest, by which the sweep counts as finished.
 
     Args:
         stored: The sweep, with all other files written.
         facts: What else it is to hold.
+        more: Names of further files.
     """
     folder = stored.folder
     kept = sorted(path for path in (folder / TRAJECTORIES).glob("*.npz"))
-    files = [folder / name for name in (CONFIG, PLAN, TABLE, TEXT)] + kept
+    files = [folder / name for name in (CONFIG, PLAN, TABLE, TEXT, *more)] + kept
     own = {key: stored.facts[key] for key in ("name", "digest", "rows", "software", "plugins", "model_files")}
     content = own | dict(facts) | {"machine": machine(), "files": {_name(p, folder): file_digest(p) for p in files}}
     atomic_write(folder / MANIFEST, json_bytes(content))

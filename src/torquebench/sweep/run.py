@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from torquebench.errors import ResultError
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import atomic_write, check_run
 from torquebench.experiment.sweep_schema import Worst
 from torquebench.metrics import METRICS
 from torquebench.sweep.executors import Executor
@@ -71,11 +71,16 @@ def run_missing(
         progress(rows_in(stored, shard))
 
 
-def conclude(stored: Stored) -> None:
+Also: TypeAlias = Callable[[Stored], Iterable[tuple[str, bytes]]]
+"""Makes further files of a sweep that has its final table: name and content of each."""
+
+
+def conclude(stored: Stored, also: Also = lambda stored: ()) -> None:
     """Write the final table from the shards, run the worst rows again for their trajectories, and write the manifest.
 
     Args:
         stored: The sweep, all of whose shards are complete.
+        also: What else to write before the manifest.
 
     Raises:
         ResultError: a shard is missing or damaged.
@@ -90,7 +95,12 @@ def conclude(stored: Stored) -> None:
         for i, (*_, trajectory) in enumerate(worker.pair(row.case, row.draw)):
             if i == row.controller and trajectory is not None:
                 keep(stored.folder / TRAJECTORIES, index, stored.plan.controllers[i], trajectory)
-    finish(stored, {"outcomes": outcomes(stored), "worst": worst})
+    more = []
+    for name, content in also(stored):
+        (stored.folder / name).parent.mkdir(exist_ok=True)
+        atomic_write(stored.folder / name, content)
+        more.append(name)
+    finish(stored, {"outcomes": outcomes(stored), "worst": worst}, more)
 
 
 def worst_rows(stored: Stored, kept: Worst) -> list[int]:

@@ -1,0 +1,91 @@
+"""What a finished sweep's table says: summary, what matters, figures and page; all made again from the table alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from torquebench.cli.conditions import conditions_text
+from torquebench.cli.terminal import progress_bar, warn
+from torquebench.experiment.store import json_bytes, machine
+from torquebench.report.sweep_page import SweepInfo, sweep_page
+from torquebench.sweep.columns import Table, metric_keys
+from torquebench.sweep.results import TABLE
+from torquebench.sweep.sensitivity import Sensitivity, sensitivities
+from torquebench.sweep.store import Stored
+from torquebench.sweep.summary import summarise
+
+PAGE = "report.html"
+MOST_ROWS = 2_000_000
+"""Rows up to which the table is looked at as a whole, in memory."""
+METRICS = ("rmse", "hf")
+"""Metrics of which is told what they depend on."""
+
+
+def report_files(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of every file about a sweep's table; the same table gives the same bytes.
+
+    Args:
+        stored: The sweep, with its final table.
+        figures: Whether to draw.
+    """
+    plan = stored.plan
+    if plan.rows > MOST_ROWS:
+        warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
+        return
+    with np.load(stored.folder / TABLE, allow_pickle=False) as archive:
+        table: Table = {name: archive[name] for name in archive.files}
+    yield "summary.json", json_bytes(summarise(table).to_json())
+    with progress_bar(0, "draw", "what the figures depend on"):
+        found = dependences(stored, table)
+    yield "sensitivity.json", json_bytes([one.to_json() for one in found])
+    svgs: dict[str, bytes] = {}
+    if figures:
+        for name, content in drawn(stored, table, found):
+            if name.endswith(".svg"):
+                svgs[name.removeprefix("figures/").removesuffix(".svg")] = content
+            yield name, content
+    yield PAGE, sweep_page(table, info_of(stored), svgs, found)
+
+
+def dependences(stored: Stored, table: Table) -> list[Sensitivity]:
+    """Return what error and chattering depend on, where constants of the model or keys are drawn."""
+    plan = stored.plan
+    drawn_keys = any(random.choices is None for random in plan.keys.random)
+    if plan.draws < 2 or not (drawn_keys or any(plan.fixed(case).model.mismatch for case in range(plan.cases))):
+        return []
+    return sensitivities(table, plan.experiment, [key for key in METRICS if key in metric_keys(table)])
+
+
+def drawn(stored: Stored, table: Table, found: list[Sensitivity]) -> Iterator[tuple[str, bytes]]:
+    """Yield the figures as SVG and PNG files."""
+    from torquebench.analysis.style import figure_bytes
+    from torquebench.analysis.sweep_figures import sweep_figures
+
+    with progress_bar(0, "figure", "drawing") as bar:
+        pages = sweep_figures(table, stored.plan.first.name, workload_text(stored), found)
+        for name, figure in pages.items():
+            for fmt in ("svg", "png"):
+                yield f"figures/{name}.{fmt}", figure_bytes(figure, fmt)
+            bar.update(1)
+
+
+def info_of(stored: Stored) -> SweepInfo:
+    """Return what the page tells of a sweep besides its table."""
+    plan = stored.plan
+    facts: dict[str, Any] = {key: stored.facts[key] for key in ("digest", "software", "plugins", "model_files")}
+    return SweepInfo(
+        plan.first.name, plan.first.description or "", conditions_text(plan.first), workload_text(stored),
+        plan.source.text.decode(), {"seed": plan.seed} | facts | {"machine": machine()},
+        f"torquebench run --from-sweep {stored.folder.name} --index",
+    )  # fmt: skip
+
+
+def workload_text(stored: Stored) -> str:
+    """Return how much was run, in words."""
+    plan = stored.plan
+    words = ((plan.cases, "case"), (plan.draws, "draw"), (len(plan.controllers), "controller"))
+    parts = " x ".join(f"{count:,} {word}{'s' * (count != 1)}" for count, word in words)
+    return f"{parts}: {plan.rows:,} runs of {plan.first.run.duration:g} s"
