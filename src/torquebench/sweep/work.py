@@ -14,6 +14,7 @@ from torquebench.experiment.run import joints_of, trial_of
 from torquebench.experiment.store import atomic_write
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS, headlines
+from torquebench.sim.again import Again
 from torquebench.sim.batch import run_trial
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import REFUSED, Plan, Source, Table, pairs_of
@@ -44,6 +45,7 @@ class Worker:
 
     def __init__(self, plan: Plan) -> None:
         self._plan, self._build = plan, Builder()
+        self._again = [Again() for _ in plan.controllers]
 
     def table(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
         """Run the rows of a shard and return their table.
@@ -79,6 +81,8 @@ class Worker:
     def pair(self, case: int, draw: int) -> Iterator[tuple[str, float, dict[str, float], Trajectory | None]]:
         """Run every controller of a case in a draw; yield outcome, failing instant, metrics and trajectory.
 
+        A trajectory lasts until the same controller's next run.
+
         Args:
             case: The case.
             draw: The draw.
@@ -91,8 +95,8 @@ class Worker:
             for _ in experiment.controllers:
                 yield REFUSED, 0.0, dict.fromkeys(KEYS, math.nan), None
             return
-        for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
-            run = run_trial(loop.plant, trial_of(experiment, loop, controller))
+        for keys, controller, again in zip(experiment.controllers, loop.controllers, self._again, strict=True):
+            run = run_trial(loop.plant, trial_of(experiment, loop, controller), again=again)
             if run.completed:
                 values = headlines(joints_of(experiment, loop, keys, run)).tolist()
                 yield run.outcome.name, math.nan, dict(zip(KEYS, values, strict=True)), run
