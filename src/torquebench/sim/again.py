@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from torquebench.kernel import Array
-from torquebench.laws.base import Law
+from torquebench.laws.law import Law
 from torquebench.references import Reference
 from torquebench.robot.model import Model
 from torquebench.sim.chain import Chain
