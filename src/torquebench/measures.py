@@ -202,20 +202,22 @@ def taper(x: Array, window: Array, mean: Array, out: Array) -> None:
 @kernel
 def add_errors(t: Array, e: Array, first: int, last: int, out: Array) -> None:
     """Add up, in the rows of out (5, n): e^2, max |e| and |e| from instants first and last on, |e| dt and t |e| dt."""
-    n = e.shape[1]
-    for k in range(len(t)):
-        for i in range(n):
+    for i in range(e.shape[1]):
+        squares = greatest = steady = iae = itae = before = 0.0
+        for k in range(len(t)):
             size = abs(e[k, i])
             if k >= first:
-                out[0, i] += e[k, i] * e[k, i]
-                if size > out[1, i]:
-                    out[1, i] = size
+                squares += size * size
+                if size > greatest:
+                    greatest = size
             if k >= last:
-                out[2, i] += size
+                steady += size
             if k > 0:
-                before, step = abs(e[k - 1, i]), t[k] - t[k - 1]
-                out[3, i] += step * (size + before) / 2.0
-                out[4, i] += step * (size * t[k] + before * t[k - 1]) / 2.0
+                step = t[k] - t[k - 1]
+                iae += step * (size + before) * 0.5
+                itae += step * (size * t[k] + before * t[k - 1]) * 0.5
+            before = size
+        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i] = squares, greatest, steady, iae, itae
 
 
 @kernel
@@ -223,19 +225,21 @@ def add_torques(tau: Array, tau_max: Array, out: Array) -> None:
     """Add up, in the rows of out (4, n): |delta tau|, reversals, (tau/tau_max)^2 and samples at the limit."""
     for i in range(len(tau_max)):
         limit = tau_max[i]
-        full, small, last = limit * (1.0 - 1e-12), 1e-3 * limit, 0.0
+        full, small = limit * (1.0 - 1e-12), 1e-3 * limit
+        travelled = turns = squares = saturated = last = 0.0
         for k in range(len(tau)):
             ratio = tau[k, i] / limit
-            out[2, i] += ratio * ratio
+            squares += ratio * ratio
             if abs(tau[k, i]) >= full:
-                out[3, i] += 1.0
+                saturated += 1.0
             if k > 0:
                 change = tau[k, i] - tau[k - 1, i]
-                out[0, i] += abs(change)
+                travelled += abs(change)
                 if abs(change) > small:
                     if change * last < 0.0:
-                        out[1, i] += 1.0
+                        turns += 1.0
                     last = sign(change)
+        out[0, i], out[1, i], out[2, i], out[3, i] = travelled, turns, squares, saturated
 
 
 @kernel

@@ -206,7 +206,7 @@ def per_joint(
         raise ResultError(f"a run that did not complete has no metrics ({trajectory.outcome.value})")
     t, q, q_ref, n = trajectory.t, trajectory.q, trajectory.q_ref, trajectory.q.shape[1]
     limit = np.asarray(tau_max, dtype=np.float64)
-    if limit.shape != (n,) or not np.all(np.isfinite(limit) & (limit > 0.0)):
+    if limit.shape != (n,) or not all(0.0 < x < math.inf for x in limit.tolist()):
         raise ResultError(f"torque limits {limit.tolist()}: wanted {n} positive numbers")
     # t >= metrics_from, whichever way k T was rounded
     first = int(np.searchsorted(t, metrics_from - 1e-6 * control_period, side="right"))

@@ -13,12 +13,11 @@ from torquebench.cli.sweep_report import PAGE, report_files
 from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.certify import certificates
-from torquebench.experiment.store import add_to_run, atomic_write
+from torquebench.experiment.store import add_to_run, atomic_write, check_run
 from torquebench.experiment.stored import StoredRun, load_run
 from torquebench.laws.plugin import load_plugin
 from torquebench.report.render import Picture
 from torquebench.report.run_page import comparison_page, run_page
-from torquebench.sweep.run import check_finished
 from torquebench.sweep.store import PLAN, opened
 
 FILM = "video.mp4"
@@ -72,7 +71,10 @@ def report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
     if not stored.finished:
         message = f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it"
         raise ConfigError([Problem("RUN", "", message)])
-    check_finished(stored)
+    try:
+        check_run(folder)
+    except ResultError as error:
+        raise ConfigError([Problem("RUN", "", str(error))]) from error
     for name, content in report_files(stored, figures=True):
         add_to_run(folder, name, content)
     tell(report=folder / PAGE, directory=folder)

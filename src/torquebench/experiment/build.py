@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -240,6 +241,7 @@ def sampled(reference: ReferenceSource, experiment: schema.Experiment) -> Refere
     return samples
 
 
+@functools.lru_cache(maxsize=64)
 def build_chain(keys: str | ChainKeys) -> Chain:
     """Return the sensors and actuators of a name, or of keys."""
     if isinstance(keys, str):

@@ -158,7 +158,13 @@ def machine() -> dict[str, str]:
 
 def checksums(paths: Iterable[Path]) -> dict[str, str]:
     """Return the SHA-256 of each file by its name."""
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+    return {path.name: file_digest(path) for path in paths}
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, read piece by piece."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check_run(folder: Path, leave_out: str = "") -> dict[str, Any]:
@@ -178,6 +184,6 @@ def check_run(folder: Path, leave_out: str = "") -> dict[str, Any]:
         raise ResultError(f"{folder}: not a finished run directory ({error})") from error
     for name, checksum in files.items():
         path = folder / name
-        if name != leave_out and (not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != checksum):
+        if name != leave_out and (not path.is_file() or file_digest(path) != checksum):
             raise ResultError(f"{path}: missing or changed since the manifest was written")
     return manifest

@@ -94,7 +94,9 @@ def as_vector(value: Vector, n: int) -> Array:
     Returns:
         Array (n,), in the unit of `value`.
     """
-    return np.array(np.broadcast_to(np.array(value, dtype=np.float64), (n,)))
+    vector = np.empty(n)
+    vector[:] = value
+    return vector
 
 
 def shown(value: object) -> str:

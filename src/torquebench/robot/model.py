@@ -145,8 +145,9 @@ def own_copy(model: Model, **changes: Any) -> Model:
         return replace(model, **changes, scratch=scratch)
     # a tenth of the time of the above: a sweep makes two copies for each run
     twin: Model = object.__new__(type(model))
-    content = {field_.name: getattr(model, field_.name) for field_ in fields(model)}
-    twin.__dict__.update(content | changes | {"scratch": scratch})
+    twin.__dict__.update(model.__dict__, **changes, scratch=scratch)
+    for derived in ("address", "_table"):  # of the model's own arrays
+        twin.__dict__.pop(derived, None)
     twin._freeze(changes)
     return twin
 

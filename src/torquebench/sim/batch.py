@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from torquebench.kernel import Array
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot.arm import RobotModel
+from torquebench.sim.again import Again
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.loop import Controller, PathName, simulate
 from torquebench.sim.plant import Plant
@@ -114,12 +115,12 @@ def simulate_many(
 
 def run_trial(
     plant: Plant, trial: Trial, path: PathName = "auto", progress: Callable[[int], None] | None = None,
-    watch: Watch | None = None,
+    watch: Watch | None = None, again: Again | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run one trial; a failure is returned, not raised. Arguments as of `simulate`."""
     return simulate(
         plant, trial.controller, trial.model, trial.reference, duration=trial.duration,
         control_period=trial.control_period, chain=trial.chain, position_noise=trial.position_noise,
         disturbance=trial.disturbance, initial_q=trial.initial_q, path=path, throw=False,
-        progress=progress, watch=watch,
+        progress=progress, watch=watch, again=again,
     )  # fmt: skip

@@ -6,6 +6,7 @@ import copy
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -16,6 +17,7 @@ from torquebench.kernel import Array
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot.arm import RobotModel
+from torquebench.sim.again import Again
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.native_path import NativeRun, obstacle
@@ -80,6 +82,7 @@ def simulate(
     throw: bool = True,
     progress: Callable[[int], None] | None = None,
     watch: Watch | None = None,
+    again: Again | None = None,
 ) -> Trajectory:
     """Run one closed loop from rest and return what happened.
 
@@ -103,6 +106,8 @@ def simulate(
         throw: Raise when the run does not complete, instead of returning the truncated trajectory.
         progress: Called with the index of the control instant just finished; on the native path now and then.
         watch: Called after `progress` with the same index and what has been recorded.
+        again: Memory of the run before, which this one has again where it can; the trajectory that was returned then
+            is overwritten. None for memory of its own.
 
     Raises:
         ValueError: durations, shapes or joint counts that do not fit, or an unknown path.
@@ -113,7 +118,7 @@ def simulate(
     n = plant.n
     substeps = substeps_per_period(control_period, plant.timestep)
     n_steps = substeps_per_period(duration, control_period, ("duration", "control_period"))
-    t: Array = np.arange(n_steps, dtype=np.float64) * control_period
+    t = instants(n_steps, control_period)
     desired = _each_joint(reference if isinstance(reference, Reference) else reference(t), n)
     start = np.zeros(n) if initial_q is None else np.array(initial_q, dtype=np.float64)
     _check_shapes(n, n_steps, controller, model, desired, start)
@@ -126,12 +131,19 @@ def simulate(
     plant.reset(start, np.zeros(n))
     # an interpreted law gets copies, so that one that writes to its arguments changes neither plant nor next run
     gains = copy.deepcopy(controller.gains) if native is None else controller.gains
-    setup = set_up(
-        controller.law, gains, model.flat, plant, desired, chain,
-        control_period=control_period, substeps=substeps, position_noise=position_noise, disturbance=disturbance,
-        native=native,
-    )  # fmt: skip
-    run = PythonRun(setup) if native is None else NativeRun(setup, native)
+    run: PythonRun | NativeRun
+    again = again or Again()
+    if native is None:
+        setup = set_up(
+            controller.law, gains, model.flat, plant, desired, chain, control_period=control_period,
+            substeps=substeps, position_noise=position_noise, disturbance=disturbance, native=None,
+        )  # fmt: skip
+        run = PythonRun(setup)
+    else:
+        setup, run = again.prepared(
+            controller.law, gains, model.flat, plant, desired, chain, control_period=control_period,
+            substeps=substeps, position_noise=position_noise, disturbance=disturbance, native=native,
+        )  # fmt: skip
     motion = None if watch is None else motion_of(setup)
     status, done, at_once = COMPLETED, 0, max(1, run.longest // substeps)
     while done < n_steps and status == COMPLETED:
@@ -144,7 +156,10 @@ def simulate(
             progress(last - 1)
         if watch is not None and motion is not None and status == COMPLETED:
             watch(last - 1, motion)
-    trajectory = trajectory_of(setup, t, status, run.detail, "python" if native is None else "native", reason)
+    if native is None:
+        trajectory = trajectory_of(setup, t, status, run.detail, "python", reason)
+    else:
+        trajectory = again.trajectory(setup, t, status, run.detail)
     if throw and not trajectory.completed:
         raise SimulationError(
             f"controller '{controller.name}', t = {trajectory.t[-1]:g} s (step {trajectory.failed_at}): "
@@ -152,6 +167,14 @@ def simulate(
             trajectory,
         )
     return trajectory
+
+
+@lru_cache(maxsize=8)
+def instants(n_steps: int, control_period: float) -> Array:
+    """Return the control instants k control_period, k = 0 .. n_steps - 1, (N,) [s]; read-only."""
+    t: Array = np.arange(n_steps, dtype=np.float64) * control_period
+    t.setflags(write=False)
+    return t
 
 
 def _check_kinds(path: str, chain: Chain) -> None:

@@ -101,6 +101,11 @@ class NativeRun:
         ]  # fmt: skip
         self._loop = compiled_loop().ctypes
 
+    def restart(self, plant: NativePlant) -> None:
+        """Make the run anew, on the same arrays, without the payload that the plant may have taken up."""
+        self.detail = ""
+        self._kept[0].job.call[5] = plant.structure.address
+
     def attach(self) -> None:
         """Have the plant go on with its payload."""
         setup, plant = self._kept[:2]

@@ -120,25 +120,30 @@ class Processes:
         """
         waiting, context = iter(shards), multiprocessing.get_context("spawn")
         workers: dict[Connection[Any, Any], BaseProcess] = {}
+        owed: dict[Connection[Any, Any], int] = {}
         try:
             for first in itertools.islice(waiting, self.count):
                 own, theirs = context.Pipe()
                 process: BaseProcess = context.Process(target=_serve, args=(theirs, task), daemon=True)
                 process.start()
                 theirs.close()
-                workers[own] = process
+                workers[own], owed[own] = process, 1
                 own.send(first)
+            for own, shard in zip(workers, waiting, strict=False):
+                own.send(shard)  # one more than it is at, so that it need not wait for this process
+                owed[own] += 1
             while workers:
                 ready = wait_for(list(workers))
                 for connection in [known for known in workers if known in ready]:
-                    shard, table, reason = _received(connection, workers)
-                    if reason:
-                        raise ResultError(reason)
-                    if shard is None:
+                    done, table = _received(connection, workers[connection])
+                    owed[connection] -= 1
+                    for shard in itertools.islice(waiting, 1):
+                        connection.send(shard)
+                        owed[connection] += 1
+                    if owed[connection] == 0:
+                        connection.send(None)
                         workers.pop(connection).join(PATIENCE)
-                    else:
-                        connection.send(next(waiting, None))
-                        yield shard, table
+                    yield done, table
         finally:
             for connection, process in workers.items():
                 connection.close()
@@ -147,14 +152,20 @@ class Processes:
                 process.join(PATIENCE)
 
 
-def _received(
-    connection: Connection[Any, Any], workers: dict[Connection[Any, Any], BaseProcess]
-) -> tuple[int | None, Table, str]:
+def _received(connection: Connection[Any, Any], process: BaseProcess) -> tuple[int, Table]:
+    """Return the next shard of a process.
+
+    Raises:
+        ResultError: it died, or says why it cannot go on.
+    """
     try:
-        return connection.recv()  # type: ignore[no-any-return]
-    except (EOFError, ConnectionError):
-        workers[connection].join(PATIENCE)
-        return None, {}, f"a worker process died (exit status {workers[connection].exitcode})"
+        done, table, reason = connection.recv()
+    except (EOFError, ConnectionError) as error:
+        process.join(PATIENCE)
+        raise ResultError(f"a worker process died (exit status {process.exitcode})") from error
+    if reason:
+        raise ResultError(reason)
+    return done, table
 
 
 def _serve(connection: Connection[Any, Any], task: Task) -> None:
@@ -165,6 +176,5 @@ def _serve(connection: Connection[Any, Any], task: Task) -> None:
             load_plugins(task.source)
             while (shard := connection.recv()) is not None:
                 connection.send((shard, run_shard(task, shard), ""))
-            connection.send((None, {}, ""))
         except TorquebenchError as error:
-            connection.send((None, {}, str(error)))
+            connection.send((0, {}, str(error)))

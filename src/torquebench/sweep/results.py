@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import hashlib
 import io
 import os
 import shutil
 import tempfile
 import zipfile
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from torquebench.errors import ResultError
-from torquebench.experiment.store import CLAIM, MANIFEST, atomic_write, json_bytes, machine, sync_folder
-from torquebench.sweep.plan import Table
+from torquebench.experiment.store import CLAIM, MANIFEST, atomic_write, file_digest, json_bytes, machine, sync_folder
+from torquebench.sweep.plan import OUTCOMES, Table
 from torquebench.sweep.shards import Shards
 from torquebench.sweep.store import CONFIG, PLAN, TRAJECTORIES, Stored
 
@@ -27,8 +27,8 @@ TABLE = "results.npz"
 TEXT = "results.csv"
 
 
-def write_results(stored: Stored, shards: Shards) -> None:
-    """Write the final table in both forms; each file is there whole or not at all.
+def write_results(stored: Stored, shards: Shards) -> dict[str, dict[str, int]]:
+    """Write the final table in both forms, each whole or not at all; return each controller's number of each outcome.
 
     Args:
         stored: The sweep.
@@ -37,7 +37,7 @@ def write_results(stored: Stored, shards: Shards) -> None:
     Raises:
         ResultError: a shard is missing or damaged.
     """
-    empty = stored.plan.columns(0)
+    empty, ended = stored.plan.columns(0), Counter[tuple[str, str]]()
     with contextlib.ExitStack() as files, replaced(stored.folder / TEXT) as text:
         columns = {name: files.enter_context(tempfile.TemporaryFile(dir=stored.folder)) for name in empty}
         lines = io.TextIOWrapper(text, encoding="utf-8", newline="", write_through=True)
@@ -50,9 +50,13 @@ def write_results(stored: Stored, shards: Shards) -> None:
             for name, file in columns.items():
                 file.write(np.ascontiguousarray(table[name], empty[name].dtype).tobytes())
             writer.writerows(zip(*(table[name].tolist() for name in columns), strict=True))
+            ended.update(zip(table["controller"].tolist(), table["outcome"].tolist(), strict=True))
         lines.detach()
         with replaced(stored.folder / TABLE) as whole:
             _write_npz(whole, empty, columns, stored.plan.rows)
+    return {
+        name: {kind: ended[name, kind] for kind in OUTCOMES if ended[name, kind]} for name in stored.plan.controllers
+    }
 
 
 def _write_npz(out: BinaryIO, empty: Table, columns: Mapping[str, Any], rows: int) -> None:
@@ -108,9 +112,3 @@ def finish(stored: Stored, facts: Mapping[str, Any], more: Sequence[str] = ()) -
 
 def _name(path: Path, folder: Path) -> str:
     return path.relative_to(folder).as_posix()
-
-
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file, read piece by piece."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -17,7 +17,6 @@ from torquebench.sweep.shards import Shards
 from torquebench.sweep.store import TRAJECTORIES, Stored
 from torquebench.sweep.work import Task, Worker, keep
 
-COMPLETED = "COMPLETED"
 HIGHER = frozenset(info.key for info in METRICS if info.better == "higher")
 
 
@@ -85,22 +84,22 @@ def conclude(stored: Stored, also: Also = lambda stored: ()) -> None:
     Raises:
         ResultError: a shard is missing or damaged.
     """
-    write_results(stored, Shards(stored.folder, stored.digest))
+    outcomes = write_results(stored, Shards(stored.folder, stored.digest))
     kept = stored.plan.keys.keep
     worst = worst_rows(stored, kept) if isinstance(kept, Worst) else []
     (stored.folder / TRAJECTORIES).mkdir(exist_ok=True) if worst else None
     worker = Worker(stored.plan)
     for index in worst:
         row = stored.plan.row(index)
-        for i, (*_, trajectory) in enumerate(worker.pair(row.case, row.draw)):
-            if i == row.controller and trajectory is not None:
-                keep(stored.folder / TRAJECTORIES, index, stored.plan.controllers[i], trajectory)
+        for i, ended in enumerate(worker.pair(row.case, row.draw)):
+            if i == row.controller and ended.run is not None:
+                keep(stored.folder / TRAJECTORIES, index, stored.plan.controllers[i], ended.run)
     more = []
     for name, content in also(stored):
         (stored.folder / name).parent.mkdir(exist_ok=True)
         atomic_write(stored.folder / name, content)
         more.append(name)
-    finish(stored, {"outcomes": outcomes(stored), "worst": worst}, more)
+    finish(stored, {"outcomes": outcomes, "worst": worst}, more)
 
 
 def worst_rows(stored: Stored, kept: Worst) -> list[int]:
@@ -113,29 +112,22 @@ def worst_rows(stored: Stored, kept: Worst) -> list[int]:
         stored: The sweep, with its final table.
         kept: How many, and by which metric.
     """
-    names, failed_at = read_column(stored, "controller"), read_column(stored, "failed_at")
-    value = read_column(stored, kept.by)
+    count, failed_at, value = (
+        len(stored.plan.controllers),
+        read_column(stored, "failed_at"),
+        read_column(stored, kept.by),
+    )
     badness = np.where(np.isnan(value), np.inf, -value if kept.by in HIGHER else value)
-    failed = read_column(stored, "outcome") != COMPLETED
-    order = np.lexsort((np.arange(len(names)), -badness, np.where(failed, failed_at, np.inf), ~failed))
-    return [int(i) for name in stored.plan.controllers for i in order[names[order] == name][: kept.worst]]
+    early = np.where(np.isnan(failed_at), np.inf, failed_at)
+    order = np.lexsort((np.arange(len(value)), -badness, early))
+    return [int(i) for own in range(count) for i in order[order % count == own][: kept.worst]]
 
 
-def outcomes(stored: Stored) -> dict[str, dict[str, int]]:
-    """Return how many runs of each controller ended in which way."""
-    names, ended = read_column(stored, "controller"), read_column(stored, "outcome")
-    found: dict[str, dict[str, int]] = {}
-    for name in stored.plan.controllers:
-        kinds, counts = np.unique(ended[names == name], return_counts=True)
-        found[name] = {str(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
-    return found
-
-
-def check_finished(stored: Stored) -> None:
-    """Verify the files of a finished sweep.
+def refuse_others(stored: Stored) -> None:
+    """Refuse a finished folder whose manifest belongs to another plan, or whose files are not what it says.
 
     Raises:
-        ResultError: one is missing or altered.
+        ResultError: it is such a folder.
     """
     if check_run(stored.folder).get("digest") != stored.digest:
         raise ResultError(f"{stored.folder}: its manifest is another sweep's")

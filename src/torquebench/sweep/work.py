@@ -8,17 +8,34 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from torquebench.errors import ConfigError, ModelError
 from torquebench.experiment.build import Builder
 from torquebench.experiment.run import joints_of, trial_of
 from torquebench.experiment.store import atomic_write
+from torquebench.kernel import Array
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS, headlines
+from torquebench.sim.again import Again
 from torquebench.sim.batch import run_trial
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import REFUSED, Plan, Source, Table, pairs_of
 
-KEYS = tuple(info.key for info in METRICS)
+UNDEFINED = np.full(len(METRICS), math.nan)
+"""Metrics of a run that has none."""
+
+
+class Ended(NamedTuple):
+    """What is left of one run."""
+
+    outcome: str
+    failed_at: float
+    """Control instant at which it failed; NaN when it did not."""
+    metrics: Array
+    """Headline of each of `METRICS`; NaN where undefined."""
+    run: Trajectory | None
+    """None of a run that could not be built."""
 
 
 class Stopped(Exception):
@@ -44,6 +61,7 @@ class Worker:
 
     def __init__(self, plan: Plan) -> None:
         self._plan, self._build = plan, Builder()
+        self._again = [Again() for _ in plan.controllers]
 
     def table(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
         """Run the rows of a shard and return their table.
@@ -58,26 +76,28 @@ class Worker:
         """
         plan, pairs = self._plan, pairs_of(task.shard_size, self._plan.pairs, shard)
         count = len(plan.controllers)
-        columns = plan.columns(len(pairs) * count)
+        columns, metrics = plan.columns(len(pairs) * count), np.empty((len(pairs) * count, len(METRICS)))
+        outcome, failed_at = columns["outcome"], columns["failed_at"]
+        columns["index"][:] = np.arange(pairs.start * count, pairs.stop * count)
+        columns["case"][:], columns["draw"][:] = np.divmod(columns["index"] // count, plan.draws)
+        columns["controller"][:] = np.tile(plan.controllers, len(pairs))
         at = 0
         for pair in pairs:
             if stop():
                 raise Stopped
             case, draw = divmod(pair, plan.draws)
-            varied = plan.values_of(case, draw)
-            for i, (outcome, failed_at, values, run) in enumerate(self.pair(case, draw)):
-                index = pair * count + i
-                for name, value in (("index", index), ("case", case), ("draw", draw), *varied.items(), *values.items()):
-                    columns[name][at] = value
-                columns["controller"][at], columns["outcome"][at] = plan.controllers[i], outcome
-                columns["failed_at"][at] = failed_at
-                if task.trajectories is not None and run is not None:
-                    keep(task.trajectories, index, plan.controllers[i], run)
+            for key, value in plan.values_of(case, draw).items():
+                columns[key][at : at + count] = value
+            for ended in self.pair(case, draw):
+                outcome[at], failed_at[at], metrics[at] = ended.outcome, ended.failed_at, ended.metrics
+                if task.trajectories is not None and ended.run is not None:
+                    keep(task.trajectories, pair * count + at % count, plan.controllers[at % count], ended.run)
                 at += 1
+        columns |= {info.key: metrics[:, i].copy() for i, info in enumerate(METRICS)}
         return columns
 
-    def pair(self, case: int, draw: int) -> Iterator[tuple[str, float, dict[str, float], Trajectory | None]]:
-        """Run every controller of a case in a draw; yield outcome, failing instant, metrics and trajectory.
+    def pair(self, case: int, draw: int) -> Iterator[Ended]:
+        """Run every controller of a case in a draw; what is yielded has its trajectory until the controller's next run.
 
         Args:
             case: The case.
@@ -88,16 +108,15 @@ class Worker:
             loop = self._build(experiment)
         except (ConfigError, ModelError):
             # the draw, not the file, is at fault: every case has been built before
-            for _ in experiment.controllers:
-                yield REFUSED, 0.0, dict.fromkeys(KEYS, math.nan), None
+            yield from (Ended(REFUSED, 0.0, UNDEFINED, None) for _ in experiment.controllers)
             return
-        for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
-            run = run_trial(loop.plant, trial_of(experiment, loop, controller))
+        for keys, controller, again in zip(experiment.controllers, loop.controllers, self._again, strict=True):
+            run = run_trial(loop.plant, trial_of(experiment, loop, controller), again=again)
             if run.completed:
-                values = headlines(joints_of(experiment, loop, keys, run)).tolist()
-                yield run.outcome.name, math.nan, dict(zip(KEYS, values, strict=True)), run
+                metrics = headlines(joints_of(experiment, loop, keys, run))
+                yield Ended(run.outcome.name, math.nan, metrics, run)
             else:
-                yield run.outcome.name, float(run.failed_at or 0), dict.fromkeys(KEYS, math.nan), run
+                yield Ended(run.outcome.name, float(run.failed_at or 0), UNDEFINED, run)
 
 
 def keep(folder: Path, index: int, controller: str, run: Trajectory) -> None:

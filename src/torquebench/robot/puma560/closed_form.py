@@ -46,8 +46,13 @@ from torquebench.robot.puma560.symbols import (
 
 @kernel
 def fill_mass_matrix(k: Array, literal: IntArray, q: Array, A: Array) -> None:
-    """Fill A (6, 6) [kg m^2] by the pattern (36); as printed, A53 is 0 although A35 is not."""
-    t = angles(q)
+    """Fill A (6, 6) [kg m^2] with the mass matrix at q (6,) [rad]."""
+    fill_mass_pattern(k, literal, angles(q), A)
+
+
+@kernel(inline=True)
+def fill_mass_pattern(k: Array, literal: IntArray, t: Angles, A: Array) -> None:
+    """Fill A (6, 6) [kg m^2] by the pattern (36) from constants k and angles t; as printed, A53 is 0, A35 is not."""
     for i in range(6):
         for j in range(6):
             A[i, j] = 0.0

@@ -12,7 +12,7 @@ from torquebench.kernel import Array, IntArray, kernel
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.bodies import draw_factors, perturbed
 from torquebench.robot.model import CLOSED_FORM, EXACT, own_copy
-from torquebench.robot.puma560.closed_form import fill_mass_matrix
+from torquebench.robot.puma560.closed_form import fill_mass_pattern
 from torquebench.robot.puma560.consistent import (
     consistent_links,
     form_conditions,
@@ -22,7 +22,7 @@ from torquebench.robot.puma560.consistent import (
 )
 from torquebench.robot.puma560.constants import fitted_constants
 from torquebench.robot.puma560.puma import puma_files
-from torquebench.robot.puma560.symbols import CONSTANTS
+from torquebench.robot.puma560.symbols import CONSTANTS, Angles, angles
 
 LEAST_EIGENVALUE = 0.05
 """A draw is accepted when the mass matrix stays above this [kg m^2] at every test pose."""
@@ -135,21 +135,29 @@ def _poses(n: int) -> Array:
     return np.random.default_rng(0).uniform(-np.pi, np.pi, (POSES, n))
 
 
+@lru_cache(maxsize=1)
+def _sines() -> Array:
+    """The sines and cosines at the poses, which every draw needs, a row of `Angles` each."""
+    return np.array([angles(pose) for pose in _poses(6)])
+
+
 def _acceptable(model: RobotModel, constants: Array) -> bool:
     """Whether a closed form with these constants has its least eigenvalue above `LEAST_EIGENVALUE`."""
     work = np.zeros((model.n, model.n))
-    return bool(_all_above(constants, model.flat.literal, _poses(model.n), LEAST_EIGENVALUE, work))
+    return bool(_all_above(constants, model.flat.literal, _sines(), LEAST_EIGENVALUE, work))
 
 
 @kernel
-def _all_above(constants: Array, literal: IntArray, poses: Array, least: float, A: Array) -> bool:
+def _all_above(constants: Array, literal: IntArray, sines: Array, least: float, A: Array) -> bool:
     """Whether the symmetric part of the mass matrix less `least` times 1 is positive definite at every pose.
 
     It is just when all pivots of its elimination are positive (Sylvester); a tenth of the time of its eigenvalues.
     """
     n = len(A)
-    for k in range(len(poses)):
-        fill_mass_matrix(constants, literal, poses[k], A)
+    for k in range(len(sines)):
+        x = sines[k]
+        t = Angles(x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7])
+        fill_mass_pattern(constants, literal, t, A)
         for i in range(n):
             A[i, i] -= least
             for j in range(i):
@@ -158,9 +166,10 @@ def _all_above(constants: Array, literal: IntArray, poses: Array, least: float, 
             if not A[j, j] > 0.0:
                 return False
             for i in range(j + 1, n):
-                factor = A[i, j] / A[j, j]
-                for c in range(j + 1, i + 1):
-                    A[i, c] -= factor * A[c, j]
+                if A[i, j] != 0.0:  # most of the pattern (36) is zero
+                    factor = A[i, j] / A[j, j]
+                    for c in range(j + 1, i + 1):
+                        A[i, c] -= factor * A[c, j]
     return True
 
 
