@@ -6,33 +6,23 @@ import argparse
 import contextlib
 import os
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeAlias
 
-import numpy as np
-
+from torquebench.cli.sweep_outcomes import facts, summary, unexpected
 from torquebench.cli.sweep_report import report_files
-from torquebench.cli.terminal import complain, progress_bar, say, table, tell
+from torquebench.cli.terminal import complain, progress_bar, say, tell
 from torquebench.errors import ConfigError, Problem, TorquebenchError
-from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import RunDirectory, check_run, claim_folder
-from torquebench.experiment.sweep_schema import Worst
 from torquebench.experiment.yaml_source import read_bytes
 from torquebench.laws.plugin import load_plugin
-from torquebench.report.tables import headlines, number
-from torquebench.sim.trajectory import Outcome
 from torquebench.sweep.checking import Survey, check_plan
 from torquebench.sweep.estimate import Estimate, duration, estimate, shard_size, size
 from torquebench.sweep.executors import Executor, Processes, Threads
 from torquebench.sweep.plan import Plan, Source
-from torquebench.sweep.results import read_column
-from torquebench.sweep.run import State, conclude, refuse_others, rows_in, run_missing, state_of, worst_rows
+from torquebench.sweep.run import State, conclude, refuse_others, rows_in, run_missing, state_of
 from torquebench.sweep.store import Stored, alone, begin, opened, refuse_changes
 
-Outcomes: TypeAlias = Mapping[str, Mapping[str, int]]
-"""Controller -> how its runs ended -> how many did."""
-COMPLETED = Outcome.COMPLETED.name
 DONE, FAILED, INTERNAL, INTERRUPTED = 0, 1, 3, 130
 
 
@@ -67,7 +57,7 @@ def sweep(options: argparse.Namespace) -> int:
     say(summary(stored, outcomes))
     say()
     say(f"results: {stored.folder}")
-    return unexpected(stored, outcomes)
+    return FAILED if unexpected(stored, outcomes) else DONE
 
 
 def check_options(options: argparse.Namespace) -> None:
@@ -242,73 +232,3 @@ def resume_hint(stored: Stored, options: argparse.Namespace) -> str:
     words = ["torquebench", "sweep", "--resume", str(stored.folder)]
     words += [word for plugin in options.plugin for word in ("--plugin", str(plugin))]
     return f"what is stored is kept, go on with: {shlex.join(words)}"
-
-
-def summary(stored: Stored, outcomes: Outcomes) -> str:
-    """Return the table of what came out: of each controller the runs that completed, and medians of its metrics.
-
-    Args:
-        stored: The sweep, finished.
-        outcomes: How its runs ended.
-    """
-    columns, names = headlines(slide_joints(stored.plan.first.plant.model)), stored.plan.controllers
-    cells = [[name, f"{stored.plan.pairs:,}", f"{outcomes[name].get(COMPLETED, 0):,}"] for name in names]
-    for key, (_, scale) in columns.items():
-        for row, value in zip(cells, medians(stored, key), strict=True):
-            row.append(number(value, scale))
-    worst = worst_rows(stored, Worst(worst=1, by="rmse"))
-    rows = [[*row, str(index)] for row, index in zip(cells, worst, strict=True)]
-    header = ["controller", "runs", "completed", *(title for title, _ in columns.values()), "worst run"]
-    return f"{stored.plan.first.name}: medians of the runs that completed\n\n{table(header, rows)}"
-
-
-def medians(stored: Stored, key: str) -> list[float | None]:
-    """Return the median of a metric over each controller's runs that have it; a row's controller follows from it.
-
-    Args:
-        stored: The sweep, finished.
-        key: The metric.
-    """
-    column, count, found = read_column(stored, key), len(stored.plan.controllers), list[float | None]()
-    for i in range(count):
-        values = column[i::count]
-        defined = values[~np.isnan(values)]
-        found.append(float(np.median(defined)) if len(defined) else None)
-    return found
-
-
-def facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
-    """Return what ``--json`` says of a finished sweep: its size, how its runs ended, and medians in SI units.
-
-    Args:
-        stored: The sweep, finished.
-        outcomes: How its runs ended.
-    """
-    plan = stored.plan
-    middle = {key: medians(stored, key) for key in headlines(())}
-    found = {
-        name: {
-            "runs": plan.pairs, "completed": outcomes[name].get(COMPLETED, 0), "outcomes": outcomes[name],
-            "medians": {key: values[i] for key, values in middle.items()},
-        }
-        for i, name in enumerate(plan.controllers)
-    }  # fmt: skip
-    return {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows, "controllers": found}
-
-
-def unexpected(stored: Stored, outcomes: Outcomes) -> int:
-    """Return 1 after naming controllers of which a run ended otherwise than the file expects, else 0.
-
-    Args:
-        stored: The sweep.
-        outcomes: How its runs ended.
-    """
-    status = DONE
-    for keys in stored.plan.first.controllers:
-        found = outcomes[keys.name]
-        completed = found.get(COMPLETED, 0)
-        if sum(found.values()) - completed if keys.expect == "completed" else completed:
-            kinds = ", ".join(f"{count:,} {kind.lower().replace('_', ' ')}" for kind, count in found.items())
-            complain(f"torquebench: controller '{keys.name}': {kinds}; the file expects: {keys.expect}")
-            status = FAILED
-    return status
