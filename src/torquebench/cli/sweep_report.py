@@ -79,7 +79,7 @@ def info_of(stored: Stored) -> SweepInfo:
     return SweepInfo(
         plan.first.name, plan.first.description or "", conditions_text(plan.first), workload_text(stored),
         plan.source.text.decode(), {"seed": plan.seed} | facts | {"machine": machine()},
-        f"torquebench run --from-sweep {stored.folder.name} --index",
+        "torquebench run --from-sweep DIR --index",
     )  # fmt: skip
 
 
