@@ -145,7 +145,9 @@ def test_without_imageio_ffmpeg_it_says_what_to_install(run, command, monkeypatc
     (["--controllers", "linear-bnd"], "did you mean 'linear-band'?"),
     (["--still", "0.1"], "wanted --out FILE"),
     (["--still", "-1", "--out", "a.png"], "wanted a time of the run"),
+    (["--still", "99", "--out", "a.png"], "got 99, wanted a time of the run, 0 to "),
     (["--out", "nowhere/a.mp4"], "nowhere is not a folder"),
+    (["--out", "."], ". is a folder, wanted a file"),
 ])  # fmt: skip
 def test_bad_arguments_are_refused(run, command, arguments, said):
     """Status 2, what was wanted and the nearest name; nothing is written."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -74,6 +75,22 @@ def add_common(commands: Mapping[str, argparse.ArgumentParser]) -> None:
             command.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
         if name in EXAMPLES:
             command.epilog = EXAMPLE + EXAMPLES[name]
+
+
+def check_out(path: Path | None) -> None:
+    """Refuse a file that cannot be written.
+
+    Raises:
+        ConfigError: it is a folder, or its own folder is not there or must not be written to.
+    """
+    if path is None:
+        return
+    if path.is_dir():
+        raise ConfigError([Problem("--out", "", f"{path} is a folder, wanted a file")])
+    if not path.parent.is_dir():
+        raise ConfigError([Problem("--out", "", f"{path.parent} is not a folder")])
+    if not os.access(path.parent, os.W_OK):
+        raise ConfigError([Problem("--out", "", f"{path.parent} must not be written to")])
 
 
 def frame_size(text: str) -> tuple[int, int]:

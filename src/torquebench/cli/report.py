@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.cli.conditions import conditions_text
+from torquebench.cli.options import check_out
 from torquebench.cli.run import draw_figures, summary
 from torquebench.cli.run_facts import run_facts
 from torquebench.cli.sweep_report import PAGE, report_files
@@ -50,6 +51,7 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
         finish(run.folder / PAGE, stored)
         return 0
     target = out or Path("comparison.html")
+    check_out(target)
     if target.exists():
         raise ConfigError([Problem("--out", "", f"{target} exists; wanted a new file")])
     names = [run.folder.resolve().name for run in stored]

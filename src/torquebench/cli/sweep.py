@@ -17,13 +17,15 @@ from torquebench.experiment.store import RunDirectory, check_run, claim_folder
 from torquebench.experiment.yaml_source import read_bytes
 from torquebench.laws.plugin import load_plugin
 from torquebench.sweep.checking import Survey, check_plan
-from torquebench.sweep.estimate import Estimate, duration, estimate, shard_size, size
+from torquebench.sweep.estimate import MOST_STEPS, Estimate, duration, estimate, shard_size, size
 from torquebench.sweep.executors import Executor, Processes, Threads
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.run import State, conclude, refuse_others, rows_in, run_missing, state_of
 from torquebench.sweep.store import Stored, alone, begin, opened, refuse_changes
 
 DONE, FAILED, INTERNAL, INTERRUPTED = 0, 1, 3, 130
+FAR_TOO_MANY = 10
+"""How many times the cap is refused before anything is checked: to check so many draws takes long too."""
 
 
 def sweep(options: argparse.Namespace) -> int:
@@ -40,6 +42,9 @@ def sweep(options: argparse.Namespace) -> int:
         load_plugin(plugin)
     if options.resume is None:
         plan = Plan(source_of(options))
+        if plan.rows * plan.first.n_steps > FAR_TOO_MANY * MOST_STEPS and not options.no_cap:
+            message = f"needs about {plan.rows * plan.first.n_steps:.2g} steps, at most {MOST_STEPS:.0e} are run"
+            raise ConfigError([Problem("--no-cap", "", f"{message}: lift the caps with it")])
         with progress_bar(plan.cases, "case", "checking") as bar:
             survey = check_plan(plan, bar.update)
         with executor(options) as how:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from torquebench.cli.options import check_out
 from torquebench.cli.report import page_of
 from torquebench.cli.sweep_report import PAGE
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
@@ -35,13 +36,15 @@ def video(options: argparse.Namespace) -> int:
         raise ConfigError([Problem("--still", "", "wanted --out FILE as well, for the picture")])
     if options.still is not None and not options.still >= 0.0:
         raise ConfigError([Problem("--still", "", f"got {options.still:g}, wanted a time of the run [s]")])
-    if options.out is not None and not options.out.parent.is_dir():
-        raise ConfigError([Problem("--out", "", f"{options.out.parent} is not a folder")])
+    check_out(options.out)
     try:
         manifest = check_run(options.run, leave_out=FILM)
         subject = read_subject(options.run, options.controllers)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
+    if options.still is not None and options.still > subject.duration:
+        message = f"got {options.still:g}, wanted a time of the run, 0 to {subject.duration:g} s"
+        raise ConfigError([Problem("--still", "", message)])
     if model_changed(subject, manifest):
         warn(f"torquebench: the file of '{subject.model}' has changed since the run; the film shows it as it is now")
     made = film(subject, settings, options.gl, options.still)

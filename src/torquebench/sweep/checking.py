@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -47,7 +48,7 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
         survey.steps.append(0 if experiment is None else experiment.n_steps)
         progress()
     checker.raise_problems()
-    drawn = {plan.combination(draw) for draw in range(plan.draws)} if plan.choices else {()}
+    drawn = combinations(plan)
     ends = list(corners([extremes(plan, random) for random in plan.continuous]))
     for case in range(plan.cases):
         for combination in sorted(drawn):
@@ -56,6 +57,17 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
                     checker.read(case, combination, numbers, build=False)
     checker.raise_problems()
     return survey
+
+
+def combinations(plan: Plan) -> set[Combination]:
+    """Return which choices are drawn; no further draw is looked at once all of them are."""
+    every = math.prod(len(random.choices.values) for random in plan.choices if random.choices)
+    found: set[Combination] = set()
+    for draw in range(plan.draws):
+        found.add(plan.combination(draw))
+        if len(found) == every:
+            break
+    return found
 
 
 def extremes(plan: Plan, random: Random) -> tuple[float, float]:

@@ -29,6 +29,8 @@ class Subject:
     title: str
     model: str
     control_period: float
+    duration: float
+    """Length of the run as it was asked for [s]."""
     shots: tuple[Shot, ...]
 
 
@@ -47,13 +49,13 @@ def read_subject(folder: Path, controllers: Sequence[str] = ()) -> Subject:
         config = read_document((folder / "experiment.yaml").read_bytes(), str(folder / "experiment.yaml")).root
         metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["controllers"]
         laws = {str(keys["name"]): str(keys["law"]) for keys in config["controllers"]}
-        unknown = [name for name in controllers if name not in laws]
-        if unknown:
-            wrong = (f"the run has no '{name}'{did_you_mean(name, laws)}" for name in unknown)
+        wrong = [f"the run has no '{name}'{did_you_mean(name, laws)}" for name in controllers if name not in laws]
+        wrong += [f"'{name}' is there twice" for name in dict.fromkeys(controllers) if controllers.count(name) > 1]
+        if wrong:
             raise ConfigError([Problem("--controllers", "", text) for text in wrong])
         shots = tuple(_shot(folder, name, laws[name], metrics.get(name)) for name in controllers or laws)
-        period = float(config["run"]["control_period"])
-        return Subject(str(config["name"]), str(config["plant"]["model"]), period, shots)
+        period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
+        return Subject(str(config["name"]), str(config["plant"]["model"]), period, duration, shots)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ResultError(f"{folder}: not the folder of an experiment ({type(error).__name__}: {error})") from error
 
@@ -74,4 +76,4 @@ def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
         if value is not None:
             shown = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
             figures.append(f"{title} {shown} {unit}")
-    return Shot(name, "   ".join([law, *figures]), ending, str(path.resolve()))
+    return Shot(name, "   ".join([*figures, law]), ending, str(path.resolve()))
