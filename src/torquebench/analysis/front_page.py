@@ -32,7 +32,7 @@ PHI = "its phi [rad/s]"
 
 
 def front_page(
-    spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = ()
+    spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = (), joined: bool = True
 ) -> Figure:
     """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the front ringed.
 
@@ -41,6 +41,7 @@ def front_page(
         title, subtitle: Headings.
         labels: What the spots' labels are.
         order: Families whose places set colour and dash; empty for those of the spots.
+        joined: Whether a line joins the spots of a family.
     """
     families = list(dict.fromkeys((*order, *(spot.family for spot in spots))))
     with style.journal_style():
@@ -54,6 +55,7 @@ def front_page(
             if not own:
                 continue
             look = style.spot_look(index) | {"markersize": 4.0, "linewidth": 0.9}
+            look |= {} if joined else {"linestyle": "none"}
             x, y = [s.chattering.ratio for s in own], [1e3 * s.error.ratio for s in own]
             ax.errorbar(
                 x, y, elinewidth=0.9, capsize=1.5, **look,

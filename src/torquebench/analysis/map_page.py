@@ -18,6 +18,8 @@ from torquebench.kernel import Array
 from torquebench.sweep.columns import Table, completed, rows_by
 
 COLUMNS = 3
+LEAST_HEIGHT = 2.4
+"""Of all panels together, so that the names of key and metric fit beside them [in]."""
 _MAP = colormaps["cividis"]
 """Rises evenly in lightness, and looks alike to the colour-blind."""
 
@@ -45,7 +47,7 @@ def map_page(table: Table, keys: tuple[str, str], metric: str, title: str, subti
     with style.journal_style():
         columns = min(COLUMNS, len(laws))
         lines = -(-len(laws) // columns)
-        height = 0.5 + 0.24 * max(len(ys), 3)
+        height = max(0.5 + 0.24 * max(len(ys), 3), LEAST_HEIGHT / lines)
         fig = new_page(lines, height, height)
         grid = fig.add_gridspec(lines, columns)
         norm = _norm(np.array(list(medians.values())))
