@@ -39,7 +39,7 @@ def front_page(
     Args:
         spots: Choices of gains.
         title, subtitle: Headings.
-        labels: What the spots' labels are.
+        labels: What the spots' labels are; empty without labels.
         order: Families whose places set colour and dash; empty for those of the spots.
         joined: Whether a line joins the spots of a family.
     """
@@ -80,6 +80,6 @@ def front_page(
             )  # fmt: skip
         ax.set_xlabel("chattering index HF [% of the torque limit]")
         ax.set_ylabel("RMS error [mrad]")
-        keys.append(Line2D([], [], label=f"no choice is better in both; {labels}", **ring))
+        keys.append(Line2D([], [], label="no choice is better in both" + (f"; {labels}" if labels else ""), **ring))
         finish_page(fig, title, subtitle, keys)
     return fig

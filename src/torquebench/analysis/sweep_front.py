@@ -32,7 +32,7 @@ class Front(NamedTuple):
 
     spots: tuple[Spot, ...]
     labels: str
-    """What the spots' labels are."""
+    """What the spots' labels are; empty without labels."""
     order: tuple[str, ...]
     """Families in order; empty for that of the spots."""
     joined: bool
@@ -65,6 +65,7 @@ def front_of(table: Table) -> Front:
         spot._replace(best=place in ringed, label=spot.label if labelled else "") for place, spot in enumerate(found)
     ]
     labels = f"its {key_label(along.pop()).split('.')[-1]}" if alike else "which it is"
+    labels = labels if labelled else ""
     families = {spot.family for spot in spots}
     if families <= set(laws):
         return Front(tuple(spots), labels, laws, True)
