@@ -15,7 +15,8 @@ from tests.sweep.tables import made
 from torquebench.analysis import style
 from torquebench.analysis.effects_page import effects_page
 from torquebench.analysis.style import figure_bytes, fit_scale
-from torquebench.analysis.sweep_figures import front_spots, slug, sweep_figures
+from torquebench.analysis.sweep_figures import slug, sweep_figures
+from torquebench.analysis.sweep_front import front_of
 from torquebench.kernel import Array
 from torquebench.statistics import paired_ratio
 from torquebench.sweep.effects import Effect, Effects
@@ -130,12 +131,30 @@ def test_a_front_is_of_choices_not_of_conditions() -> None:
         return {"rmse": worse * phi * float(values["plant.payload.mass"]) * NOISE[0, draw], "hf": worse / phi}
 
     table = made("ab", DRAWS, chosen, {"controllers.a.gains.phi": (0.5, 1.0, 3.0), "plant.payload.mass": (1.0, 4.0)})
-    spots = {(spot.family, spot.label): spot for spot in front_spots(table)}
+    spots = {(spot.family, spot.label): spot for spot in front_of(table).spots}
     assert list(spots) == [("a", "phi 0.5"), ("a", "phi 1"), ("a", "phi 3"), ("b", "b")]
     wanted = paired_ratio((4.0 * NOISE[0]).tolist(), [1.0] * DRAWS)
     assert spots["a", "phi 1"].error[:3] == pytest.approx(wanted[:3], rel=1e-12)
     # b is beaten by a at phi 1; phi 3 would be unbeaten in chattering, but a run of it failed
     assert [spot.best for spot in spots.values()] == [True, True, False, False]
+
+
+def test_a_line_of_the_front_follows_one_choice() -> None:
+    """Over phi and k there is a line along phi for each law and k; over more choices than lines, none."""
+
+    def chosen(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float]:
+        phi, k = (float(values[f"controllers.*.gains.{key}"]) for key in ("phi", "k"))
+        return {"rmse": phi / k * NOISE[0, draw], "hf": k / phi}
+
+    grid = {"controllers.*.gains.phi": (0.1, 0.3, 1.0), "controllers.*.gains.k": (0.2, 0.3)}
+    front = front_of(made("ab", DRAWS, chosen, grid))
+    assert front.labels == "its phi [rad/s]"
+    assert front.joined
+    lines = {family: [s.label for s in front.spots if s.family == family] for family in ("a, k 0.2", "b, k 0.3")}
+    assert lines == {"a, k 0.2": ["0.1", "0.3", "1"], "b, k 0.3": ["0.1", "0.3", "1"]}
+    many = front_of(made("ab", 2, chosen, grid | {"controllers.*.gains.k": tuple(0.1 * i for i in range(1, 9))}))
+    assert not many.joined
+    assert {spot.family for spot in many.spots} == {"a", "b"}
 
 
 def effects(strengths: Array) -> Effects:

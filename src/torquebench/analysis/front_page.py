@@ -32,15 +32,16 @@ PHI = "its phi [rad/s]"
 
 
 def front_page(
-    spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = ()
+    spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = (), joined: bool = True
 ) -> Figure:
     """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the front ringed.
 
     Args:
         spots: Choices of gains.
         title, subtitle: Headings.
-        labels: What the spots' labels are.
+        labels: What the spots' labels are; empty without labels.
         order: Families whose places set colour and dash; empty for those of the spots.
+        joined: Whether a line joins the spots of a family.
     """
     families = list(dict.fromkeys((*order, *(spot.family for spot in spots))))
     with style.journal_style():
@@ -54,6 +55,7 @@ def front_page(
             if not own:
                 continue
             look = style.spot_look(index) | {"markersize": 4.0, "linewidth": 0.9}
+            look |= {} if joined else {"linestyle": "none"}
             x, y = [s.chattering.ratio for s in own], [1e3 * s.error.ratio for s in own]
             ax.errorbar(
                 x, y, elinewidth=0.9, capsize=1.5, **look,
@@ -78,6 +80,6 @@ def front_page(
             )  # fmt: skip
         ax.set_xlabel("chattering index HF [% of the torque limit]")
         ax.set_ylabel("RMS error [mrad]")
-        keys.append(Line2D([], [], label=f"no choice is better in both; {labels}", **ring))
+        keys.append(Line2D([], [], label="no choice is better in both" + (f"; {labels}" if labels else ""), **ring))
         finish_page(fig, title, subtitle, keys)
     return fig

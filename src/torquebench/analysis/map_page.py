@@ -18,6 +18,8 @@ from torquebench.kernel import Array
 from torquebench.sweep.columns import Table, completed, rows_by
 
 COLUMNS = 3
+LEAST_HEIGHT = 2.4
+"""Of all panels together, so that the names of key and metric fit beside them [in]."""
 _MAP = colormaps["cividis"]
 """Rises evenly in lightness, and looks alike to the colour-blind."""
 
@@ -45,20 +47,20 @@ def map_page(table: Table, keys: tuple[str, str], metric: str, title: str, subti
     with style.journal_style():
         columns = min(COLUMNS, len(laws))
         lines = -(-len(laws) // columns)
-        height = 0.5 + 0.24 * max(len(ys), 3)
+        height = max(0.5 + 0.24 * max(len(ys), 3), LEAST_HEIGHT / lines)
         fig = new_page(lines, height, height)
         grid = fig.add_gridspec(lines, columns)
         norm = _norm(np.array(list(medians.values())))
         panels = []
         for place, law in enumerate(laws):
             ax = fig.add_subplot(grid[place // columns, place % columns])
-            _draw(ax, medians[law], failures[law], norm)
+            _draw(ax, medians[law], failures[law], norm, across=columns * len(xs))
             ax.set_title(printable(law), loc="left", pad=3.0)
             ax.set_xticks(range(len(xs)), [value_text(x) for x in xs])
             ax.set_yticks(range(len(ys)), [value_text(y) for y in ys] if place % columns == 0 else [""] * len(ys))
             panels.append(ax)
-        fig.supxlabel(key_label(keys[0]), fontsize=8.0)
-        fig.supylabel(key_label(keys[1]), fontsize=8.0)
+        below = fig.supxlabel(key_label(keys[0]), fontsize=8.0)
+        beside = fig.supylabel(key_label(keys[1]), fontsize=8.0)
         bar = fig.colorbar(panels[0].images[0], ax=panels, aspect=30, fraction=0.05, pad=0.02)
         bar.set_label(f"median {scale.label}")
         bar.outline.set_linewidth(0.6)
@@ -67,6 +69,9 @@ def map_page(table: Table, keys: tuple[str, str], metric: str, title: str, subti
         if any(np.any(own) for own in failures.values()):
             handles.append(Patch(facecolor="white", edgecolor="white", label="(n): n runs failed, and are left out"))
         finish_page(fig, title, subtitle, handles)
+        boxes = [ax.get_position() for ax in panels]
+        below.set_x(round(0.5 * (min(box.x0 for box in boxes) + max(box.x1 for box in boxes)), 6))
+        beside.set_y(round(0.5 * (min(box.y0 for box in boxes) + max(box.y1 for box in boxes)), 6))
     return fig
 
 
@@ -81,14 +86,14 @@ def _norm(values: Array) -> Normalize:
     return LogNorm(low, high) if low > 0.0 and high >= 10.0 * low else Normalize(low, high if high > low else low + 1.0)
 
 
-def _draw(ax: Axes, values: Array, failed: Any, norm: Normalize) -> None:
+def _draw(ax: Axes, values: Array, failed: Any, norm: Normalize, across: int) -> None:
+    """Draw one law's map; `across` is the number of cells side by side on the page."""
     ax.set_facecolor("white")
-    rows, columns = values.shape
     ax.imshow(
         np.ma.masked_invalid(values), cmap=_MAP, norm=norm, aspect="auto", origin="lower", interpolation="nearest"
     )
-    size = 6.5 if columns <= 4 else 5.5 if columns <= 6 else 4.5
-    for i, j in np.ndindex(rows, columns):
+    size = 6.5 if across <= 14 else 5.5 if across <= 20 else 4.5
+    for i, j in np.ndindex(values.shape):
         beside = f"\n({failed[i, j]})" if failed[i, j] else ""
         if np.isfinite(values[i, j]):
             colour = "black" if float(norm(values[i, j])) > 0.55 else "white"

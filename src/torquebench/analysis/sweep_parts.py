@@ -46,7 +46,7 @@ def key_values(table: Table, key: str) -> list[float | str]:
 
 def value_text(value: float | str) -> str:
     """Return a value of a key as text."""
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def scaled(table: Table, rows: Rows, key: str, scale: Scale) -> Array:

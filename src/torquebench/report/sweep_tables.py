@@ -110,7 +110,7 @@ def effects_table(found: Sequence[Sensitivity]) -> Cells:
     rows = []
     for one in found:
         effects = () if one.effects is None else one.effects.effects
-        named = [f"{' = '.join(e.inputs)} {e.strength:+.2f} [{e.low:.2f}, {e.high:.2f}]" for e in effects if e.matters]
+        named = [f"{e.name} {e.strength:+.2f} [{e.low:.2f}, {e.high:.2f}]" for e in effects if e.matters]
         if one.effects is not None and named:
             explained = one.effects.explained
             share = "one at a time" if explained is None else f"{100 * max(explained, 0.0):.0f} % explained"

@@ -173,6 +173,6 @@ def ranked(effects: Sequence[Effect]) -> list[str]:
     """Return the inputs that matter, by the sum of the squared strengths of what they matter in."""
     share: dict[str, float] = {}
     for effect in effects:
-        for name in set(effect.inputs) if effect.matters else ():
+        for name in dict.fromkeys(effect.inputs) if effect.matters else ():
             share[name] = share.get(name, 0.0) + effect.strength**2
     return sorted(share, key=lambda name: -share[name])
