@@ -426,9 +426,9 @@ def test_what_the_table_says_is_written_and_made_again_in_the_same_bytes(small, 
 
 
 def test_far_too_many_draws_are_refused_at_once(small, command):
-    """Before each of them is looked at: a hundred million draws of a choice and of a normal key would take minutes."""
+    """Before each of them is looked at: ten million draws of a choice and of a normal key would take minutes."""
     random = "sweep.random={run.initial_q: {choice: [0.1, 0.2]}, run.seed: {choice: [1, 2, 3]}}"
-    status, _, err = command("sweep", small, "--set", "sweep.draws=100000000", "--set", random, "--out", "s")
+    status, _, err = command("sweep", small, "--set", "sweep.draws=10000000", "--set", random, "--out", "s")
     assert status == 2
     assert err.startswith("--no-cap: needs about ")
     assert not Path("s").exists()

@@ -24,7 +24,7 @@ from torquebench.sweep.run import State, conclude, refuse_others, rows_in, run_m
 from torquebench.sweep.store import Stored, alone, begin, opened, refuse_changes
 
 DONE, FAILED, INTERNAL, INTERRUPTED = 0, 1, 3, 130
-FAR_TOO_MANY = 10
+FAR_TOO_MANY = 3
 """How many times the cap is refused before anything is checked: to check so many draws takes long too."""
 
 
