@@ -16,8 +16,10 @@ from matplotlib.text import Text
 from tests.analysis.colour_vision import SIGHT, difference, lab
 from tests.analysis.test_figures import diverged, make
 from tests.analysis.test_fuzzy_figures import SYSTEMS
+from tests.analysis.test_sweep_figures import TABLE, effects
 from tests.source_tree import FILES, TREES
 from torquebench.analysis.certificate_figure import certificate_figure
+from torquebench.analysis.effects_page import effects_page
 from torquebench.analysis.figures import make_figures
 from torquebench.analysis.front_page import Spot, front_page
 from torquebench.analysis.fuzzy_figures import system_figures
@@ -25,9 +27,11 @@ from torquebench.analysis.fuzzy_rules import firing_figure
 from torquebench.analysis.page import PAGE_WIDTH
 from torquebench.analysis.paper_pages import comparison_page
 from torquebench.analysis.style import COLOURS, DASHES
+from torquebench.analysis.sweep_figures import sweep_figures
 from torquebench.certificates import Certificate
 from torquebench.fuzzy import prepare
 from torquebench.statistics import Ratio
+from torquebench.sweep.sensitivity import Sensitivity
 
 N = 2
 COLUMN = 183.0 / 25.4
@@ -41,6 +45,8 @@ HOMES = {
     "analysis/fuzzy_rules.py", "analysis/paper_pages.py",
 }  # fmt: skip
 """Files whose figures are drawn below."""
+SWEEPS = {f"analysis/{name}_page.py" for name in ("course", "effects", "map", "spread")}
+"""Files of a sweep's figures, whose axes `test_sweep_figures` reads: some are words."""
 
 
 def certificate() -> Certificate:
@@ -81,13 +87,20 @@ def every() -> dict[str, Figure]:
     return draw_all()
 
 
+@pytest.fixture(scope="module")
+def swept() -> dict[str, Figure]:
+    """Every kind of a sweep's figures."""
+    told = [Sensitivity("a", "rmse", (0,), 40, 2, effects(np.array([0.8, -0.5, 0.1])), "")]
+    return sweep_figures(TABLE, "t", "s") | {"effects": effects_page(told, "t", "s")}
+
+
 def test_every_kind_is_here() -> None:
     """Whatever module makes a page of its own is drawn in this file."""
     makers = {
         name for name, tree in TREES.items() if name.startswith("analysis/") and name != "analysis/page.py"
         and any(isinstance(node, ast.Name) and node.id in ("new_page", "panel_grid") for node in ast.walk(tree))
     }  # fmt: skip
-    assert makers == HOMES
+    assert makers == HOMES | SWEEPS
 
 
 def labelled(ax: Axes, fig: Figure, which: str) -> str:
@@ -119,10 +132,10 @@ def test_every_axis_has_a_label_with_its_unit(every: dict[str, Figure]) -> None:
     assert wrong == []
 
 
-def test_every_text_is_legible_in_print(every: dict[str, Figure]) -> None:
+def test_every_text_is_legible_in_print(every: dict[str, Figure], swept: dict[str, Figure]) -> None:
     """At both columns' width, which is the figures' own, no text is smaller than 6 pt."""
     assert pytest.approx(COLUMN, abs=0.01) == PAGE_WIDTH
-    for name, fig in every.items():
+    for name, fig in (every | swept).items():
         scale = COLUMN / fig.get_figwidth()
         for text in fig.findobj(Text):
             if text.get_text().strip() and text.get_visible():  # type: ignore[attr-defined]
@@ -169,9 +182,9 @@ def test_lines_that_share_a_colour_differ_in_dash() -> None:
     assert len(set(looks)) == 35
 
 
-def test_pages_are_white_in_light_and_dark(every: dict[str, Figure]) -> None:
+def test_pages_are_white_in_light_and_dark(every: dict[str, Figure], swept: dict[str, Figure]) -> None:
     """Figures bring their own white page, so that the palette meets the same background in a dark report."""
-    for fig in every.values():
+    for fig in (every | swept).values():
         assert to_hex(fig.get_facecolor()) == "#ffffff"
     base = (FILES["__init__.py"].parent / "report" / "templates" / "base.html.j2").read_text()
     assert re.search(r"figure \{[^}]*background: #ffffff", base)
