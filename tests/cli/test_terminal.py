@@ -40,7 +40,7 @@ def screen(monkeypatch):
 
     def make(columns):
         monkeypatch.setattr(sys, "stdout", Terminal())
-        monkeypatch.setattr(terminal.shutil, "get_terminal_size", lambda: os.terminal_size((columns, 24)))
+        monkeypatch.setattr(terminal.shutil, "get_terminal_size", lambda *_, **__: os.terminal_size((columns, 24)))
         return sys.stdout
 
     return make

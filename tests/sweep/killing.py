@@ -91,8 +91,9 @@ class Bench:
         # here, not in a fork, so that the forks have what is compiled and loaded
         arguments = ["sweep", str(self.config), "--out", str(folder / "whole"), *DRAWS, "--workers", "1", QUICK]
         status = command([*arguments, "--executor", "threads"], folder / "output.txt")()
-        start = time.perf_counter()
         again, child = self.begin()
+        self.first_shard(again, child)
+        start = time.perf_counter()
         if status != 0 or ended(child) != 0:
             raise RuntimeError((folder / "output.txt").read_text())
         self.seconds = time.perf_counter() - start
@@ -106,6 +107,11 @@ class Bench:
         out = self.folder / f"run{self.count}"
         arguments = ["sweep", str(self.config), "--out", str(out), *DRAWS, *self.how]
         return out, forked(command(arguments, self.folder / "output.txt", most_bytes))
+
+    def first_shard(self, out: Path, child: int) -> None:
+        """Wait until a shard is there, or the sweep has ended."""
+        while not list((out / "shards").glob("*.shard")) and Path(f"/proc/{child}/exe").exists():
+            time.sleep(0.001)
 
     def resumed(self, out: Path) -> dict[str, Any]:
         """Continue a sweep that was stopped; return what was there, what was run, and whether the tables are right."""
@@ -121,9 +127,10 @@ class Bench:
         }  # fmt: skip
 
     def killed(self, rng: np.random.Generator) -> dict[str, Any]:
-        """Kill a sweep at a random instant at which some shards are complete and some are missing, and continue it."""
+        """Kill a sweep at a random instant between its first shard and its last, and continue it."""
         for tries in range(1, MOST_TRIES + 1):
             out, child = self.begin()
+            self.first_shard(out, child)
             time.sleep(float(rng.uniform(0.0, self.seconds)))
             os.kill(child, signal.SIGKILL)
             if ended(child) != -signal.SIGKILL or not (out / PLAN).is_file():
