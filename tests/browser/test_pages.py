@@ -4,6 +4,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from tests.video.films import camera_of_scene, pixel, tool_mark
+from torquebench.robot.puma560.puma import Puma560
 from torquebench.sim.trajectory import load_trajectory
 from torquebench.video.stored import read_subject
 from torquebench.view.feed import Feed
@@ -123,6 +125,33 @@ def colours_in(view):
         "tool": int(np.count_nonzero((r - g > 120) & (b - g > 60))),
         "trail": int(np.count_nonzero((r - b > 90) & (r - g > 50) & (g - b > 20))),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("webgl", [True, False], ids=["webgl", "without"])
+def test_the_replay_shows_the_arm_where_the_camera_must_have_it(browse, served, replayed, keep, webgl):
+    """The tool's mark is within 3 px of the analytic arm's tool, projected by the numbers of the camera in scene.xml.
+
+    The shell is drawn where the arm is: the point half way along the upper arm, from the same kinematics, is not sky.
+    """
+    page = browse(webgl, width=1400, height=800)  # views wider than high, as the projection takes them
+    page.go(served)
+    page.wait("Number(document.body.dataset.frame) > 3")
+    at_frame(page, 30)
+    view = part(pixels(page.picture(keep("view-projected"))), box_of(page, "canvas.arm"))
+    height, width = view.shape[:2]
+    assert width > height
+    arm = Puma560("exact", "fitted")
+    q = load_trajectory(replayed / "conventional" / "trajectory.npz").q[300]
+    camera = camera_of_scene("overview")
+    mark = tool_mark(view)
+    assert mark is not None
+    assert np.linalg.norm(mark - pixel(arm.forward_kinematics(q)[:3, 3], camera, width, height)) < 3.0
+    c1, s1, c2, s2 = np.cos(q[0]), np.sin(q[0]), np.cos(q[1]), np.sin(q[1])
+    along, across = 0.2 * c2, 0.14909 + 0.097  # links.yaml: the upper arm stands beside the waist's axis
+    middle = [c1 * along - s1 * across, s1 * along + c1 * across, -0.2 * s2]
+    column, row = np.round(pixel(middle, camera, width, height)).astype(int)
+    assert np.abs(view[row, column] - view[5, 5]).sum() > 30
+    page.close()
 
 
 @pytest.mark.parametrize("webgl", [True, False], ids=["webgl", "without"])

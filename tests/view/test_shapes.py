@@ -96,6 +96,9 @@ def test_triangles_stand_where_the_geoms_are():
             local = (corners - d.geom_xpos[g]) @ d.geom_xmat[g].reshape(3, 3)
             nearest = np.minimum(nearest, np.abs(distance(m.geom_type[g], m.geom_size[g], local)))
         assert np.max(nearest) < 2e-6
+        own = shapes.areas(part.shape.corners)
+        own /= np.linalg.norm(own, axis=1, keepdims=True)
+        assert np.min(np.einsum("tcx,tx->tc", part.shape.normals, own)) > np.cos(np.deg2rad(30.0))
     where = Puma560("exact", "fitted").forward_kinematics(q)[:3, 3]
     assert np.max(np.abs(tool[0] - where)) < 1e-9
 
