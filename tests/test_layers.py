@@ -15,7 +15,7 @@ import pytest
 from tests.source_tree import ALL, FILES, TREES, imports
 
 LAYERS = (
-    ("errors",), ("kernel_cache",), ("kernel",), ("packing",), ("packing_types",), ("fuzzy", "robot"),
+    ("errors", "plain"), ("kernel_cache",), ("kernel",), ("packing",), ("packing_types",), ("fuzzy", "robot"),
     ("references", "disturbances"), ("dialect",), ("laws",), ("sim",), ("check",), ("measures", "statistics"),
     ("metrics", "certificates"), ("experiment",), ("sweep",), ("analysis",), ("bench", "report", "video"),
     ("paper", "view"),

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.sweep.examples import BASE, SMALL
+from tests.sweep.examples import BASE, SMALL, user_law
 from torquebench import load_trajectory
 from torquebench.cli.main import main
 from torquebench.experiment.store import check_run
@@ -326,21 +326,7 @@ def test_every_trajectory_is_kept_when_asked_for(small, command):
     assert len(check_run(small.parent / "s")["files"]) == 79
 
 
-PLUGIN = '''
-"""A law of a user."""
-from typing import Annotated, NamedTuple
-from torquebench import Array, Gain, controller, gravity
-
-class Gains(NamedTuple):
-    k: Annotated[Array, Gain("share of the torque limit", "1")]
-
-@controller("swept-law", gains=Gains)
-def swept_law(gains, model, t, q, qd, ref, memory, tau):
-    """tau = g^ + k tau_max e - 10 qd."""
-    gravity(model, q, tau)
-    for i in range(len(tau)):
-        tau[i] += gains.k[i] * model.tau_max[i] * (ref.q[i] - q[i]) - 10.0 * qd[i]
-'''
+PLUGIN = user_law("swept-law")
 
 
 def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monkeypatch):

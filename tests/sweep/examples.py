@@ -33,3 +33,22 @@ sweep:
 def plan_of(text: str, *overrides: str) -> Plan:
     """Return the plan of a sweep's text."""
     return Plan(Source(text.encode(), "small.yaml", overrides))
+
+
+def user_law(name: str) -> str:
+    """Return the file of a user's law: tau = g^ + k tau_max e - 10 qd."""
+    return f'''
+"""A law of a user."""
+from typing import Annotated, NamedTuple
+from torquebench import Array, Gain, controller, gravity
+
+class Gains(NamedTuple):
+    k: Annotated[Array, Gain("share of the torque limit", "1")]
+
+@controller("{name}", gains=Gains)
+def {name.replace("-", "_")}(gains, model, t, q, qd, ref, memory, tau):
+    """tau = g^ + k tau_max e - 10 qd."""
+    gravity(model, q, tau)
+    for i in range(len(tau)):
+        tau[i] += gains.k[i] * model.tau_max[i] * (ref.q[i] - q[i]) - 10.0 * qd[i]
+'''

@@ -19,7 +19,7 @@ import pytest
 import yaml
 from distributed import Client, default_client
 
-from tests.sweep.examples import SMALL, plan_of
+from tests.sweep.examples import SMALL, plan_of, user_law
 from tests.sweep.test_executors import same
 from torquebench.cli.main import main, parser
 from torquebench.errors import ConfigError, ResultError
@@ -255,21 +255,7 @@ def test_workers_without_the_package_are_refused_unharmed(cluster, monkeypatch):
     assert default_client().nthreads() == before
 
 
-LAW = '''
-"""A law of a user."""
-from typing import Annotated, NamedTuple
-from torquebench import Array, Gain, controller, gravity
-
-class Gains(NamedTuple):
-    k: Annotated[Array, Gain("share of the torque limit", "1")]
-
-@controller("clustered-law", gains=Gains)
-def clustered_law(gains, model, t, q, qd, ref, memory, tau):
-    """tau = g^ + k tau_max e - 10 qd."""
-    gravity(model, q, tau)
-    for i in range(len(tau)):
-        tau[i] += gains.k[i] * model.tau_max[i] * (ref.q[i] - q[i]) - 10.0 * qd[i]
-'''
+LAW = user_law("clustered-law")
 
 
 def test_laws_of_the_user_are_sent_to_the_workers(folder, address, command, monkeypatch):

@@ -17,8 +17,9 @@ from torquebench.errors import ResultError
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment
 from torquebench.metrics import METRICS
+from torquebench.sweep.columns import Table
 from torquebench.sweep.executors import Executor, Processes, Threads
-from torquebench.sweep.plan import Plan, Table
+from torquebench.sweep.plan import Plan
 from torquebench.sweep.work import Stopped, Task, Worker, run_shard
 
 SIZE = 5

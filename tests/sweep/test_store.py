@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.sweep.examples import SMALL, plan_of
-from torquebench.sweep.plan import Table
+from torquebench.sweep.columns import Table
 from torquebench.sweep.shards import Shards
 
 

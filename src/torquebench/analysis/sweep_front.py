@@ -56,7 +56,10 @@ def front_of(table: Table) -> Front:
     chosen = {law: tuple(key for key in grid if _concerns(key, law)) for law in laws}
     along = {keys[0] for keys in chosen.values() if keys}
     alike = len(along) == 1 and all(chosen.values())
-    found = [spot for law in laws for spot in _spots(table, law, chosen[law], alike)]
+    by_law: dict[str, list[Rows]] = {law: [] for law in laws}
+    for (law, _), rows in rows_by(table, "controller", "case").items():
+        by_law[law].append(rows)
+    found = [spot for law in laws for spot in _spots(table, law, by_law[law], chosen[law], alike)]
     whole = [place for place, spot in enumerate(found) if spot.best]
     best = undominated([(found[place].error.ratio, found[place].chattering.ratio) for place in whole])
     ringed = {whole[index] for index in best}
@@ -75,11 +78,10 @@ def front_of(table: Table) -> Front:
     return Front(tuple(lumped), labels, laws, False)
 
 
-def _spots(table: Table, law: str, keys: tuple[str, ...], alike: bool) -> list[Spot]:
+def _spots(table: Table, law: str, cases_of: Sequence[Rows], keys: tuple[str, ...], alike: bool) -> list[Spot]:
     choices: dict[tuple[float | str | None, ...], list[Rows]] = {}
-    for (name, _), rows in rows_by(table, "controller", "case").items():
-        if name == law:
-            choices.setdefault(tuple(values_of(table, keys, int(rows[0])).values()), []).append(rows)
+    for rows in cases_of:
+        choices.setdefault(tuple(values_of(table, keys, int(rows[0])).values()), []).append(rows)
     found = []
     for values, cases in choices.items():
         error, chattering = (_worst([level(table, rows, key) for rows in cases]) for key in ("rmse", "hf"))

@@ -17,7 +17,7 @@ from torquebench.paper.report import agreement_text, lost_text, page
 from torquebench.paper.runs import Study, run_study, steps_of
 from torquebench.paper.verdicts import FAILS, HOLDS, Claim
 from torquebench.paper.workload import NOISE, NOMINAL, PAIRED_DRAWS, RELATIVE
-from torquebench.report.render import Picture
+from torquebench.report.render import PAGE, Picture
 
 PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
     "fig9": (
@@ -144,9 +144,7 @@ def write_report(
         f"{study.redraws} draws of the model were rejected."
     )
     software = json.dumps(versions() | machine(), indent=2)
-    directory.write(
-        "report.html", page(table_of, study.records, pictures, study.apart, chattering, noise, workload, software)
-    )
+    directory.write(PAGE, page(table_of, study.records, pictures, study.apart, chattering, noise, workload, software))
 
 
 def agreement_facts(study: Study) -> list[dict[str, Any]]:

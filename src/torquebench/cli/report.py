@@ -10,15 +10,16 @@ from torquebench.cli.conditions import conditions_text
 from torquebench.cli.options import check_out
 from torquebench.cli.run import draw_figures, summary
 from torquebench.cli.run_facts import run_facts
-from torquebench.cli.sweep_report import PAGE, report_files
+from torquebench.cli.sweep_report import report_files
 from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.certify import certificates
-from torquebench.experiment.store import add_to_run, atomic_write, check_run
+from torquebench.experiment.store import add_to_run, atomic_write
 from torquebench.experiment.stored import StoredRun, load_run
 from torquebench.laws.plugin import load_plugin
-from torquebench.report.render import Picture
+from torquebench.report.render import PAGE, Picture
 from torquebench.report.run_page import comparison_page, run_page
+from torquebench.sweep.run import refuse_others
 from torquebench.sweep.store import PLAN, opened
 
 FILM = "video.mp4"
@@ -47,7 +48,7 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
         raise ConfigError([Problem("RUN", "", str(error))]) from error
     if len(stored) == 1 and out is None:
         (run,) = stored
-        add_to_run(run.folder, PAGE, page_of(run, redraw))
+        add_to_run(run.folder, {PAGE: page_of(run, redraw)})
         finish(run.folder / PAGE, stored)
         return 0
     target = out or Path("comparison.html")
@@ -74,11 +75,10 @@ def report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
         message = f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it"
         raise ConfigError([Problem("RUN", "", message)])
     try:
-        check_run(folder)
+        refuse_others(stored)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
-    for name, content in report_files(stored, figures=True):
-        add_to_run(folder, name, content)
+    add_to_run(folder, dict(report_files(stored, figures=True)))
     tell(report=folder / PAGE, directory=folder)
     say(f"report: {folder / PAGE}")
 

@@ -23,13 +23,21 @@ from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
 from torquebench.experiment.schema import Experiment, whole_steps
-from torquebench.experiment.store import RunDirectory, checksums, claim_folder, json_bytes, machine, versions
+from torquebench.experiment.store import (
+    RunDirectory,
+    checksums,
+    claim_folder,
+    json_bytes,
+    machine,
+    model_checksums,
+    versions,
+)
 from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
+from torquebench.report.render import PAGE
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table, outcome_text
 from torquebench.robot.bodies import FACTORS, links_in
-from torquebench.robot.library import model_folder
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
@@ -192,13 +200,13 @@ def write_results(
     page = run_page(
         result, proofs, svgs, conditions_text(experiment), facts | {"software": versions(), "machine": machine()}
     )
-    directory.write("report.html", page)
+    directory.write(PAGE, page)
     directory.finish(
         facts
         | {
             "name": experiment.name,
             "scenario": scenario_facts(result),
-            "model_files": checksums(sorted(p for p in model_folder(experiment.plant.model).iterdir() if p.is_file())),
+            "model_files": model_checksums(experiment.plant.model),
             "plugins": checksums(plugins),
             "fuzzy": fuzzy_facts(experiment),
             "outcomes": {name: outcome_facts(trajectory) for name, trajectory in result.runs.items()},

@@ -10,6 +10,7 @@ import numpy as np
 from torquebench.cli.conditions import conditions_text
 from torquebench.cli.terminal import progress_bar, warn
 from torquebench.experiment.store import json_bytes, machine
+from torquebench.report.render import PAGE
 from torquebench.report.sweep_page import SweepInfo, sweep_page
 from torquebench.sweep.columns import Table, metric_keys
 from torquebench.sweep.results import TABLE
@@ -17,7 +18,6 @@ from torquebench.sweep.sensitivity import Sensitivity, sensitivities
 from torquebench.sweep.store import Stored
 from torquebench.sweep.summary import summarise
 
-PAGE = "report.html"
 MOST_ROWS = 2_000_000
 """Rows up to which the table is looked at as a whole, in memory."""
 METRICS = ("rmse", "hf")

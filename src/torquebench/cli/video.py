@@ -7,12 +7,12 @@ from pathlib import Path
 
 from torquebench.cli.options import check_out
 from torquebench.cli.report import page_of
-from torquebench.cli.sweep_report import PAGE
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
 from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.store import add_to_run, atomic_write, check_run
 from torquebench.experiment.stored import StoredRun
+from torquebench.report.render import PAGE
 from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
 from torquebench.video.settings import Settings
 from torquebench.video.stored import Subject, model_changed, read_subject
@@ -38,7 +38,7 @@ def video(options: argparse.Namespace) -> int:
         raise ConfigError([Problem("--still", "", f"got {options.still:g}, wanted a time of the run [s]")])
     check_out(options.out)
     try:
-        manifest = check_run(options.run, leave_out=FILM)
+        manifest = check_run(options.run, leave_out=(FILM,))
         subject = read_subject(options.run, options.controllers)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
@@ -108,7 +108,7 @@ def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
     try:
         made = film(read_subject(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
         announce(keep_film(folder, made), made)
-        add_to_run(folder, PAGE, page_of(StoredRun(folder, result, check_run(folder)), redraw=False))
+        add_to_run(folder, {PAGE: page_of(StoredRun(folder, result, check_run(folder)), redraw=False)})
     except Exception as error:  # noqa: BLE001  whatever it is, the run stands as it is
         tell(film={"failed": str(error)})
         complain(f"torquebench: the run is complete, its film failed: {error}")

@@ -26,7 +26,7 @@ from torquebench.robot.payload import Payload
 from torquebench.robot.puma560.mismatch import mismatched, with_factors, within_tolerances
 from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.friction import Friction, SteepError
-from torquebench.sim.loop import Controller
+from torquebench.sim.loop import Controller, control_instants
 from torquebench.sim.plant import Plant
 
 PLANTS = 8
@@ -291,4 +291,4 @@ def build_disturbance(experiment: schema.Experiment) -> Array | None:
 
 def instants(experiment: schema.Experiment) -> Array:
     """Return the control instants k control_period, (N,) [s]."""
-    return np.arange(experiment.n_steps, dtype=np.float64) * experiment.run.control_period
+    return control_instants(experiment.n_steps, experiment.run.control_period)

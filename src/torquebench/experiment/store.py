@@ -9,13 +9,14 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import torquebench
 from torquebench.errors import ConfigError, Problem, ResultError
+from torquebench.robot.library import model_folder
 
 PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
 MANIFEST = "manifest.json"
@@ -111,28 +112,38 @@ class RunDirectory:
         (self.folder / CLAIM).unlink(missing_ok=True)
 
 
-def add_to_run(folder: Path, name: str, content: bytes | None, facts: Mapping[str, Any] | None = None) -> None:
-    """Write one more file, or one anew, into a finished run directory; the manifest holds at every instant.
+def add_to_run(folder: Path, files: Mapping[str, bytes | None], facts: Mapping[str, Any] | None = None) -> None:
+    """Write more files, or some anew, into a finished run directory; the manifest holds at every instant.
 
     Args:
         folder: The run directory.
-        name: Name of the file, relative to it.
-        content: What to write; None removes the file.
+        files: Name of each, relative to it, and what to write; None removes the file.
         facts: What the manifest is to say besides.
 
     Raises:
         ResultError: it is not a finished run directory, or another file of it is missing or changed.
     """
-    manifest, told = check_run(folder, leave_out=name), dict(facts or {})
-    manifest["files"].pop(name, None)
+    manifest, told = check_run(folder, leave_out=tuple(files)), dict(facts or {})
+    for name in files:
+        manifest["files"].pop(name, None)
     atomic_write(folder / MANIFEST, json_bytes({key: value for key, value in manifest.items() if key not in told}))
-    if content is None:
-        (folder / name).unlink(missing_ok=True)
-    else:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        atomic_write(folder / name, content)
-        manifest["files"][name] = hashlib.sha256(content).hexdigest()
+    for name, content in files.items():
+        if content is None:
+            (folder / name).unlink(missing_ok=True)
+        else:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            atomic_write(folder / name, content)
+            manifest["files"][name] = hashlib.sha256(content).hexdigest()
     atomic_write(folder / MANIFEST, json_bytes(manifest | told))
+
+
+def model_checksums(name: str) -> dict[str, str]:
+    """Return the SHA-256 of each file of an arm, by its name.
+
+    Raises:
+        ModelError: there is no such arm.
+    """
+    return checksums(sorted(path for path in model_folder(name).iterdir() if path.is_file()))
 
 
 def json_bytes(value: Any) -> bytes:
@@ -167,12 +178,12 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def check_run(folder: Path, leave_out: str = "") -> dict[str, Any]:
+def check_run(folder: Path, leave_out: Collection[str] = ()) -> dict[str, Any]:
     """Return a run directory's manifest after checking every file against it.
 
     Args:
         folder: The run directory.
-        leave_out: A file that need not be what the manifest says.
+        leave_out: Files that need not be what the manifest says.
 
     Raises:
         ResultError: no manifest (the run did not finish), or a file is missing or changed.
@@ -184,6 +195,6 @@ def check_run(folder: Path, leave_out: str = "") -> dict[str, Any]:
         raise ResultError(f"{folder}: not a finished run directory ({error})") from error
     for name, checksum in files.items():
         path = folder / name
-        if name != leave_out and (not path.is_file() or file_digest(path) != checksum):
+        if name not in leave_out and (not path.is_file() or file_digest(path) != checksum):
             raise ResultError(f"{path}: missing or changed since the manifest was written")
     return manifest

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.paper.records import Records, ratio_of
 from torquebench.paper.workload import CHAINS, UNCERTAIN
+from torquebench.plain import plain
 from torquebench.statistics import Ratio, mean_interval
 
 HOLDS, FAILS, ONLY_IF = "holds", "fails", "holds only if"
@@ -103,8 +104,10 @@ class Claim:
     def to_json(self) -> dict[str, Any]:
         """Return plain data; cases as a list of objects, None for a figure that there is not."""
         cases = [case._asdict() | {"where": case.where} for case in self.cases]
-        plain = asdict(self) | {"interval": self.interval, "cases": cases, "command": self.command}
-        return {key: _finite(value) for key, value in plain.items()}
+        found: dict[str, Any] = plain(
+            asdict(self) | {"interval": self.interval, "cases": cases, "command": self.command}
+        )
+        return found
 
     @property
     def command(self) -> str:
@@ -119,14 +122,6 @@ class Claim:
         if self.cases[0].pairs == 1:
             return f"{self.figure:.3g} (nothing is drawn)"
         return f"{self.figure:.3g} [{self.interval[0]:.3g}, {self.interval[1]:.3g}]"
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(x) for key, x in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(x) for x in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def judged(

@@ -7,6 +7,9 @@ from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+PAGE = "report.html"
+"""Name of the page in its folder."""
+
 
 class Picture(NamedTuple):
     """A figure of a page."""

@@ -46,10 +46,7 @@ def outcome_text(result: ExperimentResult, name: str) -> str:
         result: The experiment's runs.
         name: The controller.
     """
-    trajectory = result.runs[name]
-    if trajectory.completed:
-        return "completed"
-    return f"{trajectory.outcome.name.lower().replace('_', ' ')} at {trajectory.t[-1]:g} s"
+    return result.runs[name].ending or "completed"
 
 
 def headline_table(result: ExperimentResult) -> tuple[list[str], list[list[str]]]:

@@ -118,7 +118,7 @@ def simulate(
     n = plant.n
     substeps = substeps_per_period(control_period, plant.timestep)
     n_steps = substeps_per_period(duration, control_period, ("duration", "control_period"))
-    t = instants(n_steps, control_period)
+    t = control_instants(n_steps, control_period)
     desired = _each_joint(reference if isinstance(reference, Reference) else reference(t), n)
     start = np.zeros(n) if initial_q is None else np.array(initial_q, dtype=np.float64)
     _check_shapes(n, n_steps, controller, model, desired, start)
@@ -170,7 +170,7 @@ def simulate(
 
 
 @lru_cache(maxsize=8)
-def instants(n_steps: int, control_period: float) -> Array:
+def control_instants(n_steps: int, control_period: float) -> Array:
     """Return the control instants k control_period, k = 0 .. n_steps - 1, (N,) [s]; read-only."""
     t: Array = np.arange(n_steps, dtype=np.float64) * control_period
     t.setflags(write=False)

@@ -72,6 +72,11 @@ class Trajectory:
     path_reason: str = ""
     """Why the native path was not taken."""
 
+    @property
+    def ending(self) -> str:
+        """How and when the run failed, in words; empty if it completed."""
+        return "" if self.completed else f"{self.outcome.name.lower().replace('_', ' ')} at {self.t[-1]:g} s"
+
     def __post_init__(self) -> None:
         for array in (self.t, *(getattr(self, name) for name in SIGNALS), *self.extra.values()):
             array.setflags(write=False)

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.store import atomic_write
 from torquebench.sweep import remote
-from torquebench.sweep.plan import Source, Table
+from torquebench.sweep.columns import Table
+from torquebench.sweep.plan import Source
 from torquebench.sweep.remote import Needs, Rows
 from torquebench.sweep.work import Task
 

@@ -8,9 +8,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from torquebench.errors import ResultError, did_you_mean
+from torquebench.errors import ResultError
 from torquebench.kernel import Array
-from torquebench.metrics import METRICS, MetricInfo
+from torquebench.metrics import METRICS
 
 Table: TypeAlias = Mapping[str, NDArray[Any]]
 """Column name -> values, all of equal length, one row for each closed loop."""
@@ -60,22 +60,6 @@ def _like_the_last(column: NDArray[Any]) -> NDArray[np.bool_]:
 def metric_keys(table: Table) -> tuple[str, ...]:
     """Return the metrics that have a value in some row, in the table's order."""
     return tuple(name for name in table if name in INFO and bool(np.any(np.isfinite(table[name]))))
-
-
-def metric_info(table: Table, key: str) -> MetricInfo:
-    """Return what a metric of the table is.
-
-    Args:
-        table: The table.
-        key: Name of its column.
-
-    Raises:
-        ResultError: it has no such metric, or no row has a value of it.
-    """
-    known = metric_keys(table)
-    if key not in known:
-        raise ResultError(f"no values of a metric '{key}'{did_you_mean(key, known)}")
-    return INFO[key]
 
 
 def controllers(table: Table) -> tuple[str, ...]:

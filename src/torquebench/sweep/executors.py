@@ -15,7 +15,8 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
 from torquebench.errors import ResultError, TorquebenchError
-from torquebench.sweep.plan import Source, Table
+from torquebench.sweep.columns import Table
+from torquebench.sweep.plan import Source
 from torquebench.sweep.work import Task, load_plugins, run_shard
 
 PATIENCE = 10.0

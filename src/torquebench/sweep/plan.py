@@ -23,9 +23,8 @@ from torquebench.experiment.variants import varied, with_draw, with_number
 from torquebench.experiment.yaml_source import read_document
 from torquebench.metrics import METRICS
 from torquebench.sim.trajectory import Outcome
+from torquebench.sweep.columns import FIXED
 
-Table: TypeAlias = Mapping[str, npt.NDArray[Any]]
-"""Columns of equal length by name, in row order."""
 Combination: TypeAlias = tuple[int, ...]
 """Which of its choices each random key with choices has."""
 
@@ -201,8 +200,8 @@ class Plan:
     def columns(self, rows: int) -> dict[str, npt.NDArray[Any]]:
         """Return the columns of a table of some rows, not filled yet, in their order."""
         floats, words = np.dtype("<f8"), self._words
-        kinds: dict[str, Any] = dict.fromkeys(("index", "case", "draw"), np.dtype("<i8"))
-        kinds |= {"controller": _text(self.controllers), "outcome": _text(OUTCOMES), "failed_at": floats}
+        own = (*[np.dtype("<i8")] * 3, _text(self.controllers), _text(OUTCOMES), floats)
+        kinds: dict[str, Any] = dict(zip(FIXED, own, strict=True))
         kinds |= {key: _text(words[key]) if key in words else floats for key in self.varied}
         kinds |= {info.key: floats for info in METRICS}
         return {name: np.zeros(rows, kind) for name, kind in kinds.items()}

@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import torquebench
 from torquebench.errors import ConfigError, ModelError, TorquebenchError
-from torquebench.experiment.store import checksums
+from torquebench.experiment.store import model_checksums
 from torquebench.laws.plugin import load_plugin
-from torquebench.robot.library import model_folder, model_names
-from torquebench.sweep.plan import Plan, Source, Table
+from torquebench.robot.library import model_names
+from torquebench.sweep.columns import Table
+from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.store import decisive_versions
 from torquebench.sweep.work import Task, Worker, run_shard
 
@@ -69,7 +70,7 @@ def made_of(models: list[str]) -> dict[str, str]:
     found = decisive_versions() | {"source of torquebench": _SOURCE}
     for model in models:
         try:
-            files = checksums(sorted(p for p in model_folder(model).iterdir() if p.is_file()))
+            files = model_checksums(model)
         except ModelError:
             files = {}
         found[MODEL + model] = hashlib.sha256(repr(files).encode()).hexdigest()[:16] if files else ABSENT

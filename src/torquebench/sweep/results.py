@@ -19,7 +19,8 @@ import numpy.typing as npt
 
 from torquebench.errors import ResultError
 from torquebench.experiment.store import CLAIM, MANIFEST, atomic_write, file_digest, json_bytes, machine, sync_folder
-from torquebench.sweep.plan import OUTCOMES, Table
+from torquebench.sweep.columns import Table
+from torquebench.sweep.plan import OUTCOMES
 from torquebench.sweep.shards import Shards
 from torquebench.sweep.store import CONFIG, PLAN, TRAJECTORIES, Stored
 

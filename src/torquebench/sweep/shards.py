@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from torquebench.experiment.store import atomic_write
-from torquebench.sweep.plan import Table
+from torquebench.sweep.columns import Table
 
 FOLDER = "shards"
 MAGIC = "torquebench-shard-1"

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.dump import plain
-from torquebench.experiment.store import MANIFEST, RunDirectory, checksums, json_bytes, versions
-from torquebench.robot.library import model_folder
+from torquebench.experiment.store import MANIFEST, RunDirectory, checksums, json_bytes, model_checksums, versions
 from torquebench.sweep.plan import Plan, Source, flattened
 
 CONFIG = "sweep.yaml"
@@ -88,7 +87,7 @@ def facts_of(plan: Plan, shard_size: int) -> dict[str, Any]:
     made_of = {
         "software": decisive_versions(),
         "plugins": checksums(source.plugins),
-        "model_files": checksums(sorted(p for p in model_folder(plan.first.plant.model).iterdir() if p.is_file())),
+        "model_files": model_checksums(plan.first.plant.model),
     }
     decides = made_of | {"first": plain(plan.first), "sweep": plan.keys.plain(), "shard_size": shard_size}
     text = json.dumps(decides, sort_keys=True, separators=(",", ":"))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from torquebench.errors import ResultError, did_you_mean
+from torquebench.plain import plain
 from torquebench.statistics import Ratio, Share, clopper_pearson
 from torquebench.sweep.columns import (
     Rows,
@@ -88,8 +89,8 @@ class Summary:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data, as `json.dumps` takes it; it never holds NaN."""
-        plain: dict[str, Any] = _plain(self)
-        return plain
+        found: dict[str, Any] = plain(self)
+        return found
 
 
 def summarise(table: Table, reference: str | None = None) -> Summary:
@@ -143,13 +144,3 @@ def _overall(table: Table, rows: Rows, other: Rows, metrics: Sequence[str]) -> O
 
 def _defined(found: Mapping[str, T | None]) -> dict[str, T]:
     return {key: value for key, value in found.items() if value is not None}
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, tuple):
-        return _plain(value._asdict()) if hasattr(value, "_asdict") else [_plain(inner) for inner in value]
-    return value

@@ -20,7 +20,8 @@ from torquebench.metrics import METRICS, headlines
 from torquebench.sim.again import Again
 from torquebench.sim.batch import run_trial
 from torquebench.sim.trajectory import Trajectory
-from torquebench.sweep.plan import REFUSED, Plan, Source, Table, pairs_of
+from torquebench.sweep.columns import Table
+from torquebench.sweep.plan import REFUSED, Plan, Source, pairs_of
 
 UNDEFINED = np.full(len(METRICS), math.nan)
 """Metrics of a run that has none."""

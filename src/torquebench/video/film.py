@@ -89,10 +89,10 @@ def make_film(
 
 def keep_film(folder: Path, made: Made) -> Path:
     """Write a film into its run's folder, say in the manifest what it is, and return its path."""
-    add_to_run(folder, FILM, made.content, {"video": {"file": FILM} | made.facts})
+    add_to_run(folder, {FILM: made.content}, {"video": {"file": FILM} | made.facts})
     return folder / FILM
 
 
 def keep_failure(folder: Path, error: str) -> None:
     """Say in the manifest of a run that its film could not be made, and why."""
-    add_to_run(folder, FILM, None, {"video": {"backend": None, "failed": error}})
+    add_to_run(folder, {FILM: None}, {"video": {"backend": None, "failed": error}})

@@ -69,11 +69,10 @@ def model_changed(subject: Subject, manifest: Mapping[str, Any]) -> bool:
 def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
     path = folder / name / "trajectory.npz"
     run = load_trajectory(path)
-    ending = "" if run.completed else f"{run.outcome.name.lower().replace('_', ' ')} at {run.t[-1]:g} s"
     figures = []
     for key, title, factor, unit in HEADLINES if metrics else ():
         value = metrics[key]["value"]
         if value is not None:
             shown = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
             figures.append(f"{title} {shown} {unit}")
-    return Shot(name, "   ".join([*figures, law]), ending, str(path.resolve()))
+    return Shot(name, "   ".join([*figures, law]), run.ending, str(path.resolve()))

@@ -56,13 +56,8 @@ def feed_stored(feed: Feed, subject: Subject, runs: Sequence[Trajectory], colour
     feed.add(reference_message(arm, frames, longest.q_ref))
     for controller, run in enumerate(runs):
         _send(feed, arm, frames, controller, (run.q, run.q_ref, run.tau), 0, -(-len(run.t) // frames.every))
-        feed.add(ended_message(controller, ending(run)))
+        feed.add(ended_message(controller, run.ending))
     feed.close()
-
-
-def ending(run: Trajectory) -> str:
-    """Return how and when a run failed; an empty text if it completed."""
-    return "" if run.completed else f"{run.outcome.name.lower().replace('_', ' ')} at {run.t[-1]:g} s"
 
 
 def _send(
@@ -130,7 +125,7 @@ class Live:
         run = self._runs[name]
         run.signals = trajectory.q, trajectory.q_ref, trajectory.tau
         run.samples = len(trajectory.t)
-        run.ending = ending(trajectory)
+        run.ending = trajectory.ending
 
     def _follow(self) -> None:
         while not self._over.wait(EVERY):
