@@ -17,6 +17,8 @@ FIELDS = Body._fields
 PER_LINK = len(FIELDS)
 PARAMETERS = 6 * PER_LINK
 MAX_STEPS = 200
+REPEATED = 1e-8
+"""A condition of which less than this share is not said by the others repeats them."""
 SHORTEST = 1e-4
 """A Newton step that may be taken to less than this share, twice running, leads to no body."""
 
@@ -75,6 +77,11 @@ def pseudo(parameters: Array) -> Array:
 BASIS = np.array([pseudo(row) for row in np.eye(PER_LINK)])
 
 
+_GRAM = np.einsum("eab,fab->ef", BASIS, BASIS)
+DUAL = np.tensordot(np.linalg.inv(_GRAM), BASIS, axes=1)
+"""The dual basis (10, 4, 4): tr(DUAL_e BASIS_f) is 1 for e = f and 0 otherwise."""
+
+
 def pseudos(theta: Array) -> Array:
     """Return the pseudo-inertias (6, 4, 4) of the links' parameters (60,)."""
     found: Array = np.tensordot(theta.reshape(6, PER_LINK), BASIS, axes=1)
@@ -104,27 +111,16 @@ def consistent_links(A: Array, target: Array, prior: Array, close: float = 1e-6)
         close: Largest step, in units of the distance's curvature, at which the nearest ones count as found. The
             conditions themselves hold from the first whole step on.
     """
-    scale = np.linalg.norm(A, axis=1)
-    A, target = A / scale[:, None], target / scale
-    u, singular, vt = np.linalg.svd(A, full_matrices=False)
-    keep = singular > 1e-10 * singular[0]
-    A, target = vt[keep], (u.T @ target)[keep] / singular[keep]
-    k, theta, short = len(target), prior, 0
+    A, target = _independent(A, target)
+    theta, short = prior, 0
     slope = np.einsum("iab,eab->ie", np.linalg.inv(pseudos(theta)), BASIS).ravel()
     for _ in range(MAX_STEPS):
-        products = np.linalg.inv(pseudos(theta))[:, None] @ BASIS
-        gradient = slope - np.trace(products, axis1=2, axis2=3).ravel()
-        hessian = np.zeros((PARAMETERS, PARAMETERS))
-        for i, block in enumerate(np.einsum("ieab,ifba->ief", products, products)):
-            part = slice(PER_LINK * i, PER_LINK * (i + 1))
-            hessian[part, part] = block
-        if not np.all(np.diag(hessian) > 0.0):
+        P = pseudos(theta)
+        try:
+            step = _newton_step(P, theta, slope, A, target - A @ theta)
+            size = np.max(np.abs(np.linalg.solve(P, pseudos(step))))
+        except np.linalg.LinAlgError:
             return None  # so near to the edge that rounding decides
-        # eliminate the equality constraints through the KKT system, scaled by the Hessian's diagonal
-        d = 1.0 / np.sqrt(np.diag(hessian))
-        kkt = np.block([[hessian * np.outer(d, d), (A * d).T], [A * d, np.zeros((k, k))]])
-        right = np.concatenate([-gradient * d, target - A @ theta])
-        step = d * np.linalg.solve(kkt, right)[:PARAMETERS]
         length = 1.0
         while length > 1e-12 and np.linalg.eigvalsh(pseudos(theta + length * step)).min() <= 0:
             length *= 0.5
@@ -132,6 +128,49 @@ def consistent_links(A: Array, target: Array, prior: Array, close: float = 1e-6)
         if short == 2:
             return None
         theta = theta + (length if length == 1.0 else 0.9 * length) * step
-        if length == 1.0 and np.max(np.abs(step / d)) < close:
+        if length == 1.0 and size < close:
             return theta
     return None
+
+
+def _independent(A: Array, target: Array) -> tuple[Array, Array]:
+    """Return orthonormal rows and their values that say what A theta = target says, without rows that repeat others.
+
+    By Gram-Schmidt, each row projected twice: the conditions are enough of them for a singular value decomposition to
+    depend on the number of threads, as in `_newton_step`.
+    """
+    rows, values = np.empty((0, A.shape[1])), np.empty(0)
+    for row, value in zip(A, target, strict=True):
+        size = np.linalg.norm(row)
+        row, value = row / size, value / size
+        for _ in range(2):
+            along = rows @ row
+            row, value = row - along @ rows, value - along @ values
+        left = np.linalg.norm(row)
+        if left > REPEATED:
+            rows, values = np.vstack([rows, row / left]), np.append(values, value / left)
+    return rows, values
+
+
+def _newton_step(P: Array, theta: Array, slope: Array, A: Array, missing: Array) -> Array:
+    """Return the Newton step (60,) of sum_i tr(P0_i^-1 P_i) - log det P_i with A step = missing.
+
+    The curvature at P takes a direction D to P^-1 D P^-1, so that its inverse takes G to P G P: no system of the 60
+    parameters is solved. Linear algebra libraries share larger systems among threads, whose number would then decide
+    the last bits, and by them which draws are accepted.
+
+    Args:
+        P, theta: Pseudo-inertias (6, 4, 4) and parameters (60,) here.
+        slope: Gradient of the first term, (60,); the curvature's inverse takes that of the second to -theta.
+        A, missing: The conditions, (k, 60) and (k,).
+    """
+    halves = P[:, None] @ DUAL
+    inverse = np.einsum("ieab,ifba->ief", halves, halves)
+    sides = np.vstack([A, slope]).reshape(-1, 6, PER_LINK)
+    turned = np.einsum("kie,ief->kif", sides, inverse).reshape(len(sides), PARAMETERS)
+    free = theta - turned[-1]
+    matrix = turned[:-1] @ A.T
+    d = 1.0 / np.sqrt(np.diag(matrix))
+    multipliers = d * np.linalg.solve(matrix * np.outer(d, d), d * (missing - A @ free))
+    step: Array = free + multipliers @ turned[:-1]
+    return step
