@@ -11,6 +11,7 @@ import numpy as np
 from tests.sweep.tables import made
 from torquebench.report.sweep_page import SweepInfo, picture, sweep_page
 from torquebench.report.sweep_tables import effects_table, failures_table, markdown, overall_table, silent_text
+from torquebench.report.tables import headlines
 from torquebench.statistics import clopper_pearson
 from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
@@ -18,9 +19,10 @@ from torquebench.sweep.summary import summarise
 
 INFO = SweepInfo(
     "study", "<script>alert(1)</script>", "plant and model\nchain and noise", "2 cases x 8 draws x 2 laws",
-    "name: study\n", {"seed": 7}, "torquebench run --from-sweep study --index",
+    "name: study\n", {"seed": 7}, (False,), "torquebench run --from-sweep study --index",
 )  # fmt: skip
 GRID = {"plant.payload.mass": (0.0, 2.0)}
+TITLES = headlines((False,), steps=True)
 
 
 def run(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float] | None:
@@ -89,7 +91,7 @@ def test_failures_are_listed_with_the_first_of_them() -> None:
 
 def test_a_reference_can_be_named() -> None:
     """Ratios to b are the inverse of those to a."""
-    header, rows = overall_table(summarise(TABLE, "b"), "rmse")
+    header, rows = overall_table(summarise(TABLE, "b"), "rmse", TITLES)
     assert header[-1] == "over b's [95 %]"
     assert rows[0][-1].startswith("0.333 [0.333, 0.333]")
     assert rows[1][-1].startswith("1 [1, 1]")
@@ -98,7 +100,7 @@ def test_a_reference_can_be_named() -> None:
 def test_a_law_without_a_completed_run_has_dashes() -> None:
     """Nothing is averaged over nothing."""
     table = made("ab", 3, lambda law, draw, values: run(law, draw, {"plant.payload.mass": 0.0}) if law == "a" else None)
-    _, rows = overall_table(summarise(table), "rmse")
+    _, rows = overall_table(summarise(table), "rmse", TITLES)
     assert rows[1] == ["b", *["-"] * 6]
     assert b"0 of 3" in sweep_page(table, INFO)
 

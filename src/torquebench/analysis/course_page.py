@@ -11,12 +11,14 @@ from matplotlib.lines import Line2D
 
 from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, new_page, printable
-from torquebench.analysis.sweep_parts import key_label, key_values, metric_scale, value_text
+from torquebench.analysis.sweep_parts import TURNS, Scale, key_label, key_values, metric_scale, value_text
 from torquebench.sweep.columns import Rows, Table, rows_by
 from torquebench.sweep.reduce import level
 
 
-def course_page(table: Table, key: str, metrics: Sequence[str], title: str, subtitle: str) -> Figure:
+def course_page(
+    table: Table, key: str, metrics: Sequence[str], title: str, subtitle: str, slides: Sequence[bool] = TURNS
+) -> Figure:
     """Draw geometric means over the draws, and over all other keys, with 95 % intervals; a panel for each metric.
 
     A law is missing at a value at which no draw of it has the metric. Words stand side by side without lines.
@@ -26,6 +28,7 @@ def course_page(table: Table, key: str, metrics: Sequence[str], title: str, subt
         key: The key along x.
         metrics: Names of metrics, one below the other.
         title, subtitle: Headings.
+        slides: As of `metric_scale`.
     """
     values = key_values(table, key)
     cells = rows_by(table, "controller", key)
@@ -34,7 +37,7 @@ def course_page(table: Table, key: str, metrics: Sequence[str], title: str, subt
         fig = new_page(len(metrics), 2.0, 2.4)
         panels = fig.subplots(len(metrics), 1, sharex=True, squeeze=False)[:, 0]
         for ax, metric in zip(panels, metrics, strict=True):
-            _panel(ax, table, cells, laws, values, metric)
+            _panel(ax, table, cells, laws, values, metric_scale(table, metric, slides), metric)
         if not isinstance(values[0], str):
             style.fit_scale(panels[-1].xaxis, values)
         panels[-1].set_xlabel(key_label(key))
@@ -49,9 +52,9 @@ def course_page(table: Table, key: str, metrics: Sequence[str], title: str, subt
 
 def _panel(
     ax: Axes, table: Table, cells: dict[tuple[str, float | str], Rows], laws: Sequence[str],
-    values: Sequence[float | str], metric: str,
+    values: Sequence[float | str], scale: Scale, metric: str,
 ) -> None:  # fmt: skip
-    scale, words = metric_scale(table, metric), isinstance(values[0], str)
+    words = isinstance(values[0], str)
     ends: list[float] = []
     for place, law in enumerate(laws):
         found = []

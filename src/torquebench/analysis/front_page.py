@@ -21,7 +21,7 @@ class Spot(NamedTuple):
     label: str
     """Written beside the spot."""
     error: Ratio
-    """RMS error [rad]."""
+    """RMS error [rad, or m]."""
     chattering: Ratio
     """HF [% of the torque limit]."""
     best: bool
@@ -32,8 +32,9 @@ PHI = "its phi [rad/s]"
 
 
 def front_page(
-    spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = (), joined: bool = True
-) -> Figure:
+    spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = (), joined: bool = True,
+    unit: str = "mrad",
+) -> Figure:  # fmt: skip
     """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the front ringed.
 
     Args:
@@ -42,6 +43,7 @@ def front_page(
         labels: What the spots' labels are; empty without labels.
         order: Families whose places set colour and dash; empty for those of the spots.
         joined: Whether a line joins the spots of a family.
+        unit: Unit of a thousandth of the error.
     """
     families = list(dict.fromkeys((*order, *(spot.family for spot in spots))))
     with style.journal_style():
@@ -79,7 +81,7 @@ def front_page(
                 ha="right" if right else "left", fontsize=6.5, color="0.25",
             )  # fmt: skip
         ax.set_xlabel("chattering index HF [% of the torque limit]")
-        ax.set_ylabel("RMS error [mrad]")
+        ax.set_ylabel(f"RMS error [{unit}]")
         keys.append(Line2D([], [], label="no choice is better in both" + (f"; {labels}" if labels else ""), **ring))
         finish_page(fig, title, subtitle, keys)
     return fig

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from matplotlib.patches import Patch
 
 from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, new_page, printable
-from torquebench.analysis.sweep_parts import key_label, key_values, metric_scale, scaled, value_text
+from torquebench.analysis.sweep_parts import TURNS, key_label, key_values, metric_scale, scaled, value_text
 from torquebench.kernel import Array
 from torquebench.sweep.columns import Table, completed, rows_by
 
@@ -24,7 +25,9 @@ _MAP = colormaps["cividis"]
 """Rises evenly in lightness, and looks alike to the colour-blind."""
 
 
-def map_page(table: Table, keys: tuple[str, str], metric: str, title: str, subtitle: str) -> Figure:
+def map_page(
+    table: Table, keys: tuple[str, str], metric: str, title: str, subtitle: str, slides: Sequence[bool] = TURNS
+) -> Figure:
     """Draw the median of a metric over the draws, and over all other keys, in each cell; failures in brackets.
 
     Args:
@@ -32,8 +35,9 @@ def map_page(table: Table, keys: tuple[str, str], metric: str, title: str, subti
         keys: Keys of the grid along x and y.
         metric: Name of the metric.
         title, subtitle: Headings.
+        slides: As of `metric_scale`.
     """
-    scale = metric_scale(table, metric)
+    scale = metric_scale(table, metric, slides)
     xs, ys = key_values(table, keys[0]), key_values(table, keys[1])
     cells = rows_by(table, "controller", *keys)
     laws = [law for (law,) in rows_by(table, "controller")]

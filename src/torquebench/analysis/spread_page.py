@@ -1,4 +1,4 @@
-"""How a metric spreads over the draws and cases of a sweep: a box with its points for each law."""
+"""How a metric spreads over the draws and cases of a sweep: a violin, a box and points for each law."""
 
 from __future__ import annotations
 
@@ -6,30 +6,42 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cbook import violin_stats
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.mlab import GaussianKDE
 from matplotlib.patches import Patch, Rectangle
 
 from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, new_page, printable
-from torquebench.analysis.sweep_parts import metric_scale, scaled
+from torquebench.analysis.sweep_parts import TURNS, Scale, metric_scale, scaled
 from torquebench.kernel import Array
 from torquebench.sweep.columns import Rows, Table, completed, rows_by
 
 MOST_POINTS = 400
 """Points drawn for each law; of more, an evenly spaced part of those in order of size, both ends included."""
+LEAST_VALUES = 10
+"""Different values below which a density would be mostly the kernel's own shape."""
+HALF_WIDTH, BOX = 0.4, 0.09
+"""Half-widths of violin and box; two laws are 1 apart."""
 _TURN = 0.6180339887498949
 """Golden ratio: multiples of it fill an interval evenly, so that points are scattered without random numbers."""
 
 
-def spread_page(table: Table, metrics: Sequence[str], title: str, subtitle: str) -> Figure:
-    """Draw a panel for each metric: for each law its quartiles and range over all completed runs, and these as points.
+def spread_page(
+    table: Table, metrics: Sequence[str], title: str, subtitle: str, slides: Sequence[bool] = TURNS
+) -> Figure:
+    """Draw a panel for each metric: for each law density, quartiles, range and points of all its completed runs.
+
+    The density is a Gaussian kernel's with Scott's width, in the logarithm where the axis is logarithmic, cut off at
+    the least and greatest value; all violins are equally wide. Fewer than ten different values have none.
 
     Args:
         table: The sweep's table.
         metrics: Names of metrics, side by side.
         title, subtitle: Headings.
+        slides: As of `metric_scale`.
     """
     laws = {law: rows for (law,), rows in rows_by(table, "controller").items()}
     with style.journal_style():
@@ -37,12 +49,13 @@ def spread_page(table: Table, metrics: Sequence[str], title: str, subtitle: str)
         fig = new_page(1, height, height)
         panels = fig.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
         for ax, metric in zip(panels, metrics, strict=True):
-            _panel(ax, table, laws, metric)
+            _panel(ax, table, laws, metric, metric_scale(table, metric, slides))
         panels[0].set_yticks(range(len(laws)), [_name(table, law, rows) for law, rows in laws.items()])
         panels[0].set_ylim(len(laws) - 0.5, -0.5)
         handles = [
             Line2D([], [], color="0.45", marker="o", markersize=2.5, linestyle="none", label="one run"),
-            Patch(facecolor="0.85", edgecolor="0.2", label="quartiles and median"),
+            Patch(facecolor="0.88", edgecolor="0.7", label="density"),
+            Patch(facecolor="white", edgecolor="0.2", label="quartiles and median"),
             Line2D([], [], color="0.2", linewidth=0.9, label="least to greatest"),
         ]
         finish_page(fig, title, subtitle, handles)
@@ -54,11 +67,10 @@ def _name(table: Table, law: str, rows: Rows) -> str:
     return printable(law) + (f"\n{failed} of {len(rows)} failed" if failed else "")
 
 
-def _panel(ax: Axes, table: Table, laws: dict[str, Rows], metric: str) -> None:
-    scale = metric_scale(table, metric)
+def _panel(ax: Axes, table: Table, laws: dict[str, Rows], metric: str, scale: Scale) -> None:
     values = [scaled(table, rows, metric, scale) for rows in laws.values()]
     known = [np.sort(own[np.isfinite(own)]) for own in values]
-    style.fit_scale(ax.xaxis, np.concatenate(known))
+    logarithmic = style.fit_scale(ax.xaxis, np.concatenate(known))
     for place, own in enumerate(known):
         if not len(own):
             ax.text(
@@ -67,18 +79,32 @@ def _panel(ax: Axes, table: Table, laws: dict[str, Rows], metric: str) -> None:
             continue
         colour = style.COLOURS[place % len(style.COLOURS)]
         shown = own[np.unique(np.linspace(0, len(own) - 1, min(len(own), MOST_POINTS)).astype(np.intp))]
-        beside = place + 0.52 * ((_TURN * np.arange(len(shown))) % 1.0 - 0.5)
+        wide = np.full(len(shown), 0.52)
+        if len(np.unique(shown)) >= LEAST_VALUES:
+            wide = 1.7 * _violin(ax, shown, place, colour, logarithmic)
+        beside = place + wide * ((_TURN * np.arange(len(shown))) % 1.0 - 0.5)
         ax.plot(shown, beside, "o", color=colour, markersize=2.2, alpha=0.45, markeredgewidth=0.0, zorder=2.0)
-        _box(ax, own, place, colour)
+        _box(ax, own, place)
     ax.set_xlabel(scale.label)
 
 
-def _box(ax: Axes, values: Array, place: int, colour: str) -> None:
+def _violin(ax: Axes, values: Array, place: int, colour: str, logarithmic: bool) -> Array:
+    """Draw the density of values as a band about a law's place; return its half-width at each of them."""
+    at = np.log(values) if logarithmic else values
+    found = violin_stats(at, lambda own, places: GaussianKDE(own).evaluate(places), points=120)[0]
+    half = HALF_WIDTH * found["vals"] / found["vals"].max()
+    along = np.exp(found["coords"]) if logarithmic else found["coords"]
+    ax.fill_between(along, place - half, place + half, color=to_rgba(colour, 0.18), linewidth=0.0, zorder=1.5)
+    widths: Array = np.interp(at, found["coords"], half)
+    return widths
+
+
+def _box(ax: Axes, values: Array, place: int) -> None:
     """Draw quartiles and median as a box, and the range as a line with ends."""
     least, low, middle, high, most = np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0])
     ax.plot((least, most), (place, place), color="0.2", linewidth=0.9, marker="|", markersize=6.0, zorder=3.0)
     ax.add_patch(Rectangle(
-        (low, place - 0.25), high - low, 0.5, facecolor=to_rgba(colour, 0.25), edgecolor="0.2", linewidth=0.8,
+        (low, place - BOX), high - low, 2.0 * BOX, facecolor="white", edgecolor="0.2", linewidth=0.8,
         zorder=3.1,
     ))  # fmt: skip
-    ax.plot((middle, middle), (place - 0.25, place + 0.25), color="0.1", linewidth=1.6, zorder=3.2)
+    ax.plot((middle, middle), (place - BOX, place + BOX), color="0.1", linewidth=1.6, zorder=3.2)

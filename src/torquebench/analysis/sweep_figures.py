@@ -12,7 +12,8 @@ from torquebench.analysis.front_page import front_page
 from torquebench.analysis.map_page import map_page
 from torquebench.analysis.spread_page import spread_page
 from torquebench.analysis.sweep_front import front_of
-from torquebench.analysis.sweep_parts import key_values
+from torquebench.analysis.sweep_parts import TURNS, key_values
+from torquebench.experiment.units import joint_units
 from torquebench.sweep.columns import INFO, Table, checked, grid_keys, metric_keys
 from torquebench.sweep.sensitivity import Sensitivity
 
@@ -23,8 +24,9 @@ MOST_COURSES = 4
 
 
 def sweep_figures(
-    table: Table, title: str, subtitle: str, found: Sequence[Sensitivity] = (), metrics: Sequence[str] = SHOWN
-) -> dict[str, Figure]:
+    table: Table, title: str, subtitle: str, found: Sequence[Sensitivity] = (), metrics: Sequence[str] = SHOWN,
+    slides: Sequence[bool] = TURNS,
+) -> dict[str, Figure]:  # fmt: skip
     """Draw every figure that a sweep's table has the columns for, by file name.
 
     ``spread``: metrics by law; ``over-KEY``: over each key of the grid; ``map-METRIC``: over the first two keys of the
@@ -36,6 +38,7 @@ def sweep_figures(
         title, subtitle: Name of the sweep, and what was run.
         found: What its metrics depend on.
         metrics: Metrics that are shown; those without any value are passed over.
+        slides: Of each joint of the arm, whether it slides.
 
     Raises:
         ResultError: it is no sweep's table.
@@ -45,17 +48,19 @@ def sweep_figures(
     keys = [key for key in grid_keys(table) if len(key_values(table, key)) > 1]
     figures: dict[str, Figure] = {}
     if shown:
-        figures["spread"] = spread_page(table, shown, f"{title}: all runs", subtitle)
+        figures["spread"] = spread_page(table, shown, f"{title}: all runs", subtitle, slides)
         for key in keys[:MOST_COURSES]:
-            figures[f"over-{slug(key)}"] = course_page(table, key, shown, f"{title}: over {key}", subtitle)
+            figures[f"over-{slug(key)}"] = course_page(table, key, shown, f"{title}: over {key}", subtitle, slides)
     if len(keys) > 1:
         for metric in shown:
             heading = f"{title}: {INFO[metric].title} over {keys[0]} and {keys[1]}"
-            figures[f"map-{metric}"] = map_page(table, (keys[0], keys[1]), metric, heading, subtitle)
+            figures[f"map-{metric}"] = map_page(table, (keys[0], keys[1]), metric, heading, subtitle, slides)
     front = front_of(table)
     if len(front.spots) > 1:
         heading = f"{title}: error against chattering"
-        figures["front"] = front_page(front.spots, heading, subtitle, front.labels, front.order, front.joined)
+        figures["front"] = front_page(
+            front.spots, heading, subtitle, front.labels, front.order, front.joined, joint_units("mrad", slides)
+        )
     for metric in metrics:
         told = [one for one in found if one.metric == metric and one.effects is not None]
         if any(effect.matters for one in told if one.effects for effect in one.effects.effects):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from torquebench.analysis import style
-from torquebench.experiment.units import unit_of
+from torquebench.experiment.units import joint_units, unit_of
 from torquebench.kernel import Array
 from torquebench.sweep.columns import INFO, Rows, Table, finished
 
@@ -21,13 +22,23 @@ class Scale(NamedTuple):
     """By how much an SI value is multiplied."""
 
 
-def metric_scale(table: Table, key: str) -> Scale:
-    """Return how a metric of a sweep is written: with the prefix that suits its median."""
+TURNS = (False,)
+"""An arm all of whose joints turn."""
+
+
+def metric_scale(table: Table, key: str, slides: Sequence[bool] = TURNS) -> Scale:
+    """Return how a metric of a sweep is written: with the prefix that suits its median.
+
+    Args:
+        table: The table.
+        key: The metric.
+        slides: Of each joint, whether it slides: errors are in m then, or, where only some do, in rad and m.
+    """
     info = INFO[key]
     values = finished(table, np.arange(len(table["index"])), key)
     known = np.abs(values[np.isfinite(values)])
     unit = style.metric_unit(info, float(np.median(known)) if known.size else 0.0)
-    return Scale(f"{info.title} [{unit.name}]", unit.factor)
+    return Scale(f"{info.title} [{joint_units(unit.name, slides)}]", unit.factor)
 
 
 def key_label(key: str) -> str:

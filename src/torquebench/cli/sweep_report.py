@@ -9,6 +9,7 @@ import numpy as np
 
 from torquebench.cli.conditions import conditions_text
 from torquebench.cli.terminal import progress_bar, warn
+from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import json_bytes, machine
 from torquebench.report.render import PAGE
 from torquebench.report.sweep_page import SweepInfo, sweep_page
@@ -65,7 +66,9 @@ def drawn(stored: Stored, table: Table, found: list[Sensitivity]) -> Iterator[tu
     from torquebench.analysis.sweep_figures import sweep_figures
 
     with progress_bar(0, "figure", "drawing") as bar:
-        pages = sweep_figures(table, stored.plan.first.name, workload_text(stored), found)
+        first = stored.plan.first
+        said = f"{workload_text(stored)}\nfirst case: {conditions_text(first)}"
+        pages = sweep_figures(table, first.name, said, found, slides=slide_joints(first.plant.model))
         for name, figure in pages.items():
             for fmt in ("svg", "png"):
                 yield f"figures/{name}.{fmt}", figure_bytes(figure, fmt)
@@ -79,7 +82,7 @@ def info_of(stored: Stored) -> SweepInfo:
     return SweepInfo(
         plan.first.name, plan.first.description or "", conditions_text(plan.first), workload_text(stored),
         plan.source.text.decode(), {"seed": plan.seed} | facts | {"machine": machine()},
-        "torquebench run --from-sweep DIR --index",
+        slide_joints(plan.first.plant.model), "torquebench run --from-sweep DIR --index",
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any, get_args
 
 from torquebench.experiment.keys import Keys
@@ -41,3 +42,13 @@ def _sections(annotation: Any) -> list[type[Keys]]:
 
 def _only(units: set[str]) -> str | None:
     return units.pop() if len(units) == 1 else None
+
+
+def joint_units(unit: str, slides: Sequence[bool]) -> str:
+    """Return a unit of joints that turn as one of an arm's joints: in m where they slide, both where only some do.
+
+    Args:
+        unit: Unit with rad, with or without a prefix; one without rad is returned as it is.
+        slides: Of each joint, whether it slides.
+    """
+    return ", ".join(dict.fromkeys(unit.replace("rad", "m") if own else unit for own in sorted(slides)))

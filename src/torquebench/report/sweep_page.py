@@ -17,6 +17,7 @@ from torquebench.report.sweep_tables import (
     overall_table,
     silent_text,
 )
+from torquebench.report.tables import headlines
 from torquebench.sweep.columns import INFO, Table
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Group, Summary, summarise
@@ -53,6 +54,8 @@ class SweepInfo(NamedTuple):
     """The sweep's file."""
     facts: Mapping[str, Any]
     """Seeds, software and machine."""
+    slides: Sequence[bool]
+    """Of each joint of the arm, whether it slides."""
     replay: str
     """Command that replays a row, without the row's index."""
 
@@ -75,7 +78,7 @@ def sweep_page(
     """
     summary = summarise(table, reference)
     shown = [metric for metric in SHOWN if metric in summary.metrics]
-    cases = by_case(summary)
+    titles, cases = headlines(info.slides, steps=True), by_case(summary)
     first, _, second = info.conditions.partition("\n")
     drawn = f"; drawn: {', '.join(summary.drawn)}" if summary.drawn else ""
     asked = [
@@ -84,10 +87,10 @@ def sweep_page(
     ]  # fmt: skip
     return render(
         "sweep", title=info.name, lead=info.description or info.workload, asked=asked, reference=summary.reference,
-        medians=medians_table(summary), failures=failures_table(summary), replay=info.replay,
-        overall=[(_heading(metric), overall_table(summary, metric)) for metric in shown],
+        medians=medians_table(summary, titles), failures=failures_table(summary), replay=info.replay,
+        overall=[(_heading(metric), overall_table(summary, metric, titles)) for metric in shown],
         cases=[
-            (case_text(groups[0]), [(_heading(metric), case_table(summary, groups, metric)) for metric in shown])
+            (case_text(groups[0]), [(_heading(one), case_table(summary, groups, one, titles)) for one in shown])
             for groups in list(cases.values())[:MOST_CASES]
         ],
         more=max(0, len(cases) - MOST_CASES), effects=effects_table(found), silent=silent_text(found),

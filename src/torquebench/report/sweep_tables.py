@@ -13,62 +13,73 @@ from torquebench.sweep.summary import Group, Overall, Summary
 
 SHOWN = ("rmse", "hf")
 """Metrics that tables tell more of than the median."""
-TITLES = headlines((False,), steps=True)
+NAMES = {key: title.split(" [")[0] for key, (title, _) in headlines((False,), steps=True).items()}
+"""Short names of the metrics, without units."""
+Titles = Mapping[str, tuple[str, float]]
+"""Title with unit and scale of each metric, as of `headlines`."""
 Cells = tuple[list[str], list[list[str]]]
 """Header and rows."""
 
 
-def medians_table(summary: Summary) -> Cells:
-    """Return a row for each law: how many runs completed, and the medians of these over all cases and draws."""
-    keys = [key for key in TITLES if key in summary.metrics]
+def medians_table(summary: Summary, titles: Titles) -> Cells:
+    """Return a row for each law: how many runs completed, and the medians of these over all cases and draws.
+
+    Args:
+        summary: The sweep's summary.
+        titles: Titles and scales of the metrics.
+    """
+    keys = [key for key in titles if key in summary.metrics]
     rows = [
-        [law.controller, f"{law.successes:,} of {law.runs:,}", *(_median(law.figures, key) for key in keys)]
+        [law.controller, f"{law.successes:,} of {law.runs:,}", *(_median(law.figures, key, titles) for key in keys)]
         for law in summary.overall
     ]
-    return ["controller", "completed", *(TITLES[key][0] for key in keys)], rows
+    return ["controller", "completed", *(titles[key][0] for key in keys)], rows
 
 
-def overall_table(summary: Summary, metric: str) -> Cells:
+def overall_table(summary: Summary, metric: str, titles: Titles) -> Cells:
     """Return a row for each law with one metric over all cases: centre, tail, worst run, ratio to the reference.
 
     Args:
         summary: The sweep's summary.
         metric: Name of the metric.
+        titles: Titles and scales of the metrics.
     """
-    return _header(summary, metric), [[law.controller, *_cells(law, metric)] for law in summary.overall]
+    return _header(summary, titles[metric][0]), [
+        [law.controller, *_cells(law, metric, titles)] for law in summary.overall
+    ]
 
 
-def case_table(summary: Summary, groups: Sequence[Group], metric: str) -> Cells:
+def case_table(summary: Summary, groups: Sequence[Group], metric: str, titles: Titles) -> Cells:
     """Return a row for each law in one case: runs that completed with their interval, then as `overall_table`.
 
     Args:
         summary: The sweep's summary.
         groups: The laws' groups of the case.
         metric: Name of the metric.
+        titles: Titles and scales of the metrics.
     """
-    header = _header(summary, metric)
-    rows = [[group.controller, share_text(group.successes), *_cells(group, metric)] for group in groups]
+    header = _header(summary, titles[metric][0])
+    rows = [[group.controller, share_text(group.successes), *_cells(group, metric, titles)] for group in groups]
     return [header[0], "completed [95 %]", *header[1:]], rows
 
 
-def _header(summary: Summary, metric: str) -> list[str]:
-    title = TITLES[metric][0]
+def _header(summary: Summary, title: str) -> list[str]:
     return [
         "controller", f"mean {title}", "median", f"worst {100 * TAIL:g} %", "worst", "its index",
         f"over {summary.reference}'s [95 %]",
     ]  # fmt: skip
 
 
-def _cells(own: Group | Overall, metric: str) -> list[str]:
-    figure, scale = own.figures.get(metric), TITLES[metric][1]
+def _cells(own: Group | Overall, metric: str, titles: Titles) -> list[str]:
+    figure, scale = own.figures.get(metric), titles[metric][1]
     if figure is None:
         return ["-"] * 6
     values = (figure.mean, figure.median, figure.cvar, figure.worst)
     return [*(number(value, scale) for value in values), str(figure.worst_row), ratio_text(own.ratios.get(metric))]
 
 
-def _median(figures: Mapping[str, Figure], key: str) -> str:
-    return number(figures[key].median, TITLES[key][1]) if key in figures else "-"
+def _median(figures: Mapping[str, Figure], key: str, titles: Titles) -> str:
+    return number(figures[key].median, titles[key][1]) if key in figures else "-"
 
 
 def ratio_text(ratio: Ratio | None) -> str:
@@ -116,9 +127,7 @@ def effects_table(found: Sequence[Sensitivity]) -> Cells:
             share = "one at a time" if explained is None else f"{100 * max(explained, 0.0):.0f} % explained"
             cases = ", ".join(map(str, one.cases))
             order = ", ".join(ranked(effects))
-            rows.append(
-                [one.controller, metric_name(one.metric), cases, str(one.draws), order, "; ".join(named), share]
-            )
+            rows.append([one.controller, NAMES[one.metric], cases, str(one.draws), order, "; ".join(named), share])
     header = ["controller", "metric", "cases", "draws", "what matters", "how [95 %, all at once]", "without products"]
     return header, rows
 
@@ -134,13 +143,8 @@ def silent_text(found: Sequence[Sensitivity]) -> str:
         else:
             count = len(one.effects.effects)
             reason = f"none of {count} and of their {one.effects.pairs} products shows in {one.draws} draws"
-        reasons.setdefault(reason, []).append(f"{metric_name(one.metric)} of {one.controller}")
+        reasons.setdefault(reason, []).append(f"{NAMES[one.metric]} of {one.controller}")
     return "; ".join(f"{', '.join(dict.fromkeys(names))}: {reason}" for reason, names in reasons.items())
-
-
-def metric_name(metric: str) -> str:
-    """Return the short name of a metric, without its unit."""
-    return TITLES[metric][0].split(" [")[0]
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

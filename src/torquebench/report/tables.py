@@ -9,6 +9,7 @@ import numpy as np
 
 from torquebench.certificates import Certificate
 from torquebench.experiment.run import ExperimentResult
+from torquebench.experiment.units import joint_units
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.metrics import Metric, MetricInfo
@@ -34,8 +35,7 @@ def headlines(slides: Sequence[bool], steps: bool = False) -> dict[str, tuple[st
         slides: Of each joint, whether it slides; where only some do, an error is in thousandths of rad and m alike.
         steps: Whether to have those that only a step has.
     """
-    unit = {frozenset({False}): "mrad", frozenset({True}): "mm"}.get(frozenset(slides), "mrad, mm")
-    errors = {key: (f"{title} [{unit}]", 1e3) for key, (title, _) in ERRORS.items()}
+    errors = {key: (f"{title} [{joint_units('mrad', slides)}]", 1e3) for key, (title, _) in ERRORS.items()}
     return errors | COLUMNS | (STEP_COLUMNS if steps else {})
 
 
