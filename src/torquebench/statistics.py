@@ -25,6 +25,8 @@ class Ratio(NamedTuple):
     """Draws in which both laws completed."""
     failed: tuple[int, int]
     """Draws in which the first law, and the second, did not."""
+    left_out: int
+    """Draws in which one of the two, or both, did not."""
 
     @property
     def below(self) -> bool:
@@ -70,7 +72,7 @@ def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidenc
         raise ResultError("a ratio needs metrics that are positive and finite")
     mean, half = mean_interval([math.log(x / y) for x, y in pairs], confidence)
     failed = sum(x is None for x in a), sum(y is None for y in b)
-    return Ratio(math.exp(mean), math.exp(mean - half), math.exp(mean + half), len(pairs), failed)
+    return Ratio(math.exp(mean), math.exp(mean - half), math.exp(mean + half), len(pairs), failed, len(a) - len(pairs))
 
 
 def geometric_mean(values: Sequence[float | None]) -> Ratio:

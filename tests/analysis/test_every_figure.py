@@ -68,7 +68,7 @@ def draw_all() -> dict[str, Figure]:
     bands = {"calm": np.full(N, 0.05)}
     found = make_figures(runs, title="t", subtitle="s", bands=bands, slides=(False, True), **common)  # type: ignore[arg-type]
     found["certificates"] = certificate_figure({"smc": certificate()}, "t", "s", list(runs))
-    ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0)) for k in range(1, 9)]
+    ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0), 0) for k in range(1, 9)]
     spots = [Spot(f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
     found["front"] = front_page(spots, "t", "s")
     found["paper"] = comparison_page({k: runs[k] for k in ("smc", "calm")}, {}, "t", "s", **common)  # type: ignore[arg-type]

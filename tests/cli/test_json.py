@@ -139,7 +139,7 @@ def test_check(tmp_path, monkeypatch, document):
 
 def test_boundary_layer(tmp_path, monkeypatch, document):
     """The points are those of the file."""
-    error, chattering = Ratio(1e-3, 9e-4, 2e-3, 4, (0, 0)), Ratio(0.5, 0.4, 0.6, 4, (0, 0))
+    error, chattering = Ratio(1e-3, 9e-4, 2e-3, 4, (0, 0), 0), Ratio(0.5, 0.4, 0.6, 4, (0, 0), 0)
     points = [Point(phi, 0.3, 20.0, error, chattering) for phi in (0.1, 0.2, 1 / 3)]
     monkeypatch.setattr(boundary_layer, "study", lambda *_: points)
     data, err = document("boundary-layer", "--quick", "--out", tmp_path / "out")

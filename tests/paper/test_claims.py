@@ -138,7 +138,7 @@ def test_one_chain_against_it_makes_a_claim_conditional() -> None:
 
 def test_an_interval_that_reaches_across_does_not_count() -> None:
     """Only a whole interval on the claim's side makes it true, on either side."""
-    across = Ratio(0.95, 0.88, 1.02, 30, (0, 0))
+    across = Ratio(0.95, 0.88, 1.02, 30, (0, 0), 0)
     assert not below("a", ("sine", "ideal", "nominal"), across).holds
     assert below("a", ("sine", "ideal", "nominal"), across._replace(high=0.99)).holds
     assert not above("a", ("sine", "ideal", "nominal"), across, 0.9).holds
@@ -172,7 +172,7 @@ def test_every_claim_survives_failures() -> None:
 
 def test_what_does_as_well_is_told_from_what_does_not() -> None:
     """A tenth more error, interval and all, is as well; a failed run is not."""
-    near, far = Ratio(1.02, 1.0, 1.05, 30, (0, 0)), Ratio(1.08, 1.0, 1.15, 30, (0, 0))
+    near, far = Ratio(1.02, 1.0, 1.05, 30, (0, 0), 0), Ratio(1.08, 1.0, 1.15, 30, (0, 0), 0)
     assert as_well({"near": near, "far": far}) == "as well: near x1.02 [1, 1.05]; worse: far x1.08 [1, 1.15]"
     assert as_well({"near": near._replace(failed=(1, 0))}).startswith("nothing tried does as well; worse: near")
 
@@ -230,7 +230,9 @@ def test_the_front_is_what_nothing_beats() -> None:
     """Four points worked out by hand: one is beaten in both, one failed once, two are the front in order of HF."""
 
     def point(rmse: float, hf: float, failed: int = 0) -> Point:
-        return Point(0.1, 0.3, 10.0, Ratio(rmse, rmse, rmse, 3, (failed, 0)), Ratio(hf, hf, hf, 3, (failed, 0)))
+        return Point(
+            0.1, 0.3, 10.0, Ratio(rmse, rmse, rmse, 3, (failed, 0), failed), Ratio(hf, hf, hf, 3, (failed, 0), failed)
+        )
 
     a, b, beaten, failed = point(1.0, 5.0), point(3.0, 2.0), point(3.5, 6.0), point(0.5, 0.5, 1)
     assert front([beaten, a, failed, b]) == [b, a]

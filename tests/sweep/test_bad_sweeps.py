@@ -70,6 +70,17 @@ BAD = [
     Bad("{draws: 20, random: {plant.payload.mass: {normal: {mean: 0, std: 1}}}}", "plant.payload.mass", "at least 0"),
     Bad("{random: {chain: {choice: [ideal, fst]}}, draws: 30}", "chain", "did you mean 'fast'?", "fst"),
     Bad("{random: {run.seed: {uniform: [1, 2]}}}", "run.seed", "whole number"),
+    Bad("{random: {run.duration: {uniform: [1.6, 2]}}, draws: 4}", "run.duration", "whole multiple"),
+    Bad(
+        "{grid: {plant.payload.mass: [0, 1]}, random: {plant.payload: {choice: [{mass: 3}, {mass: 4}]}}}", "sweep",
+        "plant.payload.mass: another key of the sweep sets what it sets", "plant.payload.mass",
+    ),
+    Bad(
+        "{grid: {controllers.band.gains.lam: [20, 30], controllers.*.gains.lam: [5, 10]}}", "sweep",
+        "controllers.band.gains.lam: another key", "controllers.band",
+    ),
+    Bad("{grid: {plant.payload: [{mass: 3}], plant.payload.mass: [0, 1]}}", "sweep", "plant.payload: another key"),
+    Bad("{grid: {run: {x: {duration: 0.05, draw: 5}}}}", "sweep.run", "draws", "{duration"),
     Bad("{keep: some}", "sweep.keep", "wanted none, all, or a mapping", "some"),
     Bad("{keep: {worst: 0}}", "sweep.keep.worst", "at least 1", "0}"),
     Bad("{keep: {worst: 3, by: rsme}}", "sweep.keep.by", "did you mean 'rmse'?", "rsme"),

@@ -28,7 +28,9 @@ _MAP = colormaps["cividis"]
 def map_page(
     table: Table, keys: tuple[str, str], metric: str, title: str, subtitle: str, slides: Sequence[bool] = TURNS
 ) -> Figure:
-    """Draw the median of a metric over the draws, and over all other keys, in each cell; failures in brackets.
+    """Draw the geometric mean of a metric over the draws, and over all other keys, in each cell; failures in brackets.
+
+    Laws that lack one of the keys have no map.
 
     Args:
         table: The sweep's table.
@@ -40,7 +42,7 @@ def map_page(
     scale = metric_scale(table, metric, slides)
     xs, ys = key_values(table, keys[0]), key_values(table, keys[1])
     cells = rows_by(table, "controller", *keys)
-    laws = [law for (law,) in rows_by(table, "controller")]
+    laws = list(dict.fromkeys(law for law, x, y in cells if x in xs and y in ys))
     medians = {law: np.full((len(ys), len(xs)), np.nan) for law in laws}
     failures = {law: np.zeros((len(ys), len(xs)), dtype=np.int64) for law in laws}
     for (law, x, y), rows in cells.items():

@@ -48,11 +48,11 @@ def key_label(key: str) -> str:
 
 
 def key_values(table: Table, key: str) -> list[float | str]:
-    """Return the values of a key: numbers ascending, words in order of their first rows."""
+    """Return the values of a key: numbers ascending, words in order of their first rows; none of laws that lack it."""
     if table[key].dtype.kind == "f":
         known = table[key][np.isfinite(table[key])]
         return [float(value) for value in np.unique(known)]
-    return list(dict.fromkeys(table[key].tolist()))
+    return [word for word in dict.fromkeys(table[key].tolist()) if word]
 
 
 def value_text(value: float | str) -> str:

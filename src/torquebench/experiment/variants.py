@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from typing import Any
 
 from pydantic import BaseModel
@@ -14,7 +15,7 @@ from torquebench.experiment.sweep_keys import EVERY, Value
 from torquebench.laws.base import find_law, law_names
 
 
-def varied(document: Document, values: Iterable[tuple[str, Value]]) -> tuple[Document, dict[str, list[KeyPath]]]:
+def varied(document: Document, values: Sequence[tuple[str, Value]]) -> tuple[Document, dict[str, list[KeyPath]]]:
     """Return a copy of a document with keys set, and where each of them is; mistakes are recorded in the copy.
 
     Args:
@@ -26,10 +27,44 @@ def varied(document: Document, values: Iterable[tuple[str, Value]]) -> tuple[Doc
         targets = expanded(copy, key)
         if not targets:
             copy.add(("sweep",), f"{key}: no controller's law has it", place=value.place)
+        places[key] = [_indexed(copy.root, parts) for parts in targets]  # before a name is set, by which one is found
         for parts in targets:
-            assign(copy, parts, value.raw, value.place, value.place)
-        places[key] = [_indexed(copy.root, parts) for parts in targets]
+            assign(copy, parts, deepcopy(value.raw), value.place, value.place)
     return copy, places
+
+
+def overwritten(
+    document: Document, values: Iterable[tuple[str, Value]], places: Mapping[str, Sequence[KeyPath]]
+) -> list[str]:
+    """Return the keys whose value is not what it was set to: another key has set it, or a part of it, too.
+
+    Args:
+        document: The copy in which they have been set.
+        values: As of `varied`.
+        places: Where they are.
+    """
+    return [
+        key for key, value in values
+        if not all(_stands(_at(document.root, path), value.raw) for path in places[key])
+    ]  # fmt: skip
+
+
+def _stands(node: Any, raw: Any) -> bool:
+    """Whether what was set is still there; more may have been added to it."""
+    if isinstance(raw, dict):
+        return isinstance(node, dict) and all(key in node and _stands(node[key], raw[key]) for key in raw)
+    if isinstance(raw, list):
+        return isinstance(node, list) and len(node) == len(raw) and all(map(_stands, node, raw))
+    return bool(node is raw or node == raw)
+
+
+def _at(node: Any, path: KeyPath) -> Any:
+    for part in path:
+        try:
+            node = node[part]
+        except (KeyError, IndexError, TypeError):
+            return BROKEN
+    return node
 
 
 def expanded(document: Document, key: str) -> list[list[str | int]]:
@@ -60,11 +95,7 @@ def _indexed(node: Any, parts: Iterable[str | int]) -> KeyPath:
         if isinstance(node, list) and isinstance(part, str):
             named = (i for i, item in enumerate(node) if isinstance(item, dict) and item.get("name") == part)
             part = next(named, part)
-        path = (*path, part)
-        try:
-            node = node[part]
-        except (KeyError, IndexError, TypeError):
-            node = BROKEN
+        path, node = (*path, part), _at(node, (part,))
     return path
 
 

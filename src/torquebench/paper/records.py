@@ -39,7 +39,7 @@ def ratio_of(a: Sequence[float | None], b: Sequence[float | None]) -> Ratio:
     """Return the paired ratio of two laws' figures; NaN where no draw has both."""
     if any(x is not None and y is not None for x, y in zip(a, b, strict=True)):
         return paired_ratio(a, b)
-    return Ratio(math.nan, math.nan, math.nan, 0, (sum(x is None for x in a), sum(y is None for y in b)))
+    return Ratio(math.nan, math.nan, math.nan, 0, (sum(x is None for x in a), sum(y is None for y in b)), len(a))
 
 
 class Records:

@@ -173,9 +173,9 @@ def average(values: Sequence[float | None]) -> Ratio:
     """Return the mean over draws of a figure of either sign, with Student's interval; NaN where no draw has one."""
     known = [value for value in values if value is not None]
     if not known:
-        return Ratio(math.nan, math.nan, math.nan, 0, (len(values), 0))
+        return Ratio(math.nan, math.nan, math.nan, 0, (len(values), 0), len(values))
     mean, half = mean_interval(known)
-    return Ratio(mean, mean - half, mean + half, len(known), (len(values) - len(known), 0))
+    return Ratio(mean, mean - half, mean + half, len(known), (len(values) - len(known), 0), len(values) - len(known))
 
 
 def ablated(x: Records, form: str, chain: str) -> Ratio:

@@ -90,7 +90,7 @@ def sweep_page(
         medians=medians_table(summary, titles), failures=failures_table(summary), replay=info.replay,
         overall=[(_heading(metric), overall_table(summary, metric, titles)) for metric in shown],
         cases=[
-            (case_text(groups[0]), [(_heading(one), case_table(summary, groups, one, titles)) for one in shown])
+            (case_text(*groups), [(_heading(one), case_table(summary, groups, one, titles)) for one in shown])
             for groups in list(cases.values())[:MOST_CASES]
         ],
         more=max(0, len(cases) - MOST_CASES), effects=effects_table(found), silent=silent_text(found),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from torquebench.report.tables import headlines, number
@@ -83,24 +84,29 @@ def _median(figures: Mapping[str, Figure], key: str, titles: Titles) -> str:
 
 
 def ratio_text(ratio: Ratio | None) -> str:
-    """Return a ratio with its interval, and in how many pairs one of the two had no value."""
+    """Return a ratio with its interval, where draws differ, and in how many draws one of the two had no value."""
     if ratio is None:
         return "-"
-    interval = f" [{ratio.low:.3g}, {ratio.high:.3g}]" if ratio.pairs > 1 else ""
-    missing = f", {max(ratio.failed)} left out" if any(ratio.failed) else ""
+    interval = f" [{ratio.low:.3g}, {ratio.high:.3g}]" if math.isfinite(ratio.low) else ""
+    missing = f", {ratio.left_out} left out" if ratio.left_out else ""
     return f"{ratio.ratio:.3g}{interval}{missing}"
 
 
 def share_text(share: Share) -> str:
-    """Return how many of how many, with the interval of the probability in %."""
+    """Return how many of how many, with the interval of the probability in %, where draws differ."""
+    if not math.isfinite(share.low):
+        return f"{share.successes} of {share.trials}, all alike"
     return f"{share.successes} of {share.trials} [{100 * share.low:.3g}, {100 * share.high:.3g}] %"
 
 
-def case_text(group: Group) -> str:
-    """Return the values of a case as text."""
+def case_text(*groups: Group) -> str:
+    """Return the values of a case as text: of the keys that one of some laws has."""
+    merged: dict[str, float | str | None] = {}
+    for group in groups:
+        merged |= {key: value for key, value in group.values.items() if value is not None or key not in merged}
     values = [
         f"{key} = {value:g}" if isinstance(value, float) else f"{key} = {value}"
-        for key, value in group.values.items() if value is not None
+        for key, value in merged.items() if value is not None
     ]  # fmt: skip
     return ", ".join(values) or "the only case"
 

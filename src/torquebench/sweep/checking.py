@@ -17,6 +17,8 @@ from torquebench.sweep.plan import Combination, Plan
 
 MAX_CORNERS = 64
 """Combinations of the least and greatest values of the random keys that are tried; of more, a part."""
+TRIED = 3
+"""Draws whose own values of the random keys are tried, as what is between the ends may be none."""
 MAX_PROBLEMS = 100
 
 
@@ -32,7 +34,8 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
     """Check every experiment of a sweep: each case with each choice that is drawn, and at the ends of random keys.
 
     Draws that differ in numbers of random keys alone are not read again: these are tried at their least and greatest
-    values. What can be made of an experiment before its run is made, once for each case.
+    values, and at those of the first few draws. What can be made of an experiment before its run is made, once for
+    each case.
 
     Args:
         plan: The sweep.
@@ -50,12 +53,14 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
     checker.raise_problems()
     drawn = combinations(plan)
     ends = list(corners([extremes(plan, random) for random in plan.continuous]))
-    for case in range(plan.cases):
-        for combination in sorted(drawn):
-            for numbers in ends if ends else [()]:
-                if ends or combination != first:
-                    checker.read(case, combination, numbers, build=False)
-    checker.raise_problems()
+    inside = [tuple(plan.drawn(random, draw) for random in plan.continuous) for draw in range(min(TRIED, plan.draws))]
+    for points in (ends or [()], *([own] for own in inside if own)):
+        for case in range(plan.cases):
+            for combination in sorted(drawn):
+                for numbers in points:
+                    if ends or combination != first:
+                        checker.read(case, combination, numbers, build=False)
+        checker.raise_problems()
     return survey
 
 

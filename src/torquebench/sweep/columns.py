@@ -103,7 +103,7 @@ def values_of(table: Table, keys: tuple[str, ...], row: int) -> dict[str, float 
     for key in keys:
         value = table[key][row]
         if table[key].dtype.kind != "f":
-            found[key] = str(value)
+            found[key] = str(value) or None
         else:
             found[key] = None if np.isnan(value) else float(value)
     return found

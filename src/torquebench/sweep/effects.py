@@ -14,6 +14,8 @@ from torquebench.kernel import Array
 
 TIED = 1.0 - 1e-6
 """Rank correlation from which on two inputs count as one."""
+ROUNDING = 1e-9
+"""Least half-width of an interval."""
 LEAST = 8
 """Fewest samples that are looked at."""
 
@@ -69,8 +71,11 @@ def effects_on(output: Array, inputs: Mapping[str, Array], confidence: float = 0
     finds too much in the far tail there.
 
     That alone is blind where an error is as bad upwards as downwards, or where one error makes up for another: the
-    square of a sum of signed errors. Therefore the products x_i x_j and squares x_i^2, x from the middle of its range,
-    are looked at one by one in the same way. Effects of third order are not seen.
+    square of a sum of signed errors. Therefore products z_i z_j and squares z_i^2 are looked at one by one, against
+    what the inputs leave of z_out (against z_out itself where they are too many). Input j has no part in a product
+    whose strength the orders of z_j alone explain, with the output and z_i held: its standard deviation over all of
+    them is that of r z_i over sqrt(N - 1), r what is left; the interval is the wider one of the two inputs', so that
+    one that matters does not lend its effect to one that does not. Effects of third order are not seen.
 
     Half of the risk 1 - confidence goes to the inputs and half to the products, shared evenly (Bonferroni): under pure
     noise, nothing at all is found with probability `confidence`. Inputs that do not vary are left out.
@@ -88,21 +93,21 @@ def effects_on(output: Array, inputs: Mapping[str, Array], confidence: float = 0
         raise ResultError(f"{len(output)} draws are too few, wanted at least {LEAST}")
     if np.ptp(output) == 0.0:
         raise ResultError("it is the same in every draw")
-    names, X = _groups(inputs)
+    names, Z = _groups(inputs)
     if not names:
         raise ResultError("nothing that is drawn varies")
-    k, n = X.shape
-    z, Z = _standardised(output), _standardised(X).T
+    k, n = Z.shape
+    z = _standardised(output)
     risk = 0.25 * (1.0 - confidence) / outputs
-    explained = None
-    if n >= 2 * k and np.linalg.matrix_rank(Z.T @ Z) == k:
-        b, half, explained = _regressed(z, Z, 1.0 - risk / k)
+    explained, left = None, z
+    if n >= 2 * k and np.linalg.matrix_rank(Z @ Z.T) == k:
+        b, half, explained, left = _regressed(z, Z.T, 1.0 - risk / k)
     else:
-        b, half = _correlated(z, Z, 1.0 - risk / k)
+        b, half = Z @ z / n, np.full(k, stats.norm.ppf(1.0 - risk / k) / math.sqrt(n - 1))
     found = [_effect((name,), *ends) for name, *ends in zip(names, b.tolist(), half.tolist(), strict=True)]
-    places, products = _products(X)
-    if len(places):
-        b, half = _correlated(z, _standardised(products).T, 1.0 - risk / len(places))
+    places, b, spread = _products(left, Z)
+    if places:
+        half = stats.norm.ppf(1.0 - risk / len(places)) * spread
         pairs = [((names[i], names[j]), *ends) for (i, j), *ends in zip(places, b.tolist(), half.tolist(), strict=True)]
         found += [effect for effect in (_effect(*pair) for pair in pairs) if effect.matters]
     found.sort(key=lambda effect: -abs(effect.strength))
@@ -110,6 +115,7 @@ def effects_on(output: Array, inputs: Mapping[str, Array], confidence: float = 0
 
 
 def _effect(inputs: tuple[str, ...], strength: float, half: float) -> Effect:
+    half = max(half, ROUNDING)  # an exact fit leaves nothing but that
     return Effect(inputs, strength, strength - half, strength + half)
 
 
@@ -124,42 +130,47 @@ def _standardised(values: Array) -> Array:
 
 
 def _groups(inputs: Mapping[str, Array]) -> tuple[list[str], Array]:
-    """Return the inputs that vary, tied ones together, and the first of each from the middle of its range, (k, N)."""
+    """Return the inputs that vary, tied ones together, and the standardised ranks of the first of each, (k, N)."""
     varying = [name for name, values in inputs.items() if np.ptp(values) > 0.0]
     if not varying:
         return [], np.zeros((0, 0))
-    X = np.array([inputs[name] for name in varying])
-    Z = _standardised(X)
+    Z = _standardised(np.array([inputs[name] for name in varying]))
     tied = np.abs(Z @ Z.T) >= TIED * Z.shape[1]
     first = np.argmax(tied, axis=1)
     kept = np.unique(first)
-    names = [" = ".join(varying[i] for i in np.flatnonzero(first == j)) for j in kept]
-    low, high = X[kept].min(axis=1, keepdims=True), X[kept].max(axis=1, keepdims=True)
-    return names, (X[kept] - 0.5 * (low + high)) / (0.5 * (high - low))
+    return [" = ".join(varying[i] for i in np.flatnonzero(first == j)) for j in kept], Z[kept]
 
 
-def _products(X: Array) -> tuple[list[tuple[int, int]], Array]:
-    """Return pairs of inputs and their products, (m, N); the square of one with two values does not vary."""
-    i, j = np.triu_indices(len(X))
-    products = X[i] * X[j]
-    varies = np.ptp(products, axis=1) > 1e-9
-    return list(zip(i[varies].tolist(), j[varies].tolist(), strict=True)), products[varies]
+def _products(left: Array, Z: Array) -> tuple[list[tuple[int, int]], Array, Array]:
+    """Return pairs of inputs, the strength of their product, and its standard deviation where one has no part in it.
+
+    Args:
+        left: What is left of the output's ranks, (N,).
+        Z: Standardised ranks of the inputs, (k, N).
+    """
+    i, j = np.triu_indices(len(Z))
+    squares = Z * Z - 1.0
+    size = np.sqrt(np.mean(squares * squares, axis=1))
+    varies = (i != j) | np.array([len(np.unique(z)) > 2 for z in Z])[i]  # an input with two values has no square
+    i, j = i[varies], j[varies]
+    n, weighted = len(left), left * Z
+    strength = (weighted @ Z.T)[i, j] / n
+    spread = np.maximum(np.std(weighted, axis=1)[i], np.std(weighted, axis=1)[j]) / math.sqrt(n - 1)
+    own = i == j
+    strength[own] = squares[i[own]] @ left / (n * size[i[own]])
+    spread[own] = np.std(left) / math.sqrt(n - 1)
+    return list(zip(i.tolist(), j.tolist(), strict=True)), strength, spread
 
 
-def _regressed(z: Array, Z: Array, level: float) -> tuple[Array, Array, float]:
-    """Return coefficients, half-widths of their intervals, and the explained share, adjusted."""
+def _regressed(z: Array, Z: Array, level: float) -> tuple[Array, Array, float, Array]:
+    """Return coefficients, half-widths of their intervals, the explained share, adjusted, and what is left, (N,)."""
     n, k = Z.shape
     inverse = np.linalg.inv(Z.T @ Z)
     b = inverse @ (Z.T @ z)
-    left = float(np.sum((z - Z @ b) ** 2)) / (n - k - 1)
-    half = stats.t.ppf(level, n - k - 1) * np.sqrt(left * np.diag(inverse))
-    return b, half, 1.0 - left * (n - 1) / n
-
-
-def _correlated(z: Array, Z: Array, level: float) -> tuple[Array, Array]:
-    """Return the correlation with each column by itself, and half-widths of their intervals."""
-    n, k = Z.shape
-    return Z.T @ z / n, np.full(k, stats.norm.ppf(level) / math.sqrt(n - 1))
+    left = z - Z @ b
+    variance = float(np.sum(left * left)) / (n - k - 1)
+    half = stats.t.ppf(level, n - k - 1) * np.sqrt(variance * np.diag(inverse))
+    return b, half, 1.0 - variance * (n - 1) / n, left
 
 
 def strongest(effects: Sequence[Effect], most: int) -> list[Effect]:

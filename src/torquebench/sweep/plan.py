@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from torquebench.disturbances import Stream, generator
 from torquebench.experiment.document import Document, KeyPath, dotted
-from torquebench.experiment.load import check_experiment
+from torquebench.experiment.load import SWEEP, check_experiment
 from torquebench.experiment.overrides import apply_overrides
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.sweep_keys import Random, Value, between, take_sweep
-from torquebench.experiment.variants import varied, with_draw, with_number
+from torquebench.experiment.variants import overwritten, varied, with_draw, with_number
 from torquebench.experiment.yaml_source import read_document
 from torquebench.metrics import METRICS
 from torquebench.sim.trajectory import Outcome
@@ -54,10 +54,17 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Fixed:
-    """A checked experiment, and where its continuous random keys are in it."""
+    """A checked experiment, and where the varied keys are in it."""
 
     experiment: Experiment
     places: Mapping[str, list[KeyPath]]
+    """Where each varied key is; continuous random ones are set there."""
+
+    def has(self, key: str, controller: int) -> bool:
+        """Whether a controller has a key: those of the others alone it has not."""
+        paths = self.places[key]
+        own = [path[1] for path in paths if len(path) > 1 and path[0] == "controllers"]
+        return len(own) < len(paths) or controller in own
 
 
 class Plan:
@@ -77,6 +84,7 @@ class Plan:
         self.raw: dict[str, Any] = dict(self.document.root)
         """The file as it is after the overrides."""
         self.keys = take_sweep(self.document)
+        self._refuse_draws()
         self.document.raise_problems()
         axes, random = self.keys.axes, self.keys.random
         self.continuous: tuple[Random, ...] = tuple(r for r in random if r.choices is None)
@@ -85,6 +93,14 @@ class Plan:
         self.draws = self.keys.draws
         self._fixed = functools.lru_cache(maxsize=REMEMBERED)(self._checked)
         self.pairs = self.cases * self.draws
+
+    def _refuse_draws(self) -> None:
+        """Record values that set run.draw, which counts the draws of a sweep, as mistakes."""
+        for values in (*self.keys.axes, *(r.choices for r in self.keys.random if r.choices is not None)):
+            for value in values.values if values.key == "run" else ():
+                if isinstance(value.raw, dict) and "draw" in value.raw:
+                    message = "draw is what sweep.draws counts: wanted none here"
+                    self.document.add((SWEEP, "run"), message, place=value.place)
 
     @functools.cached_property
     def first(self) -> Experiment:
@@ -187,8 +203,19 @@ class Plan:
         return values
 
     def variant(self, values: Sequence[tuple[str, Value]]) -> tuple[Document, Mapping[str, list[KeyPath]]]:
-        """Return the document with keys set, unchecked, and where they are."""
-        return varied(self.document, values)
+        """Return the document with keys set, unchecked, and where they are.
+
+        A key that another one overwrites is recorded as a mistake: tables would say what was not run.
+        """
+        document, places = varied(self.document, values)
+        if not document.found:
+            for key in overwritten(document, values, places):
+                places_of = {axis.key: axis.place for axis in self.keys.axes} | {
+                    r.key: r.place for r in self.keys.random
+                }
+                message = f"{key}: another key of the sweep sets what it sets"
+                document.add((SWEEP,), message, place=places_of[key])
+        return document, places
 
     def _checked(self, case: int, combination: Combination) -> _Fixed:
         numbers = [random.numbers[0] for random in self.continuous]
@@ -217,8 +244,16 @@ class Plan:
         axes = [*self.keys.axes, *(r.choices for r in self.keys.random if r.choices is not None)]
         return {axis.key: tuple(_word(value) for value in axis.values) for axis in axes if not axis.numeric}
 
-    def values_of(self, case: int, draw: int) -> dict[str, float | str]:
-        """Return the values of every varied key as tables show them."""
+    def values_of(self, case: int, draw: int) -> dict[str, list[float | str]]:
+        """Return what tables show of every varied key: its value for each controller; NaN or '' for one without it."""
+        fixed, count = self._fixed(case, self.combination(draw)), len(self.controllers)
+        found: dict[str, list[float | str]] = {}
+        for key, value in self._shown(case, draw).items():
+            none = math.nan if isinstance(value, float) else ""
+            found[key] = [value if fixed.has(key, i) else none for i in range(count)]
+        return found
+
+    def _shown(self, case: int, draw: int) -> dict[str, float | str]:
         found: dict[str, float | str] = {}
         for axis, value in zip(self.keys.axes, self.values(case), strict=True):
             found[axis.key] = value.word if axis.numeric else _word(value)

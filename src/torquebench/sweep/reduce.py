@@ -54,7 +54,7 @@ def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure 
 def by_draw(table: Table, rows: Rows, key: str) -> tuple[NDArray[np.int64], Array]:
     """Return the draws of some rows and a metric in each, its geometric mean where a draw has several rows.
 
-    A draw has NaN when one of its runs failed, or has no value above zero: survivors are not averaged.
+    A draw has NaN when one of its runs failed or has no such figure: survivors are not averaged.
 
     Args:
         table: The table.
@@ -68,7 +68,9 @@ def by_draw(table: Table, rows: Rows, key: str) -> tuple[NDArray[np.int64], Arra
 
 
 def level(table: Table, rows: Rows, key: str) -> Ratio | None:
-    """Return the geometric mean of a metric over the draws of some rows, with its interval; None without a value.
+    """Return the geometric mean of a metric over the draws of some rows, with its interval.
+
+    None without a value, and where a run has the value 0, of which there is no geometric mean.
 
     Args:
         table: The table.
@@ -76,11 +78,16 @@ def level(table: Table, rows: Rows, key: str) -> Ratio | None:
         key: The metric.
     """
     _, values = by_draw(table, rows, key)
+    if _has_zero(table, rows, key):
+        return None
     return geometric_mean(_known(values)) if np.isfinite(values).any() else None
 
 
 def ratio_of(table: Table, rows: Rows, other: Rows, key: str) -> Ratio | None:
-    """Return the paired ratio of a metric in some rows to that in others, draw by draw; None without a pair.
+    """Return the paired ratio of a metric in some rows to that in others, draw by draw.
+
+    None without a pair, and where a run has the value 0. Where the ratio is the same in every draw, or there is one
+    draw, its interval is NaN: nothing that is drawn shows in it.
 
     Args:
         table: The table.
@@ -90,7 +97,16 @@ def ratio_of(table: Table, rows: Rows, other: Rows, key: str) -> Ratio | None:
     (draws, one), (others, two) = by_draw(table, rows, key), by_draw(table, other, key)
     _, here, there = np.intersect1d(draws, others, assume_unique=True, return_indices=True)
     a, b = one[here], two[there]
-    return paired_ratio(_known(a), _known(b)) if np.isfinite(a + b).any() else None
+    both = np.isfinite(a + b)
+    if not both.any() or _has_zero(table, rows, key) or _has_zero(table, other, key):
+        return None
+    ratio = paired_ratio(_known(a), _known(b))
+    same = np.ptp(a[both]) == 0.0 and np.ptp(b[both]) == 0.0
+    return ratio._replace(low=np.nan, high=np.nan) if same else ratio
+
+
+def _has_zero(table: Table, rows: Rows, key: str) -> bool:
+    return bool(np.any(finished(table, rows, key) <= 0.0))
 
 
 def _known(values: Array) -> list[float | None]:

@@ -108,10 +108,15 @@ def sensitivities(
     places = [(cases, inputs, law) for cases, inputs in together for law in controllers(table)]
     outputs = len(places) * len(metrics)
     return [
-        _one(law, metric, cases, _ranked(table, [by_group[case, law] for case in cases], metric, draws), inputs,
+        _one(law, metric, cases, _ranked(table, [by_group[case, law] for case in cases], metric, draws),
+             {name: x for name, x in inputs.items() if name not in drawn or _has(table, by_group[cases[0], law], name)},
              confidence, outputs)
         for cases, inputs, law in places for metric in metrics
     ]  # fmt: skip
+
+
+def _has(table: Table, rows: Rows, key: str) -> bool:
+    return bool(np.isfinite(table[key][rows]).any())
 
 
 def _drawn_keys(table: Table, draws: NDArray[np.int64]) -> dict[str, Array]:

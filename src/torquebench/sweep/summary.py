@@ -49,14 +49,15 @@ class Group:
     """Grid key -> its value in this case; None for a key that this law does not have."""
     controller: str
     successes: Share
-    """Runs that completed, of all of them, with the Clopper-Pearson interval of the probability to complete."""
+    """Runs that completed, of all of them, with the Clopper-Pearson interval of the probability to complete; NaN where
+    all draws are alike: nothing that is drawn acts in this case, and so there is nothing to infer."""
     outcomes: Mapping[str, int]
     """How often each outcome came about."""
     earliest_failure: Failure | None
     figures: Mapping[str, Figure]
     """Metric -> its figures; metrics without any value are left out."""
     ratios: Mapping[str, Ratio]
-    """Metric -> geometric mean over draws of this law's over the reference's, where both have positive values."""
+    """Metric -> geometric mean over draws of this law's over the reference's; none where a run has the value 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +129,17 @@ def _group(table: Table, rows: Rows, other: Rows, keys: tuple[str, ...], metrics
         )
     return Group(
         int(table["case"][rows[0]]), values_of(table, keys, int(rows[0])), str(table["controller"][rows[0]]),
-        clopper_pearson(int(done.sum()), len(rows)), dict(Counter(map(str, table["outcome"][rows].tolist()))), first,
+        _share(table, rows, metrics), dict(Counter(map(str, table["outcome"][rows].tolist()))), first,
         _defined({key: figure_of(table, rows, key) for key in metrics}),
         _defined({key: ratio_of(table, rows, other, key) for key in metrics}),
     )  # fmt: skip
+
+
+def _share(table: Table, rows: Rows, metrics: Sequence[str]) -> Share:
+    share = clopper_pearson(int(completed(table, rows).sum()), len(rows))
+    columns = [table[name][rows] for name in ("failed_at", *metrics)]
+    alike = len(rows) > 1 and all(np.array_equal(own, np.roll(own, 1), equal_nan=True) for own in columns)
+    return share._replace(low=np.nan, high=np.nan) if alike else share
 
 
 def _overall(table: Table, rows: Rows, other: Rows, metrics: Sequence[str]) -> Overall:

@@ -87,8 +87,8 @@ class Worker:
             if stop():
                 raise Stopped
             case, draw = divmod(pair, plan.draws)
-            for key, value in plan.values_of(case, draw).items():
-                columns[key][at : at + count] = value
+            for key, values in plan.values_of(case, draw).items():
+                columns[key][at : at + count] = values
             for ended in self.pair(case, draw):
                 outcome[at], failed_at[at], metrics[at] = ended.outcome, ended.failed_at, ended.metrics
                 if task.trajectories is not None and ended.run is not None:
