@@ -15,7 +15,7 @@ from torquebench.experiment.stored import StoredRun
 from torquebench.report.render import PAGE
 from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
 from torquebench.video.settings import Settings
-from torquebench.video.stored import Subject, model_changed, read_subject
+from torquebench.video.stored import Footage, model_changed, read_footage
 
 SHOWN = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
 """What the table says of a film or a picture."""
@@ -39,15 +39,15 @@ def video(options: argparse.Namespace) -> int:
     check_out(options.out)
     try:
         manifest = check_run(options.run, leave_out=(FILM,))
-        subject = read_subject(options.run, options.controllers)
+        footage = read_footage(options.run, options.controllers)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
-    if options.still is not None and options.still > subject.duration:
-        message = f"got {options.still:g}, wanted a time of the run, 0 to {subject.duration:g} s"
+    if options.still is not None and options.still > footage.duration:
+        message = f"got {options.still:g}, wanted a time of the run, 0 to {footage.duration:g} s"
         raise ConfigError([Problem("--still", "", message)])
-    if model_changed(subject, manifest):
-        warn(f"torquebench: the file of '{subject.model}' has changed since the run; the film shows it as it is now")
-    made = film(subject, settings, options.gl, options.still)
+    if model_changed(footage, manifest):
+        warn(f"torquebench: the file of '{footage.model}' has changed since the run; the film shows it as it is now")
+    made = film(footage, settings, options.gl, options.still)
     if options.out is None:
         path = keep_film(options.run, made)
     else:
@@ -63,11 +63,11 @@ def _text(value: object) -> str:
     return " x ".join(str(part) for part in value) if isinstance(value, list | tuple) else str(value)
 
 
-def film(subject: Subject, settings: Settings, gl: str | None, still: float | None = None) -> Made:
+def film(footage: Footage, settings: Settings, gl: str | None, still: float | None = None) -> Made:
     """Make a film, or one picture, with a progress bar.
 
     Args:
-        subject: What it is made of.
+        footage: What it is made of.
         settings: What it looks like.
         gl: The user's MUJOCO_GL.
         still: Time of the picture [s].
@@ -79,7 +79,7 @@ def film(subject: Subject, settings: Settings, gl: str | None, still: float | No
             bar.set_description_str("film", refresh=False)
             bar.update(1)
 
-        return make_film(subject, settings, gl, still=still, progress=report)
+        return make_film(footage, settings, gl, still=still, progress=report)
 
 
 def announce(path: Path, made: Made) -> None:
@@ -106,7 +106,7 @@ def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
     if keys is None:
         return
     try:
-        made = film(read_subject(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
+        made = film(read_footage(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
         announce(keep_film(folder, made), made)
         add_to_run(folder, {PAGE: page_of(StoredRun(folder, result, check_run(folder)), redraw=False)})
     except Exception as error:  # noqa: BLE001  whatever it is, the run stands as it is

@@ -23,8 +23,8 @@ LEAST = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
-    """A run that a film is made of."""
+class Footage:
+    """A stored run as what a film or a replay is made of: its shots, with their trajectories."""
 
     title: str
     model: str
@@ -34,7 +34,7 @@ class Subject:
     shots: tuple[Shot, ...]
 
 
-def read_subject(folder: Path, controllers: Sequence[str] = ()) -> Subject:
+def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
     """Read what a film needs from a run's folder.
 
     Args:
@@ -55,14 +55,14 @@ def read_subject(folder: Path, controllers: Sequence[str] = ()) -> Subject:
             raise ConfigError([Problem("--controllers", "", text) for text in wrong])
         shots = tuple(_shot(folder, name, laws[name], metrics.get(name)) for name in controllers or laws)
         period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
-        return Subject(str(config["name"]), str(config["plant"]["model"]), period, duration, shots)
+        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ResultError(f"{folder}: not the folder of an experiment ({type(error).__name__}: {error})") from error
 
 
-def model_changed(subject: Subject, manifest: Mapping[str, Any]) -> bool:
+def model_changed(footage: Footage, manifest: Mapping[str, Any]) -> bool:
     """Return whether the arm's file is no longer the one that was run, by the run's manifest."""
-    path = mjcf_path(subject.model)
+    path = mjcf_path(footage.model)
     return bool(manifest.get("model_files", {}).get(path.name) != checksums([path])[path.name])
 
 
