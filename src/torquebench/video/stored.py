@@ -13,7 +13,7 @@ from torquebench.experiment.store import checksums
 from torquebench.experiment.yaml_source import read_document
 from torquebench.robot.loading import mjcf_path
 from torquebench.sim.trajectory import load_trajectory
-from torquebench.video.job import Shot
+from torquebench.video.job import APART, Shot
 
 HEADLINES = (("rmse", "RMSE", 1e3, "mrad"), ("hf", "HF", 1.0, "%"))
 """Metrics quoted beside a controller's name: key, title, factor and unit."""
@@ -75,4 +75,4 @@ def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
         if value is not None:
             shown = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
             figures.append(f"{title} {shown} {unit}")
-    return Shot(name, "   ".join([*figures, law]), run.ending, str(path.resolve()))
+    return Shot(name, APART.join([*figures, law]), run.ending, str(path.resolve()))
