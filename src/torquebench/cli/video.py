@@ -37,6 +37,7 @@ def video(options: argparse.Namespace) -> int:
     if options.still is not None and not options.still >= 0.0:
         raise ConfigError([Problem("--still", "", f"got {options.still:g}, wanted a time of the run [s]")])
     check_out(options.out)
+    check_ending(options.out, options.still is not None)
     try:
         manifest = check_run(options.run, leave_out=(FILM,))
         footage = read_footage(options.run, options.controllers)
@@ -57,6 +58,23 @@ def video(options: argparse.Namespace) -> int:
     shown = {key: made.facts[key] for key in SHOWN if key in made.facts}
     say("\n" + table(list(shown), [[_text(value) for value in shown.values()]]))
     return 0
+
+
+def check_ending(out: Path | None, picture: bool) -> None:
+    """Refuse a file whose name promises another format than is written.
+
+    Args:
+        out: The file; None for the film of the run's folder.
+        picture: Whether one picture is made, not a film.
+
+    Raises:
+        ConfigError: the name ends otherwise.
+    """
+    wanted, what = (".png", "a picture of --still is PNG") if picture else (".mp4", "a film is MP4")
+    if out is not None and out.suffix.lower() != wanted:
+        other = "" if picture else " (one picture: --still SECONDS --out FILE.png)"
+        message = f"got {out}, wanted a name that ends in {wanted}: {what} and nothing else{other}"
+        raise ConfigError([Problem("--out", "", message)])
 
 
 def _text(value: object) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from torquebench.cli.showing import Showing
-from torquebench.cli.terminal import complain, say, tell, warn
+from torquebench.cli.terminal import answer, complain, say, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, VideoError
 from torquebench.experiment.build import Loop
 from torquebench.experiment.schema import Experiment
@@ -118,7 +118,7 @@ def served(feed: Feed, how: Showing) -> Iterator[Server]:
         raise ConfigError([Problem("--port", "", f"{HOST}:{how.port} cannot be used ({error.strerror})")]) from error
     with server:
         tell(address=server.address)
-        say(f"view: {server.address}")
+        answer(f"view: {server.address}")
         flush()
         if how.open_it and browser_is_graphical():
             webbrowser.open(server.address)
