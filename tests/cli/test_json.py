@@ -219,7 +219,7 @@ def test_every_mistake_in_a_config_can_be_placed():
 
 @pytest.mark.parametrize(("problem", "place", "wanted"), [
     (Problem("--set run.seed=x", "run.seed", "got 'x', wanted a number"), ("option", "--set run.seed=x"), "a number"),
-    (Problem("RUN", "", "runs/a: not a finished run directory"), ("option", "RUN"), None),
+    (Problem("RUN", "", "runs/a: there is no such folder"), ("option", "RUN"), None),
     (Problem("missing.yaml", "", "does not exist"), ("file", "missing.yaml"), None),
     (Problem("x.yaml:1:2", "law", "unknown (one of: a, b)"), ("file", "x.yaml"), "a, b"),
     (Problem("", "reference", "too fast"), ("option", None), None),

@@ -328,7 +328,7 @@ def test_a_changed_or_missing_file_is_noticed(quick, command):
     with pytest.raises(ResultError, match=r"metrics\.json"):
         check_run(folder)
     (folder / "manifest.json").unlink()
-    with pytest.raises(ResultError, match="not a finished run"):
+    with pytest.raises(ResultError, match="the run has not finished"):
         check_run(folder)
 
 

@@ -231,7 +231,7 @@ def test_other_software_is_refused(swept, command, monkeypatch):
 @pytest.mark.parametrize(("arguments", "words"), [
     (("sweep",), "CONFIG: missing"),
     (("sweep", "small.yaml", "--workers", "0"), "--workers: got 0"),
-    (("sweep", "--resume", "nowhere"), "--resume: nowhere is no folder of a sweep"),
+    (("sweep", "--resume", "nowhere"), "--resume: nowhere: there is no such folder"),
     (("sweep", "--resume", "s", "--out", "t"), "--out: has no effect"),
     (("sweep", "--resume", "s", "--set", "sweep.draws=3"), "--set: has no effect"),
     (("sweep", "small.yaml", "--set", "sweep.draws=0"), "--set sweep.draws=0: sweep.draws: got 0, wanted at least 1"),

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from torquebench.cli.options import check_out
 from torquebench.cli.report import page_of
+from torquebench.cli.run_folder import read_run
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
-from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
+from torquebench.errors import ConfigError, Problem, TorquebenchError
 from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.store import add_to_run, atomic_write, check_run
 from torquebench.experiment.stored import StoredRun
@@ -38,11 +39,8 @@ def video(options: argparse.Namespace) -> int:
         raise ConfigError([Problem("--still", "", f"got {options.still:g}, wanted a time of the run [s]")])
     check_out(options.out)
     check_ending(options.out, options.still is not None)
-    try:
-        manifest = check_run(options.run, leave_out=(FILM,))
-        footage = read_footage(options.run, options.controllers)
-    except ResultError as error:
-        raise ConfigError([Problem("RUN", "", str(error))]) from error
+    manifest = read_run(options.run, "video", lambda folder: check_run(folder, leave_out=(FILM,)))
+    footage = read_run(options.run, "video", lambda folder: read_footage(folder, options.controllers))
     if options.still is not None and options.still > footage.duration:
         message = f"got {options.still:g}, wanted a time of the run, 0 to {footage.duration:g} s"
         raise ConfigError([Problem("--still", "", message)])

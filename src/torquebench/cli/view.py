@@ -13,9 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from torquebench.cli.run_folder import read_run
 from torquebench.cli.showing import Showing
 from torquebench.cli.terminal import answer, complain, say, tell, warn
-from torquebench.errors import ConfigError, Problem, ResultError, VideoError
+from torquebench.errors import ConfigError, Problem, VideoError
 from torquebench.experiment.build import Loop
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import check_run
@@ -48,11 +49,8 @@ def view(options: argparse.Namespace) -> int:
         ModelError: there is no such arm any more.
     """
     how = Showing.of(options)
-    try:
-        manifest = check_run(options.run)
-        footage = read_footage(options.run, options.controllers)
-    except ResultError as error:
-        raise ConfigError([Problem("RUN", "", str(error))]) from error
+    manifest = read_run(options.run, "view", check_run)
+    footage = read_run(options.run, "view", lambda folder: read_footage(folder, options.controllers))
     if model_changed(footage, manifest):
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; it is shown as it is now")
     try:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
-from torquebench.experiment.store import checksums
+from torquebench.experiment.store import EXPERIMENT, checksums, refuse_without_experiment
 from torquebench.experiment.yaml_source import read_document
 from torquebench.robot.loading import mjcf_path
 from torquebench.sim.trajectory import load_trajectory
@@ -45,8 +45,9 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         ResultError: it is not the folder of an experiment.
         ConfigError: it has no such controller.
     """
+    refuse_without_experiment(folder)
     try:
-        config = read_document((folder / "experiment.yaml").read_bytes(), str(folder / "experiment.yaml")).root
+        config = read_document((folder / EXPERIMENT).read_bytes(), str(folder / EXPERIMENT)).root
         metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["controllers"]
         laws = {str(keys["name"]): str(keys["law"]) for keys in config["controllers"]}
         wrong = [f"the run has no '{name}'{did_you_mean(name, laws)}" for name in controllers if name not in laws]
@@ -57,7 +58,7 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
         return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ResultError(f"{folder}: not the folder of an experiment ({type(error).__name__}: {error})") from error
+        raise ResultError(f"{folder}: its files are not those of a run ({type(error).__name__}: {error})") from error
 
 
 def model_changed(footage: Footage, manifest: Mapping[str, Any]) -> bool:
