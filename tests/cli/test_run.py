@@ -305,7 +305,7 @@ def test_output_that_goes_nowhere(quick, redirect, status):
         ("x = 1\n", "registers no law"),
         ("raise RuntimeError('boom')\n", "RuntimeError: boom"),
         ("def f(:\n", "SyntaxError"),
-        (None, "No such file"),
+        (None, "no such file"),
     ],
 )
 def test_a_plugin_that_cannot_be_used_is_bad_input(quick, command, content, message):
