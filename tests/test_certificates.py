@@ -199,3 +199,18 @@ def test_a_failed_run_has_no_certificate() -> None:
     run = replace(run_of(step([0.3, 0.3], 0.1), duration=0.2), outcome=Outcome.DIVERGED)
     with pytest.raises(ResultError, match="completed run"):
         certify(run, load_model("two-link"), law_of(), PERIOD)
+
+
+def test_an_example_that_warns_explains_the_warning() -> None:
+    """Whoever copies from configs/*.yaml and is warned of (123) finds in a comment what it is; nobody else does."""
+    warned = set()
+    for path in sorted(Path("configs").glob("*.yaml")):
+        text = path.read_text(encoding="utf-8")
+        if "\nsweep:" in text:
+            continue
+        experiment = load_experiment(path)
+        comments = [line for line in text.splitlines() if line.startswith("#") and "(123)" in line]
+        if flags(experiment, build(experiment)):
+            warned.add(path.stem)
+        assert (len(comments) == 1) == (path.stem in warned), path
+    assert {"scenarios", "fuzzy"} <= warned

@@ -83,3 +83,20 @@ def test_no_file_holds_the_marks_of_a_merge() -> None:
     marks = ("<" * 7 + " ", ">" * 7 + " ")
     marked = [path.name for path in files if any(x.startswith(marks) for x in path.read_text("utf-8").splitlines())]
     assert marked == []
+
+
+def test_what_is_used_side_by_side_has_names_of_its_own() -> None:
+    """No public class of `video` is called like one of `view`: the command that replays a run uses both."""
+    names = {
+        unit: {
+            node.name
+            for name in ALL
+            if name.startswith(f"{unit}/")
+            for node in TREES[name].body
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+        }
+        for unit in ("video", "view")
+    }
+    assert len(names["video"]) >= 5
+    assert len(names["view"]) >= 5
+    assert names["video"] & names["view"] == set()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -100,7 +101,7 @@ class Problem(NamedTuple):
 
 
 _PLACE = re.compile(r"(.*):(\d+):(\d+)", flags=re.DOTALL)
-_OPTION = re.compile(r"--|[A-Z][A-Z0-9]*$")
+_OPTION = re.compile(r"-|[A-Z][A-Z0-9]*$")
 """An option, or the name of an argument in the help."""
 _WANTED = re.compile(r"\(did you mean '(.*?)'\?\)|\(one of: (.*)\)|\bwanted (.*?)\)?$", flags=re.DOTALL)
 
@@ -120,10 +121,43 @@ def did_you_mean(name: object, valid: Iterable[str]) -> str:
         name: What the user wrote; upper and lower case count as the same.
         valid: Names that would have been accepted.
     """
-    names, wrote = list(valid), str(name)
-    close = difflib.get_close_matches(wrote.lower(), {known.lower() for known in names}, n=1, cutoff=0.5)
-    if close:
-        alike = [known for known in names if known.lower() == close[0]]
-        best = max(alike, key=lambda known: difflib.SequenceMatcher(None, wrote, known).ratio())
+    names = list(valid)
+    best = nearest(str(name), names)
+    if best is not None:
         return f" (did you mean '{best}'?)"
     return f" (one of: {', '.join(names)})" if names else ""
+
+
+def did_you_mean_path(path: Path, ending: str = "") -> str:
+    """Return `` (did you mean 'x'?)`` for what is there and nearest to a path that is not; nothing where none is near.
+
+    Args:
+        path: What the user wrote.
+        ending: That of the files that would have been accepted, a regular expression; empty where folders would.
+    """
+    found, parts = Path(path.anchor), path.relative_to(path.anchor).parts
+    try:
+        for i, part in enumerate(parts):
+            file = ending if i == len(parts) - 1 else ""
+            if not _is_like(found / part, file):
+                shown = sorted(there.name for there in found.iterdir() if _is_like(there, file))
+                names = {Path(name).stem if file else name: name for name in reversed(shown) if name[0] != "."}
+                best = nearest(Path(part).stem if file else part, names)
+                if best is None:
+                    return ""
+                part = names[best]
+            found /= part
+    except (OSError, ValueError):
+        return ""
+    return f" (did you mean '{found}'?)" if found != path and str(found).isprintable() else ""
+
+
+def _is_like(path: Path, ending: str) -> bool:
+    return path.is_file() and re.fullmatch(ending, path.suffix) is not None if ending else path.is_dir()
+
+
+def nearest(wrote: str, names: Collection[str]) -> str | None:
+    """Return the name nearest to what a user wrote, whatever the case of letters; None where none is near."""
+    close = difflib.get_close_matches(wrote.lower(), {known.lower() for known in names}, n=1, cutoff=0.5)
+    alike = [known for known in names if known.lower() in close]
+    return max(alike, key=lambda known: difflib.SequenceMatcher(None, wrote, known).ratio(), default=None)

@@ -7,9 +7,9 @@ import pytest
 from tests.video.films import camera_of_scene, pixel, tool_mark
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.sim.trajectory import load_trajectory
-from torquebench.video.stored import read_subject
+from torquebench.video.stored import read_footage
 from torquebench.view.feed import Feed
-from torquebench.view.live import Subject, feed_stored
+from torquebench.view.live import PageSubject, feed_stored
 from torquebench.view.server import Server
 
 BOXES = """[...document.querySelectorAll('figure svg')].map(
@@ -84,11 +84,11 @@ def test_a_sideways_scroll_would_be_seen(browse, pages):
 @pytest.fixture(scope="module")
 def served(replayed):
     """Address at which the run is replayed."""
-    subject, feed = read_subject(replayed), Feed()
-    shown = Subject(
-        subject.title, subject.model, subject.control_period, tuple((s.name, s.note) for s in subject.shots)
+    footage, feed = read_footage(replayed), Feed()
+    shown = PageSubject(
+        footage.title, footage.model, footage.control_period, tuple((s.name, s.note) for s in footage.shots)
     )
-    feed_stored(feed, shown, [load_trajectory(s.trajectory) for s in subject.shots], ["#0072B2", "#D55E00"], 1.0)
+    feed_stored(feed, shown, [load_trajectory(s.trajectory) for s in footage.shots], ["#0072B2", "#D55E00"], 1.0)
     with Server(feed, "token") as server:
         yield server.address
 

@@ -2,8 +2,10 @@
 
 import json
 import math
+import re
 import shlex
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -217,7 +219,7 @@ def test_every_mistake_in_a_config_can_be_placed():
 
 @pytest.mark.parametrize(("problem", "place", "wanted"), [
     (Problem("--set run.seed=x", "run.seed", "got 'x', wanted a number"), ("option", "--set run.seed=x"), "a number"),
-    (Problem("RUN", "", "runs/a: not a finished run directory"), ("option", "RUN"), None),
+    (Problem("RUN", "", "runs/a: there is no such folder"), ("option", "RUN"), None),
     (Problem("missing.yaml", "", "does not exist"), ("file", "missing.yaml"), None),
     (Problem("x.yaml:1:2", "law", "unknown (one of: a, b)"), ("file", "x.yaml"), "a, b"),
     (Problem("", "reference", "too fast"), ("option", None), None),
@@ -276,6 +278,16 @@ def test_quiet_keeps_the_exit_status(command):
     status, out, err = command("compare", "--quiet")
     assert (status, out) == (2, "")
     assert len(err.splitlines()) == 1
+
+
+def test_the_documents_of_all_commands_are_described():
+    """docs/command-line.md has one row for the keys of each command that has --json, and none for anything else."""
+    text = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+    table = text.split("| command | keys |\n|---|---|\n")[1].split("\n\n")[0]
+    rows = [re.match(r"\| `([a-z-]+)` \| \S", line) for line in table.splitlines()]
+    assert all(rows)
+    having = [n for n, c in COMMANDS.items() if any("--json" in action.option_strings for action in c._actions)]
+    assert sorted(row[1] for row in rows) == sorted(having)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

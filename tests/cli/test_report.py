@@ -123,7 +123,7 @@ def test_differences_are_the_keys_that_differ() -> None:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda f: (f / "manifest.json").unlink(), "not a finished run directory"),
+        (lambda f: (f / "manifest.json").unlink(), "the run has not finished (no manifest.json)"),
         (lambda f: (f / "metrics.json").write_text("{}"), "missing or changed"),
         (lambda f: (f / "conventional" / "trajectory.npz").unlink(), "missing or changed"),
     ],

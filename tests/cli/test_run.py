@@ -305,7 +305,7 @@ def test_output_that_goes_nowhere(quick, redirect, status):
         ("x = 1\n", "registers no law"),
         ("raise RuntimeError('boom')\n", "RuntimeError: boom"),
         ("def f(:\n", "SyntaxError"),
-        (None, "No such file"),
+        (None, "no such file"),
     ],
 )
 def test_a_plugin_that_cannot_be_used_is_bad_input(quick, command, content, message):
@@ -328,7 +328,7 @@ def test_a_changed_or_missing_file_is_noticed(quick, command):
     with pytest.raises(ResultError, match=r"metrics\.json"):
         check_run(folder)
     (folder / "manifest.json").unlink()
-    with pytest.raises(ResultError, match="not a finished run"):
+    with pytest.raises(ResultError, match="the run has not finished"):
         check_run(folder)
 
 

@@ -23,6 +23,8 @@ from torquebench import load_trajectory
 from torquebench.cli.main import main
 from torquebench.experiment.store import check_run
 from torquebench.metrics import METRICS
+from torquebench.sweep.run import state_of
+from torquebench.sweep.store import opened
 
 THREADS = ("--executor", "threads", "--workers", "2", "--no-figures")
 
@@ -229,7 +231,7 @@ def test_other_software_is_refused(swept, command, monkeypatch):
 @pytest.mark.parametrize(("arguments", "words"), [
     (("sweep",), "CONFIG: missing"),
     (("sweep", "small.yaml", "--workers", "0"), "--workers: got 0"),
-    (("sweep", "--resume", "nowhere"), "--resume: nowhere is no folder of a sweep"),
+    (("sweep", "--resume", "nowhere"), "--resume: nowhere: there is no such folder"),
     (("sweep", "--resume", "s", "--out", "t"), "--out: has no effect"),
     (("sweep", "--resume", "s", "--set", "sweep.draws=3"), "--set: has no effect"),
     (("sweep", "small.yaml", "--set", "sweep.draws=0"), "--set sweep.draws=0: sweep.draws: got 0, wanted at least 1"),
@@ -364,22 +366,32 @@ def alive(group):
     return True
 
 
-def test_an_interrupted_sweep_says_how_to_go_on(small):
-    """Ctrl-C: exit 130 with the command to type, no process left, and no manifest; that command finishes the sweep."""
+@pytest.mark.parametrize(("number", "status", "word"), [
+    (signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated"),
+])  # fmt: skip
+def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
+    """Ctrl-C and SIGTERM: their status, one line with the command that goes on, finished shards whole, no manifest.
+
+    No process is left. The document says why the command ended.
+    """
     long = SMALL.replace("duration: 0.6", "duration: 20")
     small.write_text(long)
-    alone = ("--workers", "1", "--no-figures")
+    alone = ("--workers", "1", "--no-figures", "--json")
     command = [sys.executable, "-m", "torquebench", "sweep", "small.yaml", "--out", "s", *alone]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     while not list(Path("s/shards").glob("*.shard")) and run.poll() is None:
         time.sleep(0.01)
-    os.killpg(run.pid, signal.SIGINT)
-    _, err = run.communicate(timeout=60)
-    assert run.returncode == 130, err
-    assert "interrupted; what is stored is kept, go on with: torquebench sweep --resume s" in err
+    os.killpg(run.pid, number)
+    out, err = run.communicate(timeout=60)
+    assert run.returncode == json.loads(out)["status"] == status, err
+    assert err == f"torquebench: {word}; what is stored is kept, go on with: torquebench sweep --resume s\n"
+    assert json.loads(out)["error"] == word
     while alive(run.pid):  # the last helper of multiprocessing ends when it notices that it is alone
         time.sleep(0.01)
     assert not Path("s/manifest.json").exists()
+    state = state_of(opened(Path("s"), (), "--resume"))
+    assert len(state.complete) >= 1
+    assert state.damaged == frozenset()
 
 
 def test_what_the_table_says_is_written_and_made_again_in_the_same_bytes(small, command):

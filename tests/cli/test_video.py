@@ -148,14 +148,19 @@ def test_without_imageio_ffmpeg_it_says_what_to_install(run, command, monkeypatc
     (["--still", "99", "--out", "a.png"], "got 99, wanted a time of the run, 0 to "),
     (["--out", "nowhere/a.mp4"], "nowhere is not a folder"),
     (["--out", "."], ". is a folder, wanted a file"),
+    (["--out", "x.gif"], "got x.gif, wanted a name that ends in .mp4"),
+    (["--out", "film"], "got film, wanted a name that ends in .mp4"),
+    (["--out", "x.png"], "one picture: --still SECONDS --out FILE.png"),
+    (["--out", "x.jpg", "--still", "0.1"], "got x.jpg, wanted a name that ends in .png"),
+    (["--out", "x.mp4", "--still", "0.1"], "got x.mp4, wanted a name that ends in .png"),
 ])  # fmt: skip
 def test_bad_arguments_are_refused(run, command, arguments, said):
     """Status 2, what was wanted and the nearest name; nothing is written."""
-    before = sorted(p.name for p in run.iterdir())
+    before = sorted(run.parent.rglob("*"))
     status, out, err = command("video", run, *arguments)
     assert (status, out) == (2, "")
     assert said in err
-    assert sorted(p.name for p in run.iterdir()) == before
+    assert sorted(run.parent.rglob("*")) == before
 
 
 def test_all_mistakes_are_told_at_once(run, command):
@@ -165,8 +170,7 @@ def test_all_mistakes_are_told_at_once(run, command):
 
 
 def test_what_is_no_run_is_refused(run, command):
-    """A folder without manifest, and one whose trajectory was changed."""
-    assert command("video", run.parent)[0] == 2
+    """One whose trajectory was changed; tests/cli/test_run_folder.py has the others."""
     path = run / "conventional" / "trajectory.npz"
     path.write_bytes(path.read_bytes()[:-1])
     status, _, err = command("video", run)

@@ -70,16 +70,16 @@ def test_view_serves_the_run_until_interrupted(finished):
 def spectator(monkeypatch):
     """Collects, in a thread, what the first page that is served has to tell."""
     found, threads = [], []
-    say = view.say
+    answer = view.answer
 
-    def listen(text=""):
-        say(text)
+    def listen(text):
+        answer(text)
         match = re.fullmatch(ADDRESS.removesuffix(r"\n"), text)
         if match:
             threads.append(threading.Thread(target=lambda: found.extend(collect(match[1]))))
             threads[-1].start()
 
-    monkeypatch.setattr(view, "say", listen)
+    monkeypatch.setattr(view, "answer", listen)
     yield found
     for thread in threads:
         thread.join(60)
@@ -113,6 +113,19 @@ def test_a_watched_run_has_the_same_bytes(quick, command, spectator):
         80,
     ]
     assert spectator[-1] == {"kind": "end"}
+
+
+@pytest.mark.parametrize("more", [(), ("--json",)])
+def test_the_address_is_told_whatever_else_is_not(quick, command, spectator, more):
+    """With --quiet it is all of standard output; with --json a line on standard error, and it is in the document."""
+    quiet = () if more else ("--quiet",)
+    status, out, err = command("run", quick, "--out", "w", "--no-figures", "--live", "--no-open", *quiet, *more)
+    assert status == 0
+    assert spectator[-1] == {"kind": "end"}
+    if more:
+        assert json.loads(out)["address"] == re.fullmatch(ADDRESS, err)[1]
+    else:
+        assert (re.fullmatch(ADDRESS, out) is not None, err) == (True, "")
 
 
 def test_a_watched_run_ends_though_nobody_comes(quick, command, monkeypatch):

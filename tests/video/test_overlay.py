@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from torquebench.errors import VideoError
+from torquebench.laws.base import law_names
 from torquebench.sim.trajectory import Outcome, Trajectory
+from torquebench.video.job import APART
 from torquebench.video.layout import layout
-from torquebench.video.overlay import ALARM, JOINTS, Clip, Overlay
+from torquebench.video.overlay import ALARM, JOINTS, PLAIN, Clip, Overlay, layout_for, note_lines
 from torquebench.video.text import curve_cover, fill, fitted, glyphs, write
 from torquebench.video.timeline import timeline
 
@@ -50,13 +52,14 @@ def painted(pixels, colour, tolerance=40):
 
 @pytest.mark.parametrize("size", [(640, 480), (1280, 720), (320, 240), (1920, 1080)])
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
-def test_panels_share_the_frame_without_overlap(count, size):
+@pytest.mark.parametrize("notes", [1, 3])
+def test_panels_share_the_frame_without_overlap(count, size, notes):
     """Views, bars and traces of all panels lie inside the frame, below the header, and no two of them overlap."""
     if size == (320, 240) and count > 2:
         with pytest.raises(VideoError, match="do not fit"):
-            layout(count, *size)
+            layout(count, *size, notes)
         return
-    where = layout(count, *size)
+    where = layout(count, *size, notes)
     taken = np.zeros((size[1], size[0]), int)
     for panel in where.panels:
         for box in panel:
@@ -97,6 +100,33 @@ def test_text_is_placed_by_its_anchor_and_cut_to_fit():
     assert shorter.endswith("…")
     assert glyphs(shorter, 12)[0].shape[1] <= 80
     assert fitted("short", 12, 80) == "short"
+
+
+@pytest.mark.parametrize(("count", "size"), [(1, (640, 480)), (3, (640, 480)), (4, (640, 480)), (6, (1280, 720))])
+def test_every_law_is_named_whole(count, size):
+    """Figures and law are cut nowhere, whatever law of the package it is; they take one line where there is room."""
+    widest = "RMSE 0.00123 mrad", "HF 0.00123 %"
+    for law in law_names():
+        clips = [Clip("name", APART.join([*widest, law]), run(), "")] * count
+        where = layout_for(clips, *size)
+        lines = note_lines(clips[0], where)
+        assert "".join(lines).replace(" ", "") == clips[0].note.replace(" ", "")
+        assert len(lines) == where.notes
+        font = round(PLAIN * where.unit)
+        assert all(glyphs(line, font)[0].shape[1] <= where.panels[0].title.width for line in lines)
+        assert len(lines) == 1 or glyphs(clips[0].note, font)[0].shape[1] > where.panels[0].title.width
+        assert count > 1 or where == layout(1, *size)
+
+
+def test_each_line_of_a_note_is_seen():
+    """In three panels the law has a line of its own: in the first panel's title are three rows of ink, apart."""
+    clips = [Clip("name", APART.join(["RMSE 0.123 mrad", "HF 30.1 %", "fuzzy-linear-band-smc"]), run(), "")] * 3
+    where = layout_for(clips, 640, 480)
+    over = Overlay(clips, where, timeline(0.5, 1.0, 0.001), "title", ["a", "b"], ["rad", "rad"], TAU_MAX)
+    title = part(frame(over, where, 0), where.panels[0].title)
+    ink = (title.min(axis=2) < 240).any(axis=1)
+    assert np.count_nonzero(np.diff(ink.astype(int)) == 1) == 3
+    assert not ink[-1]
 
 
 def test_a_curve_covers_its_envelope():

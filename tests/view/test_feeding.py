@@ -11,10 +11,10 @@ from torquebench.experiment.run import run_experiment
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.sim.trajectory import SIGNALS, Outcome
 from torquebench.view.feed import Feed
-from torquebench.view.live import Live, Subject, feed_stored
+from torquebench.view.live import Live, PageSubject, feed_stored
 from torquebench.view.replay import MOST_FRAMES, grid
 
-SUBJECT = Subject("view-test", "puma560", 0.001, (("conventional", "smc"), ("pd", "pd")))
+SUBJECT = PageSubject("view-test", "puma560", 0.001, (("conventional", "smc"), ("pd", "pd")))
 
 
 def messages(feed):

@@ -38,7 +38,7 @@ def guarded(work: Callable[[], int], ending: Ending) -> int:
     except KeyboardInterrupt as error:
         terminated = isinstance(error, Terminated)
         ending.error = "terminated" if terminated else "interrupted"
-        complain(f"torquebench: {ending.error}; a run directory without manifest.json is unfinished")
+        complain(f"torquebench: {ending.error}; {str(error) or 'a run directory without manifest.json is unfinished'}")
         return TERMINATED if terminated else INTERRUPTED
     except BrokenPipeError:
         sys.stdout = None  # nobody reads it any more; the interpreter must not complain when it closes it

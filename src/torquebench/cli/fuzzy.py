@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench.cli.terminal import progress_bar, say, table, tell
-from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.errors import ConfigError, Problem, did_you_mean, did_you_mean_path
 from torquebench.experiment import load_experiment
 from torquebench.experiment.fuzzy_system import names_used, systems_of
 from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
+from torquebench.experiment.yaml_source import YAML
 from torquebench.fuzzy import BUILTIN, FuzzySystem, Prepared, builtin_system, prepare
 from torquebench.fuzzy.lint import lint
 from torquebench.laws.plugin import load_plugin
@@ -67,7 +68,7 @@ def _systems(source: str, name: str | None) -> tuple[str, Mapping[str, FuzzySyst
             raise ConfigError([Problem("--name", str(name), f"goes with a config file; {source} is built in")])
         return source, {source: builtin_system(source)}
     if not Path(source).exists():
-        near = did_you_mean(source, BUILTIN)
+        near = did_you_mean_path(Path(source), YAML) or did_you_mean(source, BUILTIN)
         raise ConfigError([Problem(source, "", f"is neither a file nor a built-in fuzzy system{near}")])
     experiment = load_experiment(Path(source))
     systems = systems_of(experiment)

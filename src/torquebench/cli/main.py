@@ -134,7 +134,9 @@ def parser() -> argparse.ArgumentParser:
     video.add_argument("--controllers", type=name_list, default=[], metavar="NAME,NAME",
                        help="those to show, in this order (default: all)")  # fmt: skip
     video.add_argument("--still", type=float, metavar="SECONDS", help="one picture of this time, PNG; needs --out")
-    video.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: RUN/video.mp4)")
+    video.add_argument(
+        "--out", type=Path, metavar="FILE", help="file to write, .mp4, or .png of a picture (default: RUN/video.mp4)"
+    )
 
     view = commands.add_parser(
         "view", help="replay a stored run, to look at it from all sides",

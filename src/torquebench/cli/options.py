@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from torquebench.cli.terminal import warn
-from torquebench.errors import ConfigError, Problem
+from torquebench.errors import ConfigError, Problem, did_you_mean, nearest
 
 EXAMPLES = {
     "run": "torquebench run configs/paper/fig9-chattering.yaml --set run.duration=2",
@@ -54,6 +55,49 @@ class Parser(argparse.ArgumentParser):
         found = re.fullmatch(r"argument (\S+?)(?:/\S+)?: (.*)", message, flags=re.DOTALL)
         where, what = found.groups() if found else (self.prog, message)
         raise ConfigError([Problem(where, "", what)])
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Read arguments as `argparse` does; what this command does not know is refused here, not by its caller.
+
+        Raises:
+            ConfigError: bad arguments. Unknown options come first: what else is wrong may be wrong because of them.
+        """
+        self._refuse([word for word in self._own_words(args) if word.startswith("--") and not self._knows(word)])
+        found, extra = super().parse_known_args(args, namespace)
+        self._refuse(extra)
+        return found, extra
+
+    def _own_words(self, words: Sequence[str]) -> Iterator[str]:
+        """Yield the words that may be options of this command, not of one that is named by the first that is none."""
+        return itertools.takewhile(lambda word: word.startswith("-") if self._subparsers else word != "--", words)
+
+    def _long_options(self) -> list[str]:
+        return [flag for action in self._actions for flag in action.option_strings if flag.startswith("--")]
+
+    def _knows(self, word: str) -> bool:
+        """Whether `argparse` takes a word for an option, perhaps abbreviated, or, because of a space, for a value."""
+        name = word.partition("=")[0]
+        return " " in name or any(flag.startswith(name) for flag in self._long_options())
+
+    def _near(self, name: str) -> str:
+        """Return which option was meant, by its letters alone: all begin with the same dashes."""
+        known = self._long_options()
+        near = nearest(name.lstrip("-"), [flag.lstrip("-") for flag in known])
+        return did_you_mean("" if near is None else f"--{near}", known)
+
+    def _refuse(self, words: Sequence[str]) -> None:
+        """Refuse words of no known meaning, if there are any; those beside an unknown option may be its value."""
+        names = [word.partition("=")[0] for word in words if word.startswith("-")]
+        problems = [
+            Problem(name, "", f"{self.prog} has no such option{self._near(name)}") for name in dict.fromkeys(names)
+        ] or [Problem(self.prog, "", f"got '{word}' as well, one argument too many") for word in words]
+        if problems:
+            warn(self.format_usage().rstrip())
+            raise ConfigError(problems)
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            raise argparse.ArgumentError(action, f"got '{value}'{did_you_mean(value, action.choices)}")
 
 
 def add_common(commands: Mapping[str, argparse.ArgumentParser]) -> None:

@@ -10,6 +10,7 @@ from torquebench.cli.conditions import conditions_text
 from torquebench.cli.options import check_out
 from torquebench.cli.run import draw_figures, summary
 from torquebench.cli.run_facts import run_facts
+from torquebench.cli.run_folder import read_run
 from torquebench.cli.sweep_report import report_files
 from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem, ResultError
@@ -35,17 +36,22 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
         redraw: Draw the figures again from the trajectories instead of taking the stored ones.
 
     Raises:
-        ConfigError: the file exists already, two runs have the same name, or a run cannot be read.
+        ConfigError: the file exists already, two runs have the same name, or runs cannot be read; each is named.
     """
     for plugin in plugins:
         load_plugin(plugin)
     if len(runs) == 1 and out is None and (runs[0] / PLAN).is_file():
         report_sweep(runs[0], plugins)
         return 0
-    try:
-        stored = [load_run(folder) for folder in runs]
-    except ResultError as error:
-        raise ConfigError([Problem("RUN", "", str(error))]) from error
+    stored: list[StoredRun] = []
+    problems: list[Problem] = []
+    for folder in runs:
+        try:
+            stored.append(read_run(folder, "report", load_run))
+        except ConfigError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigError(dict.fromkeys(problems))
     if len(stored) == 1 and out is None:
         (run,) = stored
         add_to_run(run.folder, {PAGE: page_of(run, redraw)})

@@ -24,6 +24,7 @@ from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
 from torquebench.experiment.schema import Experiment, whole_steps
 from torquebench.experiment.store import (
+    EXPERIMENT,
     RunDirectory,
     checksums,
     claim_folder,
@@ -63,7 +64,7 @@ def run(options: argparse.Namespace, live: Showing | None = None) -> int:
     for flag in flags(experiment, loop):
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(options.out, experiment.name))
-    directory.write("experiment.yaml", dump_experiment(experiment).encode())
+    directory.write(EXPERIMENT, dump_experiment(experiment).encode())
     with shown(experiment, loop, directory.folder, live) as audience:
         result = simulated(experiment, loop, directory, audience)
         proofs = write_results(result, directory, plugins, not options.no_figures)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from torquebench.cli.sweep_outcomes import facts, summary, unexpected
 from torquebench.cli.sweep_report import report_files
-from torquebench.cli.terminal import complain, progress_bar, say, tell
-from torquebench.errors import ConfigError, Problem, TorquebenchError
+from torquebench.cli.terminal import progress_bar, say, tell
+from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
 from torquebench.experiment.store import RunDirectory, check_run, claim_folder
 from torquebench.experiment.yaml_source import read_bytes
 from torquebench.laws.plugin import load_plugin
@@ -23,7 +23,7 @@ from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.run import State, conclude, refuse_others, rows_in, run_missing, state_of
 from torquebench.sweep.store import Stored, alone, begin, opened, refuse_changes
 
-DONE, FAILED, INTERNAL, INTERRUPTED = 0, 1, 3, 130
+DONE, FAILED = 0, 1
 FAR_TOO_MANY = 3
 """How many times the cap is refused before anything is checked: to check so many draws takes long too."""
 
@@ -36,6 +36,7 @@ def sweep(options: argparse.Namespace) -> int:
 
     Raises:
         ConfigError: bad input; nothing has been written.
+        ResultError, KeyboardInterrupt: something came in between; the message says how to go on.
     """
     check_options(options)
     for plugin in options.plugin:
@@ -51,12 +52,13 @@ def sweep(options: argparse.Namespace) -> int:
             stored = begun(plan, survey, how, options)
             if stored is None:
                 return DONE
-            status = run_rest(stored, state_of(stored), how, options)
+            run_rest(stored, state_of(stored), how, options)
     else:
         stored = continued(options)
-        status = finished(stored) if stored.finished else rest_of(stored, options)
-    if status != DONE:
-        return status
+        if stored.finished:
+            finished(stored)
+        else:
+            rest_of(stored, options)
     outcomes = check_run(stored.folder)["outcomes"]
     tell(directory=stored.folder, **facts(stored, outcomes))
     say(summary(stored, outcomes))
@@ -124,19 +126,18 @@ def continued(options: argparse.Namespace) -> Stored:
     return stored
 
 
-def finished(stored: Stored) -> int:
-    """Verify the files of a finished sweep and return the exit status.
+def finished(stored: Stored) -> None:
+    """Verify the files of a finished sweep.
 
     Raises:
         ResultError: one is missing or altered.
     """
     refuse_others(stored)
     say(f"finished already: all {stored.shards} shards are there")
-    return DONE
 
 
-def rest_of(stored: Stored, options: argparse.Namespace) -> int:
-    """Say how far a sweep is, run the rest, and return the exit status.
+def rest_of(stored: Stored, options: argparse.Namespace) -> None:
+    """Say how far a sweep is, and run the rest.
 
     Raises:
         ConfigError: a worker cannot take part.
@@ -146,7 +147,7 @@ def rest_of(stored: Stored, options: argparse.Namespace) -> int:
     say(f"{len(state.complete)} of {stored.shards} shards are there{damaged}; {len(state.missing)} to run")
     with executor(options) as how:
         prepare(how, stored.plan.source)
-        return run_rest(stored, state, how, options)
+        run_rest(stored, state, how, options)
 
 
 def prepare(how: Executor, source: Source) -> None:
@@ -200,14 +201,17 @@ def executor(options: argparse.Namespace) -> Iterator[Executor]:
         yield cluster
 
 
-def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Namespace) -> int:
-    """Run what is missing and conclude; return the exit status of what went wrong, or 0.
+def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Namespace) -> None:
+    """Run what is missing and conclude.
 
     Args:
         stored: The sweep.
         state: How far it is.
         how: What runs the shards.
         options: Arguments of the command.
+
+    Raises:
+        ResultError, KeyboardInterrupt: something came in between; the message says how to go on.
     """
     done = sum(rows_in(stored, shard) for shard in state.complete)
     ran = 0
@@ -222,14 +226,11 @@ def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Name
             run_missing(stored, state, how, report)
             bar.set_description_str("writing the tables")
             conclude(stored, lambda done: report_files(done, not options.no_figures))
-    except KeyboardInterrupt:
-        complain(f"torquebench: interrupted; {resume_hint(stored, options)}")
-        return INTERRUPTED
+    except KeyboardInterrupt as error:  # SIGTERM is one too
+        raise type(error)(resume_hint(stored, options)) from error
     except (OSError, TorquebenchError) as error:
-        complain(f"torquebench: {error}; {resume_hint(stored, options)}")
-        return INTERNAL
+        raise ResultError(f"{error}; {resume_hint(stored, options)}") from error
     say(f"{ran} shards run, {len(state.complete)} were there")
-    return DONE
 
 
 def resume_hint(stored: Stored, options: argparse.Namespace) -> str:

@@ -80,6 +80,19 @@ def say(text: str = "", fold: bool = True) -> None:
         emit("\n".join(_folded(line) for line in text.split("\n")) if fold else text)
 
 
+def answer(text: str) -> None:
+    """Write a line that the command was asked for, and needed while it goes on.
+
+    It goes to standard output though ``--quiet`` was asked for; with ``--json``, whose document comes at the end and
+    has standard output for itself, to standard error unless only errors are wanted there.
+    """
+    voice = _VOICES[-1]
+    if not voice.as_json:
+        emit(text)
+    elif not voice.quiet:
+        complain(text)
+
+
 def emit(text: str) -> None:
     """Write a line to standard output, if there is one, whatever the voice."""
     if sys.stdout is not None:

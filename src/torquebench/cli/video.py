@@ -7,15 +7,16 @@ from pathlib import Path
 
 from torquebench.cli.options import check_out
 from torquebench.cli.report import page_of
+from torquebench.cli.run_folder import read_run
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
-from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
+from torquebench.errors import ConfigError, Problem, TorquebenchError
 from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.store import add_to_run, atomic_write, check_run
 from torquebench.experiment.stored import StoredRun
 from torquebench.report.render import PAGE
 from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
 from torquebench.video.settings import Settings
-from torquebench.video.stored import Subject, model_changed, read_subject
+from torquebench.video.stored import Footage, model_changed, read_footage
 
 SHOWN = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
 """What the table says of a film or a picture."""
@@ -37,17 +38,15 @@ def video(options: argparse.Namespace) -> int:
     if options.still is not None and not options.still >= 0.0:
         raise ConfigError([Problem("--still", "", f"got {options.still:g}, wanted a time of the run [s]")])
     check_out(options.out)
-    try:
-        manifest = check_run(options.run, leave_out=(FILM,))
-        subject = read_subject(options.run, options.controllers)
-    except ResultError as error:
-        raise ConfigError([Problem("RUN", "", str(error))]) from error
-    if options.still is not None and options.still > subject.duration:
-        message = f"got {options.still:g}, wanted a time of the run, 0 to {subject.duration:g} s"
+    check_ending(options.out, options.still is not None)
+    manifest = read_run(options.run, "video", lambda folder: check_run(folder, leave_out=(FILM,)))
+    footage = read_run(options.run, "video", lambda folder: read_footage(folder, options.controllers))
+    if options.still is not None and options.still > footage.duration:
+        message = f"got {options.still:g}, wanted a time of the run, 0 to {footage.duration:g} s"
         raise ConfigError([Problem("--still", "", message)])
-    if model_changed(subject, manifest):
-        warn(f"torquebench: the file of '{subject.model}' has changed since the run; the film shows it as it is now")
-    made = film(subject, settings, options.gl, options.still)
+    if model_changed(footage, manifest):
+        warn(f"torquebench: the file of '{footage.model}' has changed since the run; the film shows it as it is now")
+    made = film(footage, settings, options.gl, options.still)
     if options.out is None:
         path = keep_film(options.run, made)
     else:
@@ -59,15 +58,32 @@ def video(options: argparse.Namespace) -> int:
     return 0
 
 
+def check_ending(out: Path | None, picture: bool) -> None:
+    """Refuse a file whose name promises another format than is written.
+
+    Args:
+        out: The file; None for the film of the run's folder.
+        picture: Whether one picture is made, not a film.
+
+    Raises:
+        ConfigError: the name ends otherwise.
+    """
+    wanted, what = (".png", "a picture of --still is PNG") if picture else (".mp4", "a film is MP4")
+    if out is not None and out.suffix.lower() != wanted:
+        other = "" if picture else " (one picture: --still SECONDS --out FILE.png)"
+        message = f"got {out}, wanted a name that ends in {wanted}: {what} and nothing else{other}"
+        raise ConfigError([Problem("--out", "", message)])
+
+
 def _text(value: object) -> str:
     return " x ".join(str(part) for part in value) if isinstance(value, list | tuple) else str(value)
 
 
-def film(subject: Subject, settings: Settings, gl: str | None, still: float | None = None) -> Made:
+def film(footage: Footage, settings: Settings, gl: str | None, still: float | None = None) -> Made:
     """Make a film, or one picture, with a progress bar.
 
     Args:
-        subject: What it is made of.
+        footage: What it is made of.
         settings: What it looks like.
         gl: The user's MUJOCO_GL.
         still: Time of the picture [s].
@@ -79,7 +95,7 @@ def film(subject: Subject, settings: Settings, gl: str | None, still: float | No
             bar.set_description_str("film", refresh=False)
             bar.update(1)
 
-        return make_film(subject, settings, gl, still=still, progress=report)
+        return make_film(footage, settings, gl, still=still, progress=report)
 
 
 def announce(path: Path, made: Made) -> None:
@@ -106,7 +122,7 @@ def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
     if keys is None:
         return
     try:
-        made = film(read_subject(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
+        made = film(read_footage(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
         announce(keep_film(folder, made), made)
         add_to_run(folder, {PAGE: page_of(StoredRun(folder, result, check_run(folder)), redraw=False)})
     except Exception as error:  # noqa: BLE001  whatever it is, the run stands as it is

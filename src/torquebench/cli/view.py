@@ -13,9 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from torquebench.cli.run_folder import read_run
 from torquebench.cli.showing import Showing
-from torquebench.cli.terminal import complain, say, tell, warn
-from torquebench.errors import ConfigError, Problem, ResultError, VideoError
+from torquebench.cli.terminal import answer, complain, say, tell, warn
+from torquebench.errors import ConfigError, Problem, VideoError
 from torquebench.experiment.build import Loop
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import check_run
@@ -24,9 +25,9 @@ from torquebench.sim.trajectory import Trajectory, load_trajectory
 from torquebench.video.child import run_module
 from torquebench.video.job import Job, Shot
 from torquebench.video.settings import Settings
-from torquebench.video.stored import model_changed, read_subject
+from torquebench.video.stored import model_changed, read_footage
 from torquebench.view.feed import Feed
-from torquebench.view.live import Live, Subject, feed_stored
+from torquebench.view.live import Live, PageSubject, feed_stored
 from torquebench.view.server import HOST, Server
 
 NOBODY, COLLECTING = 30.0, 10.0
@@ -48,24 +49,21 @@ def view(options: argparse.Namespace) -> int:
         ModelError: there is no such arm any more.
     """
     how = Showing.of(options)
-    try:
-        manifest = check_run(options.run)
-        subject = read_subject(options.run, options.controllers)
-    except ResultError as error:
-        raise ConfigError([Problem("RUN", "", str(error))]) from error
-    if model_changed(subject, manifest):
-        warn(f"torquebench: the file of '{subject.model}' has changed since the run; it is shown as it is now")
+    manifest = read_run(options.run, "view", check_run)
+    footage = read_run(options.run, "view", lambda folder: read_footage(folder, options.controllers))
+    if model_changed(footage, manifest):
+        warn(f"torquebench: the file of '{footage.model}' has changed since the run; it is shown as it is now")
     try:
         if window_opens(how):
-            job = Job(subject.model, subject.title, subject.shots, subject.control_period, Settings(speed=how.speed),
+            job = Job(footage.model, footage.title, footage.shots, footage.control_period, Settings(speed=how.speed),
                       "window", "")  # fmt: skip
             say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")
             if show_window(job):
                 return 0
         feed = Feed()
-        controllers = tuple((shot.name, shot.note) for shot in subject.shots)
-        runs = [load_trajectory(shot.trajectory) for shot in subject.shots]
-        shown = Subject(subject.title, subject.model, subject.control_period, controllers)
+        controllers = tuple((shot.name, shot.note) for shot in footage.shots)
+        runs = [load_trajectory(shot.trajectory) for shot in footage.shots]
+        shown = PageSubject(footage.title, footage.model, footage.control_period, controllers)
         with served(feed, how):
             feed_stored(feed, shown, runs, colours(), how.speed)
             say("Ctrl-C ends it")
@@ -118,7 +116,7 @@ def served(feed: Feed, how: Showing) -> Iterator[Server]:
         raise ConfigError([Problem("--port", "", f"{HOST}:{how.port} cannot be used ({error.strerror})")]) from error
     with server:
         tell(address=server.address)
-        say(f"view: {server.address}")
+        answer(f"view: {server.address}")
         flush()
         if how.open_it and browser_is_graphical():
             webbrowser.open(server.address)
@@ -161,7 +159,7 @@ def watching(experiment: Experiment, loop: Loop, folder: Path, how: Showing) -> 
             say()
         return
     feed = Feed()
-    subject = Subject(
+    subject = PageSubject(
         experiment.name, experiment.plant.model, period, tuple((keys.name, keys.law) for keys in experiment.controllers)
     )
     with served(feed, how):

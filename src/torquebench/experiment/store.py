@@ -8,6 +8,7 @@ import hashlib
 import json
 import os
 import platform
+import shlex
 import sys
 from collections.abc import Collection, Iterable, Mapping
 from importlib import metadata
@@ -15,11 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import torquebench
-from torquebench.errors import ConfigError, Problem, ResultError
+from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
 from torquebench.robot.library import model_folder
 
 PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
 MANIFEST = "manifest.json"
+EXPERIMENT = "experiment.yaml"
+"""The experiment of a run, resolved; written before anything is simulated."""
 CLAIM = "unfinished"
 """Empty file that marks a run directory until its manifest is written."""
 
@@ -178,6 +181,40 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def refuse_without_manifest(folder: Path) -> None:
+    """Refuse a folder in which no command has finished.
+
+    Raises:
+        ResultError: it is missing, a file, unfinished, or no results were ever written to it; says what to do.
+    """
+    if (folder / MANIFEST).exists():
+        return
+    if not folder.exists():
+        raise ResultError(f"{folder}: there is no such folder{did_you_mean_path(folder)}")
+    if not folder.is_dir():
+        raise ResultError(f"{folder}: is a file, wanted the folder that `torquebench run` left")
+    if (folder / EXPERIMENT).is_file():
+        again = shlex.join(["torquebench", "run", str(folder / EXPERIMENT), "--out", "NEW"])
+        raise ResultError(
+            f"{folder}: the run has not finished (no {MANIFEST}): wait if it is running, else run it again: {again}"
+        )
+    if (folder / CLAIM).is_file():
+        raise ResultError(f"{folder}: what writes here has not finished (no {MANIFEST}): wait, or start it again")
+    runs = sorted(path.parent for path in folder.glob(f"*/{MANIFEST}"))
+    example = f", such as {runs[-1]}" if runs else ""
+    raise ResultError(f"{folder}: is not a run (no {MANIFEST}), wanted a folder that `torquebench run` left{example}")
+
+
+def refuse_without_experiment(folder: Path) -> None:
+    """Refuse a folder with results that are not those of one experiment.
+
+    Raises:
+        ResultError: it is such a folder.
+    """
+    if not (folder / EXPERIMENT).is_file():
+        raise ResultError(f"{folder}: holds results of another command, wanted a folder that `torquebench run` left")
+
+
 def check_run(folder: Path, leave_out: Collection[str] = ()) -> dict[str, Any]:
     """Return a run directory's manifest after checking every file against it.
 
@@ -186,13 +223,15 @@ def check_run(folder: Path, leave_out: Collection[str] = ()) -> dict[str, Any]:
         leave_out: Files that need not be what the manifest says.
 
     Raises:
-        ResultError: no manifest (the run did not finish), or a file is missing or changed.
+        ResultError: there is no such folder, its run has not finished, it is no run's folder, or a file is missing or
+            changed.
     """
     try:
+        refuse_without_manifest(folder)
         manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         files: dict[str, str] = manifest["files"]
     except (OSError, ValueError, KeyError) as error:
-        raise ResultError(f"{folder}: not a finished run directory ({error})") from error
+        raise ResultError(f"{folder / MANIFEST}: cannot be read ({error}), so that nothing can be verified") from error
     for name, checksum in files.items():
         path = folder / name
         if name not in leave_out and (not path.is_file() or file_digest(path) != checksum):

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from torquebench.errors import ResultError
 from torquebench.experiment.build import build
 from torquebench.experiment.load import load_experiment
 from torquebench.experiment.run import ExperimentResult, metrics_of
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import EXPERIMENT, check_run, refuse_without_experiment
 from torquebench.sim.trajectory import load_trajectory
 
 
@@ -34,9 +33,8 @@ def load_run(folder: Path) -> StoredRun:
         ConfigError: its experiment uses a law or a model that is not there any more.
     """
     manifest = check_run(folder)
-    if "outcomes" not in manifest:
-        raise ResultError(f"{folder}: not a run of an experiment")
-    experiment = load_experiment(folder / "experiment.yaml")
+    refuse_without_experiment(folder)
+    experiment = load_experiment(folder / EXPERIMENT)
     loop = build(experiment)
     runs = {keys.name: load_trajectory(folder / keys.name / "trajectory.npz") for keys in experiment.controllers}
     metrics = {

@@ -5,11 +5,13 @@ from __future__ import annotations
 import stat
 from pathlib import Path
 
-from torquebench.errors import ConfigError, Problem
+from torquebench.errors import ConfigError, Problem, did_you_mean_path
 from torquebench.experiment.document import BROKEN, Document, Place
 from torquebench.experiment.yaml_tree import parse_value
 
 MAX_BYTES = 1 << 20
+YAML = r"\.ya?ml"
+"""What a config's name ends in, a regular expression; any other is read too."""
 
 
 def read_bytes(path: Path) -> bytes:
@@ -30,7 +32,7 @@ def read_bytes(path: Path) -> bytes:
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
     except FileNotFoundError as error:
-        raise ConfigError([Problem(shown, "", "does not exist")]) from error
+        raise ConfigError([Problem(shown, "", f"does not exist{did_you_mean_path(path, YAML)}")]) from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise ConfigError([Problem(shown, "", f"cannot be read ({reason})")]) from error

@@ -6,8 +6,11 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from torquebench.errors import ConfigError, ControllerError, Problem
+from torquebench.errors import ConfigError, ControllerError, Problem, did_you_mean_path
 from torquebench.laws.base import law_names
+
+PYTHON = r"\.py"
+"""What a plug-in's name ends in, a regular expression."""
 
 
 def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
@@ -24,6 +27,8 @@ def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
     try:
         name = f"torquebench_plugin_{path.stem.replace('-', '_')}"
         spec = importlib.util.spec_from_file_location(name, path)
+        if not path.exists():
+            raise ControllerError(f"no such file{did_you_mean_path(path, PYTHON)}")
         if spec is None or spec.loader is None:
             raise ControllerError("not a Python file (wanted a name ending in .py)")
         module = importlib.util.module_from_spec(spec)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from torquebench.errors import ModelError
+from torquebench.errors import ModelError, did_you_mean_path
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.library import model_folder
 from torquebench.robot.puma560.puma import Puma560
+
+MJCF = r"\.xml"
+"""What a model's file ends in, a regular expression."""
 
 
 def load_model(source: str | Path, structure: str = "exact", constants: str = "fitted") -> RobotModel:
@@ -45,6 +48,6 @@ def mjcf_path(source: str | Path) -> Path:
     if isinstance(source, Path) or str(source).endswith(".xml"):
         path = Path(source)
         if not path.is_file():
-            raise ModelError(f"{path}: no such file")
+            raise ModelError(f"{path}: no such file{did_you_mean_path(path, MJCF)}")
         return path
     return model_folder(source) / f"{source}.xml"

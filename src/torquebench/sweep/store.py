@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from torquebench.errors import ConfigError, Problem, ResultError
+from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
 from torquebench.experiment.dump import plain
 from torquebench.experiment.store import MANIFEST, RunDirectory, checksums, json_bytes, model_checksums, versions
 from torquebench.sweep.plan import Plan, Source, flattened
@@ -115,6 +115,8 @@ def opened(folder: Path, plugins: tuple[Path, ...], option: str) -> Stored:
     Raises:
         ConfigError: it is no sweep's folder, or what the sweep is made of has changed.
     """
+    if not folder.is_dir():
+        raise ConfigError([Problem(option, "", f"{folder}: there is no such folder{did_you_mean_path(folder)}")])
     try:
         facts: dict[str, Any] = json.loads((folder / PLAN).read_text(encoding="utf-8"))
         text = (folder / CONFIG).read_bytes()

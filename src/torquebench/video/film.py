@@ -15,7 +15,7 @@ from torquebench.video.child import run_module
 from torquebench.video.encode import ffmpeg_program
 from torquebench.video.job import Job
 from torquebench.video.settings import Settings, check_settings
-from torquebench.video.stored import Subject
+from torquebench.video.stored import Footage
 
 FILM = "video.mp4"
 SILENCE = 300.0
@@ -34,7 +34,7 @@ class Made:
 
 
 def make_film(
-    run: Subject, settings: Settings, wish: str | None = None, *, still: float | None = None,
+    run: Footage, settings: Settings, wish: str | None = None, *, still: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Made:  # fmt: skip
     """Make a film, or one picture of it, from a run's stored trajectories.

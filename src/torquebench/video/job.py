@@ -8,6 +8,9 @@ from typing import Any
 
 from torquebench.video.settings import Settings
 
+APART = "   "
+"""Between the parts of a note."""
+
 
 @dataclass(frozen=True, slots=True)
 class Shot:
@@ -15,7 +18,7 @@ class Shot:
 
     name: str
     note: str
-    """Law and headline figures."""
+    """Headline figures and law, parts that are `APART`."""
     ending: str
     """How and when the run failed; empty if it completed."""
     trajectory: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,15 +12,18 @@ from matplotlib.colors import to_rgb
 from torquebench.analysis import style
 from torquebench.kernel import Array, IntArray
 from torquebench.sim.trajectory import Trajectory
-from torquebench.video.layout import Box, Layout
+from torquebench.video.job import APART
+from torquebench.video.layout import NOTE, Box, Layout, layout
 from torquebench.video.settings import FPS
-from torquebench.video.text import Colour, Pixels, blend, curve_cover, fill, fitted, write
+from torquebench.video.text import Colour, Pixels, blend, curve_cover, fill, fitted, folded, write
 from torquebench.video.timeline import Timeline, ranges
 
 WINDOW = 1.5
 """Time that a trace shows, in the film's own seconds."""
 PAPER, INK, FAINT, TRACK = (255, 255, 255), (30, 32, 38), (120, 124, 132), (230, 233, 237)
 HEADER, HEADER_INK, ALARM = (38, 44, 54), (245, 247, 250), (200, 30, 30)
+PLAIN = 10.6
+"""Height of a note's font, in units of a layout [px]."""
 JOINTS: tuple[Colour, ...] = tuple(
     tuple(round(255 * part) for part in to_rgb(colour))  # type: ignore[misc]
     for colour in style.COLOURS
@@ -31,7 +35,7 @@ class Clip(NamedTuple):
 
     name: str
     note: str
-    """Law and headline figures."""
+    """As of `Shot`."""
     run: Trajectory
     ending: str
     """How and when the run failed; empty if it completed."""
@@ -52,6 +56,17 @@ class _Trace(NamedTuple):
     high: Array
 
 
+def layout_for(clips: Sequence[Clip], width: int, height: int) -> Layout:
+    """Divide a frame such that the controllers' notes are seen whole. Arguments as of `layout`."""
+    tried = (layout(len(clips), width, height, notes) for notes in itertools.count(1))
+    return next(where for where in tried if max(len(note_lines(clip, where)) for clip in clips) <= where.notes)
+
+
+def note_lines(clip: Clip, where: Layout) -> list[str]:
+    """Return a controller's note in as many lines as its panel needs."""
+    return folded(clip.note.split(APART), APART, round(PLAIN * where.unit), where.panels[0].title.width)
+
+
 class Overlay:
     """Draws everything but the views.
 
@@ -70,7 +85,7 @@ class Overlay:
         units: Sequence[str], tau_max: Array,
     ) -> None:  # fmt: skip
         self._clips, self._where, self._frames = clips, where, frames
-        self._small, self._plain, self._large = (round(size * where.unit) for size in (9.6, 10.6, 13.0))
+        self._small, self._plain, self._large = (round(size * where.unit) for size in (9.6, PLAIN, 13.0))
         samples = frames.samples()
         self._bars = [_bars(clip.run.tau / tau_max, samples) for clip in clips]
         box = where.panels[0].traces
@@ -147,7 +162,8 @@ class Overlay:
             box = panel.title
             name = fitted(clip.name, self._large, box.width, bold=True)
             write(pixels, box.x, box.y + 14 * unit, name, self._large, INK, bold=True)
-            write(pixels, box.x, box.y + 27 * unit, fitted(clip.note, self._plain, box.width), self._plain, FAINT)
+            for i, line in enumerate(note_lines(clip, where)):
+                write(pixels, box.x, box.y + (27 + NOTE * i) * unit, line, self._plain, FAINT)
             if box.x > where.width // len(where.panels) // 2:
                 fill(pixels, panel.view.x - 1.5, box.y, panel.view.x - 0.5, where.height, TRACK)
             self._label_bars(pixels, panel.bars, joint_names)

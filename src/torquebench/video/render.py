@@ -21,8 +21,8 @@ from torquebench.robot.mjcf import joint_names, torque_limits
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 from torquebench.video.encode import film_writer, png_bytes
 from torquebench.video.job import Job, job_from
-from torquebench.video.layout import Box, layout
-from torquebench.video.overlay import Clip, Overlay
+from torquebench.video.layout import Box
+from torquebench.video.overlay import Clip, Overlay, layout_for
 from torquebench.video.scene import Scene, build_scene, joint_points
 from torquebench.video.settings import FPS
 from torquebench.video.stage import GlStage, Stage
@@ -49,12 +49,11 @@ class Film:
         self._runs = [load_trajectory(shot.trajectory) for shot in job.shots]
         lasting = max(len(run.t) for run in self._runs) * job.control_period
         self.frames: Timeline = timeline(lasting, job.settings.speed, job.control_period)
-        width, height = job.settings.size
-        where = layout(len(self._runs), width, height)
+        clips = [Clip(s.name, s.note, run, s.ending) for s, run in zip(job.shots, self._runs, strict=True)]
+        where = layout_for(clips, *job.settings.size)
         scene = build_scene(job.model, np.concatenate([poses(run) for run in self._runs]))
         m = scene.model
         slides = m.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
-        clips = [Clip(s.name, s.note, run, s.ending) for s, run in zip(job.shots, self._runs, strict=True)]
         self._overlay = Overlay(
             clips, where, self.frames, job.title, joint_names(m), ["m" if slide else "rad" for slide in slides],
             torque_limits(m, job.model),

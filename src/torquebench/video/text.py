@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -78,6 +80,27 @@ def fitted(text: str, size: int, width: float, bold: bool = False) -> str:
         if glyphs(shorter, size, bold)[0].shape[1] <= width:
             return shorter
     return ""
+
+
+def folded(parts: Sequence[str], between: str, size: int, width: float) -> list[str]:
+    """Return parts of a text in lines of at most `width` pixels; a part too long is broken after hyphens, or cut.
+
+    Args:
+        parts: What is kept together where it fits.
+        between: What is written between two parts of a line.
+        size: Height of the font [px].
+        width: Room [px].
+    """
+    lines: list[str] = []
+    for part in parts:
+        whole = fitted(part, size, width) == part
+        for i, piece in enumerate([part] if whole else re.split(r"(?<=-)", part)):
+            longer = (between if i == 0 else "").join([*lines[-1:], piece])
+            if lines and (whole or i > 0) and fitted(longer, size, width) == longer:
+                lines[-1] = longer
+            else:
+                lines.append(fitted(piece, size, width))
+    return lines
 
 
 def fill(pixels: Pixels, x0: float, y0: float, x1: float, y1: float, colour: Colour, opacity: float = 1.0) -> None:

@@ -25,8 +25,8 @@ CHUNK = 500
 """Frames of one message at most."""
 
 
-class Subject(NamedTuple):
-    """What is shown, but for the motions."""
+class PageSubject(NamedTuple):
+    """What a page shows, but for the motions, which may not be stored yet."""
 
     title: str
     model: str
@@ -37,7 +37,9 @@ class Subject(NamedTuple):
     """Name and note of each."""
 
 
-def feed_stored(feed: Feed, subject: Subject, runs: Sequence[Trajectory], colours: Sequence[str], speed: float) -> None:
+def feed_stored(
+    feed: Feed, subject: PageSubject, runs: Sequence[Trajectory], colours: Sequence[str], speed: float
+) -> None:
     """Fill a feed with stored runs, and close it.
 
     Args:
@@ -94,7 +96,9 @@ class Live:
         ModelError: the arm cannot be drawn.
     """
 
-    def __init__(self, feed: Feed, subject: Subject, reference: Array, colours: Sequence[str], speed: float) -> None:
+    def __init__(
+        self, feed: Feed, subject: PageSubject, reference: Array, colours: Sequence[str], speed: float
+    ) -> None:
         self._feed, self._runs = feed, {name: _Running() for name, _ in subject.controllers}
         self._frames = grid(len(reference), subject.control_period)
         self._arm = Arm(subject.model, reference[:: max(1, len(reference) // POSES)])
