@@ -179,10 +179,19 @@ def test_damaged_shards_are_run_again(swept, command):
 
 
 def test_a_finished_sweep_is_not_run_again(swept, command):
-    """Its files are verified; one that was altered is an error."""
+    """Its files are verified; one that was altered is an error, and of a shard that was it is told."""
     status, out, _ = command("sweep", swept, "--resume", "s", *THREADS)
     assert status == 0
-    assert "finished already: all 18 shards are there" in out
+    assert "finished already: 18 of 18 shards are there" in out
+    (first, second, *_) = sorted((swept.parent / "s" / "shards").iterdir())
+    whole = first.read_bytes(), second.read_bytes()
+    first.write_bytes(whole[0][:-1] + bytes([whole[0][-1] ^ 1]))
+    second.unlink()
+    status, out, err = command("sweep", "--resume", "s", *THREADS)
+    assert (status, "finished already: 16 of 18 shards" in out) == (0, True)
+    assert "1 of 18 shards are damaged, 1 missing" in err
+    first.write_bytes(whole[0])
+    second.write_bytes(whole[1])
     with open("s/results.csv", "a", encoding="utf-8") as file:
         file.write("\n")
     status, _, err = command("sweep", "--resume", "s", *THREADS)

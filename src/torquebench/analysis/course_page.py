@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, new_page, printable
-from torquebench.analysis.sweep_parts import TURNS, Scale, key_label, key_values, metric_scale, value_text
+from torquebench.analysis.page import finish_page, new_page
+from torquebench.analysis.sweep_parts import TURNS, Scale, key_label, key_values, law_name, metric_scale, value_text
 from torquebench.sweep.columns import Rows, Table, rows_by
 from torquebench.sweep.reduce import level
 
@@ -21,7 +21,8 @@ def course_page(
 ) -> Figure:
     """Draw geometric means over the draws, and over all other keys, with 95 % intervals; a panel for each metric.
 
-    A law is missing at a value at which no draw of it has the metric. Words stand side by side without lines.
+    A law is missing at a value at which no draw of it has the metric, and altogether where it lacks the key. Words
+    stand side by side without lines.
 
     Args:
         table: The sweep's table.
@@ -32,19 +33,21 @@ def course_page(
     """
     values = key_values(table, key)
     cells = rows_by(table, "controller", key)
-    laws = [law for (law,) in rows_by(table, "controller")]
+    laws = {law: rows for (law,), rows in rows_by(table, "controller").items()}
+    shown = [any((law, value) in cells for value in values) for law in laws]
     with style.journal_style():
         fig = new_page(len(metrics), 2.0, 2.4)
         panels = fig.subplots(len(metrics), 1, sharex=True, squeeze=False)[:, 0]
         for ax, metric in zip(panels, metrics, strict=True):
-            _panel(ax, table, cells, laws, values, metric_scale(table, metric, slides), metric)
+            _panel(ax, table, cells, list(laws), values, metric_scale(table, metric, slides), metric)
         if not isinstance(values[0], str):
             style.fit_scale(panels[-1].xaxis, values)
         panels[-1].set_xlabel(key_label(key))
         fig.align_ylabels(panels)
         handles = [
-            Line2D([], [], label=printable(law), markersize=4.0, linewidth=0.9, **style.spot_look(place))
-            for place, law in enumerate(laws)
+            Line2D([], [], label=law_name(table, law, rows), markersize=4.0, linewidth=0.9, **style.spot_look(place))
+            for place, (law, rows) in enumerate(laws.items())
+            if shown[place]
         ]
         finish_page(fig, title, subtitle, handles)
     return fig

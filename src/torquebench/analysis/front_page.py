@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 
 from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, new_page
@@ -33,7 +35,7 @@ PHI = "its phi [rad/s]"
 
 def front_page(
     spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = (), joined: bool = True,
-    unit: str = "mrad",
+    unit: str = "mrad", names: Mapping[str, str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the front ringed.
 
@@ -44,6 +46,7 @@ def front_page(
         order: Families whose places set colour and dash; empty for those of the spots.
         joined: Whether a line joins the spots of a family.
         unit: Unit of a thousandth of the error.
+        names: Family -> how the legend calls it; one without spots is named there all the same.
     """
     families = list(dict.fromkeys((*order, *(spot.family for spot in spots))))
     with style.journal_style():
@@ -66,22 +69,40 @@ def front_page(
                 yerr=[[b - 1e3 * s.error.low for b, s in zip(y, own, strict=True)],
                       [1e3 * s.error.high - b for b, s in zip(y, own, strict=True)]],
             )  # fmt: skip
-            keys.append(Line2D([], [], label=family, **look))
+            keys.append(Line2D([], [], label=(names or {}).get(family, family), **look))
+        gone = [name for family, name in (names or {}).items() if family not in {spot.family for spot in spots}]
+        keys += [Line2D([], [], linestyle="none", label=name) for name in gone]
         best = [spot for spot in spots if spot.best]
         ring: dict[str, Any] = {
             "marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "black",
             "markeredgewidth": 0.8, "linestyle": "none",
         }  # fmt: skip
         ax.plot([s.chattering.ratio for s in best], [1e3 * s.error.ratio for s in best], **ring)
-        for spot in best:
-            at = spot.chattering.ratio, 1e3 * spot.error.ratio
-            right = ax.transAxes.inverted().transform(ax.transData.transform(at))[0] > 0.8
-            ax.annotate(
-                spot.label, at, (-6.0 if right else 6.0, -7.0), textcoords="offset points",
-                ha="right" if right else "left", fontsize=6.5, color="0.25",
-            )  # fmt: skip
+        _label(ax, best)
         ax.set_xlabel("chattering index HF [% of the torque limit]")
         ax.set_ylabel(f"RMS error [{unit}]")
         keys.append(Line2D([], [], label="no choice is better in both" + (f"; {labels}" if labels else ""), **ring))
         finish_page(fig, title, subtitle, keys)
     return fig
+
+
+BESIDE = ((6.0, -7.0), (-6.0, -7.0), (6.0, 4.0), (-6.0, 4.0), (6.0, -16.0), (-6.0, -16.0), (6.0, 13.0), (-6.0, 13.0))
+"""Where a label may stand beside its spot, the first first [pt]; at the left it ends there."""
+
+
+def _label(ax: Axes, spots: Sequence[Spot]) -> None:
+    """Write each spot's label where it meets no earlier one, and stays within the panel, if there is such a place."""
+    taken: list[Bbox] = []
+    for spot in sorted(spots, key=lambda spot: spot.chattering.ratio):
+        label = ax.annotate(
+            spot.label, (spot.chattering.ratio, 1e3 * spot.error.ratio), BESIDE[0], textcoords="offset points",
+            fontsize=6.5, color="0.25",
+        )  # fmt: skip
+        for x, y in (*BESIDE, BESIDE[0]):
+            label.set_position((x, y))
+            label.set_horizontalalignment("left" if x > 0.0 else "right")
+            box = label.get_window_extent()
+            inside = ax.bbox.x0 <= box.x0 and box.x1 <= ax.bbox.x1
+            if inside and not any(box.overlaps(other) for other in taken):
+                break
+        taken.append(box)

@@ -43,12 +43,12 @@ def map_page(
     xs, ys = key_values(table, keys[0]), key_values(table, keys[1])
     cells = rows_by(table, "controller", *keys)
     laws = list(dict.fromkeys(law for law, x, y in cells if x in xs and y in ys))
-    medians = {law: np.full((len(ys), len(xs)), np.nan) for law in laws}
+    centres = {law: np.full((len(ys), len(xs)), np.nan) for law in laws}
     failures = {law: np.zeros((len(ys), len(xs)), dtype=np.int64) for law in laws}
     for (law, x, y), rows in cells.items():
         if x in xs and y in ys:
             at = ys.index(y), xs.index(x)
-            medians[law][at] = _median(scaled(table, rows, metric, scale))
+            centres[law][at] = _centre(scaled(table, rows, metric, scale))
             failures[law][at] = int(np.sum(~completed(table, rows)))
     with style.journal_style():
         columns = min(COLUMNS, len(laws))
@@ -56,11 +56,11 @@ def map_page(
         height = max(0.5 + 0.24 * max(len(ys), 3), LEAST_HEIGHT / lines)
         fig = new_page(lines, height, height)
         grid = fig.add_gridspec(lines, columns)
-        norm = _norm(np.array(list(medians.values())))
+        norm = _norm(np.array(list(centres.values())))
         panels = []
         for place, law in enumerate(laws):
             ax = fig.add_subplot(grid[place // columns, place % columns])
-            _draw(ax, medians[law], failures[law], norm, across=columns * len(xs))
+            _draw(ax, centres[law], failures[law], norm, across=columns * len(xs))
             ax.set_title(printable(law), loc="left", pad=3.0)
             ax.set_xticks(range(len(xs)), [value_text(x) for x in xs])
             ax.set_yticks(range(len(ys)), [value_text(y) for y in ys] if place % columns == 0 else [""] * len(ys))
@@ -68,7 +68,7 @@ def map_page(
         below = fig.supxlabel(key_label(keys[0]), fontsize=8.0)
         beside = fig.supylabel(key_label(keys[1]), fontsize=8.0)
         bar = fig.colorbar(panels[0].images[0], ax=panels, aspect=30, fraction=0.05, pad=0.02)
-        bar.set_label(f"median {scale.label}")
+        bar.set_label(scale.label)
         bar.outline.set_linewidth(0.6)
         style.fit_scale(bar.ax.yaxis, [norm.vmin or 0.0, norm.vmax or 0.0])
         handles = [Patch(facecolor="white", edgecolor="0.4", hatch="////", label="no run has it")]
@@ -81,9 +81,12 @@ def map_page(
     return fig
 
 
-def _median(values: Array) -> float:
+def _centre(values: Array) -> float:
+    """Return the geometric mean of the finite values; 0 where one of them is 0, NaN without any."""
     known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.nan
+    if not len(known):
+        return np.nan
+    return float(np.exp(np.mean(np.log(known)))) if known.min() > 0.0 else 0.0
 
 
 def _norm(values: Array) -> Normalize:

@@ -14,10 +14,10 @@ from matplotlib.mlab import GaussianKDE
 from matplotlib.patches import Patch, Rectangle
 
 from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, new_page, printable
-from torquebench.analysis.sweep_parts import TURNS, Scale, metric_scale, scaled
+from torquebench.analysis.page import finish_page, new_page
+from torquebench.analysis.sweep_parts import TURNS, Scale, law_name, metric_scale, scaled
 from torquebench.kernel import Array
-from torquebench.sweep.columns import Rows, Table, completed, rows_by
+from torquebench.sweep.columns import Rows, Table, rows_by
 
 MOST_POINTS = 400
 """Points drawn for each law; of more, an evenly spaced part of those in order of size, both ends included."""
@@ -50,7 +50,7 @@ def spread_page(
         panels = fig.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
         for ax, metric in zip(panels, metrics, strict=True):
             _panel(ax, table, laws, metric, metric_scale(table, metric, slides))
-        panels[0].set_yticks(range(len(laws)), [_name(table, law, rows) for law, rows in laws.items()])
+        panels[0].set_yticks(range(len(laws)), [law_name(table, law, rows, "\n") for law, rows in laws.items()])
         panels[0].set_ylim(len(laws) - 0.5, -0.5)
         handles = [
             Line2D([], [], color="0.45", marker="o", markersize=2.5, linestyle="none", label="one run"),
@@ -60,11 +60,6 @@ def spread_page(
         ]
         finish_page(fig, title, subtitle, handles)
     return fig
-
-
-def _name(table: Table, law: str, rows: Rows) -> str:
-    failed = int(np.sum(~completed(table, rows)))
-    return printable(law) + (f"\n{failed} of {len(rows)} failed" if failed else "")
 
 
 def _panel(ax: Axes, table: Table, laws: dict[str, Rows], metric: str, scale: Scale) -> None:

@@ -44,28 +44,43 @@ def sweep_figures(
         ResultError: it is no sweep's table.
     """
     checked(table)
+    subtitle = f"{subtitle}\n" if subtitle else ""
+    over = f"{subtitle}geometric means over draws and all other keys, bars: 95 % intervals over draws"
+    cells = f"{subtitle}geometric means over draws and all other keys of the runs that completed, (n): n failed"
+    worst = (
+        f"{subtitle}each law and choice in the condition in which it is worst: geometric means over draws, bars: 95 % "
+        "intervals"
+    )
+    strengths = f"{subtitle}standardised rank regression, 95 % intervals that hold for all at once"
     shown = [metric for metric in metrics if metric in metric_keys(table)]
     keys = [key for key in grid_keys(table) if len(key_values(table, key)) > 1]
     figures: dict[str, Figure] = {}
     if shown:
-        figures["spread"] = spread_page(table, shown, f"{title}: all runs", subtitle, slides)
+        figures["spread"] = spread_page(table, shown, f"{title}: all runs", subtitle.rstrip(), slides)
         for key in keys[:MOST_COURSES]:
-            figures[f"over-{slug(key)}"] = course_page(table, key, shown, f"{title}: over {key}", subtitle, slides)
+            figures[f"over-{slug(key)}"] = course_page(table, key, shown, f"{title}: over {key}", over, slides)
     if len(keys) > 1:
         for metric in shown:
             heading = f"{title}: {INFO[metric].title} over {keys[0]} and {keys[1]}"
-            figures[f"map-{metric}"] = map_page(table, (keys[0], keys[1]), metric, heading, subtitle, slides)
+            figures[f"map-{metric}"] = map_page(table, (keys[0], keys[1]), metric, heading, cells, slides)
     front = front_of(table)
     if len(front.spots) > 1:
         heading = f"{title}: error against chattering"
         figures["front"] = front_page(
-            front.spots, heading, subtitle, front.labels, front.order, front.joined, joint_units("mrad", slides)
+            front.spots,
+            heading,
+            worst,
+            front.labels,
+            front.order,
+            front.joined,
+            joint_units("mrad", slides),
+            front.names,
         )
     for metric in metrics:
         told = [one for one in found if one.metric == metric and one.effects is not None]
         if any(effect.matters for one in told if one.effects for effect in one.effects.effects):
             heading = f"{title}: what the {INFO[metric].title} depends on"
-            figures[f"effects-{metric}"] = effects_page(told, heading, subtitle)
+            figures[f"effects-{metric}"] = effects_page(told, heading, strengths)
     return figures
 
 

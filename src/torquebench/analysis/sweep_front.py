@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from torquebench.analysis.front_page import Spot
-from torquebench.analysis.sweep_parts import key_label, key_values, value_text
+from torquebench.analysis.sweep_parts import key_label, key_values, law_name, value_text
 from torquebench.statistics import Ratio, undominated
 from torquebench.sweep.columns import (
     Rows,
@@ -37,6 +37,8 @@ class Front(NamedTuple):
     """Families in order; empty for that of the spots."""
     joined: bool
     """Whether a family's spots are joined by lines."""
+    names: Mapping[str, str]
+    """Family -> its name with how many runs of its law failed; laws that have no spot too."""
 
 
 def front_of(table: Table) -> Front:
@@ -51,7 +53,7 @@ def front_of(table: Table) -> Front:
     """
     laws = controllers(table)
     if not {"rmse", "hf"} <= set(metric_keys(table)):
-        return Front((), "", (), True)
+        return Front((), "", (), True, {})
     grid = [key for key in grid_keys(table) if len(key_values(table, key)) > 1 and key.startswith(CHOSEN)]
     chosen = {law: tuple(key for key in grid if _concerns(key, law)) for law in laws}
     along = {keys[0] for keys in chosen.values() if keys}
@@ -70,12 +72,16 @@ def front_of(table: Table) -> Front:
     labels = f"its {key_label(along.pop()).split('.')[-1]}" if alike else "which it is"
     labels = labels if labelled else ""
     families = {spot.family for spot in spots}
+    own = {law: rows for (law,), rows in rows_by(table, "controller").items()}
     if families <= set(laws):
-        return Front(tuple(spots), labels, laws, True)
+        names = {law: law_name(table, law, rows) for law, rows in own.items()}
+        return Front(tuple(spots), labels, laws, True, names)
+    gone = {law: law_name(table, law, own[law]) for law in laws if not any(_is_of(spot, law) for spot in spots)}
     if len(families) <= MOST_FAMILIES:
-        return Front(tuple(spots), labels, (), True)
-    lumped = [spot._replace(family=next(law for law in laws if _is_of(spot, law))) for spot in spots]
-    return Front(tuple(lumped), labels, laws, False)
+        names = {spot.family: law_name(table, spot.family, own[_law_of(spot, laws)]) for spot in spots}
+        return Front(tuple(spots), labels, (), True, names | gone)
+    lumped = [spot._replace(family=_law_of(spot, laws)) for spot in spots]
+    return Front(tuple(lumped), labels, laws, False, {law: law_name(table, law, rows) for law, rows in own.items()})
 
 
 def _spots(table: Table, law: str, cases_of: Sequence[Rows], keys: tuple[str, ...], alike: bool) -> list[Spot]:
@@ -95,6 +101,10 @@ def _spots(table: Table, law: str, cases_of: Sequence[Rows], keys: tuple[str, ..
         label = (words[0][1] if alike else " ".join(words[0])) if words else law
         found.append(Spot(family, label, error, chattering, all(bool(completed(table, rows).all()) for rows in cases)))
     return found
+
+
+def _law_of(spot: Spot, laws: Sequence[str]) -> str:
+    return next(law for law in laws if _is_of(spot, law))
 
 
 def _is_of(spot: Spot, law: str) -> bool:

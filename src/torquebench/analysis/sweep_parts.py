@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from torquebench.analysis import style
+from torquebench.analysis.page import printable
 from torquebench.experiment.units import joint_units, unit_of
 from torquebench.kernel import Array
-from torquebench.sweep.columns import INFO, Rows, Table, finished
+from torquebench.sweep.columns import INFO, Rows, Table, completed, finished
 
 
 class Scale(NamedTuple):
@@ -53,6 +54,19 @@ def key_values(table: Table, key: str) -> list[float | str]:
         known = table[key][np.isfinite(table[key])]
         return [float(value) for value in np.unique(known)]
     return [word for word in dict.fromkeys(table[key].tolist()) if word]
+
+
+def law_name(table: Table, law: str, rows: Rows, gap: str = ", ") -> str:
+    """Return a law's name for a legend, with how many of its runs failed.
+
+    Args:
+        table: The table.
+        law: Its name, or another for it.
+        rows: Its rows.
+        gap: What stands between the two.
+    """
+    failed = int(np.sum(~completed(table, rows)))
+    return printable(law) + (f"{gap}{failed} of {len(rows)} failed" if failed else "")
 
 
 def value_text(value: float | str) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from torquebench.cli.sweep_outcomes import facts, summary, unexpected
 from torquebench.cli.sweep_report import report_files
-from torquebench.cli.terminal import progress_bar, say, tell
+from torquebench.cli.terminal import progress_bar, say, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
 from torquebench.experiment.store import RunDirectory, check_run, claim_folder
 from torquebench.experiment.yaml_source import read_bytes
@@ -133,7 +133,12 @@ def finished(stored: Stored) -> None:
         ResultError: one is missing or altered.
     """
     refuse_others(stored)
-    say(f"finished already: all {stored.shards} shards are there")
+    state = state_of(stored)
+    gone = len(state.missing) - len(state.damaged)
+    if state.missing:
+        what = f"{len(state.damaged)} of {stored.shards} shards are damaged, {gone} missing"
+        warn(f"torquebench: {what}; the tables, which were made from them, are as they were written")
+    say(f"finished already: {len(state.complete)} of {stored.shards} shards are there")
 
 
 def rest_of(stored: Stored, options: argparse.Namespace) -> None:

@@ -22,7 +22,7 @@ COMPLETED = Outcome.COMPLETED.name
 
 
 def summary(stored: Stored, outcomes: Outcomes) -> str:
-    """Return the table of what came out: of each controller the runs that completed, and medians of its metrics.
+    """Return the table of what came out: of each controller the runs that completed, and means of its metrics.
 
     Args:
         stored: The sweep, finished.
@@ -31,16 +31,16 @@ def summary(stored: Stored, outcomes: Outcomes) -> str:
     columns, names = headlines(slide_joints(stored.plan.first.plant.model)), stored.plan.controllers
     cells = [[name, f"{stored.plan.pairs:,}", f"{outcomes[name].get(COMPLETED, 0):,}"] for name in names]
     for key, (_, scale) in columns.items():
-        for row, value in zip(cells, medians(stored, key), strict=True):
+        for row, value in zip(cells, means(stored, key), strict=True):
             row.append(number(value, scale))
     worst = worst_rows(stored, Worst(worst=1, by="rmse"))
     rows = [[*row, str(index)] for row, index in zip(cells, worst, strict=True)]
     header = ["controller", "runs", "completed", *(title for title, _ in columns.values()), "worst run"]
-    return f"{stored.plan.first.name}: medians of the runs that completed\n\n{table(header, rows)}"
+    return f"{stored.plan.first.name}: means of the runs that completed\n\n{table(header, rows)}"
 
 
-def medians(stored: Stored, key: str) -> list[float | None]:
-    """Return the median of a metric over each controller's runs that have it; a row's controller follows from it.
+def means(stored: Stored, key: str) -> list[float | None]:
+    """Return the mean of a metric over each controller's runs that have it; a row's controller follows from it.
 
     Args:
         stored: The sweep, finished.
@@ -50,23 +50,23 @@ def medians(stored: Stored, key: str) -> list[float | None]:
     for i in range(count):
         values = column[i::count]
         defined = values[~np.isnan(values)]
-        found.append(float(np.median(defined)) if len(defined) else None)
+        found.append(float(np.mean(defined)) if len(defined) else None)
     return found
 
 
 def facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
-    """Return what ``--json`` says of a finished sweep: its size, how its runs ended, and medians in SI units.
+    """Return what ``--json`` says of a finished sweep: its size, how its runs ended, and means in SI units.
 
     Args:
         stored: The sweep, finished.
         outcomes: How its runs ended.
     """
     plan = stored.plan
-    middle = {key: medians(stored, key) for key in headlines(())}
+    centre = {key: means(stored, key) for key in headlines(())}
     found = {
         name: {
             "runs": plan.pairs, "completed": outcomes[name].get(COMPLETED, 0), "outcomes": outcomes[name],
-            "medians": {key: values[i] for key, values in middle.items()},
+            "means": {key: values[i] for key, values in centre.items()},
         }
         for i, name in enumerate(plan.controllers)
     }  # fmt: skip

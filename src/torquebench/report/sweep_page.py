@@ -13,7 +13,7 @@ from torquebench.report.sweep_tables import (
     case_text,
     effects_table,
     failures_table,
-    medians_table,
+    means_table,
     overall_table,
     silent_text,
 )
@@ -31,8 +31,8 @@ HEADINGS = {
 CAPTIONS = {
     "spread": "All cases and draws of each law together; runs that failed are counted under its name and not drawn.",
     "over": "Geometric means over draws and all other keys, with 95 % intervals over draws. A law is missing where in "
-    "every draw one of its runs failed.",
-    "map": "Medians over draws and all other keys; in brackets how many runs failed.",
+    "every draw one of its runs failed, or where one has the value 0, and altogether where it does not have the key.",
+    "map": "Geometric means over draws and all other keys; in brackets how many runs failed.",
     "front": "Each law and choice in the condition in which it is worst, for error and for chattering: geometric means "
     "over draws with 95 % intervals. Ringed: no other one has both less error and less chattering, by these means; one "
     "with a failed run does not take part.",
@@ -87,7 +87,7 @@ def sweep_page(
     ]  # fmt: skip
     return render(
         "sweep", title=info.name, lead=info.description or info.workload, asked=asked, reference=summary.reference,
-        medians=medians_table(summary, titles), failures=failures_table(summary), replay=info.replay,
+        means=means_table(summary, titles), failures=failures_table(summary), replay=info.replay,
         overall=[(_heading(metric), overall_table(summary, metric, titles)) for metric in shown],
         cases=[
             (case_text(*groups), [(_heading(one), case_table(summary, groups, one, titles)) for one in shown])

@@ -13,7 +13,7 @@ from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Group, Overall, Summary
 
 SHOWN = ("rmse", "hf")
-"""Metrics that tables tell more of than the median."""
+"""Metrics that tables tell more of than the mean."""
 NAMES = {key: title.split(" [")[0] for key, (title, _) in headlines((False,), steps=True).items()}
 """Short names of the metrics, without units."""
 Titles = Mapping[str, tuple[str, float]]
@@ -22,8 +22,8 @@ Cells = tuple[list[str], list[list[str]]]
 """Header and rows."""
 
 
-def medians_table(summary: Summary, titles: Titles) -> Cells:
-    """Return a row for each law: how many runs completed, and the medians of these over all cases and draws.
+def means_table(summary: Summary, titles: Titles) -> Cells:
+    """Return a row for each law: how many runs completed, and the means of these over all cases and draws.
 
     Args:
         summary: The sweep's summary.
@@ -31,27 +31,32 @@ def medians_table(summary: Summary, titles: Titles) -> Cells:
     """
     keys = [key for key in titles if key in summary.metrics]
     rows = [
-        [law.controller, f"{law.successes:,} of {law.runs:,}", *(_median(law.figures, key, titles) for key in keys)]
+        [law.controller, f"{law.successes:,} of {law.runs:,}", *(_mean(law.figures, key, titles) for key in keys)]
         for law in summary.overall
     ]
     return ["controller", "completed", *(titles[key][0] for key in keys)], rows
 
 
 def overall_table(summary: Summary, metric: str, titles: Titles) -> Cells:
-    """Return a row for each law with one metric over all cases: centre, tail, worst run, ratio to the reference.
+    """Return a row for each law with one metric over all cases: mean, tail, worst run, ratio to the reference.
+
+    There is no median: where cases differ much it is a figure that no run has.
 
     Args:
         summary: The sweep's summary.
         metric: Name of the metric.
         titles: Titles and scales of the metrics.
     """
-    return _header(summary, titles[metric][0]), [
-        [law.controller, *_cells(law, metric, titles)] for law in summary.overall
-    ]
+    rows = [[law.controller, *_cells(law, metric, titles)] for law in summary.overall]
+    return _without_median(_header(summary, titles[metric][0])), [_without_median(row) for row in rows]
+
+
+def _without_median(cells: list[str]) -> list[str]:
+    return cells[:2] + cells[3:]
 
 
 def case_table(summary: Summary, groups: Sequence[Group], metric: str, titles: Titles) -> Cells:
-    """Return a row for each law in one case: runs that completed with their interval, then as `overall_table`.
+    """Return a row for each law in one case: completed runs with interval, then as `overall_table`, and the median.
 
     Args:
         summary: The sweep's summary.
@@ -79,8 +84,8 @@ def _cells(own: Group | Overall, metric: str, titles: Titles) -> list[str]:
     return [*(number(value, scale) for value in values), str(figure.worst_row), ratio_text(own.ratios.get(metric))]
 
 
-def _median(figures: Mapping[str, Figure], key: str, titles: Titles) -> str:
-    return number(figures[key].median, titles[key][1]) if key in figures else "-"
+def _mean(figures: Mapping[str, Figure], key: str, titles: Titles) -> str:
+    return number(figures[key].mean, titles[key][1]) if key in figures else "-"
 
 
 def ratio_text(ratio: Ratio | None) -> str:
