@@ -11,7 +11,8 @@ from pydantic import BaseModel
 from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.overrides import assign, split_key
 from torquebench.experiment.schema import ControllerKeys, Experiment
-from torquebench.experiment.sweep_keys import EVERY, Value
+from torquebench.experiment.sweep_keys import EVERY
+from torquebench.experiment.sweep_values import Value
 from torquebench.laws.base import find_law, law_names
 
 

@@ -12,7 +12,7 @@ from torquebench.experiment.build import Builder
 from torquebench.experiment.document import Document, Place
 from torquebench.experiment.load import check_experiment
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.sweep_keys import Random, Value, in_words
+from torquebench.experiment.sweep_values import Random, Value, in_words
 from torquebench.sweep.plan import Combination, Plan
 
 MAX_CORNERS = 64

@@ -18,7 +18,8 @@ from torquebench.experiment.document import Document, KeyPath, dotted
 from torquebench.experiment.load import SWEEP, check_experiment
 from torquebench.experiment.overrides import apply_overrides
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.sweep_keys import Random, Value, between, take_sweep
+from torquebench.experiment.sweep_keys import take_sweep
+from torquebench.experiment.sweep_values import Random, Value, between
 from torquebench.experiment.variants import overwritten, varied, with_draw, with_number
 from torquebench.experiment.yaml_source import read_document
 from torquebench.metrics import METRICS
