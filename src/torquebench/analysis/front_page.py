@@ -78,11 +78,11 @@ def front_page(
             "markeredgewidth": 0.8, "linestyle": "none",
         }  # fmt: skip
         ax.plot([s.chattering.ratio for s in best], [1e3 * s.error.ratio for s in best], **ring)
-        _label(ax, best)
         ax.set_xlabel("chattering index HF [% of the torque limit]")
         ax.set_ylabel(f"RMS error [{unit}]")
         keys.append(Line2D([], [], label="no choice is better in both" + (f"; {labels}" if labels else ""), **ring))
         finish_page(fig, title, subtitle, keys)
+        _label(ax, best)  # now that the panel has its place
     return fig
 
 

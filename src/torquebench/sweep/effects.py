@@ -163,14 +163,15 @@ def _products(left: Array, Z: Array) -> tuple[list[tuple[int, int]], Array, Arra
 
 
 def _regressed(z: Array, Z: Array, level: float) -> tuple[Array, Array, float, Array]:
-    """Return coefficients, half-widths of their intervals, the explained share, adjusted, and what is left, (N,)."""
+    """Return coefficients, half-widths, the explained share, adjusted, and what is left for products, (N,)."""
     n, k = Z.shape
     inverse = np.linalg.inv(Z.T @ Z)
     b = inverse @ (Z.T @ z)
     left = z - Z @ b
     variance = float(np.sum(left * left)) / (n - k - 1)
     half = stats.t.ppf(level, n - k - 1) * np.sqrt(variance * np.diag(inverse))
-    return b, half, 1.0 - variance * (n - 1) / n, left
+    # of a product about as large a share goes into the inputs as there are of them: what is left of it is given back
+    return b, half, 1.0 - variance * (n - 1) / n, left * n / (n - k)
 
 
 def strongest(effects: Sequence[Effect], most: int) -> list[Effect]:
