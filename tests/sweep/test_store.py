@@ -9,13 +9,14 @@ import pytest
 
 from tests.sweep.examples import SMALL, plan_of
 from torquebench.sweep.columns import Table
+from torquebench.sweep.form import empty_columns
 from torquebench.sweep.shards import Shards
 
 
 @pytest.fixture
 def table() -> Table:
     """A table of eight rows with something in every column."""
-    columns = plan_of(SMALL).columns(8)
+    columns = empty_columns(plan_of(SMALL), 8)
     rng = np.random.default_rng(0)
     for name, column in columns.items():
         column[:] = rng.integers(0, 9, 8) if column.dtype.kind == "i" else rng.normal(size=8)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from torquebench.experiment.sweep_schema import Worst
 from torquebench.sweep.checking import Survey
+from torquebench.sweep.form import empty_columns
 from torquebench.sweep.plan import Plan
 from torquebench.sweep.work import Worker
 
@@ -96,8 +97,8 @@ def estimate(plan: Plan, survey: Survey, workers: int, processes: int, here: int
     controllers = len(plan.controllers)
     steps = controllers * plan.draws * sum(survey.steps)
     longest, n = max(survey.steps), plan.first.n
-    row = sum(column.dtype.itemsize for column in plan.columns(0).values())
-    text = CSV_NUMBER * len(plan.columns(0))
+    row = sum(column.dtype.itemsize for column in empty_columns(plan, 0).values())
+    text = CSV_NUMBER * len(empty_columns(plan, 0))
     kept = {"none": 0, "all": plan.rows}.get(str(plan.keys.keep), 0)
     if isinstance(plan.keys.keep, Worst):
         kept = min(plan.rows, plan.keys.keep.worst * controllers)

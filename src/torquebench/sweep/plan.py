@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
-import numpy as np
-import numpy.typing as npt
-
 from torquebench.disturbances import Stream, generator
 from torquebench.experiment.document import Document, KeyPath, dotted
 from torquebench.experiment.load import SWEEP, check_experiment
@@ -22,16 +19,10 @@ from torquebench.experiment.sweep_keys import take_sweep
 from torquebench.experiment.sweep_values import Random, Value, between
 from torquebench.experiment.variants import overwritten, varied, with_draw, with_number
 from torquebench.experiment.yaml_source import read_document
-from torquebench.metrics import METRICS
-from torquebench.sim.trajectory import Outcome
-from torquebench.sweep.columns import FIXED
 
 Combination: TypeAlias = tuple[int, ...]
 """Which of its choices each random key with choices has."""
 
-REFUSED = "REFUSED"
-"""Outcome of a run that cannot be built, such as one whose drawn model is no arm."""
-OUTCOMES = (*(outcome.name for outcome in Outcome), REFUSED)
 REMEMBERED = 64
 """Checked experiments that are kept in case they are asked for again."""
 
@@ -60,12 +51,6 @@ class _Fixed:
     experiment: Experiment
     places: Mapping[str, list[KeyPath]]
     """Where each varied key is; continuous random ones are set there."""
-
-    def has(self, key: str, controller: int) -> bool:
-        """Whether a controller has a key: those of the others alone it has not."""
-        paths = self.places[key]
-        own = [path[1] for path in paths if len(path) > 1 and path[0] == "controllers"]
-        return len(own) < len(paths) or controller in own
 
 
 class Plan:
@@ -225,47 +210,17 @@ class Plan:
         _ = experiment.n  # kept in the copies that draws make of it: it reads the arm's files
         return _Fixed(experiment, places)
 
-    def columns(self, rows: int) -> dict[str, npt.NDArray[Any]]:
-        """Return the columns of a table of some rows, not filled yet, in their order."""
-        floats, words = np.dtype("<f8"), self._words
-        own = (*[np.dtype("<i8")] * 3, _text(self.controllers), _text(OUTCOMES), floats)
-        kinds: dict[str, Any] = dict(zip(FIXED, own, strict=True))
-        kinds |= {key: _text(words[key]) if key in words else floats for key in self.varied}
-        kinds |= {info.key: floats for info in METRICS}
-        return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
+    def has(self, case: int, draw: int, key: str, controller: int) -> bool:
+        """Return whether a controller has a varied key: those of the others alone it has not.
 
-    @functools.cached_property
-    def varied(self) -> tuple[str, ...]:
-        """Every varied key, those of the grid first."""
-        return (*(axis.key for axis in self.keys.axes), *(random.key for random in self.keys.random))
-
-    @functools.cached_property
-    def _words(self) -> dict[str, tuple[str, ...]]:
-        """Values of the keys that tables show as words."""
-        axes = [*self.keys.axes, *(r.choices for r in self.keys.random if r.choices is not None)]
-        return {axis.key: tuple(_word(value) for value in axis.values) for axis in axes if not axis.numeric}
-
-    def values_of(self, case: int, draw: int) -> dict[str, list[float | str]]:
-        """Return what tables show of every varied key: its value for each controller; NaN or '' for one without it."""
-        fixed, count = self._fixed(case, self.combination(draw)), len(self.controllers)
-        found: dict[str, list[float | str]] = {}
-        for key, value in self._shown(case, draw).items():
-            none = math.nan if isinstance(value, float) else ""
-            found[key] = [value if fixed.has(key, i) else none for i in range(count)]
-        return found
-
-    def _shown(self, case: int, draw: int) -> dict[str, float | str]:
-        found: dict[str, float | str] = {}
-        for axis, value in zip(self.keys.axes, self.values(case), strict=True):
-            found[axis.key] = value.word if axis.numeric else _word(value)
-        for random in self.keys.random:
-            drawn = self.drawn(random, draw)
-            if random.choices is None:
-                found[random.key] = drawn
-            else:
-                value = random.choices.values[int(drawn)]
-                found[random.key] = value.word if random.choices.numeric else _word(value)
-        return found
+        Args:
+            case, draw: Which runs.
+            key: The key.
+            controller: Which controller.
+        """
+        paths = self._fixed(case, self.combination(draw)).places[key]
+        own = [path[1] for path in paths if len(path) > 1 and path[0] == "controllers"]
+        return len(own) < len(paths) or controller in own
 
 
 def flattened(tree: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
@@ -284,11 +239,3 @@ def flattened(tree: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
 def pairs_of(size: int, pairs: int, shard: int) -> range:
     """Return the (case, draw) pairs of a shard, as numbers case * draws + draw."""
     return range(shard * size, min((shard + 1) * size, pairs))
-
-
-def _word(value: Value) -> str:
-    return value.word if isinstance(value.word, str) else repr(value.raw)
-
-
-def _text(words: Sequence[str]) -> np.dtype[Any]:
-    return np.dtype(f"<U{max(map(len, words))}")

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from torquebench.errors import ResultError
 from torquebench.experiment.store import CLAIM, MANIFEST, atomic_write, file_digest, json_bytes, machine, sync_folder
 from torquebench.sweep.columns import Table
-from torquebench.sweep.plan import OUTCOMES
+from torquebench.sweep.form import OUTCOMES, empty_columns
 from torquebench.sweep.shards import Shards
 from torquebench.sweep.store import CONFIG, PLAN, TRAJECTORIES, Stored
 
@@ -38,7 +38,7 @@ def write_results(stored: Stored, shards: Shards) -> dict[str, dict[str, int]]:
     Raises:
         ResultError: a shard is missing or damaged.
     """
-    empty, ended = stored.plan.columns(0), Counter[tuple[str, str]]()
+    empty, ended = empty_columns(stored.plan, 0), Counter[tuple[str, str]]()
     with contextlib.ExitStack() as files, replaced(stored.folder / TEXT) as text:
         columns = {name: files.enter_context(tempfile.TemporaryFile(dir=stored.folder)) for name in empty}
         lines = io.TextIOWrapper(text, encoding="utf-8", newline="", write_through=True)

@@ -21,7 +21,8 @@ from torquebench.sim.again import Again
 from torquebench.sim.batch import run_trial
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.columns import Table
-from torquebench.sweep.plan import REFUSED, Plan, Source, pairs_of
+from torquebench.sweep.form import REFUSED, empty_columns, values_of
+from torquebench.sweep.plan import Plan, Source, pairs_of
 
 UNDEFINED = np.full(len(METRICS), math.nan)
 """Metrics of a run that has none."""
@@ -77,7 +78,7 @@ class Worker:
         """
         plan, pairs = self._plan, pairs_of(task.shard_size, self._plan.pairs, shard)
         count = len(plan.controllers)
-        columns, metrics = plan.columns(len(pairs) * count), np.empty((len(pairs) * count, len(METRICS)))
+        columns, metrics = empty_columns(plan, len(pairs) * count), np.empty((len(pairs) * count, len(METRICS)))
         outcome, failed_at = columns["outcome"], columns["failed_at"]
         columns["index"][:] = np.arange(pairs.start * count, pairs.stop * count)
         columns["case"][:], columns["draw"][:] = np.divmod(columns["index"] // count, plan.draws)
@@ -87,7 +88,7 @@ class Worker:
             if stop():
                 raise Stopped
             case, draw = divmod(pair, plan.draws)
-            for key, values in plan.values_of(case, draw).items():
+            for key, values in values_of(plan, case, draw).items():
                 columns[key][at : at + count] = values
             for ended in self.pair(case, draw):
                 outcome[at], failed_at[at], metrics[at] = ended.outcome, ended.failed_at, ended.metrics
