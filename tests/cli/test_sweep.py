@@ -273,7 +273,7 @@ def test_absurd_work_is_refused_unless_asked_for(small, command, monkeypatch):
     status, out, err = command("sweep", small, "--out", "s", *THREADS)
     assert status == 2
     assert "43,200 steps" in out
-    assert err == "--no-cap: needs 4.32e+04 steps, at most 1e+03 are run: lift the caps with it\n"
+    assert err == "sweep: needs 4.32e+04 steps, at most 1e+03 are run: --no-cap lifts the caps\n"
     assert not Path("s").exists()
     assert command("sweep", small, "--out", "s", "--no-cap", *THREADS)[0] == 0
 
@@ -296,7 +296,22 @@ def test_a_dry_run_writes_nothing(small, command):
     status, out, _ = command("sweep", small, "--dry-run")
     assert status == 0
     assert "72 runs" in out
+    estimate = json.loads(command("sweep", small, "--dry-run", "--json")[1])["estimate"]
+    assert (estimate["runs"], set(estimate)) == (72, {"runs", "steps", "seconds", "memory", "disk"})
     assert sorted(Path().iterdir()) == [Path("small.yaml")]
+
+
+def test_rows_that_never_ran_are_no_worst_runs(small, command):
+    """Of models drawn so far off that some are no arm, the trajectories kept are of runs that there were."""
+    random = "sweep.random={model.mismatch.constants.I5: {uniform: [1, 40]}}"
+    wild = ("--set", "model.mismatch={constants: {I5: 1}}", "--set", random, "--set", "sweep.keep={worst: 2}")
+    assert command("sweep", small, "--out", "s", "--no-figures", *wild, *THREADS)[0] == 1
+    refused = table_of("s")["outcome"] == "REFUSED"
+    worst = json.loads(Path("s/manifest.json").read_text())["worst"]
+    assert refused.any()
+    assert len(worst) == 4
+    assert not refused[worst].any()
+    assert len(list(Path("s/trajectories").iterdir())) == 4
 
 
 def test_a_sweep_whose_runs_all_fail_ends_with_outcomes(small, command):
@@ -437,5 +452,5 @@ def test_far_too_many_draws_are_refused_at_once(small, command):
     random = "sweep.random={run.initial_q: {choice: [0.1, 0.2]}, run.seed: {choice: [1, 2, 3]}}"
     status, _, err = command("sweep", small, "--set", "sweep.draws=10000000", "--set", random, "--out", "s")
     assert status == 2
-    assert err.startswith("--no-cap: needs about ")
+    assert err.startswith("sweep: needs about ")
     assert not Path("s").exists()

@@ -64,7 +64,7 @@ def _panel(
         for at, value in enumerate(values):
             ratio = level(table, cells[law, value], metric) if (law, value) in cells else None
             if ratio is not None:
-                x = at + 0.6 * ((place + 0.5) / len(laws) - 0.5) if isinstance(value, str) else value
+                x = at + 0.4 * ((place + 0.5) / len(laws) - 0.5) if isinstance(value, str) else value
                 found.append((x, *(scale.factor * y for y in ratio[:3])))
         if found:
             x, y, low, high = np.array(found).T

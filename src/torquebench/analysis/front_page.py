@@ -78,7 +78,7 @@ def front_page(
             "markeredgewidth": 0.8, "linestyle": "none",
         }  # fmt: skip
         ax.plot([s.chattering.ratio for s in best], [1e3 * s.error.ratio for s in best], **ring)
-        ax.set_xlabel("chattering index HF [% of the torque limit]")
+        ax.set_xlabel("chattering index HF [% of tau_max]")
         ax.set_ylabel(f"RMS error [{unit}]")
         keys.append(Line2D([], [], label="no choice is better in both" + (f"; {labels}" if labels else ""), **ring))
         finish_page(fig, title, subtitle, keys)
@@ -98,7 +98,7 @@ def _label(ax: Axes, spots: Sequence[Spot]) -> None:
             spot.label, (spot.chattering.ratio, 1e3 * spot.error.ratio), BESIDE[0], textcoords="offset points",
             fontsize=6.5, color="0.25",
         )  # fmt: skip
-        for x, y in (*BESIDE, BESIDE[0]):
+        for x, y in (*BESIDE, BESIDE[1]):  # at the left, if it meets another one everywhere
             label.set_position((x, y))
             label.set_horizontalalignment("left" if x > 0.0 else "right")
             box = label.get_window_extent()

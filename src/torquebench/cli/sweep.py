@@ -45,7 +45,7 @@ def sweep(options: argparse.Namespace) -> int:
         plan = Plan(source_of(options))
         if plan.rows * plan.first.n_steps > FAR_TOO_MANY * MOST_STEPS and not options.no_cap:
             message = f"needs about {plan.rows * plan.first.n_steps:.2g} steps, at most {MOST_STEPS:.0e} are run"
-            raise ConfigError([Problem("--no-cap", "", f"{message}: lift the caps with it")])
+            raise ConfigError([Problem("sweep", "", f"{message}: --no-cap lifts the caps")])
         with progress_bar(plan.cases, "case", "checking") as bar:
             survey = check_plan(plan, bar.update)
         with executor(options) as how:
@@ -104,7 +104,7 @@ def begun(plan: Plan, survey: Survey, how: Executor, options: argparse.Namespace
     work = told(plan, survey, how)
     refusals = work.refusals((options.out or Path("runs")).absolute())
     if refusals and not options.no_cap:
-        raise ConfigError([Problem("--no-cap", "", f"needs {text}: lift the caps with it") for text in refusals])
+        raise ConfigError([Problem("sweep", "", f"needs {text}: --no-cap lifts the caps") for text in refusals])
     if options.dry_run:
         return None
     prepare(how, plan.source)
@@ -175,12 +175,13 @@ def told(plan: Plan, survey: Survey, how: Executor) -> Estimate:
     """Say how much work a sweep is, and return it."""
     with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
         work = estimate(plan, survey, how.count, how.processes, how.here)
+    tell(estimate=work)
     say(
         f"{plan.first.name}: {plan.cases:,} case{'s' * (plan.cases != 1)} x {plan.draws:,} draw"
         f"{'s' * (plan.draws != 1)} x {len(plan.controllers)} controller{'s' * (len(plan.controllers) != 1)}"
     )
     say(
-        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} on {how}, "
+        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} of running on {how}, "
         f"{size(work.memory)} of memory, {size(work.disk)} on disk"
     )
     return work

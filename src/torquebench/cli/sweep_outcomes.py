@@ -33,10 +33,20 @@ def summary(stored: Stored, outcomes: Outcomes) -> str:
     for key, (_, scale) in columns.items():
         for row, value in zip(cells, means(stored, key), strict=True):
             row.append(number(value, scale))
-    worst = worst_rows(stored, Worst(worst=1, by="rmse"))
-    rows = [[*row, str(index)] for row, index in zip(cells, worst, strict=True)]
-    header = ["controller", "runs", "completed", *(title for title, _ in columns.values()), "worst run"]
+    rows = [[*row, str(index)] for row, index in zip(cells, worst(stored), strict=True)]
+    header = ["controller", "runs", "completed", *(title for title, _ in columns.values()), "worst RMSE: run"]
     return f"{stored.plan.first.name}: means of the runs that completed\n\n{table(header, rows)}"
+
+
+def worst(stored: Stored) -> list[int | str]:
+    """Return the row of each controller's worst run, by RMSE; a dash where none ran.
+
+    Args:
+        stored: The sweep, finished.
+    """
+    count = len(stored.plan.controllers)
+    found = {index % count: index for index in worst_rows(stored, Worst(worst=1, by="rmse"))}
+    return [found.get(i, "-") for i in range(count)]
 
 
 def means(stored: Stored, key: str) -> list[float | None]:
@@ -62,11 +72,13 @@ def facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
         outcomes: How its runs ended.
     """
     plan = stored.plan
+    last = worst(stored)
     centre = {key: means(stored, key) for key in headlines(())}
     found = {
         name: {
             "runs": plan.pairs, "completed": outcomes[name].get(COMPLETED, 0), "outcomes": outcomes[name],
             "means": {key: values[i] for key, values in centre.items()},
+            "worst_row": last[i] if isinstance(last[i], int) else None,
         }
         for i, name in enumerate(plan.controllers)
     }  # fmt: skip

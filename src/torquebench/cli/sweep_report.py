@@ -67,7 +67,7 @@ def drawn(stored: Stored, table: Table, found: list[Sensitivity]) -> Iterator[tu
 
     with progress_bar(0, "figure", "drawing") as bar:
         first = stored.plan.first
-        said = f"{workload_text(stored)}\nfirst case: {conditions_text(first)}"
+        said = f"{workload_text(stored)}\nfirst case, draw 0: {conditions_text(stored.plan.experiment(0, 0))}"
         pages = sweep_figures(table, first.name, said, found, slides=slide_joints(first.plant.model))
         for name, figure in pages.items():
             for fmt in ("svg", "png"):
@@ -80,7 +80,7 @@ def info_of(stored: Stored) -> SweepInfo:
     plan = stored.plan
     facts: dict[str, Any] = {key: stored.facts[key] for key in ("digest", "software", "plugins", "model_files")}
     return SweepInfo(
-        plan.first.name, plan.first.description or "", conditions_text(plan.first), workload_text(stored),
+        plan.first.name, plan.first.description or "", conditions_text(plan.experiment(0, 0)), workload_text(stored),
         plan.source.text.decode(), {"seed": plan.seed} | facts | {"machine": machine()},
         slide_joints(plan.first.plant.model), "torquebench run --from-sweep DIR --index",
     )  # fmt: skip
@@ -91,4 +91,6 @@ def workload_text(stored: Stored) -> str:
     plan = stored.plan
     words = ((plan.cases, "case"), (plan.draws, "draw"), (len(plan.controllers), "controller"))
     parts = " x ".join(f"{count:,} {word}{'s' * (count != 1)}" for count, word in words)
-    return f"{parts}: {plan.rows:,} runs of {plan.first.run.duration:g} s"
+    lengths = sorted({plan.fixed(case).run.duration for case in range(plan.cases)})
+    span = f"{lengths[0]:g} to {lengths[-1]:g}" if len(lengths) > 1 else f"{lengths[0]:g}"
+    return f"{parts}: {plan.rows:,} runs of {span} s"

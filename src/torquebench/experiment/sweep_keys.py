@@ -9,11 +9,14 @@ from torquebench.errors import did_you_mean
 from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.load import SWEEP
 from torquebench.experiment.overrides import split_key
-from torquebench.experiment.sections import as_mapping, check_fields
+from torquebench.experiment.sections import as_mapping, check_fields, check_value
 from torquebench.experiment.sweep_schema import MAX_KEYS, MAX_VALUES, Distribution, Normal, Range, Sweep, Worst
 from torquebench.experiment.sweep_values import Axis, Random, SweepKeys, Value, between, in_tables
 from torquebench.experiment.values import shown
 
+NOT_VARIED = ("sweep", "name", "description", "video")
+"""Sections and keys that decide nothing of what is run."""
+RANGE_WORDS = {"start", "stop", "step", "num", "min", "max", "to", "count", "spacing"}
 EVERY = "controllers.*."
 """How a key begins that stands for every controller."""
 MAX_WORD = 64
@@ -81,6 +84,8 @@ class _Reader:
             parts = split_key(key.replace(EVERY, "controllers.x.", 1) if star else key)
             if parts is None:
                 document.add(here, "is not a key: wanted one such as run.duration or controllers.*.gains.k", at="key")
+            elif parts[0] in NOT_VARIED:
+                document.add(here, "cannot be varied: wanted a key that decides what is run", at="key")
             elif parts == ["run", "draw"]:
                 document.add(here, "is what sweep.draws counts: wanted draws there", at="key")
             elif value is None:
@@ -99,6 +104,11 @@ class _Reader:
             return ()
         if len(raw) > MAX_VALUES:
             document.add(path, f"got {len(raw)} values, wanted at most {MAX_VALUES}")
+            return ()
+        if isinstance(raw, dict) and set(raw) <= RANGE_WORDS:
+            document.add(
+                path, "looks like a range: wanted {from: 0, to: 1, count: 5}, or names that are no words of one"
+            )
             return ()
         items = list(raw.items()) if isinstance(raw, dict) else list(enumerate(raw))
         found: dict[float | str, Value] = {}
@@ -149,7 +159,14 @@ class _Reader:
                 document.add(here, f"got {shown(value)}, wanted a list of values")
             return BROKEN
 
-        values = check_fields(document, path, mapping, Distribution, {"choice": choice})
+        def pair(here: KeyPath, value: Any) -> Any:
+            if not isinstance(value, list) or len(value) != 2:
+                document.add(here, f"got {shown(value)}, wanted two numbers: [least, greatest]")
+                return BROKEN
+            return check_value(document, here, value, Distribution, str(here[-1]))
+
+        handlers = {"choice": choice, "uniform": pair, "log_uniform": pair}
+        values = check_fields(document, path, mapping, Distribution, handlers)
         given = [way for way in ways if way in mapping]
         if not mapping:
             document.add(path, f"missing: one of {', '.join(ways)}", at="key")

@@ -36,18 +36,24 @@ def varied(document: Document, values: Sequence[tuple[str, Value]]) -> tuple[Doc
 
 def overwritten(
     document: Document, values: Iterable[tuple[str, Value]], places: Mapping[str, Sequence[KeyPath]]
-) -> list[str]:
-    """Return the keys whose value is not what it was set to: another key has set it, or a part of it, too.
+) -> list[tuple[str, str]]:
+    """Return the keys whose value is not what it was set to, each with another key that sets it, or a part of it, too.
 
     Args:
         document: The copy in which they have been set.
         values: As of `varied`.
         places: Where they are.
     """
-    return [
-        key for key, value in values
-        if not all(_stands(_at(document.root, path), value.raw) for path in places[key])
-    ]  # fmt: skip
+    found = []
+    for key, value in values:
+        if not all(_stands(_at(document.root, path), value.raw) for path in places[key]):
+            others = (other for other in places if other != key and _meet(places[key], places[other]))
+            found.append((key, next(others, "another key")))
+    return found
+
+
+def _meet(paths: Sequence[KeyPath], others: Sequence[KeyPath]) -> bool:
+    return any(path[: len(other)] == other[: len(path)] for path in paths for other in others)
 
 
 def _stands(node: Any, raw: Any) -> bool:

@@ -47,7 +47,7 @@ class SweepInfo(NamedTuple):
     name: str
     description: str
     conditions: str
-    """What the first case is, in two lines."""
+    """What the first case is in draw 0, in two lines."""
     workload: str
     """How many cases, draws, laws and runs, in words."""
     config: str
@@ -83,7 +83,7 @@ def sweep_page(
     drawn = f"; drawn: {', '.join(summary.drawn)}" if summary.drawn else ""
     asked = [
         ("sweep", info.name), ("varied", (", ".join(summary.grid) or "nothing but the draw") + drawn),
-        ("work", info.workload), ("first case", first), ("under which conditions", second),
+        ("work", info.workload), ("first case, draw 0", first), ("its conditions", second),
     ]  # fmt: skip
     return render(
         "sweep", title=info.name, lead=info.description or info.workload, asked=asked, reference=summary.reference,

@@ -57,9 +57,9 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
     for points in (ends or [()], *([own] for own in inside if own)):
         for case in range(plan.cases):
             for combination in sorted(drawn):
-                for numbers in points:
+                for place, numbers in enumerate(points):
                     if ends or combination != first:
-                        checker.read(case, combination, numbers, build=False)
+                        checker.read(case, combination, numbers, build=place == 0 and combination != first)
         checker.raise_problems()
     return survey
 

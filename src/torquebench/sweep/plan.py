@@ -195,11 +195,11 @@ class Plan:
         """
         document, places = varied(self.document, values)
         if not document.found:
-            for key in overwritten(document, values, places):
+            for key, other in overwritten(document, values, places):
                 places_of = {axis.key: axis.place for axis in self.keys.axes} | {
                     r.key: r.place for r in self.keys.random
                 }
-                message = f"{key}: another key of the sweep sets what it sets"
+                message = f"{key}: {other} of the sweep sets it too: wanted one of the two"
                 document.add((SWEEP,), message, place=places_of[key])
         return document, places
 

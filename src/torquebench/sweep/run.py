@@ -12,6 +12,7 @@ from torquebench.experiment.store import atomic_write, check_run
 from torquebench.experiment.sweep_schema import Worst
 from torquebench.metrics import METRICS
 from torquebench.sweep.executors import Executor
+from torquebench.sweep.form import REFUSED
 from torquebench.sweep.results import finish, read_column, write_results
 from torquebench.sweep.shards import Shards
 from torquebench.sweep.store import TRAJECTORIES, Stored
@@ -106,7 +107,7 @@ def worst_rows(stored: Stored, kept: Worst) -> list[int]:
     """Return the rows whose trajectories are to be kept, controller by controller, the worst first.
 
     A failed run is worse than any other, the earlier it fails the worse; then come runs for which the metric is not
-    defined; of equal ones the first.
+    defined; of equal ones the first. Rows that could not be built never ran, and are left out.
 
     Args:
         stored: The sweep, with its final table.
@@ -120,6 +121,7 @@ def worst_rows(stored: Stored, kept: Worst) -> list[int]:
     badness = np.where(np.isnan(value), np.inf, -value if kept.by in HIGHER else value)
     early = np.where(np.isnan(failed_at), np.inf, failed_at)
     order = np.lexsort((np.arange(len(value)), -badness, early))
+    order = order[read_column(stored, "outcome")[order] != REFUSED]
     return [int(i) for own in range(count) for i in order[order % count == own][: kept.worst]]
 
 

@@ -123,7 +123,8 @@ def opened(folder: Path, plugins: tuple[Path, ...], option: str) -> Stored:
         source = Source(text, str(facts["filename"]), tuple(facts["overrides"]), plugins)
         missing = sorted(set(facts["plugins"]) - {path.name for path in plugins})
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ConfigError([Problem(option, "", f"{folder} is no folder of a sweep ({error})")]) from error
+        why = "there is no such folder" if not folder.exists() else f"{PLAN} or {CONFIG} is missing or damaged"
+        raise ConfigError([Problem(option, "", f"{folder} is no folder of a sweep: {why}")]) from error
     if missing:
         message = f"the sweep uses laws of {', '.join(missing)}: wanted --plugin with each of these files"
         raise ConfigError([Problem(option, "", message)])
