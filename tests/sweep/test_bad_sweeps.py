@@ -79,7 +79,7 @@ BAD = [
         "{grid: {controllers.band.gains.lam: [20, 30], controllers.*.gains.lam: [5, 10]}}", "sweep",
         "controllers.band.gains.lam: controllers.*.gains.lam of the sweep sets it too", "controllers.band",
     ),
-    Bad("{grid: {plant.payload: [{mass: 3}], plant.payload.mass: [0, 1]}}", "sweep", "plant.payload: plant.payload.mass of"),
+    Bad("{grid: {plant.payload: [{mass: 3}], plant.payload.mass: [0, 1]}}", "sweep", "plant.payload: plant"),
     Bad("{grid: {run: {x: {duration: 0.05, draw: 5}}}}", "sweep.run", "draws", "{duration"),
     Bad("{grid: {plant.payload.mass: {start: 0, stop: 2, num: 5}}}", GRID, "looks like a range", "{start"),
     Bad("{grid: {name: [a, b]}}", "sweep.grid.name", "cannot be varied"),
