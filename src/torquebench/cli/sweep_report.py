@@ -21,8 +21,6 @@ from torquebench.sweep.summary import summarise
 
 MOST_ROWS = 2_000_000
 """Rows up to which the table is looked at as a whole, in memory."""
-METRICS = ("rmse", "hf")
-"""Metrics of which is told what they depend on."""
 
 
 def report_files(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
@@ -52,12 +50,12 @@ def report_files(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
 
 
 def dependences(stored: Stored, table: Table) -> list[Sensitivity]:
-    """Return what error and chattering depend on, where constants of the model or keys are drawn."""
+    """Return what every metric depends on, where constants of the model or keys are drawn."""
     plan = stored.plan
     drawn_keys = any(random.choices is None for random in plan.keys.random)
     if plan.draws < 2 or not (drawn_keys or any(plan.fixed(case).model.mismatch for case in range(plan.cases))):
         return []
-    return sensitivities(table, plan.experiment, [key for key in METRICS if key in metric_keys(table)])
+    return sensitivities(table, plan.experiment, metric_keys(table))
 
 
 def drawn(stored: Stored, table: Table, found: list[Sensitivity]) -> Iterator[tuple[str, bytes]]:

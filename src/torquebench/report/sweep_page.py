@@ -36,8 +36,8 @@ CAPTIONS = {
     "front": "Each law and choice in the condition in which it is worst, for error and for chattering: geometric means "
     "over draws with 95 % intervals. Ringed: no other one has both less error and less chattering, by these means; one "
     "with a failed run does not take part.",
-    "effects": "Standardised rank regression coefficients, the strongest first, with intervals that hold for all laws, "
-    "metrics and constants at once.",
+    "effects": "Standardised rank regression coefficients, the strongest first, with intervals that hold for all laws "
+    "and constants at once.",
 }
 
 
@@ -70,7 +70,7 @@ def sweep_page(
         table: The sweep's table.
         info: What it is.
         figures: Name, as `analysis.sweep_figures` has them, -> SVG document, in order.
-        found: What its metrics depend on.
+        found: What its metrics depend on; of those in `SHOWN` it is told.
         reference: Controller that the ratios are to; None for the first.
 
     Raises:
@@ -80,6 +80,7 @@ def sweep_page(
     shown = [metric for metric in SHOWN if metric in summary.metrics]
     titles, cases = headlines(info.slides, steps=True), by_case(summary)
     first, _, second = info.conditions.partition("\n")
+    told = [one for one in found if one.metric in SHOWN]
     drawn = f"; drawn: {', '.join(summary.drawn)}" if summary.drawn else ""
     asked = [
         ("sweep", info.name), ("varied", (", ".join(summary.grid) or "nothing but the draw") + drawn),
@@ -93,7 +94,7 @@ def sweep_page(
             (case_text(*groups), [(_heading(one), case_table(summary, groups, one, titles)) for one in shown])
             for groups in list(cases.values())[:MOST_CASES]
         ],
-        more=max(0, len(cases) - MOST_CASES), effects=effects_table(found), silent=silent_text(found),
+        more=max(0, len(cases) - MOST_CASES), effects=effects_table(told), silent=silent_text(told),
         config=info.config, facts=json.dumps(dict(info.facts), indent=2),
         figures=[picture(name, svg) for name, svg in (figures or {}).items()],
     )  # fmt: skip

@@ -86,7 +86,7 @@ def _constants(model: RobotModel) -> Array:
 def sensitivities(
     table: Table, experiment_of: Callable[[int, int], Experiment], metrics: Sequence[str], confidence: float = 0.95
 ) -> list[Sensitivity]:
-    """Return what each metric of each law depends on; all intervals together hold with the confidence.
+    """Return what each metric of each law depends on; all intervals of one metric hold together with the confidence.
 
     Cases in which the constants are off alike, as ranks tell, are taken together: a draw's figure is then the mean of
     its ranks in each. Drawn keys that are numbers count beside the constants.
@@ -95,7 +95,7 @@ def sensitivities(
         table: The sweep's table.
         experiment_of: Case and draw -> what was run.
         metrics: Names of metrics.
-        confidence: Probability that nothing is found where there is nothing to find [1].
+        confidence: Probability that nothing is found for a metric where there is nothing to find [1].
 
     Raises:
         ResultError: it is no sweep's table, or of an arm without a table of constants and without drawn keys.
@@ -106,11 +106,10 @@ def sensitivities(
     drawn = _drawn_keys(table, draws)
     together = _alike(table, draws, experiment_of, drawn)
     places = [(cases, inputs, law) for cases, inputs in together for law in controllers(table)]
-    outputs = len(places) * len(metrics)
     return [
         _one(law, metric, cases, _ranked(table, [by_group[case, law] for case in cases], metric, draws),
              {name: x for name, x in inputs.items() if name not in drawn or _has(table, by_group[cases[0], law], name)},
-             confidence, outputs)
+             confidence, len(places))
         for cases, inputs, law in places for metric in metrics
     ]  # fmt: skip
 
