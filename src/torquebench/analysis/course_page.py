@@ -34,7 +34,6 @@ def course_page(
     values = key_values(table, key)
     cells = rows_by(table, "controller", key)
     laws = {law: rows for (law,), rows in rows_by(table, "controller").items()}
-    shown = [any((law, value) in cells for value in values) for law in laws]
     with style.journal_style():
         fig = new_page(len(metrics), 2.0, 2.4)
         panels = fig.subplots(len(metrics), 1, sharex=True, squeeze=False)[:, 0]
@@ -47,7 +46,7 @@ def course_page(
         handles = [
             Line2D([], [], label=law_name(table, law, rows), markersize=4.0, linewidth=0.9, **style.spot_look(place))
             for place, (law, rows) in enumerate(laws.items())
-            if shown[place]
+            if any((law, value) in cells for value in values)
         ]
         finish_page(fig, title, subtitle, handles)
     return fig

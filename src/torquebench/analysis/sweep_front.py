@@ -72,16 +72,20 @@ def front_of(table: Table) -> Front:
     labels = f"its {key_label(along.pop()).split('.')[-1]}" if alike else "which it is"
     labels = labels if labelled else ""
     families = {spot.family for spot in spots}
-    own = {law: rows for (law,), rows in rows_by(table, "controller").items()}
     if families <= set(laws):
-        names = {law: law_name(table, law, rows) for law, rows in own.items()}
-        return Front(tuple(spots), labels, laws, True, names)
-    gone = {law: law_name(table, law, own[law]) for law in laws if not any(_is_of(spot, law) for spot in spots)}
+        return Front(tuple(spots), labels, laws, True, _names(table, spots, laws))
     if len(families) <= MOST_FAMILIES:
-        names = {spot.family: law_name(table, spot.family, own[_law_of(spot, laws)]) for spot in spots}
-        return Front(tuple(spots), labels, (), True, names | gone)
+        return Front(tuple(spots), labels, (), True, _names(table, spots, laws))
     lumped = [spot._replace(family=_law_of(spot, laws)) for spot in spots]
-    return Front(tuple(lumped), labels, laws, False, {law: law_name(table, law, rows) for law, rows in own.items()})
+    return Front(tuple(lumped), labels, laws, False, _names(table, lumped, laws))
+
+
+def _names(table: Table, spots: Sequence[Spot], laws: Sequence[str]) -> dict[str, str]:
+    """Return what each family of spots is called, and each law without one."""
+    of_law = {spot.family: _law_of(spot, laws) for spot in spots}
+    of_law |= {law: law for law in laws if law not in of_law.values()}
+    rows = {law: rows for (law,), rows in rows_by(table, "controller").items()}
+    return {family: law_name(table, family, rows[law]) for family, law in of_law.items()}
 
 
 def _spots(table: Table, law: str, cases_of: Sequence[Rows], keys: tuple[str, ...], alike: bool) -> list[Spot]:

@@ -60,8 +60,9 @@ def sweep(options: argparse.Namespace) -> int:
         else:
             rest_of(stored, options)
     outcomes = check_run(stored.folder)["outcomes"]
-    tell(directory=stored.folder, **facts(stored, outcomes))
-    say(summary(stored, outcomes))
+    found = facts(stored, outcomes)
+    tell(directory=stored.folder, **found)
+    say(summary(stored, found))
     say()
     say(f"results: {stored.folder}")
     return FAILED if unexpected(stored, outcomes) else DONE

@@ -21,32 +21,31 @@ Outcomes: TypeAlias = Mapping[str, Mapping[str, int]]
 COMPLETED = Outcome.COMPLETED.name
 
 
-def summary(stored: Stored, outcomes: Outcomes) -> str:
+def summary(stored: Stored, told: Mapping[str, Any]) -> str:
     """Return the table of what came out: of each controller the runs that completed, and means of its metrics.
 
     Args:
         stored: The sweep, finished.
-        outcomes: How its runs ended.
+        told: Its `facts`.
     """
-    columns, names = headlines(slide_joints(stored.plan.first.plant.model)), stored.plan.controllers
-    cells = [[name, f"{stored.plan.pairs:,}", f"{outcomes[name].get(COMPLETED, 0):,}"] for name in names]
-    for key, (_, scale) in columns.items():
-        for row, value in zip(cells, means(stored, key), strict=True):
-            row.append(number(value, scale))
-    rows = [[*row, str(index)] for row, index in zip(cells, worst(stored), strict=True)]
+    columns, rows = headlines(slide_joints(stored.plan.first.plant.model)), []
+    for name, law in told["controllers"].items():
+        figures = [number(law["means"][key], scale) for key, (_, scale) in columns.items()]
+        last = "-" if law["worst_row"] is None else str(law["worst_row"])
+        rows.append([name, f"{law['runs']:,}", f"{law['completed']:,}", *figures, last])
     header = ["controller", "runs", "completed", *(title for title, _ in columns.values()), "worst RMSE: run"]
     return f"{stored.plan.first.name}: means of the runs that completed\n\n{table(header, rows)}"
 
 
-def worst(stored: Stored) -> list[int | str]:
-    """Return the row of each controller's worst run, by RMSE; a dash where none ran.
+def worst(stored: Stored) -> list[int | None]:
+    """Return the row of each controller's worst run, by RMSE; None where none ran.
 
     Args:
         stored: The sweep, finished.
     """
     count = len(stored.plan.controllers)
     found = {index % count: index for index in worst_rows(stored, Worst(worst=1, by="rmse"))}
-    return [found.get(i, "-") for i in range(count)]
+    return [found.get(i) for i in range(count)]
 
 
 def means(stored: Stored, key: str) -> list[float | None]:
@@ -78,7 +77,7 @@ def facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
         name: {
             "runs": plan.pairs, "completed": outcomes[name].get(COMPLETED, 0), "outcomes": outcomes[name],
             "means": {key: values[i] for key, values in centre.items()},
-            "worst_row": last[i] if isinstance(last[i], int) else None,
+            "worst_row": last[i],
         }
         for i, name in enumerate(plan.controllers)
     }  # fmt: skip

@@ -40,13 +40,13 @@ def report_files(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
     with progress_bar(0, "draw", "what the figures depend on"):
         found = dependences(stored, table)
     yield "sensitivity.json", json_bytes([one.to_json() for one in found])
-    svgs: dict[str, bytes] = {}
+    info, svgs = info_of(stored), dict[str, bytes]()
     if figures:
-        for name, content in drawn(stored, table, found):
+        for name, content in drawn(info, table, found):
             if name.endswith(".svg"):
                 svgs[name.removeprefix("figures/").removesuffix(".svg")] = content
             yield name, content
-    yield PAGE, sweep_page(table, info_of(stored), svgs, found)
+    yield PAGE, sweep_page(table, info, svgs, found)
 
 
 def dependences(stored: Stored, table: Table) -> list[Sensitivity]:
@@ -58,15 +58,20 @@ def dependences(stored: Stored, table: Table) -> list[Sensitivity]:
     return sensitivities(table, plan.experiment, metric_keys(table))
 
 
-def drawn(stored: Stored, table: Table, found: list[Sensitivity]) -> Iterator[tuple[str, bytes]]:
-    """Yield the figures as SVG and PNG files."""
+def drawn(info: SweepInfo, table: Table, found: list[Sensitivity]) -> Iterator[tuple[str, bytes]]:
+    """Yield the figures as SVG and PNG files.
+
+    Args:
+        info: What the page tells of the sweep.
+        table: Its table.
+        found: What its metrics depend on.
+    """
     from torquebench.analysis.style import figure_bytes
     from torquebench.analysis.sweep_figures import sweep_figures
 
     with progress_bar(0, "figure", "drawing") as bar:
-        first = stored.plan.first
-        said = f"{workload_text(stored)}\nfirst case, draw 0: {conditions_text(stored.plan.experiment(0, 0))}"
-        pages = sweep_figures(table, first.name, said, found, slides=slide_joints(first.plant.model))
+        said = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
+        pages = sweep_figures(table, info.name, said, found, slides=info.slides)
         for name, figure in pages.items():
             for fmt in ("svg", "png"):
                 yield f"figures/{name}.{fmt}", figure_bytes(figure, fmt)
@@ -89,6 +94,8 @@ def workload_text(stored: Stored) -> str:
     plan = stored.plan
     words = ((plan.cases, "case"), (plan.draws, "draw"), (len(plan.controllers), "controller"))
     parts = " x ".join(f"{count:,} {word}{'s' * (count != 1)}" for count, word in words)
-    lengths = sorted({plan.fixed(case).run.duration for case in range(plan.cases)})
+    # each case is an experiment that is checked anew: not read where all last equally long
+    differ = any(axis.key in ("run", "run.duration") for axis in plan.keys.axes)
+    lengths = sorted({plan.fixed(case).run.duration for case in range(plan.cases if differ else 1)})
     span = f"{lengths[0]:g} to {lengths[-1]:g}" if len(lengths) > 1 else f"{lengths[0]:g}"
     return f"{parts}: {plan.rows:,} runs of {span} s"

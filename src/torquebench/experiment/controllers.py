@@ -9,7 +9,7 @@ from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.fuzzy_checks import check_fuzzy_name
 from torquebench.experiment.law_schema import OWN_KEYS, gains_model, law_model
 from torquebench.experiment.schema import MAX_CONTROLLERS, Controller, ControllerKeys
-from torquebench.experiment.sections import Checked, as_mapping, check_tagged, check_value, nearest
+from torquebench.experiment.sections import Checked, as_mapping, check_tagged, check_value, nearest_key
 from torquebench.experiment.values import Vector, shown
 from torquebench.laws.base import find_law, law_names
 from torquebench.laws.law import Law
@@ -114,7 +114,7 @@ def _check_gains(
     for key in mapping:
         if key not in law.gains and not document.full:
             every = list(law.gains)
-            near, hint = nearest(key, every if document.overridden((*path, key)) else absent, every)
+            near, hint = nearest_key(key, every if document.overridden((*path, key)) else absent, every)
             meant.add(near)
             is_option = f": '{key}' is an option of the law, write it beside gains" if key in law.options else hint
             document.add((*path, key), f"unknown gain{is_option}", at="key")

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Generic, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from torquebench.errors import did_you_mean
+from torquebench.errors import did_you_mean, nearest
 from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.values import explain, shown
 
@@ -84,7 +84,7 @@ def check_fields(
         if key not in every:
             message = elsewhere(key)
             if message is None:
-                near, hint = nearest(key, every if document.overridden((*path, key)) else absent, every)
+                near, hint = nearest_key(key, every if document.overridden((*path, key)) else absent, every)
                 meant.add(near)
                 message = f"unknown {noun}{hint}"
             document.add((*path, key), message, at="key")
@@ -178,17 +178,16 @@ def check_tagged(
     return Checked(path, None, check_fields(document, path, mapping, base, checks, noun=noun, also=every), given)
 
 
-def nearest(key: str, first: Sequence[str], every: Sequence[str]) -> tuple[str | None, str]:
+def nearest_key(key: str, first: Sequence[str], every: Sequence[str]) -> tuple[str | None, str]:
     """Return the name that `key` was most likely meant to be, and the hint that says so.
 
     In a file, names not given yet come `first`: ``kx`` beside ``k`` was meant to be ``kv``. An override may as
     well replace a name already given: for it all names come first.
     """
     for names in (first, every):
-        hint = did_you_mean(key, names)
-        near = next((name for name in names if f"did you mean '{name}'" in hint), None)
+        near = nearest(key, names)
         if near is not None:
-            return near, hint
+            return near, did_you_mean(key, names)
     return None, did_you_mean(key, every)
 
 

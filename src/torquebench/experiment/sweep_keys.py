@@ -118,6 +118,9 @@ class _Reader:
                 document.add(here, "nothing is given, wanted a value")
             if value is None or value is BROKEN:
                 continue
+            if path[2] == "run" and isinstance(value, dict) and "draw" in value:
+                message = "draw is what sweep.draws counts: wanted none here"
+                document.add((SWEEP, "run"), message, place=document.place(here))
             word = str(index) if isinstance(raw, dict) else in_tables(value)
             if isinstance(word, str) and len(word) > MAX_WORD:
                 message = f"such a value needs a name: wanted {{name: value, ...}} (it is {shown(value)})"

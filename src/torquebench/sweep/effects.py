@@ -155,7 +155,8 @@ def _products(left: Array, Z: Array) -> tuple[list[tuple[int, int]], Array, Arra
     i, j = i[varies], j[varies]
     n, weighted = len(left), left * Z
     strength = (weighted @ Z.T)[i, j] / n
-    spread = np.maximum(np.std(weighted, axis=1)[i], np.std(weighted, axis=1)[j]) / math.sqrt(n - 1)
+    alone = np.std(weighted, axis=1)
+    spread = np.maximum(alone[i], alone[j]) / math.sqrt(n - 1)
     own = i == j
     strength[own] = squares[i[own]] @ left / (n * size[i[own]])
     spread[own] = np.std(left) / math.sqrt(n - 1)

@@ -44,9 +44,10 @@ def values_of(plan: Plan, case: int, draw: int) -> dict[str, list[float | str]]:
         case, draw: Which runs.
     """
     found: dict[str, list[float | str]] = {}
+    lacking = plan.lacking(case, draw)
     for key, value in _shown(plan, case, draw):
         none = math.nan if isinstance(value, float) else ""
-        found[key] = [value if plan.has(case, draw, key, i) else none for i in range(len(plan.controllers))]
+        found[key] = [none if i in lacking[key] else value for i in range(len(plan.controllers))]
     return found
 
 

@@ -51,6 +51,8 @@ class _Fixed:
     experiment: Experiment
     places: Mapping[str, list[KeyPath]]
     """Where each varied key is; continuous random ones are set there."""
+    lacking: Mapping[str, frozenset[int]]
+    """Varied key -> the controllers that do not have it."""
 
 
 class Plan:
@@ -70,7 +72,6 @@ class Plan:
         self.raw: dict[str, Any] = dict(self.document.root)
         """The file as it is after the overrides."""
         self.keys = take_sweep(self.document)
-        self._refuse_draws()
         self.document.raise_problems()
         axes, random = self.keys.axes, self.keys.random
         self.continuous: tuple[Random, ...] = tuple(r for r in random if r.choices is None)
@@ -79,14 +80,6 @@ class Plan:
         self.draws = self.keys.draws
         self._fixed = functools.lru_cache(maxsize=REMEMBERED)(self._checked)
         self.pairs = self.cases * self.draws
-
-    def _refuse_draws(self) -> None:
-        """Record values that set run.draw, which counts the draws of a sweep, as mistakes."""
-        for values in (*self.keys.axes, *(r.choices for r in self.keys.random if r.choices is not None)):
-            for value in values.values if values.key == "run" else ():
-                if isinstance(value.raw, dict) and "draw" in value.raw:
-                    message = "draw is what sweep.draws counts: wanted none here"
-                    self.document.add((SWEEP, "run"), message, place=value.place)
 
     @functools.cached_property
     def first(self) -> Experiment:
@@ -208,19 +201,17 @@ class Plan:
         document, places = self.variant(self.assigned(case, combination, numbers))
         experiment = check_experiment(document)
         _ = experiment.n  # kept in the copies that draws make of it: it reads the arm's files
-        return _Fixed(experiment, places)
+        return _Fixed(experiment, places, {key: _without(paths, experiment) for key, paths in places.items()})
 
-    def has(self, case: int, draw: int, key: str, controller: int) -> bool:
-        """Return whether a controller has a varied key: those of the others alone it has not.
+    def lacking(self, case: int, draw: int) -> Mapping[str, frozenset[int]]:
+        """Return which controllers do not have a varied key, of every one; keys of the others alone they have not."""
+        return self._fixed(case, self.combination(draw)).lacking
 
-        Args:
-            case, draw: Which runs.
-            key: The key.
-            controller: Which controller.
-        """
-        paths = self._fixed(case, self.combination(draw)).places[key]
-        own = [path[1] for path in paths if len(path) > 1 and path[0] == "controllers"]
-        return len(own) < len(paths) or controller in own
+
+def _without(paths: Sequence[KeyPath], experiment: Experiment) -> frozenset[int]:
+    own = {path[1] for path in paths if len(path) > 1 and path[0] == "controllers"}
+    elsewhere = any(len(path) < 2 or path[0] != "controllers" for path in paths)
+    return frozenset() if elsewhere else frozenset(range(len(experiment.controllers))) - own
 
 
 def flattened(tree: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
