@@ -40,9 +40,13 @@ MASS = (13.0, 17.4, 4.8, 0.82, 0.34, 0.09)
 """Masses [kg]: links 2-6 as weighed by Armstrong et al. (1986); link 1's has no effect on the joints' dynamics."""
 PRIOR_COM = ((0, 0, 0), (0.068, 0.006, -0.016), (0, -0.07, 0.014), (0, 0, -0.019), (0, 0, 0), (0, 0, 0.032))
 PRIOR_INERTIA = (
-    (0.3, 0.3, 0.35), (0.13, 0.524, 0.539), (0.075, 0.015, 0.086), (0.0018, 0.0018, 0.0013),
-    (0.0003, 0.0003, 0.0004), (0.00015, 0.00015, 0.00004),
-)  # fmt: skip
+    (0.3, 0.3, 0.35),
+    (0.13, 0.524, 0.539),
+    (0.075, 0.015, 0.086),
+    (0.0018, 0.0018, 0.0013),
+    (0.0003, 0.0003, 0.0004),
+    (0.00015, 0.00015, 0.00004),
+)
 """Rough centres of mass [m] and principal inertias [kg m^2] that only break the tie between equivalent links."""
 JOINTS = ("waist", "shoulder", "elbow", "wrist-roll", "wrist-pitch", "wrist-yaw")
 RANGE = ((-160, 160), (-225, 45), (-45, 225), (-110, 170), (-100, 100), (-266, 266))

@@ -51,11 +51,25 @@ HEAD = """
   </asset>
 </head>"""
 LIGHTS = (
-    {"name": "key", "type": "directional", "pos": "-1.2 1.6 3", "dir": "0.35 -0.45 -1", "diffuse": "0.46 0.46 0.44",
-     "specular": "0.3 0.3 0.3", "castshadow": "true"},
-    {"name": "fill", "type": "directional", "pos": "2 2 2", "dir": "-0.7 -0.6 -0.4", "diffuse": "0.18 0.18 0.20",
-     "specular": "0 0 0", "castshadow": "false"},
-)  # fmt: skip
+    {
+        "name": "key",
+        "type": "directional",
+        "pos": "-1.2 1.6 3",
+        "dir": "0.35 -0.45 -1",
+        "diffuse": "0.46 0.46 0.44",
+        "specular": "0.3 0.3 0.3",
+        "castshadow": "true",
+    },
+    {
+        "name": "fill",
+        "type": "directional",
+        "pos": "2 2 2",
+        "dir": "-0.7 -0.6 -0.4",
+        "diffuse": "0.18 0.18 0.20",
+        "specular": "0 0 0",
+        "castshadow": "false",
+    },
+)
 
 
 def words(*numbers):

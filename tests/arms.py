@@ -30,43 +30,76 @@ M1, M2, L1, C1, C2, J1, J2, R1, R2 = 2.0, 1.0, 1.0, 0.5, 0.4, 0.167, 0.0535, 0.1
 
 
 def chain(
-    offsets: Array, masses: Array, centres: Array, inertias: Array, rotors: Array, tau_max: Array, scale: Array,
-    *, kind: int = HINGE, gravity: float = G,
-) -> RobotModel:  # fmt: skip
+    offsets: Array,
+    masses: Array,
+    centres: Array,
+    inertias: Array,
+    rotors: Array,
+    tau_max: Array,
+    scale: Array,
+    *,
+    kind: int = HINGE,
+    gravity: float = G,
+) -> RobotModel:
     """Return a planar chain; everything along each link's x axis, inertias about z."""
     n = len(masses)
     along_x = np.array([1.0, 0.0, 0.0])
     flat = rigid_model(
-        kind=[kind] * n, rotation=np.tile(np.eye(3), (n, 1, 1)), offset=np.outer(offsets, along_x), mass=masses,
-        com=np.outer(centres, along_x), inertia=np.array([np.diag([0.0, j, j]) for j in inertias]), armature=rotors,
-        gravity=np.array([0.0, -gravity, 0.0]), tool_rotation=np.eye(3), tool_offset=np.zeros(3),
-        tau_max=tau_max, inertia_scale=scale,
-    )  # fmt: skip
+        kind=[kind] * n,
+        rotation=np.tile(np.eye(3), (n, 1, 1)),
+        offset=np.outer(offsets, along_x),
+        mass=masses,
+        com=np.outer(centres, along_x),
+        inertia=np.array([np.diag([0.0, j, j]) for j in inertias]),
+        armature=rotors,
+        gravity=np.array([0.0, -gravity, 0.0]),
+        tool_rotation=np.eye(3),
+        tool_offset=np.zeros(3),
+        tau_max=tau_max,
+        inertia_scale=scale,
+    )
     return RobotModel("planar", tuple(f"joint{i + 1}" for i in range(n)), flat)
 
 
 def pendulum(gravity: float = G, tau_max: float = 40.0) -> RobotModel:
     """Return the pendulum; q = 0 is horizontal, positive q lifts it."""
     return chain(
-        np.array([0.0]), np.array([MASS]), np.array([LENGTH]), np.array([INERTIA]), np.array([ROTOR]),
-        np.array([tau_max]), np.array([0.5]), gravity=gravity,
-    )  # fmt: skip
+        np.array([0.0]),
+        np.array([MASS]),
+        np.array([LENGTH]),
+        np.array([INERTIA]),
+        np.array([ROTOR]),
+        np.array([tau_max]),
+        np.array([0.5]),
+        gravity=gravity,
+    )
 
 
 def slider(mass: float = 2.0) -> RobotModel:
     """Return a mass on a slide across gravity: tau = mass qdd, nothing else."""
     return chain(
-        np.array([0.0]), np.array([mass]), np.array([0.0]), np.array([0.01]), np.array([0.0]),
-        np.array([1000.0]), np.array([mass]), kind=SLIDE,
-    )  # fmt: skip
+        np.array([0.0]),
+        np.array([mass]),
+        np.array([0.0]),
+        np.array([0.01]),
+        np.array([0.0]),
+        np.array([1000.0]),
+        np.array([mass]),
+        kind=SLIDE,
+    )
 
 
 def two_link() -> RobotModel:
     """Return the two-joint arm."""
     return chain(
-        np.array([0.0, L1]), np.array([M1, M2]), np.array([C1, C2]), np.array([J1, J2]), np.array([R1, R2]),
-        np.array([80.0, 25.0]), np.array([2.5, 0.4]),
-    )  # fmt: skip
+        np.array([0.0, L1]),
+        np.array([M1, M2]),
+        np.array([C1, C2]),
+        np.array([J1, J2]),
+        np.array([R1, R2]),
+        np.array([80.0, 25.0]),
+        np.array([2.5, 0.4]),
+    )
 
 
 def pendulum_terms(q: Array, qd: Array) -> tuple[Array, Array, Array]:

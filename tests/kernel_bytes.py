@@ -23,14 +23,27 @@ from torquebench.references import Reference, sine
 from torquebench.robot import RobotModel, dynamics
 
 STRUCTURES = {
-    "exact": lambda: Puma560(), "corrected": lambda: Puma560("corrected", "printed"),
+    "exact": lambda: Puma560(),
+    "corrected": lambda: Puma560("corrected", "printed"),
     "printed": lambda: Puma560("printed", "printed"),
-}  # fmt: skip
+}
 TARGET = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
 GAINS = {
-    "lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "ki": 50.0, "kf": 0.2, "gd": 2.0, "ge": 0.2, "gi": 0.1, "gds": 50.0,
-    "gis": 0.1, "boost": 0.4, "forget": 1.0, "gamma": 100.0,
-}  # fmt: skip
+    "lam": 10.0,
+    "k": 0.3,
+    "phi": 0.3,
+    "kv": 20.0,
+    "ki": 50.0,
+    "kf": 0.2,
+    "gd": 2.0,
+    "ge": 0.2,
+    "gi": 0.1,
+    "gds": 50.0,
+    "gis": 0.1,
+    "boost": 0.4,
+    "forget": 1.0,
+    "gamma": 100.0,
+}
 
 
 def digest(arrays: Iterable[Array]) -> str:
@@ -86,10 +99,13 @@ def fuzzy_outputs() -> dict[str, str]:
     holes = replace(base, rules=base.rules[:20] + base.rules[23:])
     functions = Functions.of({name: (0.3 * k, 0.1 * k, -0.2) for k, name in enumerate(base.inputs[0].names)})
     systems = {
-        "staircase": base, "product": replace(base, conjunction="product"), "any table": holes,
-        "sum": replace(holes, aggregation="sum-min"), "functions": replace(base, output=functions),
+        "staircase": base,
+        "product": replace(base, conjunction="product"),
+        "any table": holes,
+        "sum": replace(holes, aggregation="sum-min"),
+        "functions": replace(base, output=functions),
         "tabulated": replace(builtin_system("pd-9"), aggregation="max-bounded-product"),
-    }  # fmt: skip
+    }
     found = {}
     for name, system in systems.items():
         prepared = prepare(system)
@@ -109,7 +125,7 @@ def closed_loop(name: str, law: str, throw: float = 0.0) -> str:
     d[20] = throw
     run = simulate(
         AnalyticPlant(plant), pack(law, 6, **gains), belief, TARGET, duration=0.3, disturbance=d, throw=False
-    )  # fmt: skip
+    )
     return run.digest()
 
 

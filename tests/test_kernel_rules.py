@@ -58,10 +58,17 @@ EXCUSED = {"fuzzy.closed_form.staircase": "a division in an inline kernel"}
 def test_the_checker_sees_the_kernels_and_the_laws() -> None:
     """The shared functions, the dynamics, integrators, the loop's parts and every registered law are among them."""
     assert {
-        "kernel.sat", "robot.rigid_body.newton_euler", "robot.dynamics.forward_dynamics",
-        "sim.integration.rk4_steps", "sim.integration.euler_steps", "robot.puma560.closed_form.fill_bias",
-        "fuzzy.inference.infer", "sim.closed_loop.measure", "sim.closed_loop.actuate", "sim.closed_loop.lag",
-    } <= set(KERNELS)  # fmt: skip
+        "kernel.sat",
+        "robot.rigid_body.newton_euler",
+        "robot.dynamics.forward_dynamics",
+        "sim.integration.rk4_steps",
+        "sim.integration.euler_steps",
+        "robot.puma560.closed_form.fill_bias",
+        "fuzzy.inference.infer",
+        "sim.closed_loop.measure",
+        "sim.closed_loop.actuate",
+        "sim.closed_loop.lag",
+    } <= set(KERNELS)
     written = {n for file, tree in TREES.items() if file.startswith("laws/") for n in marked(tree, "controller")}
     assert written == {law.function.__name__ for law in LAWS.values()}
     assert len(written) >= 6
@@ -206,7 +213,7 @@ BRANCHES = {
     "for i in range(3):\n        if x[i] > 0.0:\n            continue\n        y = 1.0\n    out[i] = 1.0": "i",
     "if x[0] > 0.0:\n        y = 1.0\n    elif x[1]:\n        y = 2.0\n    else:\n        pass\n    return y": "y",
     "y = 1.0 if x[0] > 0.0 else z\n    z = 2.0\n    out[0] = y": "z",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("body", BRANCHES)
@@ -217,20 +224,29 @@ def test_a_variable_that_may_have_no_value_is_found(body: str, tmp_path: Path) -
     assert f": {BRANCHES[body]} may not have a value yet: " in found[0]
 
 
-@pytest.mark.parametrize("body", [
-    "if x[0] > 0.0:\n        y = 1.0\n    else:\n        return 0.0\n    return y",
-    "y = 0.0\n    for i in range(3):\n        y += x[i]\n    return y",
-    "for i in range(3):\n        if i > 1:\n            y = 1.0\n        else:\n            break\n        return y",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "body",
+    [
+        "if x[0] > 0.0:\n        y = 1.0\n    else:\n        return 0.0\n    return y",
+        "y = 0.0\n    for i in range(3):\n        y += x[i]\n    return y",
+        "for i in range(3):\n        if i > 1:\n            y = 1.0\n    "
+        "    else:\n            break\n        return y",
+    ],
+)
 def test_a_variable_with_a_value_on_every_way_is_fine(body: str, tmp_path: Path) -> None:
     """Branches that return or go on with the loop do not count."""
     assert found_in(tmp_path, f"{HEAD}    {body}\n") == []
 
 
-@pytest.mark.parametrize("body", [
-    "y = 0\n    y = x[0]\n    return -y", "y = 0\n    y += x[0]\n    return y", "return -(0 if x[0] > 0.0 else x[0])",
-    "y, z = 0, 1.0\n    y, z = z, 2.0\n    return y",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "body",
+    [
+        "y = 0\n    y = x[0]\n    return -y",
+        "y = 0\n    y += x[0]\n    return y",
+        "return -(0 if x[0] > 0.0 else x[0])",
+        "y, z = 0, 1.0\n    y, z = z, 2.0\n    return y",
+    ],
+)
 def test_an_integer_among_floats_is_found(body: str, tmp_path: Path) -> None:
     """Interpreted, -0 is 0; compiled, the variable is a float and -0.0 is another number."""
     (found,) = found_in(tmp_path, f"{HEAD}    {body}\n")
@@ -248,9 +264,14 @@ def test_a_division_in_an_inline_kernel_is_found(tmp_path: Path) -> None:
 def digests(**environment: str) -> dict[str, str]:
     """Return what ``tests/kernel_bytes.py`` prints in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-m", "tests.kernel_bytes"], cwd=ROOT, capture_output=True, text=True,
-        timeout=300, check=False, env={**os.environ, "NUMBA_DISABLE_JIT": "0", **environment},
-    )  # fmt: skip
+        [sys.executable, "-W", "error", "-m", "tests.kernel_bytes"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "0", **environment},
+    )
     assert done.returncode == 0, done.stderr
     result: dict[str, str] = json.loads(done.stdout)
     return result

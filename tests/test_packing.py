@@ -61,9 +61,17 @@ def outer(number: float = 1.5, count: int = 7) -> Outer:
         return np.array([next(run) for _ in range(math.prod(shape))], dtype=np.float64).reshape(shape)
 
     return Outer(
-        number, count, True, fill(4), Deep(Inner(-3, fill(2, 5), -2.5), fill(3)), fill(3, 2), fill(2, 3, 4),
-        fill(2).astype(np.int64), fill(3, 3).astype(np.int64), 9.25,
-    )  # fmt: skip
+        number,
+        count,
+        True,
+        fill(4),
+        Deep(Inner(-3, fill(2, 5), -2.5), fill(3)),
+        fill(3, 2),
+        fill(2, 3, 4),
+        fill(2).astype(np.int64),
+        fill(3, 3).astype(np.int64),
+        9.25,
+    )
 
 
 @kernel
@@ -153,10 +161,22 @@ def count_of(s: Outer, out: IntArray) -> None:
     out[0] = s.count
 
 
-@pytest.mark.parametrize("x", [
-    0.0, -0.0, 5e-324, -2.2250738585072014e-308, 1.7976931348623157e308, 0.1, math.inf, -math.inf, math.nan, -math.nan,
-    struct.unpack("<d", struct.pack("<q", 0x7FF8000000000123))[0],
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "x",
+    [
+        0.0,
+        -0.0,
+        5e-324,
+        -2.2250738585072014e-308,
+        1.7976931348623157e308,
+        0.1,
+        math.inf,
+        -math.inf,
+        math.nan,
+        -math.nan,
+        struct.unpack("<d", struct.pack("<q", 0x7FF8000000000123))[0],
+    ],
+)
 def test_floats_keep_every_bit(x: float) -> None:
     """Signed zeros, subnormals, infinities, NaN of either sign and its payload."""
     out = np.zeros(1)
@@ -249,10 +269,26 @@ class Sheet(Structure):
 GOOD = np.arange(12.0).reshape(3, 4)
 
 
-@pytest.mark.parametrize("bad", [
-    GOOD[0, ::2], GOOD[:, 0], GOOD[0].astype(np.float32), GOOD[0].astype(np.int64), GOOD[0].astype(">f8"), GOOD,
-    np.float64(1.0), np.array(1.0), [1.0, 2.0], (1.0,), None, 3.0, GOOD[0].astype(complex), GOOD[0][::-1],
-], ids=str)  # fmt: skip
+@pytest.mark.parametrize(
+    "bad",
+    [
+        GOOD[0, ::2],
+        GOOD[:, 0],
+        GOOD[0].astype(np.float32),
+        GOOD[0].astype(np.int64),
+        GOOD[0].astype(">f8"),
+        GOOD,
+        np.float64(1.0),
+        np.array(1.0),
+        [1.0, 2.0],
+        (1.0,),
+        None,
+        3.0,
+        GOOD[0].astype(complex),
+        GOOD[0][::-1],
+    ],
+    ids=str,
+)
 def test_arrays_that_do_not_fit_are_refused_by_name(bad: Any) -> None:
     """Strides, another type or byte order, other dimensions, and what is no array: a TypeError names the field."""
     for value in (Line(bad), dataclasses.replace(outer(), line=bad)):

@@ -194,9 +194,14 @@ def test_wrong_shapes_are_refused() -> None:
     t = times(0.1)
     q, qd, qdd = PROTOCOL["sine"](t)
     for bad in (
-        (t[:2], q[:2], qd[:2], qdd[:2]), (t, q[:, 0], qd[:, 0], qdd[:, 0]), (t[:-1], q, qd, qdd),
-        (t, q[:-1], qd, qdd), (t, q, qd[:, :5], qdd), (t[:, None], q, qd, qdd), (t, q, qd, qdd[1:]),
-    ):  # fmt: skip
+        (t[:2], q[:2], qd[:2], qdd[:2]),
+        (t, q[:, 0], qd[:, 0], qdd[:, 0]),
+        (t[:-1], q, qd, qdd),
+        (t, q[:-1], qd, qdd),
+        (t, q, qd[:, :5], qdd),
+        (t[:, None], q, qd, qdd),
+        (t, q, qd, qdd[1:]),
+    ):
         with pytest.raises(InconsistentReferenceError, match=r"shapes t \(\d+,.*wanted \(N,\)"):
             from_samples(*bad)
 

@@ -63,11 +63,21 @@ def test_no_print_eval_pickle_assert_or_bare_except(name: str) -> None:
     assert sins(TREES[name]) == []
 
 
-@pytest.mark.parametrize("text", [
-    "print(1)", "eval('1')", "exec('1')", "import pickle", "from pickle import load", "assert x",
-    "np.load(f, allow_pickle=True)",
-    "try:\n    x\nexcept:\n    y", "try:\n    x\nexcept OSError:\n    pass", "def f():\n    import marshal",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "print(1)",
+        "eval('1')",
+        "exec('1')",
+        "import pickle",
+        "from pickle import load",
+        "assert x",
+        "np.load(f, allow_pickle=True)",
+        "try:\n    x\nexcept:\n    y",
+        "try:\n    x\nexcept OSError:\n    pass",
+        "def f():\n    import marshal",
+    ],
+)
 def test_the_sin_check_catches(text: str) -> None:
     """Each forbidden construct is found."""
     assert len(sins(ast.parse(text))) == 1

@@ -49,9 +49,14 @@ def test_one_pair_has_no_spread() -> None:
 
 @pytest.mark.parametrize(
     ("a", "b", "text"),
-    [([1.0], [1.0, 2.0], "are not pairs"), ([None], [1.0], "no draw in which both"), ([0.0], [1.0], "positive"),
-     ([float("inf")], [1.0], "positive"), ([float("nan")], [1.0], "positive")],
-)  # fmt: skip
+    [
+        ([1.0], [1.0, 2.0], "are not pairs"),
+        ([None], [1.0], "no draw in which both"),
+        ([0.0], [1.0], "positive"),
+        ([float("inf")], [1.0], "positive"),
+        ([float("nan")], [1.0], "positive"),
+    ],
+)
 def test_what_cannot_be_compared_is_refused(a: list[float | None], b: list[float | None], text: str) -> None:
     """Lists of different length, no pair, and values without a logarithm."""
     with pytest.raises(ResultError, match=text):
@@ -81,9 +86,14 @@ def test_no_failure_in_n_runs_bounds_the_rate() -> None:
 
 @pytest.mark.parametrize(
     ("values", "share", "wanted"),
-    [([1.0, 2.0, 3.0, 4.0], 0.5, 3.5), ([4.0, 1.0, 3.0, 2.0], 0.25, 4.0), ([1.0, 2.0, 3.0, 4.0], 1.0, 2.5),
-     ([1.0, 2.0, 3.0, 4.0], 0.375, (4.0 + 0.5 * 3.0) / 1.5), ([1.0, 2.0], 0.01, 2.0)],
-)  # fmt: skip
+    [
+        ([1.0, 2.0, 3.0, 4.0], 0.5, 3.5),
+        ([4.0, 1.0, 3.0, 2.0], 0.25, 4.0),
+        ([1.0, 2.0, 3.0, 4.0], 1.0, 2.5),
+        ([1.0, 2.0, 3.0, 4.0], 0.375, (4.0 + 0.5 * 3.0) / 1.5),
+        ([1.0, 2.0], 0.01, 2.0),
+    ],
+)
 def test_cvar_by_hand(values: list[float], share: float, wanted: float) -> None:
     """Whole counts are plain means of the worst, a part of a run counts as that part, less than one is the worst."""
     assert cvar(values, share) == pytest.approx(wanted, rel=1e-12)

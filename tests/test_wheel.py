@@ -29,7 +29,7 @@ def python(site, code):
     environment = {name: value for name, value in os.environ.items() if name != "TORQUEBENCH_DATA"}
     return subprocess.run(
         [sys.executable, "-c", program], cwd=site.parent, env=environment, capture_output=True, text=True, check=False
-    )  # fmt: skip
+    )
 
 
 def test_models_and_configs_are_in_the_wheel(installed):

@@ -148,9 +148,9 @@ def coriolis_force(truth: Arm, q: Array, qd: Array, s: Array) -> Array:
         truth: The arm.
         q, qd, s: Position [rad], velocity [rad/s] and sliding variable [rad/s], (N, n).
     """
-    return np.asarray(0.5 * (
-        truth.bias_forces(q, qd + s) - truth.bias_forces(q, qd) - truth.bias_forces(q, s) + truth.gravity(q)
-    ))  # fmt: skip
+    return np.asarray(
+        0.5 * (truth.bias_forces(q, qd + s) - truth.bias_forces(q, qd) - truth.bias_forces(q, s) + truth.gravity(q))
+    )
 
 
 def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float) -> Certificate:
@@ -196,9 +196,20 @@ def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float)
     margin = law.K - demand
     first, time, bound = _reaching(run.t, s, V, M, fall, layer)
     return Certificate(
-        law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, eta, K_u, layer,
-        float(run.t[first]), time, bound,
-    )  # fmt: skip
+        law.K,
+        run.t[:-1],
+        s[:-1],
+        V[:-1],
+        V_rate,
+        demand,
+        margin,
+        eta,
+        K_u,
+        layer,
+        float(run.t[first]),
+        time,
+        bound,
+    )
 
 
 def _reaching(t: Array, s: Array, V: Array, M: Array, fall: Array, layer: Array) -> tuple[int, float, float]:

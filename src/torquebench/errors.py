@@ -94,10 +94,14 @@ class Problem(NamedTuple):
             file, option = option, None
         wanted = _WANTED.search(self.message)
         return {
-            "file": file, "line": line, "column": column, "option": option, "key": self.key or None,
+            "file": file,
+            "line": line,
+            "column": column,
+            "option": option,
+            "key": self.key or None,
             "message": self.message,
             "wanted": next((text for text in wanted.groups() if text), None) if wanted else None,
-        }  # fmt: skip
+        }
 
 
 _PLACE = re.compile(r"(.*):(\d+):(\d+)", flags=re.DOTALL)

@@ -44,9 +44,13 @@ def _compiled(function: _F, inline: bool) -> _F:
     with own_cache():
         # numba would not see that a number which a user's kernel names has changed; compiled laws are kept whole
         compiler = numba.njit(
-            cache=not is_foreign(function), boundscheck=is_foreign(function), error_model="numpy", fastmath=False,
-            inline="always" if inline else "never", _nrt=False,
-        )  # fmt: skip
+            cache=not is_foreign(function),
+            boundscheck=is_foreign(function),
+            error_model="numpy",
+            fastmath=False,
+            inline="always" if inline else "never",
+            _nrt=False,
+        )
         return cast(_F, compiler(function))
 
 

@@ -161,9 +161,13 @@ def compute_metrics(
 ) -> Metrics:
     """Compute every metric of a completed run; arguments as of `per_joint`."""
     found = per_joint(
-        trajectory, tau_max=tau_max, metrics_from=metrics_from, control_period=control_period,
-        reference_kind=reference_kind, phi=phi,
-    )  # fmt: skip
+        trajectory,
+        tau_max=tau_max,
+        metrics_from=metrics_from,
+        control_period=control_period,
+        reference_kind=reference_kind,
+        phi=phi,
+    )
     return from_joints(found)
 
 

@@ -111,10 +111,14 @@ def view(context: Any, builder: Any, kind: types.Array, address: Any, shape: lis
     for extent in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], extent))
     populate_array(
-        array, data=builder.inttoptr(address, context.get_data_type(kind.dtype).as_pointer()),
-        shape=cgutils.pack_array(builder, shape, WORD), strides=cgutils.pack_array(builder, strides, WORD),
-        itemsize=ir.Constant(WORD, 8), meminfo=None, parent=None,
-    )  # fmt: skip
+        array,
+        data=builder.inttoptr(address, context.get_data_type(kind.dtype).as_pointer()),
+        shape=cgutils.pack_array(builder, shape, WORD),
+        strides=cgutils.pack_array(builder, strides, WORD),
+        itemsize=ir.Constant(WORD, 8),
+        meminfo=None,
+        parent=None,
+    )
     return array._getvalue()
 
 

@@ -138,7 +138,4 @@ def cvar(values: Sequence[float], share: float, higher_is_worse: bool = True) ->
 
 def undominated(points: Sequence[tuple[float, float]]) -> list[int]:
     """Return the indices of the points than which no other one is lower in one figure and not higher in the other."""
-    return [
-        i for i, (x, y) in enumerate(points)
-        if not any(a <= x and b <= y and (a < x or b < y) for a, b in points)
-    ]  # fmt: skip
+    return [i for i, (x, y) in enumerate(points) if not any(a <= x and b <= y and (a < x or b < y) for a, b in points)]

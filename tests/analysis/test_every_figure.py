@@ -41,9 +41,13 @@ SMALLEST = 6.0
 APART = 10.0
 """Least CIEDE2000 difference: about ten times what can just be seen side by side, as lines are thin and apart."""
 HOMES = {
-    "analysis/certificate_figure.py", "analysis/figures.py", "analysis/front_page.py", "analysis/fuzzy_figures.py",
-    "analysis/fuzzy_rules.py", "analysis/paper_pages.py",
-}  # fmt: skip
+    "analysis/certificate_figure.py",
+    "analysis/figures.py",
+    "analysis/front_page.py",
+    "analysis/fuzzy_figures.py",
+    "analysis/fuzzy_rules.py",
+    "analysis/paper_pages.py",
+}
 """Files whose figures are drawn below."""
 SWEEPS = {f"analysis/{name}_page.py" for name in ("course", "effects", "map", "spread")}
 """Files of a sweep's figures, whose axes `test_sweep_figures` reads: some are words."""
@@ -55,9 +59,20 @@ def certificate() -> Certificate:
     column = np.exp(-5.0 * t)[:, None] * np.ones(N)
     one = np.ones(N)
     return Certificate(
-        K=one, t=t, s=column, V=column[:, 0], V_rate=-5.0 * column[:, 0], demand=column, margin=1.0 - column,
-        eta=1.0 - column, K_u=one, layer=one, reaching_from=0.0, reaching_time=0.1, reaching_bound=0.2,
-    )  # fmt: skip
+        K=one,
+        t=t,
+        s=column,
+        V=column[:, 0],
+        V_rate=-5.0 * column[:, 0],
+        demand=column,
+        margin=1.0 - column,
+        eta=1.0 - column,
+        K_u=one,
+        layer=one,
+        reaching_from=0.0,
+        reaching_time=0.1,
+        reaching_bound=0.2,
+    )
 
 
 def draw_all() -> dict[str, Figure]:
@@ -97,9 +112,12 @@ def swept() -> dict[str, Figure]:
 def test_every_kind_is_here() -> None:
     """Whatever module makes a page of its own is drawn in this file."""
     makers = {
-        name for name, tree in TREES.items() if name.startswith("analysis/") and name != "analysis/page.py"
+        name
+        for name, tree in TREES.items()
+        if name.startswith("analysis/")
+        and name != "analysis/page.py"
         and any(isinstance(node, ast.Name) and node.id in ("new_page", "panel_grid") for node in ast.walk(tree))
-    }  # fmt: skip
+    }
     assert makers == HOMES | SWEEPS
 
 

@@ -31,9 +31,19 @@ def make(n: int, tau: float, samples: int = 1500, error: float = 0.01, switching
         wave = np.where(np.random.default_rng(0).random((samples, n)) < 0.5, -1.0, 1.0)
     zero = np.zeros((samples, n))
     return Trajectory(
-        t=t, q=q_ref - e, qd=zero, q_meas=zero, qd_meas=zero, q_ref=q_ref, qd_ref=zero, qdd_ref=zero,
-        s=10.0 * e, tau_law=zero, tau=tau * wave, tau_applied=zero,
-    )  # fmt: skip
+        t=t,
+        q=q_ref - e,
+        qd=zero,
+        q_meas=zero,
+        qd_meas=zero,
+        q_ref=q_ref,
+        qd_ref=zero,
+        qdd_ref=zero,
+        s=10.0 * e,
+        tau_law=zero,
+        tau=tau * wave,
+        tau_applied=zero,
+    )
 
 
 def diverged(n: int, samples: int = 700) -> Trajectory:

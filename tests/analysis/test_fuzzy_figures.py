@@ -95,9 +95,7 @@ def test_scaling_page_compares_three_scales() -> None:
 @pytest.mark.parametrize("fmt", ["svg", "png"])
 def test_the_same_system_gives_the_same_bytes(fmt: Any) -> None:
     """Drawing twice changes nothing."""
-    first, second = (
-        [figure_bytes(fig, fmt) for fig in system_figures(prepare(uneven())).values()] for _ in range(2)
-    )  # fmt: skip
+    first, second = ([figure_bytes(fig, fmt) for fig in system_figures(prepare(uneven())).values()] for _ in range(2))
     assert first == second
     assert all(len(data) < 1_500_000 for data in first)
 
@@ -106,9 +104,20 @@ def run_with(e: Array, de: Array) -> Trajectory:
     """Return a run whose measured errors are these, (N, n); the true ones are none."""
     zero = np.zeros_like(e)
     return Trajectory(
-        t=0.001 * np.arange(len(e)), q=zero, qd=zero, q_meas=-e, qd_meas=-de, q_ref=zero, qd_ref=zero, qdd_ref=zero,
-        s=zero, tau_law=zero, tau=zero, tau_applied=zero, outcome=Outcome.COMPLETED,
-    )  # fmt: skip
+        t=0.001 * np.arange(len(e)),
+        q=zero,
+        qd=zero,
+        q_meas=-e,
+        qd_meas=-de,
+        q_ref=zero,
+        qd_ref=zero,
+        qdd_ref=zero,
+        s=zero,
+        tau_law=zero,
+        tau=zero,
+        tau_applied=zero,
+        outcome=Outcome.COMPLETED,
+    )
 
 
 def shares_of(prepared: Prepared, run: Trajectory, **gains: Any) -> Array:

@@ -50,12 +50,13 @@ def test_the_ratio_is_of_medians_with_as_many_threads(clock: Clock) -> None:
     """A case of two threads is held against the case of two threads, not against its namesake of one."""
     rows = measure(
         [
-            case(clock, "open", [1.0] * 4), case(clock, "open", [0.5] * 4, threads=2),
+            case(clock, "open", [1.0] * 4),
+            case(clock, "open", [0.5] * 4, threads=2),
             case(clock, "closed", [2.0] * 4, against="open"),
             case(clock, "closed", [0.25] * 4, against="open", threads=2),
         ],
         3,
-    )  # fmt: skip
+    )
     assert [row.ratio for row in rows] == [None, None, 0.5, 2.0]
     assert [row.threads for row in rows] == [1, 2, 1, 2]
 

@@ -12,10 +12,17 @@ import subprocess
 import time
 
 FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--hide-scrollbars",
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
     "--remote-debugging-pipe",
-)  # fmt: skip
+)
 WEBGL = "--enable-unsafe-swiftshader"
 """Lets a machine without a graphics card have WebGL."""
 PATIENCE = 60.0
@@ -43,8 +50,11 @@ class Chromium:
         self._log = open(folder.with_suffix(".log"), "wb")
         self._process = subprocess.Popen(
             ["bash", "-c", command, program(), *FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"],
-            pass_fds=(there_in, there_out), stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log,
-        )  # fmt: skip
+            pass_fds=(there_in, there_out),
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=self._log,
+        )
         os.close(there_in)
         os.close(there_out)
         self._in, self._out, self._rest = here_in, here_out, b""
@@ -120,8 +130,13 @@ class Page:
         browser.listeners[self._session] = self._hear
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale,
-                  mobile=width < 600)  # fmt: skip
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=scale,
+            mobile=width < 600,
+        )
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
 

@@ -95,8 +95,10 @@ def served(replayed):
 
 def box_of(page, selector):
     """Left, top, width and height of an element [px]."""
-    return page.value(f"(({{x, y, width, height}}) => [x, y, width, height])"
-                      f"(document.querySelector('{selector}').getBoundingClientRect())")  # fmt: skip
+    return page.value(
+        f"(({{x, y, width, height}}) => [x, y, width, height])"
+        f"(document.querySelector('{selector}').getBoundingClientRect())"
+    )
 
 
 def part(picture, box):
@@ -110,8 +112,10 @@ def at_frame(page, frame):
     page.press("Home", 36)
     page.press("End", 35)
     page.press(" ", 32) if page.value("document.getElementById('play').textContent") == "pause" else None
-    page.value(f"(() => {{ const s = document.getElementById('scrub'); s.value = {frame / 100};"
-               " s.dispatchEvent(new Event('input')); })()")  # fmt: skip
+    page.value(
+        f"(() => {{ const s = document.getElementById('scrub'); s.value = {frame / 100};"
+        " s.dispatchEvent(new Event('input')); })()"
+    )
     page.wait(f"document.body.dataset.frame === '{frame}'")
     page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
@@ -124,7 +128,7 @@ def colours_in(view):
         "ghost": int(np.count_nonzero(b - r > 60)),
         "tool": int(np.count_nonzero((r - g > 120) & (b - g > 60))),
         "trail": int(np.count_nonzero((r - b > 90) & (r - g > 50) & (g - b > 20))),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("webgl", [True, False], ids=["webgl", "without"])
@@ -192,8 +196,9 @@ def test_the_replay_plays_and_draws(browse, served, keep, webgl):
     page.press("End", 35)
     page.wait("document.body.dataset.frame === '119'")
     assert page.value("[...document.querySelectorAll('h2 strong')].map((x) => x.textContent)") == [
-        "", "controller error at 0.8 s",
-    ]  # fmt: skip
+        "",
+        "controller error at 0.8 s",
+    ]
     assert complaints(page) == []
     assert all(request.startswith(served) or request == "data:," for request in page.requests)
     page.close()

@@ -42,7 +42,8 @@ LAW = HEAD.count("\n") - 1
 BAD: dict[str, tuple[str, set[str]]] = {
     "not a number at times": (SPRING + "    if t > 5.0:\n        tau[i] = math.nan", {"finite"}),
     "a root of what may be negative": (
-        SPRING + "    tau[i] += math.sqrt(memory.s[i])  # here", {"finite", "loop"},
+        SPRING + "    tau[i] += math.sqrt(memory.s[i])  # here",
+        {"finite", "loop"},
     ),
     "divides by the error": (SPRING + "    tau[i] += 1e-9 / (ref.q[i] - q[i])  # here", {"finite", "loop"}),
     "forgets a joint": (SPRING.replace("len(tau)", "len(tau) - 1"), {"finite", "loop"}),
@@ -61,26 +62,32 @@ BAD: dict[str, tuple[str, set[str]]] = {
     "mutates the reference": (SPRING + "    ref.q[i] -= 0.1  # here", {"inputs"}),
     "mutates the model": (SPRING + "    model.inertia_scale[i] = 1.0  # here", {"?inputs", "?torque", "?loop"}),
     "counts in a global": (
-        "global COUNT  # here\nCOUNT += 1\n" + SPRING + "    tau[i] += COUNT", {"repeatable", "state"},
+        "global COUNT  # here\nCOUNT += 1\n" + SPRING + "    tau[i] += COUNT",
+        {"repeatable", "state"},
     ),
     "keeps a list": (
         "SEEN.append(q[0])  # here\n" + SPRING + "    tau[i] += SEEN[-2] if len(SEEN) > 1 else 0.0",
         {"repeatable", "state"},
     ),
     "keeps a list, cleared at the start": (
-        "if t < 0.0005 or t in (0.5, 1.0, 7.3, 2.0, 60.0):\n    SEEN.clear()  # here\n" + SPRING
-        + "    tau[i] += SEEN[-1] if SEEN else 0.0\nSEEN.append(q[0])", {"state"},
+        "if t < 0.0005 or t in (0.5, 1.0, 7.3, 2.0, 60.0):\n    SEEN.clear()  # here\n"
+        + SPRING
+        + "    tau[i] += SEEN[-1] if SEEN else 0.0\nSEEN.append(q[0])",
+        {"state"},
     ),
     "keeps something by the place of its memory": (
         SPRING + "KEPT[id(memory)] = KEPT.get(id(memory), 0.0) + 1.0  # here\ntau[0] += KEPT[id(memory)]",
         {"state", "?repeatable"},
     ),
     "keeps something by the place of its memory, begun anew in each run": (
-        "if t in (0.0, 0.5, 1.0, 7.3, 2.0, 60.0):\n    KEPT[id(memory)] = 0.0  # here\n" + SPRING
-        + "KEPT[id(memory)] = KEPT.get(id(memory), 0.0) + q[0]\ntau[0] += KEPT[id(memory)]", {"state"},
+        "if t in (0.0, 0.5, 1.0, 7.3, 2.0, 60.0):\n    KEPT[id(memory)] = 0.0  # here\n"
+        + SPRING
+        + "KEPT[id(memory)] = KEPT.get(id(memory), 0.0) + q[0]\ntau[0] += KEPT[id(memory)]",
+        {"state"},
     ),
     "keeps a global array": (
-        SPRING + "    tau[i] += LAST[i]\n    LAST[i] = q[i]  # here", {"repeatable", "state"},
+        SPRING + "    tau[i] += LAST[i]\n    LAST[i] = q[i]  # here",
+        {"repeatable", "state"},
     ),
     "random": (SPRING + "    tau[i] += random.gauss(0.0, 0.1)  # here", {"repeatable", "state"}),
     "numpy's random": (SPRING + "    tau[i] += np.random.normal()  # here", {"repeatable", "state"}),
@@ -98,7 +105,7 @@ BAD: dict[str, tuple[str, set[str]]] = {
     "ends the program": (SPRING + "raise SystemExit(0)  # here", {"torque", "loop"}),
     "changes the size of its memory": (SPRING + "memory.s.resize(9, refcheck=False)  # here", {"torque", "loop"}),
     "an infinite memory": (SPRING + "    memory.s[i] = math.inf", {"finite"}),
-}  # fmt: skip
+}
 assert len(BAD) >= 30
 FIELDS = {"ignores a gain": "k", "ignores a joint's gain": "k", "holds a joint still": ""}
 """Cases in which the line of a field of Gains is named."""
@@ -116,8 +123,9 @@ NOTES = {
     "a power": (SPRING.replace("sat(memory.s[i])", "sat(memory.s[i]) ** 3  # here"), "operator **"),
     "numpy's exponential": (SPRING.replace("sat(memory.s[i])", "np.exp(-abs(memory.s[i]))  # here"), "np.exp()"),
     "an array returned": (
-        "return gains.k * np.tanh(gains.lam * (ref.q - q) + ref.qd - qd)  # here", "a value is returned",
+        "return gains.k * np.tanh(gains.lam * (ref.q - q) + ref.qd - qd)  # here",
+        "a value is returned",
     ),
     "a slice": ("tau[:] = gains.k * (gains.lam * (ref.q - q) + ref.qd - qd)  # here", "the slice tau[:]"),
     "a helper": ("def f(x):  # here\n    return math.tanh(x)\n" + SPRING.replace("sat(", "f("), "a function within"),
-}  # fmt: skip
+}

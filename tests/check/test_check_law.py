@@ -52,9 +52,22 @@ def test_a_good_law_passes_everything(tmp_path: Path) -> None:
     assert {check.verdict for check in report.checks} == {PASS, NOTE}
     assert [check.name for check in report.checks if check.verdict == NOTE] == ["cost"]
     assert [check.name for check in report.checks] == [
-        "arguments", "torque", "finite", "repeatable", "inputs", "state", "gains", "joints", "allocation", "dialect",
-        "loop", "paths", "compiled once", "quiet", "cost",
-    ]  # fmt: skip
+        "arguments",
+        "torque",
+        "finite",
+        "repeatable",
+        "inputs",
+        "state",
+        "gains",
+        "joints",
+        "allocation",
+        "dialect",
+        "loop",
+        "paths",
+        "compiled once",
+        "quiet",
+        "cost",
+    ]
     assert report.line == LAW
     assert report.complaints == []
     assert report.cost is not None

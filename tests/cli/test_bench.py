@@ -39,9 +39,14 @@ def test_the_benchmark_is_the_proposed_law_recorded_in_full() -> None:
     assert loop.position_noise is None
 
 
-@pytest.mark.parametrize(("arguments", "place"), [
-    (["--rounds", "0"], "--rounds"), (["--threads", "0"], "--threads"), (["--json", "no/such/folder/x"], "--json"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "place"),
+    [
+        (["--rounds", "0"], "--rounds"),
+        (["--threads", "0"], "--threads"),
+        (["--json", "no/such/folder/x"], "--json"),
+    ],
+)
 def test_bad_arguments(arguments: list[str], place: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Exit status 2 and one line with the argument's name."""
     assert main(["bench", *arguments]) == 2

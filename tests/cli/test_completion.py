@@ -107,9 +107,13 @@ def test_zsh(script):
     script("zsh")
     terminal, other = pty.openpty()
     zsh = subprocess.Popen(
-        ["zsh", "-f", "-i"], stdin=other, stdout=other, stderr=other, start_new_session=True,
+        ["zsh", "-f", "-i"],
+        stdin=other,
+        stdout=other,
+        stderr=other,
+        start_new_session=True,
         env=os.environ | {"TERM": "dumb"},
-    )  # fmt: skip
+    )
     os.close(other)
     try:
         os.write(terminal, b"autoload -Uz compinit; compinit -D -u; unsetopt prompt_sp; . ./script; echo rea''dy\n")

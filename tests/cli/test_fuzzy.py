@@ -55,8 +55,11 @@ def test_run_draws_and_describes_the_systems_in_use(small, command):
     assert manifest["fuzzy"]["pd-49"] == {"method": "exact (closed form, stairs)", "error_bound": 0.0}
     assert manifest["fuzzy"]["lopsided"]["method"].startswith("table of ")
     assert 0.0 < manifest["fuzzy"]["lopsided"]["error_bound"]
-    for line in ("fuzzy system pd-49: exact (closed form, stairs)", "fuzzy system lopsided: table of ",
-                 "fuzzy system lopsided: warning: rules: no rule for P and P"):  # fmt: skip
+    for line in (
+        "fuzzy system pd-49: exact (closed form, stairs)",
+        "fuzzy system lopsided: table of ",
+        "fuzzy system lopsided: warning: rules: no rule for P and P",
+    ):
         assert line in out
 
 
@@ -92,15 +95,18 @@ def test_the_systems_of_a_file(small, command):
     assert len(list((small.parent / "one").iterdir())) == 6
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["pd-94"], "pd-94: is neither a file nor a built-in fuzzy system (did you mean 'pd-9'?)"),
-    (["missing.yaml"], "missing.yaml: is neither a file nor a built-in fuzzy system"),
-    (["small.yaml", "--name", "lopsid"], "--name: lopsid: no such fuzzy system in small.yaml (did you"),
-    (["pd-9", "--name", "pd-25"], "--name: pd-25: goes with a config file; pd-9 is built in"),
-    (["plain.yaml"], "plain.yaml: fuzzy: there is no fuzzy system in it, and no controller uses one"),
-    (["broken.yaml"], "broken.yaml:19:31: fuzzy.lopsided.rules[1][2]: unknown consequent 'Q' (one of: N, Z, P)"),
-    (["small.yaml", "--out", "taken"], "taken is not empty"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["pd-94"], "pd-94: is neither a file nor a built-in fuzzy system (did you mean 'pd-9'?)"),
+        (["missing.yaml"], "missing.yaml: is neither a file nor a built-in fuzzy system"),
+        (["small.yaml", "--name", "lopsid"], "--name: lopsid: no such fuzzy system in small.yaml (did you"),
+        (["pd-9", "--name", "pd-25"], "--name: pd-25: goes with a config file; pd-9 is built in"),
+        (["plain.yaml"], "plain.yaml: fuzzy: there is no fuzzy system in it, and no controller uses one"),
+        (["broken.yaml"], "broken.yaml:19:31: fuzzy.lopsided.rules[1][2]: unknown consequent 'Q' (one of: N, Z, P)"),
+        (["small.yaml", "--out", "taken"], "taken is not empty"),
+    ],
+)
 def test_bad_input(small, command, arguments, message):
     """Exit status 2, one line that says what was wanted, nothing written."""
     folder = small.parent
@@ -148,9 +154,12 @@ def test_a_law_of_ones_own_with_a_fuzzy_system(small, command, monkeypatch):
     """A plug-in declares a field of type `Fis`, the config chooses its system; without scaling, no page of rules."""
     monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
     (small.parent / "mine.py").write_text(LAW)
-    small.write_text(CONFIG.replace("  - {name: plain, law: pd, gains: {lam: 10, kv: 20}}\n", (
-        "  - {name: mine, law: rules-only, gains: {ge: 0.05, gd: 0.5}, fuzzy: pd-9}\n"
-    )))  # fmt: skip
+    small.write_text(
+        CONFIG.replace(
+            "  - {name: plain, law: pd, gains: {lam: 10, kv: 20}}\n",
+            ("  - {name: mine, law: rules-only, gains: {ge: 0.05, gd: 0.5}, fuzzy: pd-9}\n"),
+        )
+    )
     status, out, _ = command("run", small, "--plugin", "mine.py", "--out", "result")
     assert status == 0
     assert "fuzzy system pd-9: exact" in out

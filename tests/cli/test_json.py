@@ -172,11 +172,17 @@ def test_completion(document, command):
     assert data["script"] + "\n" == command("completion", "bash")[1]
 
 
-@pytest.mark.parametrize(("arguments", "option"), [
-    (["run"], None), (["run", "a.yaml", "--colour"], None), (["video", "r", "--size", "huge"], "--size"),
-    (["fly"], "COMMAND"),
-    (["compare", "mujoco:puma", "analytic:puma560"], "A"), (["paper", "--workers", "0"], "--workers"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "option"),
+    [
+        (["run"], None),
+        (["run", "a.yaml", "--colour"], None),
+        (["video", "r", "--size", "huge"], "--size"),
+        (["fly"], "COMMAND"),
+        (["compare", "mujoco:puma", "analytic:puma560"], "A"),
+        (["paper", "--workers", "0"], "--workers"),
+    ],
+)
 def test_bad_arguments(tmp_path, monkeypatch, command, arguments, option):
     """Exit 2, one line for each problem on standard error, and the problems in the document."""
     monkeypatch.chdir(tmp_path)
@@ -199,9 +205,14 @@ def test_bad_config(quick, command):
     assert status == 2
     assert [p["message"] for p in problems] == [line.split(": ", 2)[2] for line in err.splitlines()]
     assert problems[0] == {
-        "file": "quick.yaml", "line": 5, "column": column, "option": None, "key": "controllers[0].gains.lamb",
-        "message": "unknown gain (did you mean 'lam'?)", "wanted": "lam",
-    }  # fmt: skip
+        "file": "quick.yaml",
+        "line": 5,
+        "column": column,
+        "option": None,
+        "key": "controllers[0].gains.lamb",
+        "message": "unknown gain (did you mean 'lam'?)",
+        "wanted": "lam",
+    }
 
 
 def test_every_mistake_in_a_config_can_be_placed():
@@ -217,13 +228,20 @@ def test_every_mistake_in_a_config_can_be_placed():
         )
 
 
-@pytest.mark.parametrize(("problem", "place", "wanted"), [
-    (Problem("--set run.seed=x", "run.seed", "got 'x', wanted a number"), ("option", "--set run.seed=x"), "a number"),
-    (Problem("RUN", "", "runs/a: there is no such folder"), ("option", "RUN"), None),
-    (Problem("missing.yaml", "", "does not exist"), ("file", "missing.yaml"), None),
-    (Problem("x.yaml:1:2", "law", "unknown (one of: a, b)"), ("file", "x.yaml"), "a, b"),
-    (Problem("", "reference", "too fast"), ("option", None), None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("problem", "place", "wanted"),
+    [
+        (
+            Problem("--set run.seed=x", "run.seed", "got 'x', wanted a number"),
+            ("option", "--set run.seed=x"),
+            "a number",
+        ),
+        (Problem("RUN", "", "runs/a: there is no such folder"), ("option", "RUN"), None),
+        (Problem("missing.yaml", "", "does not exist"), ("file", "missing.yaml"), None),
+        (Problem("x.yaml:1:2", "law", "unknown (one of: a, b)"), ("file", "x.yaml"), "a, b"),
+        (Problem("", "reference", "too fast"), ("option", None), None),
+    ],
+)
 def test_where_a_problem_is(problem, place, wanted):
     """An option or an argument, or a file."""
     told = problem.to_json()

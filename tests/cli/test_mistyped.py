@@ -67,21 +67,24 @@ def files(tmp_path, monkeypatch):
         Path("configs", name).touch()
 
 
-@pytest.mark.parametrize(("words", "meant"), [
-    (["run", "configs/fig9.yml"], "configs/fig9.yaml"),
-    (["run", "configs/fgi9.yaml"], "configs/fig9.yaml"),
-    (["run", "configs/FIG10.yaml"], "configs/fig10.yaml"),
-    (["run", "config/fig10"], "configs/fig10.yaml"),
-    (["sweep", "configs/fig9.yml"], "configs/fig9.yaml"),
-    (["fuzzy", "configs/fig9.yml"], "configs/fig9.yaml"),
-    (["fuzzy", "pd-48"], "pd-49"),
-    (["check", "configs/lwa.py"], "configs/law.py"),
-    (["run", "configs/fig9.yaml", "--plugin", "configs/laws.py"], "configs/law.py"),
-    (["compare", "configs/arms.xml", "mujoco:puma560"], "configs/arm.xml"),
-    (["video", "confgis"], "configs"),
-    (["sweep", "--resume", "confgis"], "configs"),
-    (["run", "--from-sweep", "confgis", "--index", "0"], "configs"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["run", "configs/fig9.yml"], "configs/fig9.yaml"),
+        (["run", "configs/fgi9.yaml"], "configs/fig9.yaml"),
+        (["run", "configs/FIG10.yaml"], "configs/fig10.yaml"),
+        (["run", "config/fig10"], "configs/fig10.yaml"),
+        (["sweep", "configs/fig9.yml"], "configs/fig9.yaml"),
+        (["fuzzy", "configs/fig9.yml"], "configs/fig9.yaml"),
+        (["fuzzy", "pd-48"], "pd-49"),
+        (["check", "configs/lwa.py"], "configs/law.py"),
+        (["run", "configs/fig9.yaml", "--plugin", "configs/laws.py"], "configs/law.py"),
+        (["compare", "configs/arms.xml", "mujoco:puma560"], "configs/arm.xml"),
+        (["video", "confgis"], "configs"),
+        (["sweep", "--resume", "confgis"], "configs"),
+        (["run", "--from-sweep", "confgis", "--index", "0"], "configs"),
+    ],
+)
 def test_a_mistyped_path(files, command, words, meant):
     """The nearest file of the kind that is wanted, or folder, whichever part of the path is wrong."""
     status, out, err = command(*words)

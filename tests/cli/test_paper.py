@@ -80,8 +80,11 @@ def test_both_plants_agree(folder, figure):
     undamped = ("conventional-blind", "conventional-strong", "m-no-linear")
     damped = [r["position"] for r in rows if r["controller"] not in undamped]
     figure(f"plants apart in {len(damped)} of {len(rows)} runs: all laws that damp [rad]", max(damped), "<= 1e-12")
-    figure("plants apart in the others [rad]",
-           max(r["position"] for r in rows if r["controller"] in undamped), "<= 1e-12 in the issue")  # fmt: skip
+    figure(
+        "plants apart in the others [rad]",
+        max(r["position"] for r in rows if r["controller"] in undamped),
+        "<= 1e-12 in the issue",
+    )
     assert len(damped) >= 120
     for row in rows:
         assert row["torques"] == 0, row

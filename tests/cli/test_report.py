@@ -116,8 +116,9 @@ def test_several_runs_side_by_side(run, quick, command):
 def test_differences_are_the_keys_that_differ() -> None:
     """Equal ones are left out; one that is missing shows as a dash."""
     assert differences({"a": {"x": "1", "y": "2"}, "b": {"x": "1", "y": "3", "z": "4"}}) == [
-        ["y", "2", "3"], ["z", "-", "4"],
-    ]  # fmt: skip
+        ["y", "2", "3"],
+        ["z", "-", "4"],
+    ]
 
 
 @pytest.mark.parametrize(

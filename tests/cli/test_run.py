@@ -109,12 +109,15 @@ def test_a_motion_beyond_all_numbers_is_bad_input(quick, command):
 
 
 SCENARIO = (
-    "plant.payload={mass: 2, at: 0.3, offset: [0, 0, 0.1]}", "plant.friction={viscous: 1}",
+    "plant.payload={mass: 2, at: 0.3, offset: [0, 0, 0.1]}",
+    "plant.friction={viscous: 1}",
     "plant.perturb.relative=0.1",
-    "model.structure=exact", "model.constants=fitted", "model.mismatch.tolerance=0.3",
+    "model.structure=exact",
+    "model.constants=fitted",
+    "model.mismatch.tolerance=0.3",
     "chain={encoder_noise: 0.0001, quantisation: 0.0002, velocity: differentiated, delay: 0.002, actuator_lag: 0.001}",
     "disturbances=[{kind: bias, channel: torque, value: 1}, {kind: sinusoid, channel: torque, amplitude: 2}]",
-)  # fmt: skip
+)
 
 
 def test_what_was_done_to_plant_and_model_is_told(quick, command):
@@ -123,10 +126,15 @@ def test_what_was_done_to_plant_and_model_is_told(quick, command):
     status, out, _ = command("run", quick, "--out", "result", "--no-figures", *edits)
     assert status == 0
     for words in (
-        "links perturbed up to 10 %", "payload 2 kg at 0 0 0.1 m from 0.3 s", "friction viscous 1 N m s/rad",
-        "constants drawn within 0.3 tolerances", "noise 0.1 mrad, encoder step 0.2 mrad, velocity differentiated",
-        "delay 2 ms, actuator lag 1 ms", "constant torque 1 N m; sinusoidal torque, amplitude 2 N m, 1 Hz", "draw 0",
-    ):  # fmt: skip
+        "links perturbed up to 10 %",
+        "payload 2 kg at 0 0 0.1 m from 0.3 s",
+        "friction viscous 1 N m s/rad",
+        "constants drawn within 0.3 tolerances",
+        "noise 0.1 mrad, encoder step 0.2 mrad, velocity differentiated",
+        "delay 2 ms, actuator lag 1 ms",
+        "constant torque 1 N m; sinusoidal torque, amplitude 2 N m, 1 Hz",
+        "draw 0",
+    ):
         assert words in " ".join(out.split()), words
     manifest = check_run(quick.parent / "result")
     assert manifest["scenario"]["payload_step"] == 300

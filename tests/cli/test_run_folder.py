@@ -45,14 +45,20 @@ def here(results, monkeypatch):
 
 
 @pytest.mark.parametrize("command_name", COMMANDS)
-@pytest.mark.parametrize(("folder", "said"), [
-    ("rum", "rum: there is no such folder (did you mean 'run'?)"),
-    ("half", "half: the run has not finished (no manifest.json): wait if it is running, else run it again: "
-             "torquebench run half/experiment.yaml --out NEW"),
-    ("empty", "empty: is not a run (no manifest.json), wanted a folder that `torquebench run` left"),
-    ("quick.yaml", "quick.yaml: is a file, wanted the folder that `torquebench run` left"),
-    ("other", "other: holds results of another command, wanted a folder that `torquebench run` left"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("folder", "said"),
+    [
+        ("rum", "rum: there is no such folder (did you mean 'run'?)"),
+        (
+            "half",
+            "half: the run has not finished (no manifest.json): wait if it is running, else run it again: "
+            "torquebench run half/experiment.yaml --out NEW",
+        ),
+        ("empty", "empty: is not a run (no manifest.json), wanted a folder that `torquebench run` left"),
+        ("quick.yaml", "quick.yaml: is a file, wanted the folder that `torquebench run` left"),
+        ("other", "other: holds results of another command, wanted a folder that `torquebench run` left"),
+    ],
+)
 def test_each_case_has_its_own_message(here, command, command_name, folder, said):
     """Exit 2 and one line: the folder, what it is, what to do; the same for every command; nothing is written."""
     before = sorted(here.rglob("*"))

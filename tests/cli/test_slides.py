@@ -66,9 +66,14 @@ def test_errors_in_mrad_and_in_mm(rail, command):
     assert "rad, m of slides" in page
 
 
-@pytest.mark.parametrize(("slides", "unit", "value"), [
-    ((False, False), "rad", "0.5"), ((True, True), "m", "0.5"), ((True, False), "rad, m of slides", "-"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("slides", "unit", "value"),
+    [
+        ((False, False), "rad", "0.5"),
+        ((True, True), "m", "0.5"),
+        ((True, False), "rad, m of slides", "-"),
+    ],
+)
 def test_joints_of_two_kinds_have_no_headline_in_common(slides, unit, value):
     """A mean over rad and m is no number."""
     info = next(info for info in METRICS if info.key == "rmse")

@@ -237,23 +237,32 @@ def test_other_software_is_refused(swept, command, monkeypatch):
     assert 'software.mujoco: was "3.9.9" when the sweep began' in err
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (("sweep",), "CONFIG: missing"),
-    (("sweep", "small.yaml", "--workers", "0"), "--workers: got 0"),
-    (("sweep", "--resume", "nowhere"), "--resume: nowhere: there is no such folder"),
-    (("sweep", "--resume", "s", "--out", "t"), "--out: has no effect"),
-    (("sweep", "--resume", "s", "--set", "sweep.draws=3"), "--set: has no effect"),
-    (("sweep", "small.yaml", "--set", "sweep.draws=0"), "--set sweep.draws=0: sweep.draws: got 0, wanted at least 1"),
-    (("sweep", "base.yaml"), "base.yaml:1:1: sweep: missing"),
-    (("run", "small.yaml"), "small.yaml:12:1: sweep: is for many runs: wanted torquebench sweep FILE"),
-    (("run",), "CONFIG: missing"),
-    (("run", "small.yaml", "--index", "3"), "--index: has no effect without --from-sweep"),
-    (("run", "--from-sweep", "s"), "--index: missing"),
-    (("run", "--from-sweep", "s", "--index", "72"), "--index: got 72, wanted 0 to 71"),
-    (("run", "--from-sweep", "s", "--index", "-1"), "--index: got -1, wanted 0 to 71"),
-    (("run", "--from-sweep", "s", "--index", "1", "--set", "run.duration=2"), "--set: has no effect with --from-sweep"),
-    (("run", "base.yaml", "--from-sweep", "s", "--index", "1"), "CONFIG: has no effect with --from-sweep"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("sweep",), "CONFIG: missing"),
+        (("sweep", "small.yaml", "--workers", "0"), "--workers: got 0"),
+        (("sweep", "--resume", "nowhere"), "--resume: nowhere: there is no such folder"),
+        (("sweep", "--resume", "s", "--out", "t"), "--out: has no effect"),
+        (("sweep", "--resume", "s", "--set", "sweep.draws=3"), "--set: has no effect"),
+        (
+            ("sweep", "small.yaml", "--set", "sweep.draws=0"),
+            "--set sweep.draws=0: sweep.draws: got 0, wanted at least 1",
+        ),
+        (("sweep", "base.yaml"), "base.yaml:1:1: sweep: missing"),
+        (("run", "small.yaml"), "small.yaml:12:1: sweep: is for many runs: wanted torquebench sweep FILE"),
+        (("run",), "CONFIG: missing"),
+        (("run", "small.yaml", "--index", "3"), "--index: has no effect without --from-sweep"),
+        (("run", "--from-sweep", "s"), "--index: missing"),
+        (("run", "--from-sweep", "s", "--index", "72"), "--index: got 72, wanted 0 to 71"),
+        (("run", "--from-sweep", "s", "--index", "-1"), "--index: got -1, wanted 0 to 71"),
+        (
+            ("run", "--from-sweep", "s", "--index", "1", "--set", "run.duration=2"),
+            "--set: has no effect with --from-sweep",
+        ),
+        (("run", "base.yaml", "--from-sweep", "s", "--index", "1"), "CONFIG: has no effect with --from-sweep"),
+    ],
+)
 def test_what_makes_no_sense_is_refused(swept, command, arguments, words):
     """Exit 2, one line that says what was wanted, and nothing written."""
     Path("base.yaml").write_text(BASE)
@@ -361,8 +370,14 @@ def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monk
 
     monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
     Path("law.py").write_text(PLUGIN)
-    own = ("--set", "controllers=[{name: own, law: swept-law, gains: {k: 1}}]", "--set", "sweep.grid={}",
-           "--set", "sweep.random={controllers.*.gains.k: {uniform: [1, 2]}}")  # fmt: skip
+    own = (
+        "--set",
+        "controllers=[{name: own, law: swept-law, gains: {k: 1}}]",
+        "--set",
+        "sweep.grid={}",
+        "--set",
+        "sweep.random={controllers.*.gains.k: {uniform: [1, 2]}}",
+    )
     for name, how in (("s", THREADS), ("t", ("--workers", 1))):
         with monkeypatch.context() as fresh:
             fresh.setattr(base, "_REGISTRY", dict(base._REGISTRY))
@@ -390,9 +405,13 @@ def alive(group):
     return True
 
 
-@pytest.mark.parametrize(("number", "status", "word"), [
-    (signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("number", "status", "word"),
+    [
+        (signal.SIGINT, 130, "interrupted"),
+        (signal.SIGTERM, 143, "terminated"),
+    ],
+)
 def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
     """Ctrl-C and SIGTERM: their status, one line with the command that goes on, finished shards whole, no manifest.
 

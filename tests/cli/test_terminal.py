@@ -89,11 +89,18 @@ def test_long_lines_are_broken_and_paths_are_not(screen):
     assert out.getvalue() == "  results:\n    runs/a-name-without-any-space\n    in it\n"
 
 
-@pytest.mark.parametrize(("names", "is_terminal", "expected"), [
-    ({}, True, True), ({}, False, False), ({"NO_COLOR": "1"}, True, False), ({"NO_COLOR": ""}, True, True),
-    ({"FORCE_COLOR": "1"}, False, True), ({"TERM": "dumb"}, True, False),
-    ({"NO_COLOR": "1", "FORCE_COLOR": "1"}, True, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("names", "is_terminal", "expected"),
+    [
+        ({}, True, True),
+        ({}, False, False),
+        ({"NO_COLOR": "1"}, True, False),
+        ({"NO_COLOR": ""}, True, True),
+        ({"FORCE_COLOR": "1"}, False, True),
+        ({"TERM": "dumb"}, True, False),
+        ({"NO_COLOR": "1", "FORCE_COLOR": "1"}, True, False),
+    ],
+)
 def test_when_there_is_colour(monkeypatch, names, is_terminal, expected):
     """A terminal has it unless NO_COLOR or TERM=dumb; FORCE_COLOR brings it to a file; NO_COLOR has the last word."""
     for name, value in names.items():

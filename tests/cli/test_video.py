@@ -50,10 +50,20 @@ def test_a_run_makes_the_film_that_its_config_asks_for(quick, command, monkeypat
     manifest = check_run(folder)
     facts = manifest["video"]
     assert facts["file"] in manifest["files"]
-    assert facts | {
-        "backend": "stick", "size": [320, 240], "speed": 0.5, "camera": "side", "quality": "fast", "frames": 40,
-        "seconds": 40 / FPS, "controllers": ["conventional", "linear-band"],
-    } == facts  # fmt: skip
+    assert (
+        facts
+        | {
+            "backend": "stick",
+            "size": [320, 240],
+            "speed": 0.5,
+            "camera": "side",
+            "quality": "fast",
+            "frames": 40,
+            "seconds": 40 / FPS,
+            "controllers": ["conventional", "linear-band"],
+        }
+        == facts
+    )
     assert "MUJOCO_GL=off" in facts["reason"]
     assert f"film: {os.path.join('run', 'video.mp4')} (40 frames, 1.6 s; drawn by stick: MUJOCO_GL=off" in out
     assert "data:video/mp4;base64," in (folder / "report.html").read_text()
@@ -135,25 +145,28 @@ def test_without_imageio_ffmpeg_it_says_what_to_install(run, command, monkeypatc
     assert "pip install imageio-ffmpeg" in err
 
 
-@pytest.mark.parametrize(("arguments", "said"), [
-    (["--quality", "best"], "wanted fast or pretty"),
-    (["--size", "641x480"], "wanted even numbers from 160 to 3840"),
-    (["--size", "100x100"], "wanted even numbers from 160 to 3840"),
-    (["--speed", "0"], "wanted 0.001 to 1000"),
-    (["--speed", "nan"], "wanted 0.001 to 1000"),
-    (["--camera", "overveiw"], "did you mean 'overview'?"),
-    (["--controllers", "linear-bnd"], "did you mean 'linear-band'?"),
-    (["--still", "0.1"], "wanted --out FILE"),
-    (["--still", "-1", "--out", "a.png"], "wanted a time of the run"),
-    (["--still", "99", "--out", "a.png"], "got 99, wanted a time of the run, 0 to "),
-    (["--out", "nowhere/a.mp4"], "nowhere is not a folder"),
-    (["--out", "."], ". is a folder, wanted a file"),
-    (["--out", "x.gif"], "got x.gif, wanted a name that ends in .mp4"),
-    (["--out", "film"], "got film, wanted a name that ends in .mp4"),
-    (["--out", "x.png"], "one picture: --still SECONDS --out FILE.png"),
-    (["--out", "x.jpg", "--still", "0.1"], "got x.jpg, wanted a name that ends in .png"),
-    (["--out", "x.mp4", "--still", "0.1"], "got x.mp4, wanted a name that ends in .png"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--quality", "best"], "wanted fast or pretty"),
+        (["--size", "641x480"], "wanted even numbers from 160 to 3840"),
+        (["--size", "100x100"], "wanted even numbers from 160 to 3840"),
+        (["--speed", "0"], "wanted 0.001 to 1000"),
+        (["--speed", "nan"], "wanted 0.001 to 1000"),
+        (["--camera", "overveiw"], "did you mean 'overview'?"),
+        (["--controllers", "linear-bnd"], "did you mean 'linear-band'?"),
+        (["--still", "0.1"], "wanted --out FILE"),
+        (["--still", "-1", "--out", "a.png"], "wanted a time of the run"),
+        (["--still", "99", "--out", "a.png"], "got 99, wanted a time of the run, 0 to "),
+        (["--out", "nowhere/a.mp4"], "nowhere is not a folder"),
+        (["--out", "."], ". is a folder, wanted a file"),
+        (["--out", "x.gif"], "got x.gif, wanted a name that ends in .mp4"),
+        (["--out", "film"], "got film, wanted a name that ends in .mp4"),
+        (["--out", "x.png"], "one picture: --still SECONDS --out FILE.png"),
+        (["--out", "x.jpg", "--still", "0.1"], "got x.jpg, wanted a name that ends in .png"),
+        (["--out", "x.mp4", "--still", "0.1"], "got x.mp4, wanted a name that ends in .png"),
+    ],
+)
 def test_bad_arguments_are_refused(run, command, arguments, said):
     """Status 2, what was wanted and the nearest name; nothing is written."""
     before = sorted(run.parent.rglob("*"))

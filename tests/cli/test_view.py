@@ -137,16 +137,19 @@ def test_a_watched_run_ends_though_nobody_comes(quick, command, monkeypatch):
     assert check_run(Path("watched"))["name"] == "quick"
 
 
-@pytest.mark.parametrize(("arguments", "wanted"), [
-    (["view", "RUN", "--speed", "0"], "--speed: got 0, wanted 0.001 to 1000"),
-    (["view", "RUN", "--speed", "nan"], "--speed: got nan"),
-    (["view", "RUN", "--port", "70000"], "--port: got 70000"),
-    (["view", "RUN", "--controllers", "linear-bnd"], "did you mean 'linear-band'"),
-    (["view", "nowhere"], "RUN: nowhere"),
-    (["run", "CONFIG", "--browser"], "--browser: wanted --live as well"),
-    (["run", "CONFIG", "--speed", "2", "--port", "8000"], "--port: wanted --live as well"),
-    (["run", "CONFIG", "--live", "--speed", "-1"], "--speed: got -1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "wanted"),
+    [
+        (["view", "RUN", "--speed", "0"], "--speed: got 0, wanted 0.001 to 1000"),
+        (["view", "RUN", "--speed", "nan"], "--speed: got nan"),
+        (["view", "RUN", "--port", "70000"], "--port: got 70000"),
+        (["view", "RUN", "--controllers", "linear-bnd"], "did you mean 'linear-band'"),
+        (["view", "nowhere"], "RUN: nowhere"),
+        (["run", "CONFIG", "--browser"], "--browser: wanted --live as well"),
+        (["run", "CONFIG", "--speed", "2", "--port", "8000"], "--port: wanted --live as well"),
+        (["run", "CONFIG", "--live", "--speed", "-1"], "--speed: got -1"),
+    ],
+)
 def test_bad_input(finished, quick, command, arguments, wanted):
     """Exit status 2, the option and what was wanted; nothing is served or written."""
     known = {"RUN": finished, "CONFIG": quick}

@@ -87,9 +87,13 @@ def wrist(rows: list[tuple[float, float, float]]) -> list[tuple[float, float, fl
 
 
 PAPER_CHAIN = [
-    (np.pi / 2, 0.0, 0.0), (0.0, 0.4318, -0.1491), (np.pi / 2, 0.0203, 0.0),
-    (np.pi / 2, 0.0, 0.4331), (np.pi / 2, 0.0, 0.0), (0.0, 0.0, 0.0),
-]  # fmt: skip
+    (np.pi / 2, 0.0, 0.0),
+    (0.0, 0.4318, -0.1491),
+    (np.pi / 2, 0.0203, 0.0),
+    (np.pi / 2, 0.0, 0.4331),
+    (np.pi / 2, 0.0, 0.0),
+    (0.0, 0.0, 0.0),
+]
 """Standard Denavit-Hartenberg rows (alpha, a, d) of the repaired (11)-(22), in their own coordinates."""
 
 

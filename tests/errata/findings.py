@@ -150,10 +150,12 @@ def claims() -> dict[tuple[int, str], tuple[float | None, float | None]]:
 
     return {
         (n, claim): (
-            gap(claim, printed_values(), element(n).printed), gap(claim, corrected_values(), element(n).corrected)
+            gap(claim, printed_values(), element(n).printed),
+            gap(claim, corrected_values(), element(n).corrected),
         )
-        for n in ELEMENTS for claim in element(n).claims
-    }  # fmt: skip
+        for n in ELEMENTS
+        for claim in element(n).claims
+    }
 
 
 def printed_constants() -> dict[str, float]:

@@ -25,11 +25,14 @@ def reflow(block: str) -> str:
     items = block.replace("\n* ", "\0* ").replace(" - ", " -\1").split("\0")  # a line must not begin with "- "
     return "\n".join(
         textwrap.fill(
-            " ".join(item.split()), 110, subsequent_indent="  " if item.startswith("* ") else "",
-            break_long_words=False, break_on_hyphens=False,
+            " ".join(item.split()),
+            110,
+            subsequent_indent="  " if item.startswith("* ") else "",
+            break_long_words=False,
+            break_on_hyphens=False,
         )
         for item in items
-    ).replace("\1", " ")  # fmt: skip
+    ).replace("\1", " ")
 
 
 _NUMBER = re.compile(r"(\d+\.\d*(?:e[+-]?\d+)?)")

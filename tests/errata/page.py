@@ -11,9 +11,19 @@ from .layout import reflow
 PATH = Path(__file__).resolve().parents[2] / "docs" / "errata.md"
 
 PARTS = (
-    equations.head, equations.kinematics, equations.mass, equations.coriolis, equations.centrifugal, equations.gravity,
-    effects.controller, effects.together, effects.dropped, effects.constants, effects.itself, effects.notation,
-)  # fmt: skip
+    equations.head,
+    equations.kinematics,
+    equations.mass,
+    equations.coriolis,
+    equations.centrifugal,
+    equations.gravity,
+    effects.controller,
+    effects.together,
+    effects.dropped,
+    effects.constants,
+    effects.itself,
+    effects.notation,
+)
 
 
 def build() -> str:

@@ -50,7 +50,7 @@ NOTES = (
     "(31) and (79): the double integral lacks dt dt and the initial position and speed. (76)-(78) are right.",
     "(26) makes V a vector of torques; (112) multiplies a matrix V by the speeds. That dA/dt - 2V is skew-symmetric, "
     "as the text before (111) says, holds for Christoffel's choice of that matrix; b and C do not single one out.",
-)  # fmt: skip
+)
 """Slips of notation and reference: read, not computed, except where a test is named on the page."""
 
 FLAGS: dict[str, str] = {

@@ -219,9 +219,12 @@ sweep:
 """
 """A section of `GOOD` that is no experiment's."""
 VARIED = {
-    "controllers.*.gains.lam", "run.metrics_from", "controllers.linear-band.gains.kv", "controllers[1].gains.phi",
+    "controllers.*.gains.lam",
+    "run.metrics_from",
+    "controllers.linear-band.gains.kv",
+    "controllers[1].gains.phi",
     "disturbances[0].sigma",
-}  # fmt: skip
+}
 ALL = {
     "good": GOOD,
     "step": STEP,

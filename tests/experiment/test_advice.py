@@ -83,10 +83,19 @@ def test_quintic_must_end_within_the_run() -> None:
 
 HUGE_OR_TINY = [
     f"{key}={value}"
-    for key in ("run.duration", "run.control_period", "plant.timestep", "run.metrics_from", "disturbances[0].hold",
-                "reference.at", "reference.rise_time", "model.mismatch.relative", "run.seed")
+    for key in (
+        "run.duration",
+        "run.control_period",
+        "plant.timestep",
+        "run.metrics_from",
+        "disturbances[0].hold",
+        "reference.at",
+        "reference.rise_time",
+        "model.mismatch.relative",
+        "run.seed",
+    )
     for value in ("1e300", "1.7e308", "1e-300", "9007199254740993")
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("override", HUGE_OR_TINY)

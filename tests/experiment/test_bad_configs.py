@@ -83,12 +83,19 @@ def test_any_one_letter_typo_in_any_key_suggests_the_key(name: str) -> None:
 
 
 WORDS = [
-    ("mujoco", "plant.engine"), ("rk4", "plant.integrator"), ("corrected", "model.structure"),
-    ("printed", "model.constants"), ("puma560", "plant.model"), ("linear-band-smc", "controllers[1].law"),
-    ("saturation", "controllers[0].switching"), ("completed", "controllers[1].expect"),
-    ("sine", "reference.kind"), ("band-limited-noise", "disturbances[0].kind"),
-    ("torque", "disturbances[0].channel"), ("home", "run.initial_q"),
-]  # fmt: skip
+    ("mujoco", "plant.engine"),
+    ("rk4", "plant.integrator"),
+    ("corrected", "model.structure"),
+    ("printed", "model.constants"),
+    ("puma560", "plant.model"),
+    ("linear-band-smc", "controllers[1].law"),
+    ("saturation", "controllers[0].switching"),
+    ("completed", "controllers[1].expect"),
+    ("sine", "reference.kind"),
+    ("band-limited-noise", "disturbances[0].kind"),
+    ("torque", "disturbances[0].channel"),
+    ("home", "run.initial_q"),
+]
 
 
 @pytest.mark.parametrize(("word", "key"), WORDS)

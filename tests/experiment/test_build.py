@@ -120,9 +120,13 @@ def test_no_disturbance_is_none() -> None:
 def wrong(structure: str, r: float, *overrides: str, seed: int = 7, draw: int = 3) -> Loop:
     """Return the loop of a config with a mismatch."""
     return built(
-        f"model.structure={structure}", "model.constants=printed", f"model.mismatch.relative={r}", f"run.seed={seed}",
-        f"run.draw={draw}", *overrides,
-    )  # fmt: skip
+        f"model.structure={structure}",
+        "model.constants=printed",
+        f"model.mismatch.relative={r}",
+        f"run.seed={seed}",
+        f"run.draw={draw}",
+        *overrides,
+    )
 
 
 @pytest.mark.parametrize("structure", ["corrected", "printed"])
@@ -173,9 +177,11 @@ def test_plant_and_belief_have_their_own_structure_and_constants() -> None:
     start, torque = np.linspace(0.2, 0.7, 6), np.array([5.0, -20.0, 8.0, 1.0, -1.0, 0.5])
     for truth in (("exact", "fitted"), ("corrected", "fitted"), ("printed", "printed")):
         loop = built(
-            f"plant.structure={truth[0]}", f"plant.constants={truth[1]}",
-            "model.structure=corrected", "model.constants=printed",
-        )  # fmt: skip
+            f"plant.structure={truth[0]}",
+            f"plant.constants={truth[1]}",
+            "model.structure=corrected",
+            "model.constants=printed",
+        )
         alone = AnalyticPlant(load_model("puma560", *truth), 0.001, "rk4")
         alone.reset(start, np.zeros(6))
         alone.step(torque, 50)
@@ -190,8 +196,11 @@ def test_belief_can_be_overwritten_without_touching_plant_or_next_build() -> Non
     loop = built(*config)
     before, pose = state_after(loop), np.linspace(0.2, 0.7, 6)
     mass_matrix = loop.model.mass_matrix(pose)
-    arrays = [value for name, value in vars(loop.model.flat).items()
-              if isinstance(value, np.ndarray) and not name.startswith("_")]  # fmt: skip
+    arrays = [
+        value
+        for name, value in vars(loop.model.flat).items()
+        if isinstance(value, np.ndarray) and not name.startswith("_")
+    ]
     assert len(arrays) > 10
     assert not any(array.flags.writeable for array in arrays)
     for value in loop.model.flat.scratch:
@@ -225,8 +234,13 @@ def test_plant_has_the_engine_step_and_integrator_of_the_config(engine: str, int
 def test_initial_position() -> None:
     """A list arrives joint by joint, one number is for every joint, and home is zero."""
     assert built("run.initial_q=[0.1, -0.2, 0.3, -0.4, 0.5, -0.6]").initial_q.tolist() == [
-        0.1, -0.2, 0.3, -0.4, 0.5, -0.6,
-    ]  # fmt: skip
+        0.1,
+        -0.2,
+        0.3,
+        -0.4,
+        0.5,
+        -0.6,
+    ]
     assert built("run.initial_q=-0.7").initial_q.tolist() == [-0.7] * 6
     assert built("run.initial_q=home").initial_q.tolist() == built().initial_q.tolist() == [0.0] * 6
 
@@ -296,8 +310,12 @@ def test_each_key_of_a_chain_is_its_own() -> None:
     text = "{encoder_noise: 0.1, quantisation: 0.2, velocity: differentiated, velocity_filter: 30, delay: 0.04}"
     chain = build_chain(parse(MINIMAL, *TIMING, f"chain={text}", "chain.actuator_lag=0.05").chain)
     assert (chain.position_sigma, chain.quantum, chain.velocity_rate, chain.delay, chain.lag) == (
-        0.1, 0.2, 30.0, 0.04, 0.05,
-    )  # fmt: skip
+        0.1,
+        0.2,
+        30.0,
+        0.04,
+        0.05,
+    )
     rates = {"exact": 0.0, "differentiated": math.inf}
     for velocity, rate in rates.items():
         assert build_chain(parse(MINIMAL, f"chain={{velocity: {velocity}}}").chain).velocity_rate == rate

@@ -44,10 +44,19 @@ def test_dump_states_every_default() -> None:
     """The dump of a minimal config states every default, so that it outlives a change of defaults."""
     text = dump_experiment(parse(MINIMAL))
     for key in (
-        "timestep: 0.001", "integrator: rk4", "structure: exact", "constants: fitted", "chain: ideal",
-        "disturbances: []", "control_period: 0.001", "initial_q: home", "seed: 0", "metrics_from: 2.0",
-        "draw: 0", "expect: completed",
-    ):  # fmt: skip
+        "timestep: 0.001",
+        "integrator: rk4",
+        "structure: exact",
+        "constants: fitted",
+        "chain: ideal",
+        "disturbances: []",
+        "control_period: 0.001",
+        "initial_q: home",
+        "seed: 0",
+        "metrics_from: 2.0",
+        "draw: 0",
+        "expect: completed",
+    ):
         assert key in text
 
 

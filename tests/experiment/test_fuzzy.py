@@ -42,8 +42,13 @@ def test_rows_belong_to_input_1_and_columns_to_input_2() -> None:
         text = edited(row, f"{row[:-1].rpartition(',')[0]}]", text)
     rules = fuzzy_system("three", parse(text).fuzzy["three"]).rules
     assert [(*rule.when, rule.then) for rule in rules] == [
-        ("N", "A", "N"), ("N", "B", "N"), ("Z", "A", "N"), ("Z", "B", "Z"), ("P", "A", "Z"), ("P", "B", "P"),
-    ]  # fmt: skip
+        ("N", "A", "N"),
+        ("N", "B", "N"),
+        ("Z", "A", "N"),
+        ("Z", "B", "Z"),
+        ("P", "A", "Z"),
+        ("P", "B", "P"),
+    ]
 
 
 def test_the_paper_s_five_terms_are_the_built_in_ones_in_other_units() -> None:
@@ -79,16 +84,31 @@ def test_a_system_of_the_file_reaches_the_law() -> None:
 def test_overrides_reach_into_systems() -> None:
     """``--set`` changes an operator, a term, a rule, and which system a controller uses."""
     x = parse(
-        FUZZY, "fuzzy.three.aggregation=min-max", "fuzzy.three.inputs[0].terms.P=1.5", "fuzzy.three.rules[1][2]=P",
+        FUZZY,
+        "fuzzy.three.aggregation=min-max",
+        "fuzzy.three.inputs[0].terms.P=1.5",
+        "fuzzy.three.rules[1][2]=P",
         "controllers.fuzzy-band.fuzzy=pd-9",
-    )  # fmt: skip
+    )
     system = fuzzy_system("three", x.fuzzy["three"])
     assert (system.aggregation, system.inputs[0].terms[2].b, system.table[1, 2]) == ("min-max", 1.5, 2)
     assert x.controllers[1].fuzzy == "pd-9"
 
 
-KEYS = ["kind", "inputs", "range", "terms", "output", "rules", "conjunction", "aggregation", "defuzzification",
-        "functions", "if", "then"]  # fmt: skip
+KEYS = [
+    "kind",
+    "inputs",
+    "range",
+    "terms",
+    "output",
+    "rules",
+    "conjunction",
+    "aggregation",
+    "defuzzification",
+    "functions",
+    "if",
+    "then",
+]
 
 
 @pytest.mark.parametrize("key", KEYS)
@@ -148,8 +168,11 @@ NUMBERS = st.floats(-1e6, 1e6)
 @given(shape=st.lists(NUMBERS, max_size=5), low=NUMBERS, high=NUMBERS, word=st.sampled_from(["N", "none", "if", "~"]))
 def test_any_numbers_for_shapes_and_ranges(shape: list[float], low: float, high: float, word: str) -> None:
     """Shapes, ranges and rules with arbitrary numbers are accepted, and then can be built, or refused with a reason."""
-    edits = (f"fuzzy.three.inputs[0].terms.Z={shape}", f"fuzzy.three.inputs[1].range=[{low}, {high}]",
-             f"fuzzy.three.rules[0][0]={word}")  # fmt: skip
+    edits = (
+        f"fuzzy.three.inputs[0].terms.Z={shape}",
+        f"fuzzy.three.inputs[1].range=[{low}, {high}]",
+        f"fuzzy.three.rules[0][0]={word}",
+    )
     if not problems_of(FUZZY, *edits):
         x = parse(FUZZY, *edits)
         fuzzy_system("three", x.fuzzy["three"])

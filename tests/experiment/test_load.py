@@ -25,8 +25,11 @@ def test_every_key_arrives_where_it_belongs() -> None:
     x = parse(GOOD)
     assert (x.name, x.description, x.chain) == ("good", "every section, one key per line", "ideal")
     assert (x.plant.engine, x.plant.model, x.plant.timestep, x.plant.integrator) == (
-        "mujoco", "puma560", 0.001, "rk4",
-    )  # fmt: skip
+        "mujoco",
+        "puma560",
+        0.001,
+        "rk4",
+    )
     assert (x.model.structure, x.model.constants) == ("corrected", "printed")
     assert x.model.mismatch is not None
     assert x.model.mismatch.relative == 0.3
@@ -40,8 +43,12 @@ def test_every_key_arrives_where_it_belongs() -> None:
     assert (x.reference.amplitude, x.reference.frequency_hz) == ((1.2, -1.0, 1.0, 1.1, 1.0, 1.0), 0.75)
     (noise,) = x.disturbances
     assert (noise.kind, noise.channel, noise.sigma, noise.hold, noise.clip_sigma) == (
-        "band-limited-noise", "torque", 0.5, 0.02, 2.5,
-    )  # fmt: skip
+        "band-limited-noise",
+        "torque",
+        0.5,
+        0.02,
+        2.5,
+    )
     assert (x.run.duration, x.run.control_period, x.run.initial_q) == (4.0, 0.002, "home")
     assert (x.run.seed, x.run.metrics_from, x.run.draw) == (7, 1.25, 3)
 
@@ -52,9 +59,12 @@ def test_off_is_a_word_and_not_false() -> None:
     law = f"law: fuzzy-linear-band-smc, {options}, gains: {{lam: 5, kv: 10}}"
     (only,) = parse(MINIMAL.replace("law: pd, gains: {lam: 5, kv: 10}", law)).controllers
     assert only.options == {
-        "equivalent_control": "measured-acceleration", "compensation": "off", "integral": False, "band": "off",
+        "equivalent_control": "measured-acceleration",
+        "compensation": "off",
+        "integral": False,
+        "band": "off",
         "linear": True,
-    }  # fmt: skip
+    }
 
 
 def test_defaults_are_the_documented_ones() -> None:

@@ -18,9 +18,7 @@ def triangle(x: Any, a: float, b: float, c: float) -> Any:
     return np.maximum(0.0, np.minimum((np.asarray(x) - a) / (b - a), (c - np.asarray(x)) / (c - b)))
 
 
-def exact_output(
-    x: float, y: float, peaks: Array = PEAKS, table: Array | None = None, product: bool = False
-) -> float:  # fmt: skip
+def exact_output(x: float, y: float, peaks: Array = PEAKS, table: Array | None = None, product: bool = False) -> float:
     """Return the centre of area of max-min on evenly spaced triangles, exact to rounding.
 
     The upper edge of the clipped triangles is a broken line. It is summed trapezium by trapezium between all the places
@@ -55,9 +53,16 @@ def exact_output(
 
 
 def brute_force(
-    x: float, y: float, inputs: Sequence[Sequence[Sequence[float]]], outputs: Sequence[Sequence[float]],
-    table: Array, aggregation: str, product: bool, gravity: bool, points: int,
-) -> float:  # fmt: skip
+    x: float,
+    y: float,
+    inputs: Sequence[Sequence[Sequence[float]]],
+    outputs: Sequence[Sequence[float]],
+    table: Array,
+    aggregation: str,
+    product: bool,
+    gravity: bool,
+    points: int,
+) -> float:
     """Return the centre of the set that an aggregation gives, rule by rule and point by point; NaN of an empty set.
 
     Args:
@@ -80,13 +85,17 @@ def brute_force(
             w = degrees[0] * degrees[1] if product else min(degrees)
             mu = triangle(u, *outputs[table[i, j]])
             near_one = np.abs(mu - 1.0) < 1e-9
-            sets.append({
-                "max-min": np.minimum(w, mu), "sum-min": np.minimum(w, mu),
-                "max-bounded-product": np.maximum(0.0, w + mu - 1.0),
-                "max-drastic-product": np.where(near_one, w, mu if abs(w - 1.0) < 1e-9 else 0.0),
-                "max-bounded-sum": np.minimum(1.0, w + mu), "max-algebraic-sum": 1.0 - (1.0 - w) * (1.0 - mu),
-                "min-max": np.maximum(1.0 - w, mu),
-            }[aggregation])  # fmt: skip
+            sets.append(
+                {
+                    "max-min": np.minimum(w, mu),
+                    "sum-min": np.minimum(w, mu),
+                    "max-bounded-product": np.maximum(0.0, w + mu - 1.0),
+                    "max-drastic-product": np.where(near_one, w, mu if abs(w - 1.0) < 1e-9 else 0.0),
+                    "max-bounded-sum": np.minimum(1.0, w + mu),
+                    "max-algebraic-sum": 1.0 - (1.0 - w) * (1.0 - mu),
+                    "min-max": np.maximum(1.0 - w, mu),
+                }[aggregation]
+            )
     if gravity or aggregation == "sum-min":
         joined = np.sum(sets, axis=0)
     else:

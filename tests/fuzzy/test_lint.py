@@ -111,8 +111,13 @@ def test_consequents_one_apart_do_not_jump() -> None:
 def test_gap() -> None:
     """A stretch of the range that no term covers is found, in the input's own units."""
     low, high = -2.0, 2.0
-    holes = {"NB": (-3.0, -2.0, -1.0), "NS": (-1.5, -0.9, -0.6), "Z": (-0.4, 0.0, 0.4), "PS": (0.4, 1.0, 1.6),
-             "PB": (1.0, 1.5, 1.9)}  # fmt: skip
+    holes = {
+        "NB": (-3.0, -2.0, -1.0),
+        "NS": (-1.5, -0.9, -0.6),
+        "Z": (-0.4, 0.0, 0.4),
+        "PS": (0.4, 1.0, 1.6),
+        "PB": (1.0, 1.5, 1.9),
+    }
     system = with_terms(holes, low, high)
     assert gaps(system.inputs[0]) == [(-0.6, -0.4), (1.9, 2.0)]
     messages = [f.message for f in found(system)["gap"]]

@@ -24,10 +24,14 @@ def at(prepared: Prepared, e: float, de: float) -> float:
     return float(prepared.outputs(np.array(e / 2.0), np.array(de / 6.0)))
 
 
-@pytest.mark.parametrize(("conjunction", "weights"), [
-    # e = 0.5: Z 3/4, P 1/4; de = 1.5: slow 1/4, fast 3/4
-    ("min", (0.25, 0.75, 0.25, 0.25)), ("product", (3 / 16, 9 / 16, 1 / 16, 3 / 16)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("conjunction", "weights"),
+    [
+        # e = 0.5: Z 3/4, P 1/4; de = 1.5: slow 1/4, fast 3/4
+        ("min", (0.25, 0.75, 0.25, 0.25)),
+        ("product", (3 / 16, 9 / 16, 1 / 16, 3 / 16)),
+    ],
+)
 def test_constants(conjunction: str, weights: tuple[float, ...]) -> None:
     """Z-slow C, Z-fast A, P-slow B, P-fast C: the mean of 30, 10, 20, 30 with the weights of the rules, in range 40."""
     prepared = system({"A": 10.0, "B": 20.0, "C": 30.0}, conjunction, low=-40.0, high=40.0)

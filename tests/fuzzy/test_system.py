@@ -25,8 +25,11 @@ def test_a_peak_reaches_to_its_neighbours() -> None:
     """Feet lie under the neighbours' peaks or shoulders; a triangle at the end is symmetric."""
     terms = Variable.of({"A": -1.0, "B": 0.0, "C": (0.0, 0.5, 0.7, 1.0), "D": 2.0}, -1.0, 2.0).terms
     assert [term[1:] for term in terms] == [
-        (-2.0, -1.0, -1.0, 0.0), (-1.0, 0.0, 0.0, 0.5), (0.0, 0.5, 0.7, 1.0), (0.7, 2.0, 2.0, 3.3),
-    ]  # fmt: skip
+        (-2.0, -1.0, -1.0, 0.0),
+        (-1.0, 0.0, 0.0, 0.5),
+        (0.0, 0.5, 0.7, 1.0),
+        (0.7, 2.0, 2.0, 3.3),
+    ]
     assert [term.peak for term in terms] == [-1.0, 0.0, 0.6, 2.0]
 
 
@@ -39,10 +42,17 @@ def test_corners_are_normalised() -> None:
 
 def test_membership_is_scikit_fuzzys() -> None:
     """Triangles, trapezoids and vertical sides have the degrees that `trimf` and `trapmf` give them."""
-    variable = Variable.of({
-        "wall": (-2.0, -2.0, -1.0, -0.5), "ramp": (-1.0, -1.0, 0.0), "roof": (-0.5, 0.2, 0.9),
-        "flat": (0.1, 0.4, 0.6, 0.6), "edge": (0.6, 2.0, 2.0),
-    }, -2.0, 2.0)  # fmt: skip
+    variable = Variable.of(
+        {
+            "wall": (-2.0, -2.0, -1.0, -0.5),
+            "ramp": (-1.0, -1.0, 0.0),
+            "roof": (-0.5, 0.2, 0.9),
+            "flat": (0.1, 0.4, 0.6, 0.6),
+            "edge": (0.6, 2.0, 2.0),
+        },
+        -2.0,
+        2.0,
+    )
     x = np.append(np.linspace(-2.0, 2.0, 801), variable.corners().ravel() * 2.0)
     got = np.empty((len(x), 5))
     fill_memberships(variable.corners(), x / 2.0, got)
@@ -136,15 +146,27 @@ BAD = {
     "antecedent": ({"rules": (Rule(("N", "Q"), "P"),)}, ("rules", 0), "unknown term 'Q' of input 2"),
     "consequent": ({"rules": (Rule(("N", "P"), "PP"),)}, ("rules", 0), "'PP' (did you mean 'P'?)"),
     "short rule": ({"rules": (Rule(("N",), "P"),)}, ("rules", 0), "names 1 terms after 'if'"),
-    "function": ({"output": Functions.of({"N": (1.0, 2.0), "Z": 0.0, "P": 1.0})}, ("output", "functions", "N"),
-                 "wanted one, or 3"),
-    "name": ({"output": Functions.of({"N": 1.0, "Z": 0.0, "P": 1.0, "a b": 2.0})}, ("output", "functions", "a b"),
-             "letters"),
-    "idle": ({"rules": (Rule(("N", "Z"), "P"),), "inputs": (Variable.of({"N": (1.0, 1.5, 2.0)}), V)}, ("rules",),
-             "no rule ever fires"),
-    "spikes": ({"aggregation": "max-drastic-product", "output": Variable.of({"N": -1.0, "Z": 0.0012, "P": 1.0})},
-               ("output", "terms", "Z"), "move it to"),
-}  # fmt: skip
+    "function": (
+        {"output": Functions.of({"N": (1.0, 2.0), "Z": 0.0, "P": 1.0})},
+        ("output", "functions", "N"),
+        "wanted one, or 3",
+    ),
+    "name": (
+        {"output": Functions.of({"N": 1.0, "Z": 0.0, "P": 1.0, "a b": 2.0})},
+        ("output", "functions", "a b"),
+        "letters",
+    ),
+    "idle": (
+        {"rules": (Rule(("N", "Z"), "P"),), "inputs": (Variable.of({"N": (1.0, 1.5, 2.0)}), V)},
+        ("rules",),
+        "no rule ever fires",
+    ),
+    "spikes": (
+        {"aggregation": "max-drastic-product", "output": Variable.of({"N": -1.0, "Z": 0.0012, "P": 1.0})},
+        ("output", "terms", "Z"),
+        "move it to",
+    ),
+}
 
 
 @pytest.mark.parametrize("what", BAD)

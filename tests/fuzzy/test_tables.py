@@ -54,9 +54,16 @@ def test_each_aggregation_against_brute_force(
     for a, b, got in zip(x, y, found, strict=True):
         own = [min(max(z, -1.0), 1.0) * v.half + v.middle for z, v in zip((a, b), system.inputs, strict=True)]
         wanted = brute_force(
-            own[0], own[1], triangles[:2], triangles[2], system.table, aggregation, conjunction == "product",
-            defuzzification == "cog", 241,
-        )  # fmt: skip
+            own[0],
+            own[1],
+            triangles[:2],
+            triangles[2],
+            system.table,
+            aggregation,
+            conjunction == "product",
+            defuzzification == "cog",
+            241,
+        )
         normalised = (wanted - system.output.middle) / system.output.half
         assert got == pytest.approx(0.0 if np.isnan(wanted) else normalised, abs=SAME)
 
@@ -84,13 +91,14 @@ def test_the_centre_is_scikit_fuzzys() -> None:
 
 TABLED = [
     pytest.param(replace(builtin_system("pd-9"), aggregation=name), id=name)
-    for name in AGGREGATIONS if name not in ("max-min", "sum-min")
+    for name in AGGREGATIONS
+    if name not in ("max-min", "sum-min")
 ] + [
     pytest.param(replace(builtin_system("pd-25"), aggregation="max-bounded-product", conjunction="product"), id="25"),
     pytest.param(replace(builtin_system("pd-9"), aggregation="max-bounded-sum", defuzzification="cog"), id="cog"),
     pytest.param(uneven(), id="uneven"),
     pytest.param(uneven(aggregation="sum-min", conjunction="product"), id="uneven sum"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("system", TABLED)

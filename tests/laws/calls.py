@@ -39,18 +39,32 @@ class Case(NamedTuple):
 
 
 PENDULUM = Case(
-    pendulum(), pendulum_terms, np.array([0.3]), np.array([-0.5]),
+    pendulum(),
+    pendulum_terms,
+    np.array([0.3]),
+    np.array([-0.5]),
     Reference(np.array([0.31]), np.array([-0.35]), np.array([1.5])),
-)  # fmt: skip
+)
 # s = de + 10 e: 0.25 in the band of half-width 0.3 (pendulum); 0.2 inside and -2.6 outside it (two-joint arm)
 TWO_LINK = Case(
-    two_link(), two_link_terms, np.array([0.4, -0.9]), np.array([0.7, -0.2]),
+    two_link(),
+    two_link_terms,
+    np.array([0.4, -0.9]),
+    np.array([0.7, -0.2]),
     Reference(np.array([0.45, -1.2]), np.array([0.4, 0.2]), np.array([-1.1, 2.3])),
-)  # fmt: skip
+)
 CASES = [pytest.param(PENDULUM, id="pendulum"), pytest.param(TWO_LINK, id="two-link")]
 VALUES = {
-    "lam": 10.0, "kv": 20.0, "ki": 50.0, "k": 0.3, "phi": 0.3, "kf": 0.2, "gd": 2.0, "ge": 0.2, "gi": 0.1,
-}  # fmt: skip
+    "lam": 10.0,
+    "kv": 20.0,
+    "ki": 50.0,
+    "k": 0.3,
+    "phi": 0.3,
+    "kf": 0.2,
+    "gd": 2.0,
+    "ge": 0.2,
+    "gi": 0.1,
+}
 """Value of each gain, unless a test says otherwise."""
 
 
@@ -60,9 +74,13 @@ def gains_of(law: str, options: Options) -> dict[str, float]:
 
 
 def call(
-    law: str, case: Case, options: Options | None = None, integral: Array | None = None, last_qd: Array | None = None,
+    law: str,
+    case: Case,
+    options: Options | None = None,
+    integral: Array | None = None,
+    last_qd: Array | None = None,
     **gains: Any,
-) -> tuple[Array, Any]:  # fmt: skip
+) -> tuple[Array, Any]:
     """Return the torque of one call at the case's state, and the memory after it."""
     options = options or {}
     controller = pack(law, case.n, options, **{**gains_of(law, options), **gains})

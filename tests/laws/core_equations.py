@@ -155,7 +155,14 @@ def fuzzy_pid(options: Options, g: Gains, a: State) -> Answer:
 
 
 EQUATIONS: dict[str, Callable[[Options, Gains, State], Answer]] = {
-    "pd": pd, "pd-gravity": pd_gravity, "pid": pid, "computed-torque": computed_torque, "smc": smc,
-    "linear-band-smc": linear_band, "fuzzy-linear-band-smc": fuzzy_linear_band, "fuzzy-pd": fuzzy_pd,
-    "fuzzy-pi": fuzzy_pi, "fuzzy-pid": fuzzy_pid,
-}  # fmt: skip
+    "pd": pd,
+    "pd-gravity": pd_gravity,
+    "pid": pid,
+    "computed-torque": computed_torque,
+    "smc": smc,
+    "linear-band-smc": linear_band,
+    "fuzzy-linear-band-smc": fuzzy_linear_band,
+    "fuzzy-pd": fuzzy_pd,
+    "fuzzy-pi": fuzzy_pi,
+    "fuzzy-pid": fuzzy_pid,
+}

@@ -95,7 +95,7 @@ while i < len(tau):
     "whole numbers": LOOP + "n = i // 2 + len(q) % 3\n    tau[i] = math.floor(q[i]) + n",
     "another time": "t = 2.0 * t\n" + LOOP + "tau[i] = t",
     "swapped by a kernel": "swap(tau, q)",
-}  # fmt: skip
+}
 
 BAD: dict[str, tuple[str, int, str, str]] = {
     # body, line from the first on, what, cure

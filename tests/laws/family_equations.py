@@ -95,6 +95,10 @@ def two_inputs(g: Mapping[str, Any], a: Joints, e: Array, de: Array, m: State, t
 
 
 EQUATIONS: dict[str, Callable[..., tuple[Array, State]]] = {
-    "fuzzy-boundary-layer": fuzzy_layer, "pi-smc-fuzzy-estimator": estimator, "pi-fuzzy-smc-supervised": supervised,
-    "adaptive-fuzzy-pi-smc": adaptive, "sliding-mode-fuzzy": one_input, "two-input-sliding-mode-fuzzy": two_inputs,
-}  # fmt: skip
+    "fuzzy-boundary-layer": fuzzy_layer,
+    "pi-smc-fuzzy-estimator": estimator,
+    "pi-fuzzy-smc-supervised": supervised,
+    "adaptive-fuzzy-pi-smc": adaptive,
+    "sliding-mode-fuzzy": one_input,
+    "two-input-sliding-mode-fuzzy": two_inputs,
+}

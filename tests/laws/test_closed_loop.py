@@ -18,14 +18,27 @@ from torquebench.sim.trajectory import Trajectory
 
 
 def run(
-    arm: RobotModel, law: str, reference: ReferenceSource, duration: float, *, T: float = 0.001,
-    start: Array | None = None, belief: RobotModel | None = None, options: dict[str, Any] | None = None, **gains: Any,
-) -> Trajectory:  # fmt: skip
+    arm: RobotModel,
+    law: str,
+    reference: ReferenceSource,
+    duration: float,
+    *,
+    T: float = 0.001,
+    start: Array | None = None,
+    belief: RobotModel | None = None,
+    options: dict[str, Any] | None = None,
+    **gains: Any,
+) -> Trajectory:
     """Run a law on the analytic plant; its model is the plant's own unless `belief` is given."""
     return simulate(
-        AnalyticPlant(arm, timestep=T), pack(law, arm.n, options, **gains), belief or arm, reference,
-        duration=duration, control_period=T, initial_q=start,
-    )  # fmt: skip
+        AnalyticPlant(arm, timestep=T),
+        pack(law, arm.n, options, **gains),
+        belief or arm,
+        reference,
+        duration=duration,
+        control_period=T,
+        initial_q=start,
+    )
 
 
 def error(run: Trajectory) -> Array:
@@ -90,8 +103,9 @@ def test_computed_torque_tracks_with_a_perfect_model_from_rest() -> None:
     motion = target(np.arange(0.0, 2.0, h))
     terms = [two_link_terms(q, qd) for q, qd in zip(motion.q, motion.qd, strict=True)]
     torque = np.array([M @ qdd + v + g for (M, v, g), qdd in zip(terms, motion.qdd, strict=True)])
-    late = 0.5 * np.array([np.linalg.solve(M, rate) for (M, _, _), rate in zip(terms, np.gradient(torque, h, axis=0),
-                                                                              strict=True)])  # fmt: skip
+    late = 0.5 * np.array(
+        [np.linalg.solve(M, rate) for (M, _, _), rate in zip(terms, np.gradient(torque, h, axis=0), strict=True)]
+    )
     e, de, expected = np.zeros(2), np.zeros(2), []
     for push in late:
         expected.append(e)
@@ -170,16 +184,27 @@ def test_wrong_gravity_leaves_its_part_of_the_droop() -> None:
     assert abs(error(with_integral)[-1, 0]) < 1e-8
 
 
-@pytest.mark.parametrize(("law", "options", "slope"), [
-    ("smc", {"switching": "saturation"}, 12.0 / 0.3), ("linear-band-smc", {}, 12.0 / 0.3 + 20.0 * 0.5),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("law", "options", "slope"),
+    [
+        ("smc", {"switching": "saturation"}, 12.0 / 0.3),
+        ("linear-band-smc", {}, 12.0 / 0.3 + 20.0 * 0.5),
+    ],
+)
 def test_droop_in_the_band(law: str, options: dict[str, Any], slope: float) -> None:
     """Inside the band and without a model, (K/phi [+ Kd]) lambda e = g(q) at rest: the price of the band."""
     more = {"kv": 20} if law == "linear-band-smc" else {}
     run_ = run(
-        pendulum(), law, still(np.array([0.4])), 4.0, lam=10, k=0.3, phi=0.3,
-        options={"equivalent_control": False, **options}, **more,
-    )  # fmt: skip
+        pendulum(),
+        law,
+        still(np.array([0.4])),
+        4.0,
+        lam=10,
+        k=0.3,
+        phi=0.3,
+        options={"equivalent_control": False, **options},
+        **more,
+    )
     assert abs(run_.s[-1, 0]) < 0.3
     assert error(run_)[-1, 0] == pytest.approx(MGL * math.cos(run_.q[-1, 0]) / (slope * 10.0), rel=1e-9)
 

@@ -64,14 +64,20 @@ def test_a_kernel_of_another_file_is_refused(tmp_path: Path) -> None:
 SIGNATURE = "def user_law(gains, model, t, q, qd, ref, memory, tau):"
 
 
-@pytest.mark.parametrize(("signature", "what"), [
-    ("def user_law(gains, model, t, q, qd, ref, tau):", "the arguments are (gains, model, t, q, qd, ref, tau)"),
-    ("def user_law(k, model, t, q, qd, ref, memory, tau):", "the arguments are (k, model, t, q, qd, ref, memory, tau)"),
-    ("def user_law(gains, model, t, qd, q, ref, memory, tau):", "the arguments are (gains, model, t, qd, q, "),
-    ("def user_law(gains, model, t, q, qd, ref, memory, tau, seen=[]):", "has *args, **kwargs, or defaults"),
-    ("def user_law(gains, model, t, q, qd, ref, memory, tau, *rest):", "has *args, **kwargs, or defaults"),
-    ("def user_law(*arguments):", "has *args, **kwargs, or defaults"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("signature", "what"),
+    [
+        ("def user_law(gains, model, t, q, qd, ref, tau):", "the arguments are (gains, model, t, q, qd, ref, tau)"),
+        (
+            "def user_law(k, model, t, q, qd, ref, memory, tau):",
+            "the arguments are (k, model, t, q, qd, ref, memory, tau)",
+        ),
+        ("def user_law(gains, model, t, qd, q, ref, memory, tau):", "the arguments are (gains, model, t, qd, q, "),
+        ("def user_law(gains, model, t, q, qd, ref, memory, tau, seen=[]):", "has *args, **kwargs, or defaults"),
+        ("def user_law(gains, model, t, q, qd, ref, memory, tau, *rest):", "has *args, **kwargs, or defaults"),
+        ("def user_law(*arguments):", "has *args, **kwargs, or defaults"),
+    ],
+)
 def test_another_signature_is_found(signature: str, what: str, tmp_path: Path) -> None:
     """Eight arguments under their names, and no defaults, which would be a state that survives a run."""
     found = read(tmp_path, "pass", HEAD.replace(SIGNATURE, signature))
@@ -79,13 +85,16 @@ def test_another_signature_is_found(signature: str, what: str, tmp_path: Path) -
     assert all(c.line in (LINE - 3, LINE - 2, LINE - 1) for c in found)
 
 
-@pytest.mark.parametrize(("old", "new", "what", "cure"), [
-    ("    k: Array\n", "    k: float\n", "Gains.k is annotated float", "annotate it Array, from torquebench"),
-    ("    k: Array\n", "    k: np.ndarray\n", "Gains.k is annotated <class 'numpy.ndarray'>", "annotate it Array"),
-    ("    k: Array\n", "    k: Annotated[Array, 2]\n", "Gains.k is annotated", "annotate it Array"),
-    ("    work: Array\n", "    work: int\n", "Memory.work is annotated int", "annotate it Array"),
-    ("    work: Array\n", "    work: list\n", "Memory.work is annotated <class 'list'>", "annotate it Array"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new", "what", "cure"),
+    [
+        ("    k: Array\n", "    k: float\n", "Gains.k is annotated float", "annotate it Array, from torquebench"),
+        ("    k: Array\n", "    k: np.ndarray\n", "Gains.k is annotated <class 'numpy.ndarray'>", "annotate it Array"),
+        ("    k: Array\n", "    k: Annotated[Array, 2]\n", "Gains.k is annotated", "annotate it Array"),
+        ("    work: Array\n", "    work: int\n", "Memory.work is annotated int", "annotate it Array"),
+        ("    work: Array\n", "    work: list\n", "Memory.work is annotated <class 'list'>", "annotate it Array"),
+    ],
+)
 def test_gains_and_memory_that_compiled_code_cannot_receive(
     old: str, new: str, what: str, cure: str, tmp_path: Path
 ) -> None:

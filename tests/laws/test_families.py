@@ -31,14 +31,27 @@ EXACT = 1e-11
 LAYER, ESTIMATOR, SUPERVISED, ADAPTIVE, ONE, TWO = EQUATIONS
 GAINS: dict[str, dict[str, Any]] = {
     LAYER: {"lam": [10.0, 4.0], "k": [0.3, 0.55], "phi": [0.6, 1.5], "gds": [200.0, 300.0]},
-    ESTIMATOR: {"lam": [10.0, 4.0], "k": [0.3, 0.55], "phi": [0.6, 1.5], "kf": [0.2, 0.35], "ge": [0.2, 0.5],
-                "gd": [2.0, 5.0]},
-    SUPERVISED: {"lam": [10.0, 4.0], "k": [0.3, 0.45], "phi": [0.6, 1.5], "gis": [0.01, 0.02], "boost": [0.5, 0.8],
-                 "ge": [0.1, 0.4], "gd": [0.5, 3.0]},
+    ESTIMATOR: {
+        "lam": [10.0, 4.0],
+        "k": [0.3, 0.55],
+        "phi": [0.6, 1.5],
+        "kf": [0.2, 0.35],
+        "ge": [0.2, 0.5],
+        "gd": [2.0, 5.0],
+    },
+    SUPERVISED: {
+        "lam": [10.0, 4.0],
+        "k": [0.3, 0.45],
+        "phi": [0.6, 1.5],
+        "gis": [0.01, 0.02],
+        "boost": [0.5, 0.8],
+        "ge": [0.1, 0.4],
+        "gd": [0.5, 3.0],
+    },
     ADAPTIVE: {"lam": [10.0, 4.0], "kv": [20.0, 7.0], "ki": [50.0, 90.0], "phi": [0.6, 1.5], "gamma": [4e3, 9e3]},
     ONE: {"lam": [10.0, 4.0], "k": [0.3, 0.55], "phi": [0.6, 1.5]},
     TWO: {"lam": [10.0, 4.0], "k": [0.3, 0.55], "phi": [0.6, 1.5], "gis": [0.01, 0.02], "forget": [20.0, 30.0]},
-}  # fmt: skip
+}
 """Gains that differ between the joints."""
 WITH_MODEL = (LAYER, ESTIMATOR, SUPERVISED)
 
@@ -134,8 +147,9 @@ def test_the_estimators_choices(surface: str) -> None:
     compare(ESTIMATOR, {"switching": "sign", "surface": surface}, gains, {"sign": True, "pi": surface == "pi"})
 
 
-def hand(law: str, e: float, de: float, gains: dict[str, Any], options: dict[str, Any] | None = None,
-         **memory: float) -> tuple[float, Any]:  # fmt: skip
+def hand(
+    law: str, e: float, de: float, gains: dict[str, Any], options: dict[str, Any] | None = None, **memory: float
+) -> tuple[float, Any]:
     """Return the torque [N m] on a pendulum of 40 N m and Mbar = 0.5, and the memory after it."""
     arm, controller = pendulum(gravity=0.0), packed(law, 1, gains, options)
     state = controller.law.new_memory(1)
@@ -223,8 +237,9 @@ def test_adaptation_is_bounded_and_waits() -> None:
     assert (goes.theta_7[0], goes.s_integral[0]) == (pytest.approx(35.3), pytest.approx(-5.0 + T))
 
 
-@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (1 / 6, 1 / 6), (1 / 3, 1 / 3), (-0.5, -0.5), (2 / 3, 2 / 3), (1, 1),
-                                      (3, 1)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("x", "y"), [(0.0, 0.0), (1 / 6, 1 / 6), (1 / 3, 1 / 3), (-0.5, -0.5), (2 / 3, 2 / 3), (1, 1), (3, 1)]
+)
 def test_one_input_by_hand(x: float, y: float) -> None:
     """Seven rules, s -> s: at a term's middle that term alone, between two the middle of both, beyond phi all of K."""
     assert hand(ONE, 0.0, 2.0 * x, {"lam": 10, "k": 0.3, "phi": 2})[0] == pytest.approx(12.0 * y, abs=1e-12)
@@ -252,12 +267,14 @@ def test_two_inputs_by_hand() -> None:
 PUMA: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     LAYER: ({"lam": 20, "k": 0.6, "phi": 0.3, "gds": 1000}, {"equivalent_control": False}),
     ESTIMATOR: ({"lam": 20, "k": 0.6, "phi": 0.4, "kf": 0.3, "ge": 0.2, "gd": 4}, {"switching": "saturation"}),
-    SUPERVISED: ({"lam": 20, "k": 0.6, "phi": 0.6, "gis": 0.05, "boost": 1, "ge": 0.05, "gd": 1},
-                 {"equivalent_control": False}),
+    SUPERVISED: (
+        {"lam": 20, "k": 0.6, "phi": 0.6, "gis": 0.05, "boost": 1, "ge": 0.05, "gd": 1},
+        {"equivalent_control": False},
+    ),
     ADAPTIVE: ({"lam": 20, "kv": 60, "ki": 600, "phi": 1, "gamma": 1000}, {}),
     ONE: ({"lam": 20, "k": 0.6, "phi": 0.4}, {}),
     TWO: ({"lam": 20, "k": 0.8, "phi": 0.8, "gis": 0.06, "forget": 1}, {}),
-}  # fmt: skip
+}
 """The gains of configs/paper/families.yaml, but without a model everywhere, which for the first law takes more of K."""
 
 

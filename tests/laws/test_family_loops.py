@@ -46,9 +46,14 @@ def belief(arm: str) -> RobotModel:
 
 
 def run(
-    arm: str, law: str, gains: dict[str, Any] | None = None, options: dict[str, Any] | None = None,
-    target: ReferenceSource | None = None, duration: float = 3.0, chain: str = "ideal",
-) -> Trajectory:  # fmt: skip
+    arm: str,
+    law: str,
+    gains: dict[str, Any] | None = None,
+    options: dict[str, Any] | None = None,
+    target: ReferenceSource | None = None,
+    duration: float = 3.0,
+    chain: str = "ideal",
+) -> Trajectory:
     """Run a law along the paper's motion or another; gains and options replace those of the config."""
     listed = LISTED.get(law, {"gains": {}})
     own = {key: value for key, value in listed.items() if key not in ("name", "law", "gains", "fuzzy")}
@@ -58,9 +63,14 @@ def run(
     )
     noise = CHAINS[chain].position_sigma * np.random.default_rng(7).standard_normal((steps, n))
     return simulate(
-        plant(arm), controller, belief(arm), target or MOTIONS[arm], duration=duration, chain=CHAINS[chain],
+        plant(arm),
+        controller,
+        belief(arm),
+        target or MOTIONS[arm],
+        duration=duration,
+        chain=CHAINS[chain],
         position_noise=None if chain == "ideal" else noise,
-    )  # fmt: skip
+    )
 
 
 def rmse(found: Trajectory, first: int = 1000, last: int | None = None) -> float:

@@ -32,9 +32,12 @@ def test_rest_on_the_two_joint_arm(ki: float) -> None:
     """
     gains = {"lam": 5.0, "k": 0.3, "phi": 1.0, "kv": 20.0, "kf": 0.2, "gd": 0.5, "ki": ki}
     run = simulate(
-        AnalyticPlant(two_link()), pack(LAW, 2, {"equivalent_control": False}, **gains), two_link(), still(TARGET),
+        AnalyticPlant(two_link()),
+        pack(LAW, 2, {"equivalent_control": False}, **gains),
+        two_link(),
+        still(TARGET),
         duration=12.0,
-    )  # fmt: skip
+    )
     e, q = (run.q_ref - run.q)[-1], run.q[-1]
     assert np.max(np.abs(run.qd[-1])) < 1e-8
     gravity = two_link_terms(q, np.zeros(2))[2]
@@ -57,9 +60,12 @@ def puma(with_model: bool, kf: float, system: str = "pd-49") -> Trajectory:
     controller = pack(LAW, 6, {"equivalent_control": with_model}, **{**SET_M, "kf": kf})
     gains = controller.law.pack_gains(6, {**SET_M, "kf": kf}, {"equivalent_control": with_model}, system)
     return simulate(
-        AnalyticPlant(Puma560()), Controller(LAW, controller.law, gains), Puma560("corrected", "printed"), SINE,
+        AnalyticPlant(Puma560()),
+        Controller(LAW, controller.law, gains),
+        Puma560("corrected", "printed"),
+        SINE,
         duration=2.0,
-    )  # fmt: skip
+    )
 
 
 def rmse(run: Trajectory) -> float:
@@ -103,19 +109,24 @@ def test_rules_with_the_wrong_sign_are_worse_than_none() -> None:
     fis = prepare(type(system)("turned", system.inputs, system.output, tuple(wrong))).fis
     law = pack(LAW, 6, {"equivalent_control": False}, **SET_M).law
     run = simulate(
-        AnalyticPlant(Puma560()), Controller(LAW, law, gains._replace(fis=fis)), Puma560("corrected", "printed"), SINE,
+        AnalyticPlant(Puma560()),
+        Controller(LAW, law, gains._replace(fis=fis)),
+        Puma560("corrected", "printed"),
+        SINE,
         duration=2.0,
-    )  # fmt: skip
+    )
     assert rmse(run) > 1.02 * rmse(puma(False, 0.0))
 
 
 def test_the_integral_waits_in_the_loop() -> None:
     """On a step far beyond the torque limits each joint's integral stands still while it saturates along its error."""
     run = simulate(
-        AnalyticPlant(two_link()), pack(LAW, 2, {"equivalent_control": False}, lam=10.0, k=0.3, phi=0.3, kv=20.0,
-                                        kf=0.3, gd=1.0, ki=100.0), two_link(), still(np.array([1.5, -1.0])),
+        AnalyticPlant(two_link()),
+        pack(LAW, 2, {"equivalent_control": False}, lam=10.0, k=0.3, phi=0.3, kv=20.0, kf=0.3, gd=1.0, ki=100.0),
+        two_link(),
+        still(np.array([1.5, -1.0])),
         duration=1.0,
-    )  # fmt: skip
+    )
     integral, e = run.extra["integral"], run.q_ref - run.q
     before: Array = np.vstack([np.zeros(2), integral[:-1]])
     waits = (np.abs(run.tau_law) > np.array([80.0, 25.0])) & (run.tau_law * e > 0.0)

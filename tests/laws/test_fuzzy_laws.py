@@ -42,9 +42,12 @@ def test_the_fuzzy_part_by_hand() -> None:
     1 and 2 thirds with the areas 7/16, 7/16 and 15/16 share 3/16 about 1/2 and 3/2: (7 + 30 - 6) / (29 - 6) / 3.
     """
     case = Case(
-        pendulum(gravity=0.0), pendulum_terms, np.zeros(1), np.zeros(1),
+        pendulum(gravity=0.0),
+        pendulum_terms,
+        np.zeros(1),
+        np.zeros(1),
         Reference(np.array([0.05]), np.array([0.5]), np.zeros(1)),
-    )  # fmt: skip
+    )
     options = {"equivalent_control": False}
     fuzzy = call("fuzzy-linear-band-smc", case, options)[0] - call("linear-band-smc", case, options)[0]
     assert fuzzy[0] == pytest.approx(0.2 * 40.0 * 31.0 / 69.0, rel=1e-13)
@@ -78,8 +81,12 @@ def test_the_parts_of_the_proposed_law(case: Case) -> None:
 def test_nothing_is_left_when_every_part_is_out() -> None:
     """Without band, linear term, compensation, integral and model the law asks for no torque, and s is still kept."""
     nothing: Options = {
-        "equivalent_control": False, "compensation": "off", "integral": False, "band": "off", "linear": False,
-    }  # fmt: skip
+        "equivalent_control": False,
+        "compensation": "off",
+        "integral": False,
+        "band": "off",
+        "linear": False,
+    }
     tau, memory = call("fuzzy-linear-band-smc", TWO_LINK, nothing, INTEGRAL)
     assert tau.tolist() == [0.0, 0.0]
     assert memory.s == pytest.approx(errors(TWO_LINK)[2], rel=EXACT)

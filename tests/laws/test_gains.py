@@ -147,13 +147,16 @@ def test_a_gain_may_be_tied_to_several_values() -> None:
         pack(1, {"z": 3.0}, {})
 
 
-@pytest.mark.parametrize(("only_with", "message"), [
-    (("shap", "round"), r"gain 'k' depends on option 'shap' \(did you mean 'shape'\?\)"),
-    (("shape", "rond"), r"gain 'k' depends on shape: 'rond' \(did you mean 'round'\?\)"),
-    (("shape", "flat", "rond"), r"gain 'k' depends on shape: 'rond' \(did you mean 'round'\?\)"),
-    (("fast", 1), r"gain 'k' depends on fast: 1 \(one of: False, True\)"),
-    (("shape",), "gain 'k' depends on option 'shape', but on no value of it"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("only_with", "message"),
+    [
+        (("shap", "round"), r"gain 'k' depends on option 'shap' \(did you mean 'shape'\?\)"),
+        (("shape", "rond"), r"gain 'k' depends on shape: 'rond' \(did you mean 'round'\?\)"),
+        (("shape", "flat", "rond"), r"gain 'k' depends on shape: 'rond' \(did you mean 'round'\?\)"),
+        (("fast", 1), r"gain 'k' depends on fast: 1 \(one of: False, True\)"),
+        (("shape",), "gain 'k' depends on option 'shape', but on no value of it"),
+    ],
+)
 def test_a_gain_that_could_never_be_given_is_refused(only_with: Any, message: str) -> None:
     """A condition that no choice of the law fulfils is a mistake in its declaration, and nothing is registered."""
 
@@ -164,8 +167,9 @@ def test_a_gain_that_could_never_be_given_is_refused(only_with: Any, message: st
 
     Misspelt.__annotations__ = {
         "k": Annotated[Array, Gain("stiffness", "N m/rad", only_with=only_with)],
-        "shape": Named.__annotations__["shape"], "fast": Named.__annotations__["fast"],
-    }  # fmt: skip
+        "shape": Named.__annotations__["shape"],
+        "fast": Named.__annotations__["fast"],
+    }
     with pytest.raises(ControllerError, match=message):
         controller("misspelt", gains=Misspelt)(law)
     assert "misspelt" not in law_names()
@@ -174,18 +178,24 @@ def test_a_gain_that_could_never_be_given_is_refused(only_with: Any, message: st
 PROPOSED = {"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20, "kf": 0.3, "gd": 1, "ki": 2000}
 
 
-@pytest.mark.parametrize(("name", "options", "silent"), [
-    ("smc", {}, "phi"),
-    ("linear-band-smc", {"switching": "sign"}, "phi"),
-    ("fuzzy-linear-band-smc", {"compensation": "off"}, "kf gd"),
-    ("fuzzy-linear-band-smc", {"compensation": "clipped-sum"}, ""),
-    ("fuzzy-linear-band-smc", {"integral": False}, "ki"),
-    ("fuzzy-linear-band-smc", {"band": "sign"}, "phi"),
-    ("fuzzy-linear-band-smc", {"band": "off"}, "k phi"),
-    ("fuzzy-linear-band-smc", {"linear": False}, "kv"),
-    ("fuzzy-linear-band-smc", {"compensation": "off", "integral": False, "band": "off", "linear": False},
-     "kf gd ki k phi kv"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "options", "silent"),
+    [
+        ("smc", {}, "phi"),
+        ("linear-band-smc", {"switching": "sign"}, "phi"),
+        ("fuzzy-linear-band-smc", {"compensation": "off"}, "kf gd"),
+        ("fuzzy-linear-band-smc", {"compensation": "clipped-sum"}, ""),
+        ("fuzzy-linear-band-smc", {"integral": False}, "ki"),
+        ("fuzzy-linear-band-smc", {"band": "sign"}, "phi"),
+        ("fuzzy-linear-band-smc", {"band": "off"}, "k phi"),
+        ("fuzzy-linear-band-smc", {"linear": False}, "kv"),
+        (
+            "fuzzy-linear-band-smc",
+            {"compensation": "off", "integral": False, "band": "off", "linear": False},
+            "kf gd ki k phi kv",
+        ),
+    ],
+)
 def test_gains_that_a_choice_silences_are_refused(name: str, options: dict[str, Any], silent: str) -> None:
     """Each gain of a part that is out is refused when it is given, and all others are required."""
     gains = {gain: PROPOSED[gain] for gain in find_law(name).gains}
@@ -201,27 +211,30 @@ def test_gains_that_a_choice_silences_are_refused(name: str, options: dict[str, 
             find_law(name).pack_gains(2, given, options)
 
 
-@pytest.mark.parametrize(("name", "values", "options", "message"), [
-    ("smc", {**SMC, "lamb": 1}, {}, r"unknown gain 'lamb' \(did you mean 'lam'\?\)"),
-    ("smc", {"lam": 1}, {}, r"gain 'k' is missing \(switching gain .*\[1\]\)"),
-    ("smc", SMC, {"switching": "saturation"}, r"gain 'phi' is missing \(half-width .*\[rad/s\]\)"),
-    ("smc", {**SMC, "phi": 0.3}, {}, "gain 'phi' has no effect unless switching: saturation"),
-    ("smc", {**SMC, "k": -0.1}, {}, r"gain 'k' is -0.1, wanted finite and positive \[1\]"),
-    ("smc", {**SMC, "k": 0}, {}, r"gain 'k' is 0, wanted finite and positive"),
-    ("smc", {**SMC, "k": [0.3, -0.3, 0.3]}, {}, "gain 'k' is .*wanted finite and positive"),
-    ("smc", {**SMC, "k": math.nan}, {}, "gain 'k' is nan, wanted finite"),
-    ("smc", {**SMC, "k": math.inf}, {}, "gain 'k' is inf, wanted finite"),
-    ("pid", {"lam": 1, "kv": 1, "ki": -1}, {}, r"gain 'ki' is -1, wanted finite and zero or positive \[1/s\^3\]"),
-    ("smc", {**SMC, "k": [0.3, 0.3]}, {}, r"gain 'k' has shape \(2,\), wanted a number or 3 numbers"),
-    ("smc", {**SMC, "k": [[0.3, 0.3, 0.3]]}, {}, r"gain 'k' has shape \(1, 3\)"),
-    ("smc", {**SMC, "k": "strong"}, {}, "gain 'k' is 'strong', wanted a number or 3 numbers"),
-    ("smc", {**SMC, "k": [[1], [2, 3]]}, {}, r"gain 'k' is \[\[1\], \[2, 3\]\], wanted a number"),
-    ("smc", SMC, {"switching": "saturate"}, "option 'switching' is 'saturate', wanted one of .*'saturation'"),
-    ("smc", SMC, {"swithing": "sign"}, r"unknown option 'swithing' \(did you mean 'switching'\?\)"),
-    ("smc", SMC, {"equivalent_control": "yes"}, r"option 'equivalent_control' is 'yes', wanted one of \(True, F"),
-    ("smc", SMC, {"equivalent_control": 1}, r"option 'equivalent_control' is 1, wanted one of \(True, F"),
-    ("smc", SMC, {"equivalent_control": 0}, r"option 'equivalent_control' is 0, wanted one of \(True, F"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "values", "options", "message"),
+    [
+        ("smc", {**SMC, "lamb": 1}, {}, r"unknown gain 'lamb' \(did you mean 'lam'\?\)"),
+        ("smc", {"lam": 1}, {}, r"gain 'k' is missing \(switching gain .*\[1\]\)"),
+        ("smc", SMC, {"switching": "saturation"}, r"gain 'phi' is missing \(half-width .*\[rad/s\]\)"),
+        ("smc", {**SMC, "phi": 0.3}, {}, "gain 'phi' has no effect unless switching: saturation"),
+        ("smc", {**SMC, "k": -0.1}, {}, r"gain 'k' is -0.1, wanted finite and positive \[1\]"),
+        ("smc", {**SMC, "k": 0}, {}, r"gain 'k' is 0, wanted finite and positive"),
+        ("smc", {**SMC, "k": [0.3, -0.3, 0.3]}, {}, "gain 'k' is .*wanted finite and positive"),
+        ("smc", {**SMC, "k": math.nan}, {}, "gain 'k' is nan, wanted finite"),
+        ("smc", {**SMC, "k": math.inf}, {}, "gain 'k' is inf, wanted finite"),
+        ("pid", {"lam": 1, "kv": 1, "ki": -1}, {}, r"gain 'ki' is -1, wanted finite and zero or positive \[1/s\^3\]"),
+        ("smc", {**SMC, "k": [0.3, 0.3]}, {}, r"gain 'k' has shape \(2,\), wanted a number or 3 numbers"),
+        ("smc", {**SMC, "k": [[0.3, 0.3, 0.3]]}, {}, r"gain 'k' has shape \(1, 3\)"),
+        ("smc", {**SMC, "k": "strong"}, {}, "gain 'k' is 'strong', wanted a number or 3 numbers"),
+        ("smc", {**SMC, "k": [[1], [2, 3]]}, {}, r"gain 'k' is \[\[1\], \[2, 3\]\], wanted a number"),
+        ("smc", SMC, {"switching": "saturate"}, "option 'switching' is 'saturate', wanted one of .*'saturation'"),
+        ("smc", SMC, {"swithing": "sign"}, r"unknown option 'swithing' \(did you mean 'switching'\?\)"),
+        ("smc", SMC, {"equivalent_control": "yes"}, r"option 'equivalent_control' is 'yes', wanted one of \(True, F"),
+        ("smc", SMC, {"equivalent_control": 1}, r"option 'equivalent_control' is 1, wanted one of \(True, F"),
+        ("smc", SMC, {"equivalent_control": 0}, r"option 'equivalent_control' is 0, wanted one of \(True, F"),
+    ],
+)
 def test_gains_that_are_refused(name: str, values: dict[str, Any], options: dict[str, Any], message: str) -> None:
     """Each mistake is refused by an error that names the law, the gain, what was given and what was wanted."""
     with pytest.raises(ControllerError, match=f"^law '{name}': .*{message}"):
@@ -317,12 +330,15 @@ def test_a_law_says_which_rules_it_has_by_default_and_which_are_its_own() -> Non
     assert is_system(found.pack_gains(1, {}, {}).own, "pd-9")
 
 
-@pytest.mark.parametrize(("gains", "message"), [
-    (Misnamed, r"'fis' names 'pd-52', which is not built in \(did you mean 'pd-25'\?\)"),
-    (MisnamedOwn, r"'own' names 's-8', which is not built in \(did you mean 's-7'\?\)"),
-    (TwiceRuled, "has two fuzzy systems, 'one' and 'two'"),
-    (Unruled, r"fuzzy system 'fis' needs Annotated\[Fis, Rules\(...\)\]"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("gains", "message"),
+    [
+        (Misnamed, r"'fis' names 'pd-52', which is not built in \(did you mean 'pd-25'\?\)"),
+        (MisnamedOwn, r"'own' names 's-8', which is not built in \(did you mean 's-7'\?\)"),
+        (TwiceRuled, "has two fuzzy systems, 'one' and 'two'"),
+        (Unruled, r"fuzzy system 'fis' needs Annotated\[Fis, Rules\(...\)\]"),
+    ],
+)
 def test_fuzzy_fields_that_are_refused(gains: Any, message: str) -> None:
     """At most one system, and it says what it is for."""
     with pytest.raises(ControllerError, match=message):

@@ -84,9 +84,12 @@ def test_the_surfaces_by_hand(surface: str, s: float, switching: str) -> None:
     integral. K is 12 N m and phi 0.3 rad/s.
     """
     case = Case(
-        pendulum(gravity=0.0), pendulum_terms, np.zeros(1), np.array([0.4]),
+        pendulum(gravity=0.0),
+        pendulum_terms,
+        np.zeros(1),
+        np.array([0.4]),
         Reference(np.array([0.05]), np.zeros(1), np.zeros(1)),
-    )  # fmt: skip
+    )
     form: Options = {"surface": surface, "switching": switching}
     switched = 12.0 * (math.copysign(1.0, s) if switching == "sign" else s / 0.3)
     for with_model in (True, False):
@@ -106,8 +109,9 @@ def test_the_literal_equivalent_control(law: str) -> None:
     """
     M = TWO_LINK.terms(TWO_LINK.q, TWO_LINK.qd)[0]
     workable = call(law, TWO_LINK)[0]
-    literal, memory = call(law, TWO_LINK, {"equivalent_control": "measured-acceleration"},
-                           last_qd=np.array([0.701, -0.203]))  # fmt: skip
+    literal, memory = call(
+        law, TWO_LINK, {"equivalent_control": "measured-acceleration"}, last_qd=np.array([0.701, -0.203])
+    )
     # the difference of two velocities that are good to 1e-16, over 2 ms
     assert workable - literal == pytest.approx(M @ np.array([-0.5, 1.5]), rel=1e-11)
     assert np.array_equal(memory.velocity, TWO_LINK.qd)
@@ -190,10 +194,14 @@ def test_band_is_continuous_at_its_edge(law: str, slope: float, side: float) -> 
     assert (at_edge - inside) * side > 0.9 * eps * (40.0 + slope)
 
 
-@pytest.mark.parametrize(("law", "options"), [
-    ("smc", {"switching": "sign"}), ("linear-band-smc", {"switching": "sign"}),
-    ("fuzzy-linear-band-smc", {"band": "sign"}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("law", "options"),
+    [
+        ("smc", {"switching": "sign"}),
+        ("linear-band-smc", {"switching": "sign"}),
+        ("fuzzy-linear-band-smc", {"band": "sign"}),
+    ],
+)
 def test_sign_laws_jump_at_zero(law: str, options: Options) -> None:
     """Sgn: -K below zero, nothing at zero, +K above: K = 0.3 of 40 N m; all else is 1e-300 times a gain there."""
     assert [torque_at(s, law, options) for s in (-1e-300, 0.0, 1e-300)] == [-12.0, 0.0, 12.0]

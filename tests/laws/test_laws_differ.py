@@ -28,8 +28,15 @@ With it s is -0.2 and 0.297 on the pi surface of (85), and 0.7 and -0.003 on the
 surfaces some joint has another sign.
 """
 SIZE = {
-    "1/s": 10.0, "1": 0.3, "rad/s": 1.0, "1/s^3": 100.0, "1/s^2": 30.0, "rad/s^2": 60.0, "rad": 0.15, "rad s": 0.05,
-}  # fmt: skip
+    "1/s": 10.0,
+    "1": 0.3,
+    "rad/s": 1.0,
+    "1/s^3": 100.0,
+    "1/s^2": 30.0,
+    "rad/s^2": 60.0,
+    "rad": 0.15,
+    "rad s": 0.05,
+}
 """Size of a gain by its unit; bands are wider than s, so that sgn and sat are told apart."""
 
 

@@ -100,9 +100,12 @@ def test_the_literal_equivalent_control_has_a_pole_at_minus_the_ratio_of_masses(
     gains = {"lam": lam, "k": 0.4, "phi": 100.0}  # K/phi = 0.4 of 1000 N over 100
     run = simulate(
         AnalyticPlant(slider(m), timestep=T),
-        pack("smc", 1, {**LITERAL, "switching": "saturation"}, **gains), slider(belief * m), still(np.array([e0])),
-        duration=0.1, control_period=T,
-    )  # fmt: skip
+        pack("smc", 1, {**LITERAL, "switching": "saturation"}, **gains),
+        slider(belief * m),
+        still(np.array([e0])),
+        duration=0.1,
+        control_period=T,
+    )
     force = np.array([slope * lam / m, -(belief * lam + slope / m), -belief])  # on e, v, last acceleration
     step_on = np.array([[1.0, -T, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     A = step_on + np.outer([-0.5 * T * T, T, 1.0], force)
@@ -130,9 +133,13 @@ def test_the_pi_surface_swings_beyond_its_target_by_more_than_the_step() -> None
     m, lam, e0, T = 2.0, 10.0, 0.4, 1e-4
     a = 0.3 * 1000.0 / m
     run = simulate(
-        AnalyticPlant(slider(m), timestep=T), pack("smc", 1, {**BLIND, "surface": "pi"}, lam=lam, k=0.3), slider(m),
-        still(np.array([e0])), duration=0.4, control_period=T,
-    )  # fmt: skip
+        AnalyticPlant(slider(m), timestep=T),
+        pack("smc", 1, {**BLIND, "surface": "pi"}, lam=lam, k=0.3),
+        slider(m),
+        still(np.array([e0])),
+        duration=0.4,
+        control_period=T,
+    )
     quarter = lam / 4.0
     roots = np.roots([-quarter * a / 6.0, -a / 2.0, quarter * e0, e0])
     turn = float(min(r.real for r in roots if abs(r.imag) < 1e-9 and r.real > 0.0))
@@ -171,11 +178,13 @@ def test_with_a_model_the_pi_surface_ripples_where_the_others_slide(arm: str) ->
 
 
 ABLATIONS: dict[str, tuple[Options, float, float]] = {
-    "proposed": ({}, 7.35, 0.00188), "no integral": ({"integral": False}, 8.534, 0.0),
+    "proposed": ({}, 7.35, 0.00188),
+    "no integral": ({"integral": False}, 8.534, 0.0),
     "no fuzzy": ({"compensation": "off"}, 9.09, 0.0),
     "neither": ({"compensation": "off", "integral": False}, 10.6, 0.000411),
-    "sgn": ({"band": "sign"}, 1.11, 27.1), "with model": ({"equivalent_control": True}, 0.0167, 0.0),
-}  # fmt: skip
+    "sgn": ({"band": "sign"}, 1.11, 27.1),
+    "with model": ({"equivalent_control": True}, 0.0167, 0.0),
+}
 """Options, and RMSE [mrad] and HF [%] that a separate program found on the paper's frozen-wrist equations."""
 
 

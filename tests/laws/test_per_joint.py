@@ -29,10 +29,16 @@ INTEGRAL = np.array([0.005, -0.03])
 LAST_QD = np.array([0.701, -0.203])
 """Velocity at the instant before: accelerations of -0.5 and 1.5 rad/s^2."""
 GAINS = {
-    "lam": np.array([10.0, 4.0]), "kv": np.array([20.0, 7.0]), "ki": np.array([50.0, 90.0]),
-    "k": np.array([0.3, 0.55]), "phi": np.array([0.8, 1.5]), "kf": np.array([0.2, 0.35]), "gd": np.array([2.0, 5.0]),
-    "ge": np.array([0.2, 0.5]), "gi": np.array([0.03, 0.05]),
-}  # fmt: skip
+    "lam": np.array([10.0, 4.0]),
+    "kv": np.array([20.0, 7.0]),
+    "ki": np.array([50.0, 90.0]),
+    "k": np.array([0.3, 0.55]),
+    "phi": np.array([0.8, 1.5]),
+    "kf": np.array([0.2, 0.35]),
+    "gd": np.array([2.0, 5.0]),
+    "ge": np.array([0.2, 0.5]),
+    "gi": np.array([0.03, 0.05]),
+}
 """s = de + lam e is 0.2 and 0.8, inside its joint's band; with the other joint's slope it is -0.1 and -1.0. On the
 other surfaces s is 0.625 and -1.32 (pi), 0.325 and 0.68 (pid)."""
 TAU_MAX, MBAR = np.array([80.0, 25.0]), np.array([2.5, 0.4])
@@ -102,11 +108,15 @@ def test_each_joints_gain_has_its_own_effect(law: str) -> None:
     assert felt == {(name, joint) for name in find_law(law).gains for joint in (0, 1)}
 
 
-@pytest.mark.parametrize(("law", "options"), [
-    ("pid", {}), ("computed-torque", {}),
-    ("fuzzy-linear-band-smc", {"equivalent_control": False}),
-    ("fuzzy-linear-band-smc", {"compensation": "off", "band": "off", "linear": False}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("law", "options"),
+    [
+        ("pid", {}),
+        ("computed-torque", {}),
+        ("fuzzy-linear-band-smc", {"equivalent_control": False}),
+        ("fuzzy-linear-band-smc", {"compensation": "off", "band": "off", "linear": False}),
+    ],
+)
 @pytest.mark.parametrize(
     ("wanted", "waits"),
     [

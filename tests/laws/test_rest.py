@@ -30,12 +30,21 @@ def run(
     return simulate(AnalyticPlant(arm), pack(law, arm.n, options, **gains), arm, target, duration=duration)
 
 
-@pytest.mark.parametrize("options", [
-    {"integral": False}, {"compensation": "clipped-sum"}, {"compensation": "clipped-sum", "integral": False},
-    {"compensation": "off"}, {"band": "off"}, {"band": "off", "integral": False}, {"linear": False},
-    {"compensation": "off", "band": "off", "integral": False},
-    {"compensation": "off", "linear": False, "integral": False},
-], ids=str)  # fmt: skip
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"integral": False},
+        {"compensation": "clipped-sum"},
+        {"compensation": "clipped-sum", "integral": False},
+        {"compensation": "off"},
+        {"band": "off"},
+        {"band": "off", "integral": False},
+        {"linear": False},
+        {"compensation": "off", "band": "off", "integral": False},
+        {"compensation": "off", "linear": False, "integral": False},
+    ],
+    ids=str,
+)
 def test_what_carries_gravity_when_parts_are_out(options: Options) -> None:
     """At rest s = lambda e, and the parts that are left carry g(q) together; an integral carries all of it.
 
@@ -48,8 +57,11 @@ def test_what_carries_gravity_when_parts_are_out(options: Options) -> None:
     assert np.max(np.abs(rest.qd[-1])) < 1e-7
     assert s == pytest.approx(5.0 * e, abs=1e-6)
     assert np.max(np.abs(s)) < 1.0  # inside the band, where sat(s/phi) = s
-    rules = {"fuzzy": np.array([exact_output(x, 0.0) for x in 5.0 * e / 0.5]), "off": np.zeros(2),
-             "clipped-sum": np.clip(5.0 * e / 0.5, -1.0, 1.0)}[str(form["compensation"])]  # fmt: skip
+    rules = {
+        "fuzzy": np.array([exact_output(x, 0.0) for x in 5.0 * e / 0.5]),
+        "off": np.zeros(2),
+        "clipped-sum": np.clip(5.0 * e / 0.5, -1.0, 1.0),
+    }[str(form["compensation"])]
     carried = 0.2 * TAU_MAX * rules
     carried = carried + (0.3 * TAU_MAX * s if form["band"] == "saturation" else 0.0)
     carried = carried + (20.0 * MBAR * s if form["linear"] else 0.0)

@@ -48,15 +48,23 @@ def home(n: int) -> ReferenceSource:
 
 
 def run(
-    arm: str, law: str, reference: Callable[[int], ReferenceSource], options: dict[str, Any], duration: float = 4.0,
+    arm: str,
+    law: str,
+    reference: Callable[[int], ReferenceSource],
+    options: dict[str, Any],
+    duration: float = 4.0,
     **gains: float,
-) -> Trajectory:  # fmt: skip
+) -> Trajectory:
     """Run a law on an arm in MuJoCo on the ideal chain; the run must complete."""
     n = plant_of(arm).n
     found = simulate(
-        plant_of(arm), pack(law, n, options, **gains), belief_of(arm), reference(n), duration=duration,
+        plant_of(arm),
+        pack(law, n, options, **gains),
+        belief_of(arm),
+        reference(n),
+        duration=duration,
         control_period=T,
-    )  # fmt: skip
+    )
     assert found.completed
     return found
 
@@ -71,9 +79,7 @@ def test_the_surface_pid_settles_where_pi_swings_further_out(arm: str) -> None:
     n = plant_of(arm).n
     form = {"equivalent_control": False, "switching": "sign"}
     size = np.abs(STEP[:n])
-    found = {
-        name: run(arm, "smc", jump, {**form, "surface": name}, lam=10.0, k=0.6) for name in ("pi", "pid")
-    }  # fmt: skip
+    found = {name: run(arm, "smc", jump, {**form, "surface": name}, lam=10.0, k=0.6) for name in ("pi", "pid")}
     errors = {name: (each_run.q_ref - each_run.q)[200:] / np.sign(STEP[:n]) for name, each_run in found.items()}
     beyond = {name: -np.min(e, axis=0) / size for name, e in errors.items()}
     assert np.all(beyond["pi"] > 1.0)
@@ -92,8 +98,11 @@ def test_the_error_on_its_surface_decays_as_the_surface_says(surface: str) -> No
     found = simulate(
         AnalyticPlant(arm, timestep=T),
         pack("smc", 1, {"surface": surface, "switching": "saturation"}, lam=lam, k=0.9, phi=0.05),
-        arm, still(np.array([0.05])), duration=2.0, control_period=T,
-    )  # fmt: skip
+        arm,
+        still(np.array([0.05])),
+        duration=2.0,
+        control_period=T,
+    )
     e, de = (found.q_ref - found.q)[:, 0], -found.qd[:, 0]
     start = int(np.argmax(np.abs(found.s[:, 0]) < 1e-3)) + 20
     t = found.t[start:] - found.t[start]
@@ -116,9 +125,13 @@ def test_without_its_integral_the_proposed_law_droops(arm: str) -> None:
     """
     n, options = plant_of(arm).n, {"equivalent_control": False}
     without = run(
-        arm, "fuzzy-linear-band-smc", home, {**options, "integral": False}, 6.0,
+        arm,
+        "fuzzy-linear-band-smc",
+        home,
+        {**options, "integral": False},
+        6.0,
         **{name: value for name, value in SET_M.items() if name != "ki"},
-    )  # fmt: skip
+    )
     e = (without.q_ref - without.q)[-1]
     truth = load_model(arm)
     tau_max, mbar = plant_of(arm).tau_max, belief_of(arm).flat.inertia_scale
@@ -166,9 +179,13 @@ def swings(gi: float, law: str = "fuzzy-pi") -> Array:
     arm, h = pendulum(gravity=0.0), 2.5e-4
     more = {"gd": 1.0} if law == "fuzzy-pd" else {"gi": gi}
     found = simulate(
-        AnalyticPlant(arm, timestep=h), pack(law, 1, kf=0.5, ge=0.2, **more), arm, still(np.array([0.05])),
-        duration=3.0, control_period=h,
-    )  # fmt: skip
+        AnalyticPlant(arm, timestep=h),
+        pack(law, 1, kf=0.5, ge=0.2, **more),
+        arm,
+        still(np.array([0.05])),
+        duration=3.0,
+        control_period=h,
+    )
     e = (found.q_ref - found.q)[:, 0]
     turns = np.flatnonzero((e[1:-1] - e[:-2]) * (e[2:] - e[1:-1]) < 0.0) + 1
     return np.abs(np.concatenate([[e[0]], e[turns]]))

@@ -90,8 +90,11 @@ def test_exchanging_two_controllers_changes_the_verdict(
     """The runs of two controllers exchanged by name: a claim that held no longer does."""
     names = {one: other, other: one}
     records = made(praising)
-    swapped = Records(replace(r, controller=names.get(r.controller, r.controller)) for r in records.all
-                      if {one, other} <= available(records, r) or r.controller not in names)  # fmt: skip
+    swapped = Records(
+        replace(r, controller=names.get(r.controller, r.controller))
+        for r in records.all
+        if {one, other} <= available(records, r) or r.controller not in names
+    )
     assert judge(records).verdict == HOLDS
     assert judge(swapped).verdict in (FAILS, ONLY_IF)
 
@@ -196,9 +199,10 @@ def test_the_command_of_a_claim_runs_its_first_case() -> None:
         reference, chain, condition = claim.cases[0].place
         own = load_experiment(data_root() / claim.config, claim.overrides)
         found = [
-            block for block in blocks(DRAWS)
+            block
+            for block in blocks(DRAWS)
             if (block.chain, block.condition) == (chain, condition) and experiment_of(block).reference.kind == reference
-        ]  # fmt: skip
+        ]
         studied = [experiment_of(block) for block in found]
         keys = {keys.name: keys for experiment in studied for keys in experiment.controllers}
         assert any(keys.get(c.name) == c for c in own.controllers), claim.claim

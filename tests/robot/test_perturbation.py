@@ -90,9 +90,11 @@ def test_nothing_leaves_the_stated_spread() -> None:
     for draw in range(50):
         flat = perturbed(arm, factors_of(6, r, draw)).flat
         for new, old in (
-            (flat.mass, arm.flat.mass), (flat.com, arm.flat.com), (flat.armature, arm.flat.armature),
+            (flat.mass, arm.flat.mass),
+            (flat.com, arm.flat.com),
+            (flat.armature, arm.flat.armature),
             (np.diagonal(flat.inertia, axis1=1, axis2=2), np.diagonal(arm.flat.inertia, axis1=1, axis2=2)),
-        ):  # fmt: skip
+        ):
             there = old != 0.0
             assert np.all(np.asarray(new)[~there] == 0.0)
             seen.append((np.asarray(new)[there] / old[there]).ravel())

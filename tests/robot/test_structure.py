@@ -152,10 +152,15 @@ def test_leading_batch_axes_change_nothing():
     arm = Puma560()
     q, qd, qdd = (x.reshape(2, 3, 6) for x in random_states(6, 6, seed=9))
     for method, arguments, shape in (
-        (arm.mass_matrix, (q,), (6, 6)), (arm.coriolis, (q,), (6, 15)), (arm.centrifugal, (q,), (6, 6)),
-        (arm.gravity, (q,), (6,)), (arm.bias_forces, (q, qd), (6,)), (arm.inverse_dynamics, (q, qd, qdd), (6,)),
-        (arm.forward_dynamics, (q, qd, qdd), (6,)), (arm.forward_kinematics, (q,), (4, 4)),
-    ):  # fmt: skip
+        (arm.mass_matrix, (q,), (6, 6)),
+        (arm.coriolis, (q,), (6, 15)),
+        (arm.centrifugal, (q,), (6, 6)),
+        (arm.gravity, (q,), (6,)),
+        (arm.bias_forces, (q, qd), (6,)),
+        (arm.inverse_dynamics, (q, qd, qdd), (6,)),
+        (arm.forward_dynamics, (q, qd, qdd), (6,)),
+        (arm.forward_kinematics, (q,), (4, 4)),
+    ):
         batch = method(*arguments)
         assert batch.shape == (2, 3, *shape)
         assert np.array_equal(batch[1, 2], method(*(x[1, 2] for x in arguments)))

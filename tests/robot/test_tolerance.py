@@ -54,9 +54,13 @@ def test_constants_are_within_their_tolerances_and_obey_the_ties(tolerances: flo
         assert np.max(np.abs(off)) <= 1.0 + 1e-12
         assert np.median(np.abs(off)) > 0.2
         for x, y, ratio in (
-            ("g2", "I5", -9.81 / a2), ("g4", "I12", -9.81 / a2), ("I15", "I16", d4 / a2), ("I18", "I16", d / a2),
-            ("I22", "I16", a3 / a2), ("g5", "I16", -9.81 / a2),
-        ):  # fmt: skip
+            ("g2", "I5", -9.81 / a2),
+            ("g4", "I12", -9.81 / a2),
+            ("I15", "I16", d4 / a2),
+            ("I18", "I16", d / a2),
+            ("I22", "I16", a3 / a2),
+            ("g5", "I16", -9.81 / a2),
+        ):
             assert value(drawn, x) == pytest.approx(ratio * value(drawn, y), rel=1e-9)
         assert sum(value(drawn, x) for x in ("I19", "I20", "I21")) == pytest.approx(0.0, abs=1e-15)
 
@@ -131,10 +135,14 @@ def test_single_constants_are_changed_alone(structure: Any) -> None:
     assert np.count_nonzero(changed.flat.constants != nominal.flat.constants) == 2
 
 
-@pytest.mark.parametrize(("factors", "message"), [
-    ({"g6": 1.0}, "unknown constant 'g6'"), ({"Im4": 0.0, "I14": 0.0}, "eigenvalue of .* wanted all above 0.05"),
-    ({"I1": -5.0}, "eigenvalue of -"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("factors", "message"),
+    [
+        ({"g6": 1.0}, "unknown constant 'g6'"),
+        ({"Im4": 0.0, "I14": 0.0}, "eigenvalue of .* wanted all above 0.05"),
+        ({"I1": -5.0}, "eigenvalue of -"),
+    ],
+)
 def test_constants_without_a_model_are_refused(factors: dict[str, float], message: str) -> None:
     """An unknown name, and what leaves no positive definite mass matrix: a ModelError that names it."""
     with pytest.raises(ModelError, match=message):

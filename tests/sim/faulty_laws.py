@@ -42,14 +42,16 @@ def healthy(model: Model, q: Array, qd: Array, ref: Reference, memory: FaultMemo
         tau[i] = 12.0 * model.inertia_scale[i] * memory.s[i]
 
 
-def sound(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory,
-          tau: Array) -> None:  # fmt: skip
+def sound(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
     """Never fail."""
     healthy(model, q, qd, ref, memory, tau)
 
 
-def not_a_number(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory,
-                 tau: Array) -> None:  # fmt: skip
+def not_a_number(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
     """Ask for NaN."""
     healthy(model, q, qd, ref, memory, tau)
     for i in range(len(tau)):
@@ -57,8 +59,9 @@ def not_a_number(gains: FaultGains, model: Model, t: float, q: Array, qd: Array,
             tau[i] = math.nan
 
 
-def infinite(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory,
-             tau: Array) -> None:  # fmt: skip
+def infinite(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
     """Ask for infinity, of the sign of the size."""
     healthy(model, q, qd, ref, memory, tau)
     for i in range(len(tau)):
@@ -66,8 +69,9 @@ def infinite(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref
             tau[i] = math.copysign(math.inf, gains.size[i])
 
 
-def huge(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory,
-         tau: Array) -> None:  # fmt: skip
+def huge(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
     """Ask for a torque that no arm stands, but a finite one."""
     healthy(model, q, qd, ref, memory, tau)
     for i in range(len(tau)):
@@ -75,8 +79,9 @@ def huge(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Re
             tau[i] = gains.size[i]
 
 
-def division(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory,
-             tau: Array) -> None:  # fmt: skip
+def division(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
     """Divide by zero, in the middle of filling the memory."""
     healthy(model, q, qd, ref, memory, tau)
     for i in range(len(tau)):
@@ -86,8 +91,9 @@ def division(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref
         memory.count[i] += 0.5
 
 
-def domain(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory,
-           tau: Array) -> None:  # fmt: skip
+def domain(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
     """Take the root of a negative number."""
     healthy(model, q, qd, ref, memory, tau)
     for i in range(len(tau)):
@@ -95,8 +101,9 @@ def domain(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: 
             tau[i] += 0.0 * math.sqrt(1.0 if t < gains.at[i] else -1.0)
 
 
-def overflow(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory,
-             tau: Array) -> None:  # fmt: skip
+def overflow(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
     """Take an exponential beyond the range of numbers, and hide it in a bounded function."""
     healthy(model, q, qd, ref, memory, tau)
     for i in range(len(tau)):
@@ -104,8 +111,9 @@ def overflow(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref
             tau[i] += math.tanh(math.exp(1.0 if t < gains.at[i] else 1e4))
 
 
-def forgotten(gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory,
-              tau: Array) -> None:  # fmt: skip
+def forgotten(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
     """Leave one joint out."""
     for i in range(len(tau)):
         memory.count[i] += 1.0

@@ -45,10 +45,13 @@ def interpreted_digests(n_steps: int, large: bool, processes: int) -> Iterator[t
     running = [
         subprocess.Popen(
             [sys.executable, "-W", "error", "-m", "tests.sim.interpreted", str(n_steps), str(i), str(processes), *size],
-            cwd=ROOT, stdout=subprocess.PIPE, text=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         )
         for i in range(processes)
-    ]  # fmt: skip
+    ]
     try:
         for process in running:
             assert process.stdout is not None

@@ -119,21 +119,28 @@ class Condition(NamedTuple):
 LOAD, RUB = Payload(2.0, at=0.08), Friction(0.7, 0.9)
 """Taken up at a control instant of 1 ms and of 4 ms; friction for arms of any kind."""
 CONDITIONS = {
-    "ideal": Condition(), "ideal, noisy": Condition(IDEAL, True), "fast, noisy": Condition(CHAINS["fast"], True),
-    "slow, noisy": Condition(CHAINS["slow"], True), "slow": Condition(CHAINS["slow"]),
+    "ideal": Condition(),
+    "ideal, noisy": Condition(IDEAL, True),
+    "fast, noisy": Condition(CHAINS["fast"], True),
+    "slow, noisy": Condition(CHAINS["slow"], True),
+    "slow": Condition(CHAINS["slow"]),
     "rounded and late": Condition(Chain(velocity_rate=math.inf, quantum=2e-4, delay=0.008)),
     "late, noisy": Condition(Chain(velocity_rate=300.0, quantum=1e-4, delay=0.004, lag=0.003), True),
-    "payload": Condition(payload=LOAD), "friction": Condition(friction=RUB),
+    "payload": Condition(payload=LOAD),
+    "friction": Condition(friction=RUB),
     "slow, noisy, payload and friction": Condition(CHAINS["slow"], True, LOAD, RUB),
-}  # fmt: skip
+}
 """Their number has no divisor in common with the stride of the small size, nor with 3: see `interpreted`."""
 
 
 @cache
 def plant_of(
-    name: str, integrator: str = "rk4", timestep: float = 0.001, payload: Payload | None = None,
+    name: str,
+    integrator: str = "rk4",
+    timestep: float = 0.001,
+    payload: Payload | None = None,
     friction: Friction | None = None,
-) -> MujocoPlant | AnalyticPlant:  # fmt: skip
+) -> MujocoPlant | AnalyticPlant:
     """Return a plant of `ARMS`; one object serves every run, as `simulate` resets it."""
     if name.startswith("mujoco"):
         return MujocoPlant(name.removeprefix("mujoco "), timestep, integrator, payload=payload, friction=friction)
@@ -172,10 +179,19 @@ class Case(NamedTuple):
         noise, disturbance = signals(n, n_steps) if noisy else (None, None)
         target: ReferenceSource = REFERENCES[self.reference](n)
         return simulate(
-            plant, self.variant.controller(n), belief_of(self.plant), target, duration=n_steps * period,
-            control_period=period, chain=chain, position_noise=noise, disturbance=disturbance,
-            initial_q=np.array(HOME[:n]), path=path, throw=False,
-        )  # fmt: skip
+            plant,
+            self.variant.controller(n),
+            belief_of(self.plant),
+            target,
+            duration=n_steps * period,
+            control_period=period,
+            chain=chain,
+            position_noise=noise,
+            disturbance=disturbance,
+            initial_q=np.array(HOME[:n]),
+            path=path,
+            throw=False,
+        )
 
     def __str__(self) -> str:
         parts = (self.plant, self.variant, self.reference, self.integrator, self.condition, f"x{self.substeps}")

@@ -42,18 +42,29 @@ def trials(seed: int) -> list[Trial]:
         push: Array = rng.normal(size=(STEPS, 6))
         if i % 3 == 2:
             push[int(rng.integers(STEPS)), int(rng.integers(6))] = 1e300
-        found.append(Trial(
-            controllers[i // 20], mismatched(right, 0.1 * (i % 4), rng)[0], reference, 0.001 * STEPS,
-            chain=CONDITIONS[i // 5 % 4], position_noise=1e-4 * rng.normal(size=(STEPS, 6)) if i % 7 else None,
-            disturbance=push,
-        ))  # fmt: skip
+        found.append(
+            Trial(
+                controllers[i // 20],
+                mismatched(right, 0.1 * (i % 4), rng)[0],
+                reference,
+                0.001 * STEPS,
+                chain=CONDITIONS[i // 5 % 4],
+                position_noise=1e-4 * rng.normal(size=(STEPS, 6)) if i % 7 else None,
+                disturbance=push,
+            )
+        )
     return found
 
 
-@pytest.mark.parametrize("plant", [
-    MujocoPlant("puma560", integrator="euler"), AnalyticPlant(Puma560()),
-    MujocoPlant("puma560", payload=Payload(2.0, at=0.02)),
-], ids=["mujoco", "analytic", "payload taken up"])  # fmt: skip
+@pytest.mark.parametrize(
+    "plant",
+    [
+        MujocoPlant("puma560", integrator="euler"),
+        AnalyticPlant(Puma560()),
+        MujocoPlant("puma560", payload=Payload(2.0, at=0.02)),
+    ],
+    ids=["mujoco", "analytic", "payload taken up"],
+)
 def test_runs_are_equal_in_every_byte_to_runs_in_memory_of_their_own(plant: MujocoPlant | AnalyticPlant) -> None:
     """Through all chains, failures among them, with and without noise: digest, outcome and detail are the same."""
     again, ended = Again(), set()

@@ -51,10 +51,23 @@ def test_rounding_is_to_the_nearest_multiple(quantum: float) -> None:
     assert qd.tobytes() == true()[1].tobytes()
 
 
-@pytest.mark.parametrize(("x", "wanted"), [
-    (0.0, 0.0), (0.124, 0.0), (0.126, 0.25), (-0.124, 0.0), (-0.126, -0.25), (0.125, 0.25), (-0.125, 0.0), (7.6, 7.5),
-    (1e300, 1e300), (-1e300, -1e300), (2.0**50, 2.0**50), (2.0**50 - 0.125, 2.0**50),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("x", "wanted"),
+    [
+        (0.0, 0.0),
+        (0.124, 0.0),
+        (0.126, 0.25),
+        (-0.124, 0.0),
+        (-0.126, -0.25),
+        (0.125, 0.25),
+        (-0.125, 0.0),
+        (7.6, 7.5),
+        (1e300, 1e300),
+        (-1e300, -1e300),
+        (2.0**50, 2.0**50),
+        (2.0**50 - 0.125, 2.0**50),
+    ],
+)
 def test_rounding_by_hand(x: float, wanted: float) -> None:
     """Multiples of 1/4; halves go up; where floats lie no closer than the multiples, x is left alone."""
     assert nearest_multiple(x, 0.25) == wanted

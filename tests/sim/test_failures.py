@@ -259,16 +259,20 @@ def test_a_law_that_ends_the_program_fails_its_run_instead() -> None:
     assert "SystemExit" in run.detail
 
 
-@pytest.mark.parametrize("spoil", [
-    lambda memory, tau: memory.s.resize(3, refcheck=False),
-    lambda memory, tau: tau.resize(3, refcheck=False),
-    lambda memory, tau: tau.setflags(write=False),
-    lambda memory, tau: 1j * np.ones(6),
-    lambda memory, tau: np.full(6, "1"),
-    lambda memory, tau: np.full(6, "2020-01-01", dtype="datetime64[D]"),
-    lambda memory, tau: np.ma.masked_array(np.ones(6), mask=True),
-    lambda memory, tau: [None] * 6,
-], ids=["memory resized", "torque resized", "read-only", "complex", "text", "dates", "masked", "nothing"])  # fmt: skip
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda memory, tau: memory.s.resize(3, refcheck=False),
+        lambda memory, tau: tau.resize(3, refcheck=False),
+        lambda memory, tau: tau.setflags(write=False),
+        lambda memory, tau: 1j * np.ones(6),
+        lambda memory, tau: np.full(6, "1"),
+        lambda memory, tau: np.full(6, "2020-01-01", dtype="datetime64[D]"),
+        lambda memory, tau: np.ma.masked_array(np.ones(6), mask=True),
+        lambda memory, tau: [None] * 6,
+    ],
+    ids=["memory resized", "torque resized", "read-only", "complex", "text", "dates", "masked", "nothing"],
+)
 def test_a_law_that_spoils_its_arrays_fails_its_run(spoil: Callable[[Any, Any], Any]) -> None:
     """Whatever a law does to what it was given, the run ends with an outcome and the next one is unharmed."""
     law = find_law("smc")
@@ -304,12 +308,15 @@ class Sly(Exception):
         raise SystemExit(0)
 
 
-@pytest.mark.parametrize(("error", "outcome", "text"), [
-    (Sly(), ERROR, r"Sly: \(no text\)"),
-    (GeneratorExit(), ERROR, "GeneratorExit"),
-    (ValueError("expected a positive gain"), ERROR, "expected a positive gain"),
-    (ValueError("one\ntwo\x1b[31m"), ERROR, r"one two \[31m"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("error", "outcome", "text"),
+    [
+        (Sly(), ERROR, r"Sly: \(no text\)"),
+        (GeneratorExit(), ERROR, "GeneratorExit"),
+        (ValueError("expected a positive gain"), ERROR, "expected a positive gain"),
+        (ValueError("one\ntwo\x1b[31m"), ERROR, r"one two \[31m"),
+    ],
+)
 def test_whatever_a_law_raises_is_one_printable_line(error: BaseException, outcome: Outcome, text: str) -> None:
     """Odd exceptions end the run, not the program, and cannot write to the terminal but in plain text."""
 

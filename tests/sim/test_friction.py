@@ -90,8 +90,10 @@ def test_the_energy_lost_is_the_friction_s_work(engine: str, friction: Friction,
         plant.step(np.zeros(6), 1)
         states.append(plant.state())
     q, qd = (np.array(x) for x in zip(*states, strict=True))
-    ends = [0.5 * v @ arm.mass_matrix(x) @ v + pin.computePotentialEnergy(arm.model, arm.data, x)
-            for x, v in ((q[0], qd[0]), (q[-1], qd[-1]))]  # fmt: skip
+    ends = [
+        0.5 * v @ arm.mass_matrix(x) @ v + pin.computePotentialEnergy(arm.model, arm.data, x)
+        for x, v in ((q[0], qd[0]), (q[-1], qd[-1]))
+    ]
     coulomb = np.asarray(friction.coulomb) * np.clip(qd / 0.01, -1.0, 1.0)
     power = np.sum(qd * (np.asarray(friction.viscous) * qd + coulomb), axis=1)
     weights = np.ones(10_001)
@@ -161,13 +163,33 @@ def rubbing(
     """Return a run of PD on a plant."""
     n, period = plant.n, substeps * plant.timestep
     return simulate(
-        plant, pack("pd", n, lam=8, kv=12), anything(n), sine(0.8, 2.0), duration=150 * period,
-        control_period=period, chain=chain, initial_q=start_of(n)[0], path=path,
-    )  # fmt: skip
+        plant,
+        pack("pd", n, lam=8, kv=12),
+        anything(n),
+        sine(0.8, 2.0),
+        duration=150 * period,
+        control_period=period,
+        chain=chain,
+        initial_q=start_of(n)[0],
+        path=path,
+    )
 
 
-ARMS = ("puma560", "two-link", "hinges and slides", "branches", "damping", "damping in a tree", "explicit damping",
-        "joint friction", "enforced limits", "contacts", "a spring", "an equality", "a stiff tendon")  # fmt: skip
+ARMS = (
+    "puma560",
+    "two-link",
+    "hinges and slides",
+    "branches",
+    "damping",
+    "damping in a tree",
+    "explicit damping",
+    "joint friction",
+    "enforced limits",
+    "contacts",
+    "a spring",
+    "an equality",
+    "a stiff tendon",
+)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -220,16 +242,25 @@ def test_the_protocols_friction_is_stable_at_a_millisecond(integrator: str, figu
     assert 0.001 * fastest <= STABLE[integrator]
     assert 0.001 * np.max(steep / np.min(np.diagonal(M, axis1=1, axis2=2), axis=0)) <= 0.001 * fastest
     run = simulate(
-        plants(PUMA, integrator=integrator)["analytic"], pack("pd-gravity", 6, lam=10, kv=20), Puma560(),
-        REFERENCES["quintic"](6), duration=3.0,
-    )  # fmt: skip
+        plants(PUMA, integrator=integrator)["analytic"],
+        pack("pd-gravity", 6, lam=10, kv=20),
+        Puma560(),
+        REFERENCES["quintic"](6),
+        duration=3.0,
+    )
     assert np.max(np.abs(run.qd[-500:])) < 0.01  # comes to rest: no oscillation at the time step
 
 
 @pytest.mark.parametrize("engine", [MujocoPlant, AnalyticPlant])
-@pytest.mark.parametrize(("integrator", "speed", "refused"), [
-    ("rk4", 0.0035, True), ("rk4", 0.0042, False), ("euler", 0.0050, True), ("euler", 0.0056, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("integrator", "speed", "refused"),
+    [
+        ("rk4", 0.0035, True),
+        ("rk4", 0.0042, False),
+        ("euler", 0.0050, True),
+        ("euler", 0.0056, False),
+    ],
+)
 def test_friction_too_steep_for_the_time_step_is_refused(
     engine: Any, integrator: str, speed: float, refused: bool
 ) -> None:
@@ -258,10 +289,15 @@ def test_too_steep_friction_would_chatter() -> None:
     assert ends[1] > 1e-3
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    ({"viscous": -1.0}, "viscous is -1.0"), ({"coulomb": [1.0, math.nan]}, "coulomb is"),
-    ({"speed": 0.0}, "speed is 0"), ({"speed": math.inf}, "speed is inf"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"viscous": -1.0}, "viscous is -1.0"),
+        ({"coulomb": [1.0, math.nan]}, "coulomb is"),
+        ({"speed": 0.0}, "speed is 0"),
+        ({"speed": math.inf}, "speed is inf"),
+    ],
+)
 def test_what_is_no_friction_is_refused(arguments: dict[str, Any], message: str) -> None:
     """A ValueError that names the number."""
     with pytest.raises(ValueError, match=message):

@@ -263,26 +263,35 @@ def broken_reference(t: Array) -> Reference:
     return good
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    ({"duration": -1.0}, r"duration is -1\.0, wanted a finite positive"),
-    ({"duration": 0.0}, "duration is 0.0, wanted a finite positive"),
-    ({"duration": math.nan}, "duration is nan"),
-    ({"duration": math.inf}, "duration is inf"),
-    ({"duration": 0.0505}, r"duration 0\.0505 s is not a whole multiple of control_period 0\.001 s \(nearest: 0\.05"),
-    ({"control_period": -0.001}, r"control_period is -0\.001, wanted"),
-    ({"control_period": 0.0015}, r"control_period 0\.0015 s is not a whole multiple of timestep 0\.001 s \(nearest: "),
-    ({"control_period": 0.0004}, r"control_period 0\.0004 s is not .* \(nearest: 0\.001 s\)"),
-    ({"control_period": math.nan}, "control_period is nan"),
-    ({"reference": flat_reference}, r"reference q has shape \(50, 3\), wanted \(50, 2\)"),
-    ({"reference": lambda t: TARGET(t[1:])}, r"reference q has shape \(49, 2\), wanted \(50, 2\)"),
-    ({"reference": broken_reference}, "reference qd has values that are not finite"),
-    ({"initial_q": np.zeros(3)}, r"initial_q is \[0\. 0\. 0\.\], wanted 2 finite"),
-    ({"initial_q": np.array([0.0, math.nan])}, r"initial_q is \[ 0\. nan\], wanted 2 finite"),
-    ({"disturbance": np.zeros((49, 2))}, r"disturbance has shape \(49, 2\), wanted \(50, 2\)"),
-    ({"disturbance": np.zeros((50, 1))}, r"disturbance has shape \(50, 1\), wanted \(50, 2\)"),
-    ({"disturbance": np.full((50, 2), math.inf)}, "disturbance has .* all finite"),
-    ({"model": load_model("puma560")}, "the model has 6 joints, the plant 2"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"duration": -1.0}, r"duration is -1\.0, wanted a finite positive"),
+        ({"duration": 0.0}, "duration is 0.0, wanted a finite positive"),
+        ({"duration": math.nan}, "duration is nan"),
+        ({"duration": math.inf}, "duration is inf"),
+        (
+            {"duration": 0.0505},
+            r"duration 0\.0505 s is not a whole multiple of control_period 0\.001 s \(nearest: 0\.05",
+        ),
+        ({"control_period": -0.001}, r"control_period is -0\.001, wanted"),
+        (
+            {"control_period": 0.0015},
+            r"control_period 0\.0015 s is not a whole multiple of timestep 0\.001 s \(nearest: ",
+        ),
+        ({"control_period": 0.0004}, r"control_period 0\.0004 s is not .* \(nearest: 0\.001 s\)"),
+        ({"control_period": math.nan}, "control_period is nan"),
+        ({"reference": flat_reference}, r"reference q has shape \(50, 3\), wanted \(50, 2\)"),
+        ({"reference": lambda t: TARGET(t[1:])}, r"reference q has shape \(49, 2\), wanted \(50, 2\)"),
+        ({"reference": broken_reference}, "reference qd has values that are not finite"),
+        ({"initial_q": np.zeros(3)}, r"initial_q is \[0\. 0\. 0\.\], wanted 2 finite"),
+        ({"initial_q": np.array([0.0, math.nan])}, r"initial_q is \[ 0\. nan\], wanted 2 finite"),
+        ({"disturbance": np.zeros((49, 2))}, r"disturbance has shape \(49, 2\), wanted \(50, 2\)"),
+        ({"disturbance": np.zeros((50, 1))}, r"disturbance has shape \(50, 1\), wanted \(50, 2\)"),
+        ({"disturbance": np.full((50, 2), math.inf)}, "disturbance has .* all finite"),
+        ({"model": load_model("puma560")}, "the model has 6 joints, the plant 2"),
+    ],
+)
 def test_bad_arguments_are_refused_before_anything_moves(options: dict[str, Any], message: str) -> None:
     """Each is a ValueError with the numbers; the plant is not touched and the law not called."""
     plant, called = SpyPlant(), []
@@ -302,10 +311,14 @@ def test_plants_refuse_what_they_cannot_integrate(make: Any) -> None:
         make(0.001, "rk5")
 
 
-@pytest.mark.parametrize(("options", "error", "text"), [
-    ({"path": "pyhton"}, ValueError, "did you mean 'python'"), ({"path": "compiled"}, ValueError, "path is 'compiled'"),
-    ({"chain": "fast"}, TypeError, r"wanted a Chain, such as CHAINS\['fast'\]"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("options", "error", "text"),
+    [
+        ({"path": "pyhton"}, ValueError, "did you mean 'python'"),
+        ({"path": "compiled"}, ValueError, "path is 'compiled'"),
+        ({"chain": "fast"}, TypeError, r"wanted a Chain, such as CHAINS\['fast'\]"),
+    ],
+)
 def test_a_path_or_chain_that_is_none_is_refused(options: dict[str, Any], error: type[Exception], text: str) -> None:
     """A misspelt path would otherwise run compiled without a word."""
     with pytest.raises(error, match=text):

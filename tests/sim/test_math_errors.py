@@ -31,29 +31,76 @@ AT = 7
 """Step at which the laws below leave the domain of arithmetic."""
 CASES = {
     # divisions: of numbers made from t, from elements of arrays, and of integers
-    "1.0 / zero": BAD, "x / zero": BAD, "zero / zero": BAD, "q[i] / (q[i] - q[i])": BAD, "1.0 / gains.none[i]": BAD,
-    "gains.none[i] / gains.none[i]": BAD, "ref.qd[i] / memory.zero[i]": BAD, "1.0 / model.scratch.zeros[i]": BAD,
-    "1.0 / model.scratch.matrix[i, i]": BAD, "x % zero": BAD, "x // zero": BAD, "q[i] % gains.none[i]": BAD,
-    "q[i] // gains.none[i]": BAD, "1 / (i - i)": BAD, "1 // (i - i)": BAD, "1 % (i - i)": BAD,
-    "model.kind[i] / (i - i)": BAD, "infinite / zero": BAD, "missing / zero": BAD, "-1.0 / gains.none[i]": BAD,
+    "1.0 / zero": BAD,
+    "x / zero": BAD,
+    "zero / zero": BAD,
+    "q[i] / (q[i] - q[i])": BAD,
+    "1.0 / gains.none[i]": BAD,
+    "gains.none[i] / gains.none[i]": BAD,
+    "ref.qd[i] / memory.zero[i]": BAD,
+    "1.0 / model.scratch.zeros[i]": BAD,
+    "1.0 / model.scratch.matrix[i, i]": BAD,
+    "x % zero": BAD,
+    "x // zero": BAD,
+    "q[i] % gains.none[i]": BAD,
+    "q[i] // gains.none[i]": BAD,
+    "1 / (i - i)": BAD,
+    "1 // (i - i)": BAD,
+    "1 % (i - i)": BAD,
+    "model.kind[i] / (i - i)": BAD,
+    "infinite / zero": BAD,
+    "missing / zero": BAD,
+    "-1.0 / gains.none[i]": BAD,
     # functions, beyond their domain or with a result too large
-    "math.sqrt(-x)": BAD, "math.sqrt(-infinite)": BAD, "math.log(zero)": BAD, "math.log(-x)": BAD,
+    "math.sqrt(-x)": BAD,
+    "math.sqrt(-infinite)": BAD,
+    "math.log(zero)": BAD,
+    "math.log(-x)": BAD,
     "math.exp(1e6 * x)": BAD,
-    "math.expm1(1e6 * x)": BAD, "math.sinh(-1e6 * x)": BAD, "math.cosh(-1e6 * x)": BAD, "math.log1p(-1.0 - zero)": BAD,
-    "math.log1p(-1e3 * x)": BAD, "math.asin(1.0 + x)": BAD, "math.acos(-1.0 - x)": BAD, "math.sin(infinite)": BAD,
-    "math.cos(-infinite)": BAD, "math.tan(infinite)": BAD, "math.floor(infinite)": BAD, "math.floor(missing)": BAD,
-    "also_sine(infinite)": BAD, "maths.sqrt(-x)": BAD,
+    "math.expm1(1e6 * x)": BAD,
+    "math.sinh(-1e6 * x)": BAD,
+    "math.cosh(-1e6 * x)": BAD,
+    "math.log1p(-1.0 - zero)": BAD,
+    "math.log1p(-1e3 * x)": BAD,
+    "math.asin(1.0 + x)": BAD,
+    "math.acos(-1.0 - x)": BAD,
+    "math.sin(infinite)": BAD,
+    "math.cos(-infinite)": BAD,
+    "math.tan(infinite)": BAD,
+    "math.floor(infinite)": BAD,
+    "math.floor(missing)": BAD,
+    "also_sine(infinite)": BAD,
+    "maths.sqrt(-x)": BAD,
     # what has a result, infinite or not a number as it may be
-    "infinite": COMPLETED, "-infinite": COMPLETED, "math.exp(infinite)": COMPLETED, "math.exp(-1e6 * x)": COMPLETED,
-    "math.log(infinite)": COMPLETED, "math.sqrt(infinite)": COMPLETED, "math.atan(-infinite)": COMPLETED,
-    "math.tanh(infinite)": COMPLETED, "math.cosh(infinite)": COMPLETED, "math.sinh(-infinite)": COMPLETED,
-    "x / infinite": COMPLETED, "math.atan2(zero, -zero)": COMPLETED, "math.copysign(1.0, -zero)": COMPLETED,
-    "math.fabs(-infinite)": COMPLETED, "math.floor(-1e9 * x)": COMPLETED, "math.asin(1.0)": COMPLETED,
-    "-7.5 % x": COMPLETED, "-7.5 // x": COMPLETED, "infinite % -x": BAD, "sat(steep(1e6 * x))": COMPLETED,
-    "infinite - infinite": BAD, "missing": BAD, "math.sqrt(missing)": BAD, "math.sin(missing)": BAD,
-    "infinite / infinite": BAD, "0.0 * infinite": BAD, "1.0 if math.isnan(missing) else zero": COMPLETED,
+    "infinite": COMPLETED,
+    "-infinite": COMPLETED,
+    "math.exp(infinite)": COMPLETED,
+    "math.exp(-1e6 * x)": COMPLETED,
+    "math.log(infinite)": COMPLETED,
+    "math.sqrt(infinite)": COMPLETED,
+    "math.atan(-infinite)": COMPLETED,
+    "math.tanh(infinite)": COMPLETED,
+    "math.cosh(infinite)": COMPLETED,
+    "math.sinh(-infinite)": COMPLETED,
+    "x / infinite": COMPLETED,
+    "math.atan2(zero, -zero)": COMPLETED,
+    "math.copysign(1.0, -zero)": COMPLETED,
+    "math.fabs(-infinite)": COMPLETED,
+    "math.floor(-1e9 * x)": COMPLETED,
+    "math.asin(1.0)": COMPLETED,
+    "-7.5 % x": COMPLETED,
+    "-7.5 // x": COMPLETED,
+    "infinite % -x": BAD,
+    "sat(steep(1e6 * x))": COMPLETED,
+    "infinite - infinite": BAD,
+    "missing": BAD,
+    "math.sqrt(missing)": BAD,
+    "math.sin(missing)": BAD,
+    "infinite / infinite": BAD,
+    "0.0 * infinite": BAD,
+    "1.0 if math.isnan(missing) else zero": COMPLETED,
     "1.0 if math.isfinite(infinite) else zero": COMPLETED,
-}  # fmt: skip
+}
 """An expression, squashed by `sat` -> how a run that comes upon it ends."""
 SOURCE = '''"""A law that computes what its option says from step 7 on."""
 
@@ -141,9 +188,18 @@ def test_the_interpreted_call_tells_what_the_compiled_one_met(risky: Any, name: 
     from torquebench.sim.chain import IDEAL
 
     setup = set_up(
-        risky, gains, arm().flat, plant, desired, IDEAL, control_period=0.001, substeps=1, position_noise=None,
-        disturbance=None, native=native,
-    )  # fmt: skip
+        risky,
+        gains,
+        arm().flat,
+        plant,
+        desired,
+        IDEAL,
+        control_period=0.001,
+        substeps=1,
+        position_noise=None,
+        disturbance=None,
+        native=native,
+    )
     plant.reset(np.zeros(2), np.zeros(2))
     assert NativeRun(setup, native)(0, 20) == RAISED
     kept = setup.job.record_memory[:, AT].copy()
@@ -190,9 +246,34 @@ def beyond(gains, model, t, q, qd, ref, memory, tau):
 
 
 SPECIAL = [
-    0.0, -0.0, 1.0, -1.0, 0.5, -2.0, 1.0 + 2**-52, -1.0 - 2**-52, 5e-324, 1e-300, 700.0, 709.8, 710.5, -745.2, -746.0,
-    2.0**52 + 0.5, 2.0**62, 9.0e18, -9.3e18, 2.0**63, -(2.0**63), 1e22, 1e308, -1e308, math.inf, -math.inf, math.nan,
-]  # fmt: skip
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    -2.0,
+    1.0 + 2**-52,
+    -1.0 - 2**-52,
+    5e-324,
+    1e-300,
+    700.0,
+    709.8,
+    710.5,
+    -745.2,
+    -746.0,
+    2.0**52 + 0.5,
+    2.0**62,
+    9.0e18,
+    -9.3e18,
+    2.0**63,
+    -(2.0**63),
+    1e22,
+    1e308,
+    -1e308,
+    math.inf,
+    -math.inf,
+    math.nan,
+]
 
 
 @pytest.mark.parametrize("name", [name for name in MATH if callable(getattr(math, name))])
@@ -280,8 +361,13 @@ def edited(gains, model, t, q, qd, ref, memory, tau):
         tau[i] = LIMIT + part(gains.k[i]) + 100.0
 """
     names = set()
-    for old, new, torque in (("", "", 111.0), ("LIMIT = 1.0", "LIMIT = 2.0", 112.0), ("10.0", "20.0", 121.0),
-                             ("100.0", "200.0", 211.0), ("LIMIT + part", "-LIMIT + part", 109.0)):  # fmt: skip
+    for old, new, torque in (
+        ("", "", 111.0),
+        ("LIMIT = 1.0", "LIMIT = 2.0", 112.0),
+        ("10.0", "20.0", 121.0),
+        ("100.0", "200.0", 211.0),
+        ("LIMIT + part", "-LIMIT + part", 109.0),
+    ):
         monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
         base._REGISTRY.pop("edited", None)
         load(tmp_path, text.replace(old, new), "edited_file")
@@ -312,9 +398,15 @@ def test_a_controller_error_is_told_apart_from_arithmetic(risky: Any, monkeypatc
     """The interpreted call decides which of the two a compiled law that raised has met."""
     monkeypatch.setattr(calling, "call_law", lambda *arguments: (np.zeros(2), CONTROLLER_ERROR, "IndexError: beyond"))
     job = SimpleNamespace(
-        at=[3], memory=np.ones((1, 2)), record_memory=np.zeros((1, 5, 2)), q_ref=np.zeros((5, 2)),
-        qd_ref=np.zeros((5, 2)), qdd_ref=np.zeros((5, 2)), control_period=0.001, measured_q=np.zeros(2),
+        at=[3],
+        memory=np.ones((1, 2)),
+        record_memory=np.zeros((1, 5, 2)),
+        q_ref=np.zeros((5, 2)),
+        qd_ref=np.zeros((5, 2)),
+        qdd_ref=np.zeros((5, 2)),
+        control_period=0.001,
+        measured_q=np.zeros(2),
         measured_qd=np.zeros(2),
-    )  # fmt: skip
+    )
     setup: Any = SimpleNamespace(job=job, law=risky, gains=(), belief=None, memory=())
     assert calling.replay(setup) == (CONTROLLER_ERROR, "IndexError: beyond")

@@ -29,9 +29,18 @@ def job_of(chain: Chain, noise: Array | None = None, disturbance: Array | None =
     """Return the job of a run of the two-joint arm with a period of 4 ms."""
     desired = Reference(*np.zeros((3, N_STEPS, 2)))
     return set_up(
-        LAW.law, (), arm().flat, plant_of("analytic", timestep), desired, chain, control_period=T,
-        substeps=round(T / timestep), position_noise=noise, disturbance=disturbance, native=None,
-    ).job  # fmt: skip
+        LAW.law,
+        (),
+        arm().flat,
+        plant_of("analytic", timestep),
+        desired,
+        chain,
+        control_period=T,
+        substeps=round(T / timestep),
+        position_noise=noise,
+        disturbance=disturbance,
+        native=None,
+    ).job
 
 
 def motion(k: int) -> tuple[Array, Array]:
@@ -130,8 +139,11 @@ def test_the_lag_is_the_exact_exponential(time_constant: float, figure: Any) -> 
                 worst = max(worst, float(np.max(np.abs(job.torque[row] - d - output(t)))))
         u = output(T)
         assert job.record_tau[k].tobytes() == tau.tobytes()
-    figure(f"torque of a lagging actuator and its mean against the exponential, lag {time_constant:g} s [N m]", worst,
-           "<= 8e-11")  # fmt: skip
+    figure(
+        f"torque of a lagging actuator and its mean against the exponential, lag {time_constant:g} s [N m]",
+        worst,
+        "<= 8e-11",
+    )
     assert worst <= 1e-12 * 80.0
 
 
@@ -145,8 +157,15 @@ def test_the_mean_torque_is_what_moves_a_mass() -> None:
     def push(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array) -> None:
         tau[0] = 100.0 * math.cos(40.0 * t)
 
-    run = go(AnalyticPlant(slider(2.0)), push, 0.2, model=slider(), reference=still(np.zeros(1)), chain=CHAINS["slow"],
-             control_period=T)  # fmt: skip
+    run = go(
+        AnalyticPlant(slider(2.0)),
+        push,
+        0.2,
+        model=slider(),
+        reference=still(np.zeros(1)),
+        chain=CHAINS["slow"],
+        control_period=T,
+    )
     wanted = np.concatenate([[0.0], np.cumsum(run.tau_applied[:-1, 0]) * T / 2.0])
     assert run.qd[:, 0] == pytest.approx(wanted, abs=1e-7 * 100.0 * T)
     assert np.max(np.abs(wanted)) > 0.5
@@ -160,8 +179,14 @@ def test_a_lag_is_seen_from_outside(lag_time: float) -> None:
     def push(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array) -> None:
         tau[0] = 100.0
 
-    run = go(AnalyticPlant(slider(2.0), 0.0001), push, 0.05, model=slider(), reference=still(np.zeros(1)),
-             chain=Chain(lag=lag_time))  # fmt: skip
+    run = go(
+        AnalyticPlant(slider(2.0), 0.0001),
+        push,
+        0.05,
+        model=slider(),
+        reference=still(np.zeros(1)),
+        chain=Chain(lag=lag_time),
+    )
     # v(t) = F/m (t - lag (1 - exp(-t/lag)))
     wanted = 50.0 * (run.t - lag_time * -np.expm1(-run.t / lag_time))
     assert run.qd[:, 0] == pytest.approx(wanted, abs=1e-9)
@@ -194,9 +219,14 @@ def test_chains_without_effect_change_no_byte(plant: str, integrator: str) -> No
     assert set(REFERENCES) == {"sine", "step", "ramp", "quintic"}
 
 
-@pytest.mark.parametrize(("name", "sigma", "rate", "time_constant"), [
-    ("ideal", 0.0, 0.0, 0.0), ("fast", 1e-4, 500.0, 0.002), ("slow", 1e-4, 200.0, 0.008),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "sigma", "rate", "time_constant"),
+    [
+        ("ideal", 0.0, 0.0, 0.0),
+        ("fast", 1e-4, 500.0, 0.002),
+        ("slow", 1e-4, 200.0, 0.008),
+    ],
+)
 def test_the_named_chains(name: str, sigma: float, rate: float, time_constant: float) -> None:
     """The protocol's three chains; decay over half a step, a step and on average, each against its own formula."""
     chain = CHAINS[name]

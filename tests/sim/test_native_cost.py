@@ -32,10 +32,15 @@ def rollouts(plant: str, count: int) -> Iterator[Trial]:
     for i in range(count):
         rng = np.random.default_rng(i)
         yield Trial(
-            controller, belief_of(plant), reference, 0.001 * N_STEPS, chain=chain,
-            position_noise=1e-4 * rng.normal(size=(N_STEPS, n)), disturbance=rng.normal(size=(N_STEPS, n)),
+            controller,
+            belief_of(plant),
+            reference,
+            0.001 * N_STEPS,
+            chain=chain,
+            position_noise=1e-4 * rng.normal(size=(N_STEPS, n)),
+            disturbance=rng.normal(size=(N_STEPS, n)),
             initial_q=np.array(HOME[:n]) + 0.1 * rng.normal(size=n),
-        )  # fmt: skip
+        )
 
 
 @pytest.mark.skipif(not STATM.exists(), reason="reads the memory in use from /proc")

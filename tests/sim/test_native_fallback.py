@@ -223,9 +223,14 @@ for name in ("analytic", "mujoco"):
 def test_numba_switched_off() -> None:
     """With NUMBA_DISABLE_JIT=1 everything runs interpreted, says so, and gives the same bytes."""
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", SWITCHED_OFF], cwd=ROOT, capture_output=True, text=True, check=True,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, timeout=120,
-    )  # fmt: skip
+        [sys.executable, "-W", "error", "-c", SWITCHED_OFF],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        timeout=120,
+    )
     wanted = [
         f"{go(plant_of(name), PD).digest()} python True numba is switched off (NUMBA_DISABLE_JIT)"
         for name in ("analytic", "mujoco")

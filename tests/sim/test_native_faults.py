@@ -35,12 +35,18 @@ def wrong_shape(*arguments: Any) -> Any:
 
 
 KINDS: dict[str, tuple[Callable[..., Any], Outcome]] = {
-    "nan": (faulty_laws.not_a_number, BAD), "infinity": (faulty_laws.infinite, BAD),
-    "division by zero": (faulty_laws.division, BAD), "domain": (faulty_laws.domain, BAD),
-    "overflow": (faulty_laws.overflow, BAD), "forgotten joint": (faulty_laws.forgotten, BAD),
-    "huge torque": (faulty_laws.huge, DIVERGED), "huge disturbance": (faulty_laws.sound, DIVERGED),
-    "raising law": (raises, ERROR), "wrong shape": (wrong_shape, ERROR), "bad state": (faulty_laws.sound, DIVERGED),
-}  # fmt: skip
+    "nan": (faulty_laws.not_a_number, BAD),
+    "infinity": (faulty_laws.infinite, BAD),
+    "division by zero": (faulty_laws.division, BAD),
+    "domain": (faulty_laws.domain, BAD),
+    "overflow": (faulty_laws.overflow, BAD),
+    "forgotten joint": (faulty_laws.forgotten, BAD),
+    "huge torque": (faulty_laws.huge, DIVERGED),
+    "huge disturbance": (faulty_laws.sound, DIVERGED),
+    "raising law": (raises, ERROR),
+    "wrong shape": (wrong_shape, ERROR),
+    "bad state": (faulty_laws.sound, DIVERGED),
+}
 CHAINED = [name for name, condition in CONDITIONS.items() if not (condition.payload or condition.friction)]
 """Conditions that are the loop's alone; a payload has tests of its own for this."""
 READABLE = ("raising law", "wrong shape", "bad state")
@@ -75,10 +81,19 @@ class Fault(NamedTuple):
         if self.kind == "bad state":
             plant = Spoilt(plant, self.at if strikes else N_STEPS, self.joint, math.copysign(math.inf, self.size))
         return simulate(
-            plant, controller, belief_of(self.plant), REFERENCES["sine"](n), duration=N_STEPS * period,
-            control_period=period, chain=chain, position_noise=noise, disturbance=base, initial_q=np.array(HOME[:n]),
-            path=path, throw=False,
-        )  # fmt: skip
+            plant,
+            controller,
+            belief_of(self.plant),
+            REFERENCES["sine"](n),
+            duration=N_STEPS * period,
+            control_period=period,
+            chain=chain,
+            position_noise=noise,
+            disturbance=base,
+            initial_q=np.array(HOME[:n]),
+            path=path,
+            throw=False,
+        )
 
 
 class Spoilt:

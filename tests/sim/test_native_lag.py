@@ -30,9 +30,21 @@ from torquebench.sim.trajectory import Trajectory
 N_STEPS = 150
 LAG = 0.008
 ARMS = (
-    "puma560", "two-link", "hinges and slides", "branches", "damping", "damping in a tree", "explicit damping",
-    "joint friction", "enforced limits", "contacts", "a spring", "an equality", "a fluid", "a stiff tendon",
-)  # fmt: skip
+    "puma560",
+    "two-link",
+    "hinges and slides",
+    "branches",
+    "damping",
+    "damping in a tree",
+    "explicit damping",
+    "joint friction",
+    "enforced limits",
+    "contacts",
+    "a spring",
+    "an equality",
+    "a fluid",
+    "a stiff tendon",
+)
 
 
 @contextmanager
@@ -50,10 +62,17 @@ def lagging_run(plant: MujocoPlant, substeps: int, path: Any) -> tuple[Trajector
     n = plant.n
     disturbance = np.random.default_rng(9).normal(size=(N_STEPS, n))
     run = simulate(
-        plant, pack("pd", n, lam=8, kv=12), anything(n), sine(0.8, 2.0), duration=N_STEPS * substeps * plant.timestep,
-        control_period=substeps * plant.timestep, chain=Chain(lag=LAG), disturbance=disturbance,
-        initial_q=start_of(n)[0], path=path,
-    )  # fmt: skip
+        plant,
+        pack("pd", n, lam=8, kv=12),
+        anything(n),
+        sine(0.8, 2.0),
+        duration=N_STEPS * substeps * plant.timestep,
+        control_period=substeps * plant.timestep,
+        chain=Chain(lag=LAG),
+        disturbance=disturbance,
+        initial_q=start_of(n)[0],
+        path=path,
+    )
     return run, disturbance
 
 
@@ -126,9 +145,15 @@ def test_both_plants_agree_under_lag(chain: str, integrator: str, figure: Any) -
     for plant in (MujocoPlant("puma560", 0.001, integrator), AnalyticPlant(arm, 0.001, integrator)):
         for path in ("python", "native"):
             run = simulate(
-                plant, pack("linear-band-smc", 6, lam=10, k=0.3, phi=0.3, kv=20), Puma560("corrected", "printed"),
-                REFERENCES["sine"](6), duration=1.0, chain=CHAINS[chain], initial_q=np.array(HOME), path=path,  # type: ignore[arg-type]
-            )  # fmt: skip
+                plant,
+                pack("linear-band-smc", 6, lam=10, k=0.3, phi=0.3, kv=20),
+                Puma560("corrected", "printed"),
+                REFERENCES["sine"](6),
+                duration=1.0,
+                chain=CHAINS[chain],
+                initial_q=np.array(HOME),
+                path=path,  # type: ignore[arg-type]
+            )
             q.append(run.q)
     gap = max(float(np.max(np.abs(x - q[0]))) for x in q[1:])
     figure(f"MuJoCo against analytic under lag, {chain}, {integrator} [rad]", gap, "<= 1e-12")

@@ -97,8 +97,9 @@ class HoardGains(NamedTuple):
     step: Array
 
 
-def hoarding(gains: HoardGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: Any,
-             tau: Array) -> None:  # fmt: skip
+def hoarding(
+    gains: HoardGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: Any, tau: Array
+) -> None:
     """Count the calls in the model's working memory, and ask for that much torque."""
     for i in range(len(tau)):
         model.scratch.free[i] += gains.step[i]
@@ -126,9 +127,14 @@ def test_what_the_caller_passes_stays_the_callers(plant: str, path: Any) -> None
     given = [*samples, 1e-4 * rng.normal(size=(50, 2)), rng.normal(size=(50, 2)), np.array([0.1, 0.2])]
     before = [array.copy() for array in given]
     run = go(
-        loops.plant_of(plant), pack("pd", 2, lam=8, kv=12), reference=samples, position_noise=given[3],
-        disturbance=given[4], initial_q=given[5], path=path,
-    )  # fmt: skip
+        loops.plant_of(plant),
+        pack("pd", 2, lam=8, kv=12),
+        reference=samples,
+        position_noise=given[3],
+        disturbance=given[4],
+        initial_q=given[5],
+        path=path,
+    )
     digest = run.digest()
     for array, kept in zip(given, before, strict=True):
         assert array.flags.writeable

@@ -41,9 +41,16 @@ def run_of(plant: MujocoPlant, path: Any, actuators: Chain = IDEAL) -> Trajector
     """Return 0.15 s of PD control, started away from home so that limits and contacts are met."""
     n = plant.n
     return simulate(
-        plant, pack("pd", n, lam=8, kv=12), anything(n), sine(0.8, 2.0), duration=0.15, chain=actuators,
-        initial_q=start_of(n)[0], path=path, throw=False,
-    )  # fmt: skip
+        plant,
+        pack("pd", n, lam=8, kv=12),
+        anything(n),
+        sine(0.8, 2.0),
+        duration=0.15,
+        chain=actuators,
+        initial_q=start_of(n)[0],
+        path=path,
+        throw=False,
+    )
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)

@@ -40,20 +40,36 @@ def trials(plant: str, count: int = 32) -> list[Trial]:
         if i % 7 == 6:
             push[40 + i, i % n] = 1e300
         chain, noisy, *_ = list(CONDITIONS.values())[i % len(CONDITIONS)]
-        found.append(Trial(
-            controller, belief_of(plant), list(REFERENCES.values())[i % 4](n), 0.001 * n_steps, chain=chain,
-            position_noise=noise if noisy else None, disturbance=push, initial_q=np.array(HOME[:n]) * (1 + 0.01 * i),
-        ))  # fmt: skip
+        found.append(
+            Trial(
+                controller,
+                belief_of(plant),
+                list(REFERENCES.values())[i % 4](n),
+                0.001 * n_steps,
+                chain=chain,
+                position_noise=noise if noisy else None,
+                disturbance=push,
+                initial_q=np.array(HOME[:n]) * (1 + 0.01 * i),
+            )
+        )
     return found
 
 
 def alone(plant: str, trial: Trial, path: Any = "auto") -> Trajectory:
     """Run one trial on a plant of its own, without `simulate_many`."""
     return simulate(
-        plant_of(plant).replica(), trial.controller, trial.model, trial.reference, duration=trial.duration,
-        chain=trial.chain, position_noise=trial.position_noise, disturbance=trial.disturbance,
-        initial_q=trial.initial_q, path=path, throw=False,
-    )  # fmt: skip
+        plant_of(plant).replica(),
+        trial.controller,
+        trial.model,
+        trial.reference,
+        duration=trial.duration,
+        chain=trial.chain,
+        position_noise=trial.position_noise,
+        disturbance=trial.disturbance,
+        initial_q=trial.initial_q,
+        path=path,
+        throw=False,
+    )
 
 
 @pytest.mark.parametrize("path", ["native", "python"])
@@ -238,8 +254,13 @@ def test_threads_may_be_the_first_to_compile() -> None:
     """In a new process eight threads load or compile the loop, the plant and the laws at once: the same digests."""
     wanted = [alone("mujoco two-link", trial).digest() for trial in trials("mujoco two-link", 16)]
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", FIRST_OF_ALL], cwd=ROOT, capture_output=True, text=True, check=False,
-        timeout=300, env=dict(os.environ),
-    )  # fmt: skip
+        [sys.executable, "-W", "error", "-c", FIRST_OF_ALL],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+        env=dict(os.environ),
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == wanted

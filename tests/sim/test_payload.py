@@ -103,8 +103,20 @@ def spec_with_body(text: str, body: str, place: Array, mass: float) -> Any:
     return spec.compile()
 
 
-@pytest.mark.parametrize("name", ["puma560", "two-link", "hinges", "hinges and slides", "two joints on a body",
-                                  "a body welded on", "branches", "no gravity", "a reference angle"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    [
+        "puma560",
+        "two-link",
+        "hinges",
+        "hinges and slides",
+        "two joints on a body",
+        "a body welded on",
+        "branches",
+        "no gravity",
+        "a reference angle",
+    ],
+)
 def test_mujocos_loaded_arm_has_a_body_more(name: str, tmp_path: Path) -> None:
     """M and bias are those of the arm to which MuJoCo's editor has welded a body, at random states; 1e-9 of each.
 
@@ -169,9 +181,15 @@ def plants(payload: Payload | None, integrator: str = "rk4") -> dict[str, Mujoco
 def run_of(plant: Any, duration: float = 0.4, path: Any = "native", **options: Any) -> Trajectory:
     """Return a run of the linear band on the sine from HOME."""
     return simulate(
-        plant, LAW, Puma560("corrected", "printed"), REFERENCES["sine"](6), duration=duration,
-        initial_q=np.array(HOME), path=path, **options,
-    )  # fmt: skip
+        plant,
+        LAW,
+        Puma560("corrected", "printed"),
+        REFERENCES["sine"](6),
+        duration=duration,
+        initial_q=np.array(HOME),
+        path=path,
+        **options,
+    )
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -252,9 +270,15 @@ def test_failures_are_at_their_own_step(engine: str, path: Any) -> None:
         push[at, joint] = 1e300
         for law, disturbance, outcome in ((controller, None, Outcome.BAD_TORQUE), (LAW, push, Outcome.DIVERGED)):
             run = simulate(
-                plant, law, Puma560(), REFERENCES["sine"](6), duration=0.1, disturbance=disturbance, path=path,
+                plant,
+                law,
+                Puma560(),
+                REFERENCES["sine"](6),
+                duration=0.1,
+                disturbance=disturbance,
+                path=path,
                 throw=False,
-            )  # fmt: skip
+            )
             assert (run.outcome, run.failed_at, len(run.t)) == (outcome, at, at + 1)
 
 
@@ -279,9 +303,13 @@ def test_the_weight_is_felt_at_once_and_the_law_knows_nothing() -> None:
     payload, q = Payload(2.0, 0.05), np.array(HOME)
     loaded, bare = by_pinocchio(payload), by_pinocchio(None)
     run = simulate(
-        AnalyticPlant(Puma560(), payload=payload), pack("pd-gravity", 6, lam=1e-3, kv=1e-3), Puma560(),
-        lambda t: REFERENCES["sine"](6)(0.0 * t), duration=0.1, initial_q=q,
-    )  # fmt: skip
+        AnalyticPlant(Puma560(), payload=payload),
+        pack("pd-gravity", 6, lam=1e-3, kv=1e-3),
+        Puma560(),
+        lambda t: REFERENCES["sine"](6)(0.0 * t),
+        duration=0.1,
+        initial_q=q,
+    )
     assert np.max(np.abs(run.qd[:51])) < 1e-3
     change = (run.qd[51] - run.qd[50]) / 0.001
     wanted = np.linalg.solve(loaded.mass_matrix(q), bare.gravity(q) - loaded.gravity(q))
@@ -289,21 +317,31 @@ def test_the_weight_is_felt_at_once_and_the_law_knows_nothing() -> None:
     assert abs(wanted[1]) > 1.0
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    ({"mass": 0.0}, "mass is 0.0, wanted a finite positive"), ({"mass": math.nan}, "mass is nan"),
-    ({"mass": 1.0, "at": -1.0}, "at is -1.0"), ({"mass": 1.0, "at": math.inf}, "at is inf"),
-    ({"mass": 1.0, "offset": (0.0, 0.0)}, "wanted three finite numbers"),
-    ({"mass": 1.0, "offset": (0.0, 0.0, math.nan)}, "wanted three finite numbers"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"mass": 0.0}, "mass is 0.0, wanted a finite positive"),
+        ({"mass": math.nan}, "mass is nan"),
+        ({"mass": 1.0, "at": -1.0}, "at is -1.0"),
+        ({"mass": 1.0, "at": math.inf}, "at is inf"),
+        ({"mass": 1.0, "offset": (0.0, 0.0)}, "wanted three finite numbers"),
+        ({"mass": 1.0, "offset": (0.0, 0.0, math.nan)}, "wanted three finite numbers"),
+    ],
+)
 def test_what_is_no_load_is_refused(arguments: dict[str, Any], message: str) -> None:
     """A ValueError that names the number."""
     with pytest.raises(ValueError, match=message):
         Payload(**arguments)
 
 
-@pytest.mark.parametrize(("at", "message"), [
-    (0.0005, "whole multiple of control_period"), (0.4, "before the end of the run"), (7.0, "before the end"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("at", "message"),
+    [
+        (0.0005, "whole multiple of control_period"),
+        (0.4, "before the end of the run"),
+        (7.0, "before the end"),
+    ],
+)
 def test_a_time_that_never_comes_is_refused(at: float, message: str) -> None:
     """Between two instants, at the end, or beyond: a ValueError, on either plant."""
     for plant in plants(Payload(1.0, at)).values():

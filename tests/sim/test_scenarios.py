@@ -55,10 +55,12 @@ SCENARIOS: dict[str, tuple[str, ...]] = {
     "everything": (*MISMATCH, *PAYLOAD, *NOISE, f"plant.friction={FRICTION}", "plant.perturb.relative=0.2"),
 }
 CHAINS = {
-    "ideal": "ideal", "fast": "fast", "slow": "slow",
+    "ideal": "ideal",
+    "fast": "fast",
+    "slow": "slow",
     "late": "{encoder_noise: 1e-4, velocity: differentiated, velocity_filter: 300, delay: 0.001, actuator_lag: 0.003}",
     "rounded": "{encoder_noise: 0.0001, quantisation: 0.0002, delay: 0.002, actuator_lag: 0.002}",
-}  # fmt: skip
+}
 BLIND = "{encoder_noise: 0.0001, quantisation: 0.0002, velocity: differentiated, delay: 0.002, actuator_lag: 0.002}"
 """A chain through which a law sees whole steps of the encoders only, in position and velocity."""
 TOLERANCE = 1e-12
@@ -127,10 +129,11 @@ def test_a_draw_is_the_same_for_every_law() -> None:
     loops = [build(parse(BASE, *edits, f"run.draw={draw}")) for draw in (0, 0, 1)]
     for same, x in ((True, loops[1]), (False, loops[2])):
         for first, second in (
-            (loops[0].disturbance, x.disturbance), (loops[0].position_noise, x.position_noise),
+            (loops[0].disturbance, x.disturbance),
+            (loops[0].position_noise, x.position_noise),
             (loops[0].model.flat.constants, x.model.flat.constants),
             (loops[0].plant._arm.model.mass, x.plant._arm.model.mass),
-        ):  # fmt: skip
+        ):
             assert (np.asarray(first).tobytes() == np.asarray(second).tobytes()) is same
 
 
@@ -155,9 +158,15 @@ def test_a_bias_leaves_the_error_that_it_must() -> None:
         tau[:] = arm.gravity(q) + 200.0 * arm.flat.inertia_scale * (ref.q - q) - 30.0 * arm.flat.inertia_scale * qd
 
     run = go(
-        AnalyticPlant(Puma560()), gravity_at_target, 3.0, model=Puma560(), reference=still(target), initial_q=target,
-        disturbance=np.tile(bias, (3000, 1)), control_period=0.001,
-    )  # fmt: skip
+        AnalyticPlant(Puma560()),
+        gravity_at_target,
+        3.0,
+        model=Puma560(),
+        reference=still(target),
+        initial_q=target,
+        disturbance=np.tile(bias, (3000, 1)),
+        control_period=0.001,
+    )
     assert run.q[-1] - target == pytest.approx(bias / (200.0 * arm.flat.inertia_scale), abs=1e-9)
 
 
@@ -173,8 +182,15 @@ def test_a_sinusoid_swings_a_mass_as_it_must() -> None:
     def nothing(gains: Any, model: Any, t: float, q: Any, qd: Any, ref: Any, memory: Any, tau: Any) -> None:
         tau[0] = 0.0
 
-    run = go(AnalyticPlant(slider(m)), nothing, 2.0, model=slider(m), reference=still(np.zeros(1)), disturbance=torque,
-             control_period=period)  # fmt: skip
+    run = go(
+        AnalyticPlant(slider(m)),
+        nothing,
+        2.0,
+        model=slider(m),
+        reference=still(np.zeros(1)),
+        disturbance=torque,
+        control_period=period,
+    )
     held = np.concatenate([[0.0], np.cumsum(torque[:-1, 0]) * period / m])
     assert run.qd[:, 0] == pytest.approx(held, abs=1e-12)
     smooth = a / (m * w) * (1.0 - np.cos(w * (t - 0.5 * period)))
@@ -189,8 +205,15 @@ def test_a_delay_shifts_the_loop_as_it_must(periods: int) -> None:
     def damper(gains: Any, model: Any, t: float, q: Any, qd: Any, ref: Any, memory: Any, tau: Any) -> None:
         tau[0] = 50.0 if t < 0.5 * period else -c * qd[0]
 
-    run = go(AnalyticPlant(slider(m)), damper, 0.4, model=slider(m), reference=still(np.zeros(1)),
-             chain=Chain(delay=periods * period), control_period=period)  # fmt: skip
+    run = go(
+        AnalyticPlant(slider(m)),
+        damper,
+        0.4,
+        model=slider(m),
+        reference=still(np.zeros(1)),
+        chain=Chain(delay=periods * period),
+        control_period=period,
+    )
     v = [0.0, 50.0 * period / m]
     for k in range(1, 99):
         v.append(v[k] - c * period / m * v[max(k - periods, 0)])
@@ -206,8 +229,15 @@ def test_a_coarse_encoder_leaves_a_dead_zone() -> None:
         tau[0] = -200.0 * q[0] - 60.0 * qd[0]
 
     for start, settles in ((0.0049, 0.0049), (-0.0049, -0.0049), (0.0051, None)):
-        run = go(AnalyticPlant(slider(2.0)), spring, 1.0, model=slider(2.0), reference=still(np.zeros(1)),
-                 chain=Chain(quantum=quantum), initial_q=np.array([start]))  # fmt: skip
+        run = go(
+            AnalyticPlant(slider(2.0)),
+            spring,
+            1.0,
+            model=slider(2.0),
+            reference=still(np.zeros(1)),
+            chain=Chain(quantum=quantum),
+            initial_q=np.array([start]),
+        )
         if settles is None:
             assert abs(run.q[-1, 0]) < 0.5 * quantum
         else:
@@ -222,8 +252,13 @@ def test_scenarios_work_from_python_alone() -> None:
     friction = tb.Friction([5.8, 9.3, 4.0, 0.36, 0.36, 0.22], [26, 14, 6.5, 1.0, 1.3, 0.7])
     plant = tb.MujocoPlant("puma560", payload=tb.Payload(2.0, at=1.5), friction=friction)
     run = simulate(
-        plant, pack("smc", 6, {"equivalent_control": True, "switching": "sign"}, lam=10, k=0.3),
-        Puma560("corrected", "printed"), loop.reference, duration=4.0, chain=tb.CHAINS["slow"],
-        position_noise=loop.position_noise, disturbance=loop.disturbance,
-    )  # fmt: skip
+        plant,
+        pack("smc", 6, {"equivalent_control": True, "switching": "sign"}, lam=10, k=0.3),
+        Puma560("corrected", "printed"),
+        loop.reference,
+        duration=4.0,
+        chain=tb.CHAINS["slow"],
+        position_noise=loop.position_noise,
+        disturbance=loop.disturbance,
+    )
     assert differing_bytes(run, wanted) == 0

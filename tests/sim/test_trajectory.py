@@ -24,9 +24,14 @@ def short_run(disturbance: float = 0.0) -> Trajectory:
     arm, d = pendulum(), np.zeros((20, 1))
     d[9] = disturbance
     return simulate(
-        AnalyticPlant(arm), pack("pid", 1, lam=10, kv=20, ki=50), arm, still(np.array([0.3])),
-        duration=0.02, disturbance=d, throw=False,
-    )  # fmt: skip
+        AnalyticPlant(arm),
+        pack("pid", 1, lam=10, kv=20, ki=50),
+        arm,
+        still(np.array([0.3])),
+        duration=0.02,
+        disturbance=d,
+        throw=False,
+    )
 
 
 RUNS = [pytest.param(0.0, id="completed"), pytest.param(1e9, id="failed")]
@@ -70,10 +75,13 @@ def test_the_digest_sees_everything() -> None:
     integral = run.extra["integral"].copy()
     integral[3] += 1.0
     changed += [
-        replace(run, extra={"integral": integral}), replace(run, extra={"other": run.extra["integral"].copy()}),
-        replace(run, outcome=Outcome.DIVERGED), replace(run, failed_at=19), replace(run, q=run.qd, qd=run.q),
+        replace(run, extra={"integral": integral}),
+        replace(run, extra={"other": run.extra["integral"].copy()}),
+        replace(run, outcome=Outcome.DIVERGED),
+        replace(run, failed_at=19),
+        replace(run, q=run.qd, qd=run.q),
         replace(run, tau=run.tau[:-1].copy()),
-    ]  # fmt: skip
+    ]
     for other in changed:
         assert other.digest() not in digests
         digests.add(other.digest())

@@ -120,11 +120,16 @@ class Bench:
         after = marks(out)
         said = next((x for x in (self.folder / "output.txt").read_text().splitlines() if "shards run" in x), "")
         return {
-            "complete": len(state.complete), "missing": len(state.missing), "damaged": len(state.damaged),
-            "status": status, "said": said, "equal": tables(out) == self.wanted,
-            "kept": sum(after[name] == mark for name, mark in before.items()), "files": len(after),
+            "complete": len(state.complete),
+            "missing": len(state.missing),
+            "damaged": len(state.damaged),
+            "status": status,
+            "said": said,
+            "equal": tables(out) == self.wanted,
+            "kept": sum(after[name] == mark for name, mark in before.items()),
+            "files": len(after),
             "left": sorted(p.name for p in out.rglob("*") if p.name.startswith(".")),
-        }  # fmt: skip
+        }
 
     def killed(self, rng: np.random.Generator) -> dict[str, Any]:
         """Kill a sweep at a random instant between its first shard and its last, and continue it."""

@@ -52,7 +52,9 @@ BAD = [
     Bad("{grid: {controllers.sign.switching: [sign, sat]}}", "controllers[1].switching", "(in the sweep: ", "sat]"),
     Bad(
         "{grid: {disturbances: [[{kind: bias, channel: torque, value: 1.23456789012345678}, {kind: bias, channel: "
-        "torque, value: 2}]]}}", "sweep.grid.disturbances[0]", "needs a name",
+        "torque, value: 2}]]}}",
+        "sweep.grid.disturbances[0]",
+        "needs a name",
     ),
     Bad("{random: {plant.payload.mass: [1, 2]}}", RANDOM, "a mapping with one of uniform"),
     Bad("{random: {plant.payload.mass: {}}}", RANDOM, "missing: one of uniform"),
@@ -63,7 +65,8 @@ BAD = [
     Bad("{random: {plant.payload.mass: {normal: {mean: 1}}}}", f"{RANDOM}.normal.std", "missing"),
     Bad("{random: {plant.payload.mass: {choice: 1}}}", f"{RANDOM}.choice", "a list of values"),
     Bad(
-        "{random: {plant.payload.mass: {choice: [1], uniform: [1, 2]}}}", f"{RANDOM}.choice",
+        "{random: {plant.payload.mass: {choice: [1], uniform: [1, 2]}}}",
+        f"{RANDOM}.choice",
         "wanted one of the two",
     ),
     Bad("{random: {plant.payload.mass: {uniform: [-1, 2]}}}", MASS, "got -1.0, wanted at least 0", MASS),
@@ -72,12 +75,16 @@ BAD = [
     Bad("{random: {run.seed: {uniform: [1, 2]}}}", "run.seed", "whole number"),
     Bad("{random: {run.duration: {uniform: [1.6, 2]}}, draws: 4}", "run.duration", "whole multiple"),
     Bad(
-        "{grid: {plant.payload.mass: [0, 1]}, random: {plant.payload: {choice: [{mass: 3}, {mass: 4}]}}}", "sweep",
-        "plant.payload.mass: plant.payload of the sweep sets it too", "plant.payload.mass",
+        "{grid: {plant.payload.mass: [0, 1]}, random: {plant.payload: {choice: [{mass: 3}, {mass: 4}]}}}",
+        "sweep",
+        "plant.payload.mass: plant.payload of the sweep sets it too",
+        "plant.payload.mass",
     ),
     Bad(
-        "{grid: {controllers.band.gains.lam: [20, 30], controllers.*.gains.lam: [5, 10]}}", "sweep",
-        "controllers.band.gains.lam: controllers.*.gains.lam of the sweep sets it too", "controllers.band",
+        "{grid: {controllers.band.gains.lam: [20, 30], controllers.*.gains.lam: [5, 10]}}",
+        "sweep",
+        "controllers.band.gains.lam: controllers.*.gains.lam of the sweep sets it too",
+        "controllers.band",
     ),
     Bad("{grid: {plant.payload: [{mass: 3}], plant.payload.mass: [0, 1]}}", "sweep", "plant.payload: plant"),
     Bad("{grid: {run: {x: {duration: 0.05, draw: 5}}}}", "sweep.run", "draws", "{duration"),
@@ -88,7 +95,7 @@ BAD = [
     Bad("{keep: {worst: 0}}", "sweep.keep.worst", "at least 1", "0}"),
     Bad("{keep: {worst: 3, by: rsme}}", "sweep.keep.by", "did you mean 'rmse'?", "rsme"),
     Bad("{grid: {chain: [ideal]}, random: {chain: {choice: [fast]}}}", "sweep.random.chain", "one of the two"),
-]  # fmt: skip
+]
 
 
 def problems_of(text: str) -> tuple[Problem, ...]:
@@ -120,9 +127,12 @@ def test_every_mistake_of_every_case_is_told_at_once() -> None:
     text += "sweep: {draws: 4, grid: {plant.payload.mass: [-1, 1, -2], controllers.*.gains.phi: [0, 0.1, 0.2]}}\n"
     problems = problems_of(text)
     assert [(p.key, "in the sweep" in p.message) for p in problems] == [
-        ("controllers[0].gains.k", False), ("chain.delay", False), ("plant.payload.mass", True),
-        ("plant.payload.mass", True), ("controllers[0].gains.phi", True),
-    ]  # fmt: skip
+        ("controllers[0].gains.k", False),
+        ("chain.delay", False),
+        ("plant.payload.mass", True),
+        ("plant.payload.mass", True),
+        ("controllers[0].gains.phi", True),
+    ]
     assert "plant.payload.mass = -1" in problems[2].message
     assert "plant.payload.mass = -2" in problems[3].message
     assert "controllers.*.gains.phi = 0" in problems[4].message

@@ -234,10 +234,17 @@ def test_the_one_worker_that_differs_is_named(cluster):
     cluster.prepare(PLAN.source)
 
 
-@pytest.mark.parametrize(("name", "value", "text"), [
-    ("made_of", lambda models: remote.decisive_versions() | {"model nobody": "x"}, "has model nobody absent instead"),
-    ("sample", lambda plan: "x", "computes other last bits"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        (
+            "made_of",
+            lambda models: remote.decisive_versions() | {"model nobody": "x"},
+            "has model nobody absent instead",
+        ),
+        ("sample", lambda plan: "x", "computes other last bits"),
+    ],
+)
 def test_workers_that_would_compute_other_bytes_are_refused(cluster, monkeypatch, name, value, text):
     """Other files of the arm, or other last bits of the first rows."""
     monkeypatch.setattr(cluster, "_needs", None)
@@ -262,14 +269,23 @@ def test_laws_of_the_user_are_sent_to_the_workers(folder, address, command, monk
     """The workers need not see the file; when it has changed, those that know the old one are refused."""
     from torquebench.laws import base
 
-    own = ("--set", "controllers=[{name: own, law: clustered-law, gains: {k: 1}}]", "--set", "sweep.grid={}",
-           "--set", "sweep.random={controllers.*.gains.k: {uniform: [1, 2]}}", "--plugin", "law.py")  # fmt: skip
+    own = (
+        "--set",
+        "controllers=[{name: own, law: clustered-law, gains: {k: 1}}]",
+        "--set",
+        "sweep.grid={}",
+        "--set",
+        "sweep.random={controllers.*.gains.k: {uniform: [1, 2]}}",
+        "--plugin",
+        "law.py",
+    )
     registry = dict(base._REGISTRY)
     found = []
     for name, text, how in (
-        ("a", LAW, ("--executor", "threads")), ("b", LAW, ("--cluster", address)),
+        ("a", LAW, ("--executor", "threads")),
+        ("b", LAW, ("--cluster", address)),
         ("c", LAW.replace("10.0", "12.0"), ("--cluster", address)),
-    ):  # fmt: skip
+    ):
         monkeypatch.setattr(base, "_REGISTRY", dict(registry))
         Path("law.py").write_text(text)
         found.append(command("small.yaml", "--out", name, *own, *how))
@@ -279,13 +295,16 @@ def test_laws_of_the_user_are_sent_to_the_workers(folder, address, command, monk
     assert not Path("c").exists()
 
 
-@pytest.mark.parametrize(("address", "text"), [
-    ("localhost:8786", "got 'localhost:8786', wanted tcp://HOST:PORT"),
-    ("local:0", "got 'local:0', wanted"),
-    ("tcp://127.0.0.1", "got 'tcp://127.0.0.1', wanted"),
-    ("tcp://127.0.0.1:1", "no connection to a scheduler at tcp://127.0.0.1:1 within 0.3 s"),
-    ("tls://127.0.0.1:1", "no connection to a scheduler at tls://127.0.0.1:1 within 0.3 s"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("address", "text"),
+    [
+        ("localhost:8786", "got 'localhost:8786', wanted tcp://HOST:PORT"),
+        ("local:0", "got 'local:0', wanted"),
+        ("tcp://127.0.0.1", "got 'tcp://127.0.0.1', wanted"),
+        ("tcp://127.0.0.1:1", "no connection to a scheduler at tcp://127.0.0.1:1 within 0.3 s"),
+        ("tls://127.0.0.1:1", "no connection to a scheduler at tls://127.0.0.1:1 within 0.3 s"),
+    ],
+)
 def test_an_address_without_a_scheduler_is_refused(folder, command, monkeypatch, address, text):
     """Exit 2 after at most the stated time, with the reason, and nothing written."""
     monkeypatch.setattr(cluster_module, "CONNECT", 0.3)

@@ -228,9 +228,13 @@ def test_the_strongest_are_those_found_and_some_more() -> None:
 
 @pytest.mark.parametrize(
     ("output", "inputs", "text"),
-    [(np.arange(7.0), {"a": np.arange(7.0)}, "7 draws are too few"), (np.ones(9), {"a": np.arange(9.0)}, "the same"),
-     (np.arange(9.0), {"a": np.ones(9)}, "nothing that is drawn"), (np.arange(9.0), {}, "nothing that is drawn")],
-)  # fmt: skip
+    [
+        (np.arange(7.0), {"a": np.arange(7.0)}, "7 draws are too few"),
+        (np.ones(9), {"a": np.arange(9.0)}, "the same"),
+        (np.arange(9.0), {"a": np.ones(9)}, "nothing that is drawn"),
+        (np.arange(9.0), {}, "nothing that is drawn"),
+    ],
+)
 def test_what_cannot_be_told_is_refused(output: Array, inputs: dict[str, Array], text: str) -> None:
     """Too few draws, an output or inputs that do not vary."""
     with pytest.raises(ResultError, match=text):

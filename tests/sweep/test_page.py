@@ -18,9 +18,15 @@ from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import summarise
 
 INFO = SweepInfo(
-    "study", "<script>alert(1)</script>", "plant and model\nchain and noise", "2 cases x 8 draws x 2 laws",
-    "name: study\n", {"seed": 7}, (False,), "torquebench run --from-sweep study --index",
-)  # fmt: skip
+    "study",
+    "<script>alert(1)</script>",
+    "plant and model\nchain and noise",
+    "2 cases x 8 draws x 2 laws",
+    "name: study\n",
+    {"seed": 7},
+    (False,),
+    "torquebench run --from-sweep study --index",
+)
 GRID = {"plant.payload.mass": (0.0, 2.0)}
 TITLES = headlines((False,), steps=True)
 
@@ -35,12 +41,27 @@ def run(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float] | No
 
 TABLE = made("ab", 8, run, GRID)
 FOUND = [
-    Sensitivity("a", "rmse", (0, 1), 8, 0, Effects("joint", 0.25, 6, (
-        Effect(("g1", "Im2"), 0.67, 0.43, 0.90), Effect(("I2",), -0.4, -0.6, -0.2), Effect(("I3",), 0.1, -0.2, 0.4),
-    )), ""),
+    Sensitivity(
+        "a",
+        "rmse",
+        (0, 1),
+        8,
+        0,
+        Effects(
+            "joint",
+            0.25,
+            6,
+            (
+                Effect(("g1", "Im2"), 0.67, 0.43, 0.90),
+                Effect(("I2",), -0.4, -0.6, -0.2),
+                Effect(("I3",), 0.1, -0.2, 0.4),
+            ),
+        ),
+        "",
+    ),
     Sensitivity("b", "rmse", (0, 1), 7, 1, Effects("single", None, 3, (Effect(("I2",), 0.1, -0.5, 0.7),)), ""),
     Sensitivity("b", "hf", (0, 1), 7, 1, None, "it is the same in every draw"),
-]  # fmt: skip
+]
 
 
 def text_of(page: bytes) -> str:
@@ -75,8 +96,17 @@ def test_the_page_stands_alone_and_is_the_same_again() -> None:
 def test_what_matters_is_named_as_it_does() -> None:
     """A product is a product, ranked constants come first, and what does not show is said with its reason."""
     _, rows = effects_table(FOUND)
-    assert rows == [["a", "RMSE", "0, 1", "8", "g1, Im2, I2", "g1 x Im2 +0.67 [0.43, 0.90]; I2 -0.40 [-0.60, -0.20]",
-                     "25 % explained"]]  # fmt: skip
+    assert rows == [
+        [
+            "a",
+            "RMSE",
+            "0, 1",
+            "8",
+            "g1, Im2, I2",
+            "g1 x Im2 +0.67 [0.43, 0.90]; I2 -0.40 [-0.60, -0.20]",
+            "25 % explained",
+        ]
+    ]
     text = silent_text(FOUND)
     assert "RMSE of b: none of 1 and of their 3 products shows in 7 draws" in text
     assert "HF of b: it is the same in every draw" in text
@@ -107,9 +137,13 @@ def test_a_law_without_a_completed_run_has_dashes() -> None:
 
 def test_headings_of_figures() -> None:
     """File names become headings; a figure that is not known keeps its name."""
-    names = {"spread": "Every run", "over-plant-payload-mass": "Over plant payload mass",
-             "map-hf": "Chattering index HF over two keys", "effects-rmse": "What the RMS error depends on",
-             "other": "Other"}  # fmt: skip
+    names = {
+        "spread": "Every run",
+        "over-plant-payload-mass": "Over plant payload mass",
+        "map-hf": "Chattering index HF over two keys",
+        "effects-rmse": "What the RMS error depends on",
+        "other": "Other",
+    }
     assert {name: picture(name, b"<svg/>").title for name in names} == names
 
 

@@ -92,11 +92,14 @@ def test_a_random_key_does_not_depend_on_the_others() -> None:
     assert not set(values) & {other.drawn(random, draw) for draw in range(5)}
 
 
-@pytest.mark.parametrize(("written", "distribution"), [
-    ("{uniform: [2, 5]}", stats.uniform(2, 3)),
-    ("{log_uniform: [0.5, 50]}", stats.loguniform(0.5, 50)),
-    ("{normal: {mean: 9, std: 0.5}}", stats.norm(9, 0.5)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("written", "distribution"),
+    [
+        ("{uniform: [2, 5]}", stats.uniform(2, 3)),
+        ("{log_uniform: [0.5, 50]}", stats.loguniform(0.5, 50)),
+        ("{normal: {mean: 9, std: 0.5}}", stats.norm(9, 0.5)),
+    ],
+)
 def test_random_keys_have_their_distributions(written: str, distribution: object) -> None:
     """Kolmogorov and Smirnov's test over 2000 draws, against scipy; p below 1e-4 would be a wrong distribution."""
     plan = plan_of(SMALL.replace("{uniform: [8, 12]}", written))
@@ -130,12 +133,15 @@ def test_a_table_shows_no_value_of_a_key_that_a_law_lacks() -> None:
     assert words == {"controllers.band.switching": ["saturation", ""]}
 
 
-@pytest.mark.parametrize(("written", "wanted"), [
-    ("{from: 0, to: 0.3, count: 4}", [0, 0.1, 0.2, 0.3]),
-    ("{from: 0.001, to: 1, count: 4, spacing: log}", [0.001, 0.01, 0.1, 1]),
-    ("{from: 1, to: 5, count: 3}", [1, 3, 5]),
-    ("{from: 3, to: 1, count: 2}", [3, 1]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("written", "wanted"),
+    [
+        ("{from: 0, to: 0.3, count: 4}", [0, 0.1, 0.2, 0.3]),
+        ("{from: 0.001, to: 1, count: 4, spacing: log}", [0.001, 0.01, 0.1, 1]),
+        ("{from: 1, to: 5, count: 3}", [1, 3, 5]),
+        ("{from: 3, to: 1, count: 2}", [3, 1]),
+    ],
+)
 def test_ranges_are_the_numbers_one_would_write(written: str, wanted: list[float]) -> None:
     """Ends included, and free of the round-off that would make 0.1 + 0.2 another number than 0.3."""
     plan = plan_of(BASE + f"sweep: {{grid: {{plant.payload.mass: {written}}}}}\n")
@@ -155,8 +161,11 @@ def test_values_with_names_are_called_by_them() -> None:
     )
     plan = plan_of(BASE + named)
     assert [tuple(own[0] for own in values_of(plan, case, 0).values()) for case in range(4)] == [
-        ("clean", "none"), ("clean", "noise"), ("noisy", "none"), ("noisy", "noise"),
-    ]  # fmt: skip
+        ("clean", "none"),
+        ("clean", "noise"),
+        ("noisy", "none"),
+        ("noisy", "noise"),
+    ]
     assert plan.fixed(2).chain.encoder_noise == 0.001  # type: ignore[union-attr]
     assert plan.fixed(2).disturbances == ()
 

@@ -11,10 +11,18 @@ from torquebench.video.backends import Backend, advice, candidates, probe, reaso
 from torquebench.video.child import environment, run_module
 
 
-@pytest.mark.parametrize(("wish", "order"), [
-    (None, ("egl", "osmesa")), ("", ("egl", "osmesa")), ("osmesa", ("osmesa", "egl")), ("EGL ", ("egl", "osmesa")),
-    ("glfw", ("glfw", "egl", "osmesa")), ("off", ()), ("disable", ()),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("wish", "order"),
+    [
+        (None, ("egl", "osmesa")),
+        ("", ("egl", "osmesa")),
+        ("osmesa", ("osmesa", "egl")),
+        ("EGL ", ("egl", "osmesa")),
+        ("glfw", ("glfw", "egl", "osmesa")),
+        ("off", ()),
+        ("disable", ()),
+    ],
+)
 def test_the_users_choice_comes_first_then_egl_then_osmesa(monkeypatch, wish, order):
     """MUJOCO_GL first, whatever its case; each once; none when it asks for none."""
     monkeypatch.setattr(sys, "platform", "linux")
@@ -118,12 +126,15 @@ def test_a_process_answers_with_its_last_object(module):
     assert heard[-2:] == [{"frame": 1}, {"made": "givenegl"}]
 
 
-@pytest.mark.parametrize(("code", "said"), [
-    ("import os; os.abort()", "status -6"),
-    ("raise SystemExit('no display')", "status 1: no display"),
-    ("import sys; sys.exit(0)", "it said nothing"),
-    ("print('{}')", "it said nothing"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("import os; os.abort()", "status -6"),
+        ("raise SystemExit('no display')", "status 1: no display"),
+        ("import sys; sys.exit(0)", "it said nothing"),
+        ("print('{}')", "it said nothing"),
+    ],
+)
 def test_a_process_that_dies_is_an_error_with_its_words(module, code, said):
     """A crash, an exit and silence are told apart; none ends this process."""
     with pytest.raises(VideoError, match=said):

@@ -21,9 +21,20 @@ def run(n_steps=500, tau=(0.0, 0.0), error=0.0, s=np.nan, outcome=Outcome.COMPLE
     zero = np.zeros((n_steps, 2))
     torque = zero + np.array(tau)
     return Trajectory(
-        t=t, q=zero - error, qd=zero, q_meas=zero, qd_meas=zero, q_ref=zero.copy(), qd_ref=zero, qdd_ref=zero,
-        s=zero + s, tau_law=torque, tau=torque, tau_applied=torque, outcome=outcome,
-    )  # fmt: skip
+        t=t,
+        q=zero - error,
+        qd=zero,
+        q_meas=zero,
+        qd_meas=zero,
+        q_ref=zero.copy(),
+        qd_ref=zero,
+        qdd_ref=zero,
+        s=zero + s,
+        tau_law=torque,
+        tau=torque,
+        tau_applied=torque,
+        outcome=outcome,
+    )
 
 
 def overlay(*runs, endings=None, size=(640, 480)):

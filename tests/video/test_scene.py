@@ -177,12 +177,15 @@ def test_a_users_own_geoms_lights_and_cameras_are_kept(tmp_path):
     assert np.count_nonzero(m.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) == 1
 
 
-@pytest.mark.parametrize(("old", "new", "said"), [
-    ('name="turn"', 'name="twist"', "its joints are not those of the arm"),
-    ('pos="0.4 0 0"', 'pos="0.5 0 0"', "it shows another arm"),
-    ('axis="0 1 0"', 'axis="0 0 1"', "it shows another arm"),
-    ("</worldbody>", "</world>", "cannot be drawn"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('name="turn"', 'name="twist"', "its joints are not those of the arm"),
+        ('pos="0.4 0 0"', 'pos="0.5 0 0"', "it shows another arm"),
+        ('axis="0 1 0"', 'axis="0 0 1"', "it shows another arm"),
+        ("</worldbody>", "</world>", "cannot be drawn"),
+    ],
+)
 def test_a_look_of_another_arm_is_refused(tmp_path, old, new, said):
     """A scene.xml whose joints, tool or axes differ from the arm's would show another motion than the one run."""
     (tmp_path / "bar.xml").write_text(OWN_LOOK)

@@ -10,9 +10,17 @@ from torquebench.video.settings import FPS
 from torquebench.video.timeline import ranges, timeline
 
 
-@pytest.mark.parametrize(("duration", "speed", "frames"), [
-    (4.0, 1.0, 100), (4.0, 0.5, 200), (4.0, 4.0, 25), (0.001, 1.0, 1), (1.03, 1.0, 26), (4.0, 1000.0, 1),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("duration", "speed", "frames"),
+    [
+        (4.0, 1.0, 100),
+        (4.0, 0.5, 200),
+        (4.0, 4.0, 25),
+        (0.001, 1.0, 1),
+        (1.03, 1.0, 26),
+        (4.0, 1000.0, 1),
+    ],
+)
 def test_the_number_of_frames_is_duration_over_speed_times_rate(duration, speed, frames):
     """At 25 frames a second, rounded, and never none."""
     assert FPS == 25

@@ -63,8 +63,19 @@ def test_no_other_address_reaches_it(server):
         assert not reached
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "localhost.evil.example",
-                                  "", "0.0.0.0", "localhost:1:2", "192.168.0.1"])  # fmt: skip
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example",
+        "evil.example:80",
+        "127.0.0.1.evil.example",
+        "localhost.evil.example",
+        "",
+        "0.0.0.0",
+        "localhost:1:2",
+        "192.168.0.1",
+    ],
+)
 def test_other_names_are_refused(server, host):
     """A name that someone else has resolve to 127.0.0.1 gets nothing, whatever the path: 403."""
     for path in (f"/{TOKEN}/", f"/{TOKEN}/messages/0", "/"):
@@ -79,9 +90,22 @@ def test_its_own_names_are_answered(server, host):
     assert ask(server, f"/{TOKEN}/messages/0", host)[0] == 200
 
 
-@pytest.mark.parametrize("path", ["/", "/messages/0", "/wrong/", "/wrong/messages/0", f"/{TOKEN}", f"/{TOKEN}x/",
-                                  f"/{TOKEN}/../arm.py", f"/{TOKEN}/../../errors.py", f"/{TOKEN}/messages/-1",
-                                  f"/{TOKEN}/messages/9999999999", f"/{TOKEN}/nothing.js"])  # fmt: skip
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/",
+        "/messages/0",
+        "/wrong/",
+        "/wrong/messages/0",
+        f"/{TOKEN}",
+        f"/{TOKEN}x/",
+        f"/{TOKEN}/../arm.py",
+        f"/{TOKEN}/../../errors.py",
+        f"/{TOKEN}/messages/-1",
+        f"/{TOKEN}/messages/9999999999",
+        f"/{TOKEN}/nothing.js",
+    ],
+)
 def test_without_the_token_or_elsewhere_there_is_nothing(server, path):
     """Neither the page nor a message, and no file but those of the page."""
     status, _, body = ask(server, path)

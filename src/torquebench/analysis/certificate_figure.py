@@ -34,11 +34,12 @@ def certificate_figure(
         panels = fig.subplots(3, 1, sharex=True)
         looks = {
             name: {
-                "color": style.COLOURS[k % len(style.COLOURS)], "linestyle": style.DASHES[k % len(style.DASHES)],
+                "color": style.COLOURS[k % len(style.COLOURS)],
+                "linestyle": style.DASHES[k % len(style.DASHES)],
                 "linewidth": 1.1,
             }
             for k, name in enumerate(order)
-        }  # fmt: skip
+        }
         rates, margins = [], []
         for name, found in certificates.items():
             lost = 100.0 * np.min(found.margin / found.K, axis=1)

@@ -100,9 +100,12 @@ def compare_links(a: RobotModel, b: RobotModel, tolerance: float) -> list[Row]:
         tolerance: Relative difference that counts as agreement.
     """
     parameters = (
-        ("link masses", "kg", "mass"), ("centres of mass", "m", "com"), ("link inertias", "kg m^2", "inertia"),
-        ("armatures", "kg m^2", "armature"), ("torque limits", "N m", "tau_max"),
-    )  # fmt: skip
+        ("link masses", "kg", "mass"),
+        ("centres of mass", "m", "com"),
+        ("link inertias", "kg m^2", "inertia"),
+        ("armatures", "kg m^2", "armature"),
+        ("torque limits", "N m", "tau_max"),
+    )
     return [_row(title, unit, getattr(a.flat, key), getattr(b.flat, key), tolerance) for title, unit, key in parameters]
 
 

@@ -53,9 +53,14 @@ def course_page(
 
 
 def _panel(
-    ax: Axes, table: Table, cells: dict[tuple[str, float | str], Rows], laws: Sequence[str],
-    values: Sequence[float | str], scale: Scale, metric: str,
-) -> None:  # fmt: skip
+    ax: Axes,
+    table: Table,
+    cells: dict[tuple[str, float | str], Rows],
+    laws: Sequence[str],
+    values: Sequence[float | str],
+    scale: Scale,
+    metric: str,
+) -> None:
     words = isinstance(values[0], str)
     ends: list[float] = []
     for place, law in enumerate(laws):

@@ -34,9 +34,15 @@ PHI = "its phi [rad/s]"
 
 
 def front_page(
-    spots: Sequence[Spot], title: str, subtitle: str, labels: str = PHI, order: Sequence[str] = (), joined: bool = True,
-    unit: str = "mrad", names: Mapping[str, str] | None = None,
-) -> Figure:  # fmt: skip
+    spots: Sequence[Spot],
+    title: str,
+    subtitle: str,
+    labels: str = PHI,
+    order: Sequence[str] = (),
+    joined: bool = True,
+    unit: str = "mrad",
+    names: Mapping[str, str] | None = None,
+) -> Figure:
     """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the front ringed.
 
     Args:
@@ -63,20 +69,32 @@ def front_page(
             look |= {} if joined else {"linestyle": "none"}
             x, y = [s.chattering.ratio for s in own], [1e3 * s.error.ratio for s in own]
             ax.errorbar(
-                x, y, elinewidth=0.9, capsize=1.5, **look,
-                xerr=[[a - s.chattering.low for a, s in zip(x, own, strict=True)],
-                      [s.chattering.high - a for a, s in zip(x, own, strict=True)]],
-                yerr=[[b - 1e3 * s.error.low for b, s in zip(y, own, strict=True)],
-                      [1e3 * s.error.high - b for b, s in zip(y, own, strict=True)]],
-            )  # fmt: skip
+                x,
+                y,
+                elinewidth=0.9,
+                capsize=1.5,
+                **look,
+                xerr=[
+                    [a - s.chattering.low for a, s in zip(x, own, strict=True)],
+                    [s.chattering.high - a for a, s in zip(x, own, strict=True)],
+                ],
+                yerr=[
+                    [b - 1e3 * s.error.low for b, s in zip(y, own, strict=True)],
+                    [1e3 * s.error.high - b for b, s in zip(y, own, strict=True)],
+                ],
+            )
             keys.append(Line2D([], [], label=(names or {}).get(family, family), **look))
         gone = [name for family, name in (names or {}).items() if family not in {spot.family for spot in spots}]
         keys += [Line2D([], [], linestyle="none", label=name) for name in gone]
         best = [spot for spot in spots if spot.best]
         ring: dict[str, Any] = {
-            "marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "black",
-            "markeredgewidth": 0.8, "linestyle": "none",
-        }  # fmt: skip
+            "marker": "o",
+            "markersize": 10.0,
+            "markerfacecolor": "none",
+            "markeredgecolor": "black",
+            "markeredgewidth": 0.8,
+            "linestyle": "none",
+        }
         ax.plot([s.chattering.ratio for s in best], [1e3 * s.error.ratio for s in best], **ring)
         ax.set_xlabel("chattering index HF [% of tau_max]")
         ax.set_ylabel(f"RMS error [{unit}]")
@@ -95,9 +113,13 @@ def _label(ax: Axes, spots: Sequence[Spot]) -> None:
     taken: list[Bbox] = []
     for spot in sorted(spots, key=lambda spot: spot.chattering.ratio):
         label = ax.annotate(
-            spot.label, (spot.chattering.ratio, 1e3 * spot.error.ratio), BESIDE[0], textcoords="offset points",
-            fontsize=6.5, color="0.25",
-        )  # fmt: skip
+            spot.label,
+            (spot.chattering.ratio, 1e3 * spot.error.ratio),
+            BESIDE[0],
+            textcoords="offset points",
+            fontsize=6.5,
+            color="0.25",
+        )
         for x, y in (*BESIDE, BESIDE[1]):  # at the left, if it meets another one everywhere
             label.set_position((x, y))
             label.set_horizontalalignment("left" if x > 0.0 else "right")

@@ -75,8 +75,17 @@ def _terms(ax: Axes, variable: Variable, low: float, high: float) -> None:
         colour = style.COLOURS[k % len(style.COLOURS)]
         ax.plot(x[inside], _where_positive(degrees[inside, k]), color=colour, linewidth=1.2)
         at = min(max(term.peak, low), high)
-        ax.annotate(term.name, (at, 1.0), (0.0, 2.0), textcoords="offset points", ha="center", va="bottom",
-                    fontsize=7.5, color=colour, annotation_clip=False)  # fmt: skip
+        ax.annotate(
+            term.name,
+            (at, 1.0),
+            (0.0, 2.0),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=7.5,
+            color=colour,
+            annotation_clip=False,
+        )
     ax.set_xlim(low - room, high + room)
     ax.set_ylim(0.0, 1.22)
     for left, right in ((low - room, variable.low), (variable.high, high + room)):
@@ -100,8 +109,16 @@ def _functions(ax: Axes, output: Functions) -> None:
         colour = style.COLOURS[k % len(style.COLOURS)]
         text = name + "".join(f" {f:+g} x{i + 1}" for i, f in enumerate(numbers[1:]))
         ax.plot([numbers[0]] * 2, [0.0, 1.0], color=colour, linewidth=1.2)
-        ax.annotate(text, (numbers[0], 1.0), (0.0, 2.0), textcoords="offset points", ha="center", va="bottom",
-                    fontsize=7.5, color=colour)  # fmt: skip
+        ax.annotate(
+            text,
+            (numbers[0], 1.0),
+            (0.0, 2.0),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize=7.5,
+            color=colour,
+        )
     ax.set_xlim(min(output.low, *values) - room, max(output.high, *values) + room)
     ax.set_ylim(0.0, 1.25)
     ax.set_ylabel("constant [1]")

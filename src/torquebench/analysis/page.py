@@ -103,10 +103,18 @@ def write_note(ax: Axes, text: str) -> None:
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.25 * (high - low))
     ax.annotate(
-        text, (1.0, 1.0), (-3.0, -3.0), "axes fraction", "offset points",
-        ha="right", va="top", fontsize=7.0, color="0.3", zorder=5.0,
+        text,
+        (1.0, 1.0),
+        (-3.0, -3.0),
+        "axes fraction",
+        "offset points",
+        ha="right",
+        va="top",
+        fontsize=7.0,
+        color="0.3",
+        zorder=5.0,
         bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.8},
-    )  # fmt: skip
+    )
 
 
 def _legend(fig: Figure, handles: Sequence[Artist]) -> tuple[Legend, float]:

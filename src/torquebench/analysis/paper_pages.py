@@ -21,9 +21,16 @@ _REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": (
 
 
 def comparison_page(
-    runs: Mapping[str, Trajectory], metrics: Mapping[str, Metrics], title: str, subtitle: str, *,
-    joint_names: Sequence[str], tau_max: Array, metrics_from: float, control_period: float,
-) -> Figure:  # fmt: skip
+    runs: Mapping[str, Trajectory],
+    metrics: Mapping[str, Metrics],
+    title: str,
+    subtitle: str,
+    *,
+    joint_names: Sequence[str],
+    tau_max: Array,
+    metrics_from: float,
+    control_period: float,
+) -> Figure:
     """Draw one page: position with its reference, error, and the torque between control instants.
 
     Args:
@@ -40,9 +47,17 @@ def comparison_page(
     """
     n = len(joint_names)
     x = Comparison(
-        looks(runs, tau_max, control_period), title, subtitle, joint_names, tau_max, metrics_from, control_period,
-        metrics, {}, (False,) * n,
-    )  # fmt: skip
+        looks(runs, tau_max, control_period),
+        title,
+        subtitle,
+        joint_names,
+        tau_max,
+        metrics_from,
+        control_period,
+        metrics,
+        {},
+        (False,) * n,
+    )
     zoom = zoom_window(x) if runs else None
     if zoom is None:
         raise ResultError("a page needs runs long enough to show a part of them enlarged")

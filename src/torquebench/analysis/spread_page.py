@@ -98,8 +98,15 @@ def _box(ax: Axes, values: Array, place: int) -> None:
     """Draw quartiles and median as a box, and the range as a line with ends."""
     least, low, middle, high, most = np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0])
     ax.plot((least, most), (place, place), color="0.2", linewidth=0.9, marker="|", markersize=6.0, zorder=3.0)
-    ax.add_patch(Rectangle(
-        (low, place - BOX), high - low, 2.0 * BOX, facecolor="white", edgecolor="0.2", linewidth=0.8,
-        zorder=3.1,
-    ))  # fmt: skip
+    ax.add_patch(
+        Rectangle(
+            (low, place - BOX),
+            high - low,
+            2.0 * BOX,
+            facecolor="white",
+            edgecolor="0.2",
+            linewidth=0.8,
+            zorder=3.1,
+        )
+    )
     ax.plot((middle, middle), (place - BOX, place + BOX), color="0.1", linewidth=1.6, zorder=3.2)

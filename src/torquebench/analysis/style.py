@@ -67,9 +67,10 @@ def journal_style() -> Iterator[None]:
 def spot_look(place: int) -> dict[str, Any]:
     """Return colour, dash and marker of the family, or law, at a place of the legend."""
     return {
-        "color": COLOURS[place % len(COLOURS)], "linestyle": DASHES[place % len(DASHES)],
+        "color": COLOURS[place % len(COLOURS)],
+        "linestyle": DASHES[place % len(DASHES)],
         "marker": MARKERS[place % len(MARKERS)],
-    }  # fmt: skip
+    }
 
 
 def figure_bytes(fig: Figure, fmt: Literal["svg", "png"]) -> bytes:

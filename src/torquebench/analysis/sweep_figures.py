@@ -24,9 +24,13 @@ MOST_COURSES = 4
 
 
 def sweep_figures(
-    table: Table, title: str, subtitle: str, found: Sequence[Sensitivity] = (), metrics: Sequence[str] = SHOWN,
+    table: Table,
+    title: str,
+    subtitle: str,
+    found: Sequence[Sensitivity] = (),
+    metrics: Sequence[str] = SHOWN,
     slides: Sequence[bool] = TURNS,
-) -> dict[str, Figure]:  # fmt: skip
+) -> dict[str, Figure]:
     """Draw every figure that a sweep's table has the columns for, by file name.
 
     ``spread``: metrics by law; ``over-KEY``: over each key of the grid; ``map-METRIC``: over the first two keys of the

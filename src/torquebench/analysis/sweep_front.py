@@ -98,9 +98,10 @@ def _spots(table: Table, law: str, cases_of: Sequence[Rows], keys: tuple[str, ..
         if error is None or chattering is None:
             continue
         words = [
-            (key.split(".")[-1], value_text(value)) for key, value in zip(keys, values, strict=True)
+            (key.split(".")[-1], value_text(value))
+            for key, value in zip(keys, values, strict=True)
             if value is not None
-        ]  # fmt: skip
+        ]
         family = ", ".join([law, *(" ".join(word) for word in words[1:])])
         label = (words[0][1] if alike else " ".join(words[0])) if words else law
         found.append(Spot(family, label, error, chattering, all(bool(completed(table, rows).all()) for rows in cases)))

@@ -56,21 +56,57 @@ def closed_loops(duration: float, most_threads: int) -> list[Case]:
         check_rules(run_trial(loop.plant, trial, "native"), loop)
         for threads in counts:
             open_loop, amount = f"mujoco-rollout-{integrator}", threads * PER_THREAD * experiment.n_steps
-            cases.append(Case(open_loop, rollout(integrator, experiment.n_steps, threads), amount, threads=threads,
-                              note="mujoco.rollout, open loop, states recorded"))  # fmt: skip
-            cases.append(Case(f"closed-loop-fuzzy-{integrator}-mujoco", many(loop.plant, trial, threads), amount,
-                              open_loop, threads, "model, linear band, 49 rules on six joints, recorded"))  # fmt: skip
+            cases.append(
+                Case(
+                    open_loop,
+                    rollout(integrator, experiment.n_steps, threads),
+                    amount,
+                    threads=threads,
+                    note="mujoco.rollout, open loop, states recorded",
+                )
+            )
+            cases.append(
+                Case(
+                    f"closed-loop-fuzzy-{integrator}-mujoco",
+                    many(loop.plant, trial, threads),
+                    amount,
+                    open_loop,
+                    threads,
+                    "model, linear band, 49 rules on six joints, recorded",
+                )
+            )
     noisy, loop = experiment_of(*NOISE, duration=duration)
-    cases.append(Case("closed-loop-fuzzy-noise-euler-mujoco", drawn(noisy, loop), noisy.n_steps, "mujoco-rollout-euler",
-                      note="the same with 12 channels of noise, drawn anew each run"))  # fmt: skip
+    cases.append(
+        Case(
+            "closed-loop-fuzzy-noise-euler-mujoco",
+            drawn(noisy, loop),
+            noisy.n_steps,
+            "mujoco-rollout-euler",
+            note="the same with 12 channels of noise, drawn anew each run",
+        )
+    )
     exact, loop = experiment_of(*EXACT, duration=duration)
-    cases.append(Case("closed-loop-fuzzy-rk4-analytic-exact",
-                      many(loop.plant, trial_of(exact, loop, loop.controllers[0]), 1), PER_THREAD * exact.n_steps,
-                      "mujoco-rollout-rk4", note="the same on the analytic plant, rigid body"))  # fmt: skip
+    cases.append(
+        Case(
+            "closed-loop-fuzzy-rk4-analytic-exact",
+            many(loop.plant, trial_of(exact, loop, loop.controllers[0]), 1),
+            PER_THREAD * exact.n_steps,
+            "mujoco-rollout-rk4",
+            note="the same on the analytic plant, rigid body",
+        )
+    )
     experiment, loop = experiment_of(duration=1.0)
     trial = trial_of(experiment, loop, loop.controllers[0])
-    cases.append(Case("closed-loop-fuzzy-euler-mujoco-readable", readable(loop.plant, trial), experiment.n_steps,
-                      HEADLINE, note="the same source interpreted (path python)", most=3))  # fmt: skip
+    cases.append(
+        Case(
+            "closed-loop-fuzzy-euler-mujoco-readable",
+            readable(loop.plant, trial),
+            experiment.n_steps,
+            HEADLINE,
+            note="the same source interpreted (path python)",
+            most=3,
+        )
+    )
     return cases
 
 
@@ -92,10 +128,21 @@ def drawn(experiment: Experiment, loop: Loop) -> Callable[[], None]:
 
     def run() -> None:
         position, torque = build_position_noise(noisy), build_disturbance(experiment)
-        check(run_trial(loop.plant, Trial(
-            trial.controller, trial.model, trial.reference, trial.duration, trial.control_period,
-            position_noise=position, disturbance=torque,
-        ), "native"))  # fmt: skip
+        check(
+            run_trial(
+                loop.plant,
+                Trial(
+                    trial.controller,
+                    trial.model,
+                    trial.reference,
+                    trial.duration,
+                    trial.control_period,
+                    position_noise=position,
+                    disturbance=torque,
+                ),
+                "native",
+            )
+        )
 
     return run
 

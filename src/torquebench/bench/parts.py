@@ -47,8 +47,9 @@ def parts() -> list[Case]:
         whole = dataclasses.replace(lean, lean=False)
         step, torque = compiled_step().ctypes, np.zeros((3, 6))
         for name, arm, against in (
-            (f"mj-step-{integrator}", whole, ""), (f"lean-step-{integrator}", lean, f"mj-step-{integrator}"),
-        ):  # fmt: skip
+            (f"mj-step-{integrator}", whole, ""),
+            (f"lean-step-{integrator}", lean, f"mj-step-{integrator}"),
+        ):
 
             def run(arm=arm, plant=plant, step=step, torque=torque) -> None:  # type: ignore[no-untyped-def]
                 plant.reset(np.zeros(6), np.zeros(6))
@@ -58,6 +59,13 @@ def parts() -> list[Case]:
     _, loop = experiment_of(duration=1.0)
     system = System(loop.controllers[0].gains.fis)
     inputs, outputs = np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 2, 6)), np.zeros(6)
-    cases.append(Case("fuzzy-inference-six-joints", lambda: infer_all(system, inputs, outputs, CALLS), CALLS,
-                      unit="calls/s", note="exact 49-rule inference, six joints a call"))  # fmt: skip
+    cases.append(
+        Case(
+            "fuzzy-inference-six-joints",
+            lambda: infer_all(system, inputs, outputs, CALLS),
+            CALLS,
+            unit="calls/s",
+            note="exact 49-rule inference, six joints a call",
+        )
+    )
     return cases

@@ -106,11 +106,22 @@ def peers() -> tuple[list[Case], list[str]]:
     """Return the peers that are installed, and what was left out and why."""
     naive, numpy_only = NaiveLoop(with_fuzzy=True), NaiveLoop(with_fuzzy=False)
     cases = [
-        Case("naive-numpy-skfuzzy", lambda: naive.steps(NAIVE_STEPS), NAIVE_STEPS, HEADLINE,
-             note="numpy, scikit-fuzzy and mj_step in a Python loop, new inputs each step", most=7),
-        Case("naive-numpy-no-fuzzy", lambda: numpy_only.steps(STEPS), STEPS, HEADLINE,
-             note="the same without the fuzzy part"),
-    ]  # fmt: skip
+        Case(
+            "naive-numpy-skfuzzy",
+            lambda: naive.steps(NAIVE_STEPS),
+            NAIVE_STEPS,
+            HEADLINE,
+            note="numpy, scikit-fuzzy and mj_step in a Python loop, new inputs each step",
+            most=7,
+        ),
+        Case(
+            "naive-numpy-no-fuzzy",
+            lambda: numpy_only.steps(STEPS),
+            STEPS,
+            HEADLINE,
+            note="the same without the fuzzy part",
+        ),
+    ]
     left_out: list[str] = []
     for name, make in (("pinocchio", pinocchio_loop), ("roboticstoolbox", toolbox_loop)):
         try:

@@ -75,8 +75,11 @@ def check_answers(law: Law, report: Report) -> None:
     said("finite", finite and _placed(finite, report, where), f"every torque and all of memory, {calls}")
     said("repeatable", repeat and repeat + _because(report, STATE, where), "same arguments, same bytes")
     names = ", ".join(dict.fromkeys(changed))
-    report.add("inputs", names and f"writes to {names}{_because(report, INPUTS, where)}", "gains, q, qd, ref and model "
-               "are as they were")  # fmt: skip
+    report.add(
+        "inputs",
+        names and f"writes to {names}{_because(report, INPUTS, where)}",
+        "gains, q, qd, ref and model are as they were",
+    )
     said("state", state and state + _because(report, STATE, where), "memory, zero at the start, is all that survives")
 
 

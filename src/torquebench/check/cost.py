@@ -35,10 +35,18 @@ def measure(law: Law) -> Cost:
     compiled = not obstacle(plant, law)
     options = combinations(law)[0]
     setup = set_up(
-        law, law.pack_gains(plant.n, gains_of(law, plant.n, options, 1), options), arm("puma560").flat, plant, desired,
-        IDEAL, control_period=0.001, substeps=1, position_noise=None, disturbance=None,
+        law,
+        law.pack_gains(plant.n, gains_of(law, plant.n, options, 1), options),
+        arm("puma560").flat,
+        plant,
+        desired,
+        IDEAL,
+        control_period=0.001,
+        substeps=1,
+        position_noise=None,
+        disturbance=None,
         native=plant.native() if compiled else None,
-    )  # fmt: skip
+    )
     setup.job.measured_q[:] = desired.q[0] - 0.01
     python = statistics.median(_interpreted(setup) for _ in range(ROUNDS))
     if not compiled:
@@ -61,9 +69,15 @@ def _interpreted(setup: Setup) -> float:
     start = time.perf_counter()
     for k in range(CALLS):
         call_law(
-            setup.law, setup.gains, setup.belief, k * job.control_period, job.measured_q, job.measured_qd, refs[k],
+            setup.law,
+            setup.gains,
+            setup.belief,
+            k * job.control_period,
+            job.measured_q,
+            job.measured_qd,
+            refs[k],
             setup.memory,
-        )  # fmt: skip
+        )
     return (time.perf_counter() - start) / CALLS * 1e6
 
 

@@ -59,8 +59,11 @@ def check_loops(law: Law, report: Report) -> None:
             other = _run(law, name, engine, options, scale, "native")
             differs = differs or ("" if other.digest() == run.digest() else f"{at}: {_difference(run, other)}")
     place = f" ({Path(report.file).name}, line {report.line})"
-    report.add("loop", failed and (failed if ", line " in failed else failed + place),
-               f"{count} closed loops of {DURATION:g} s on {' and '.join(PLANTS)} plants")  # fmt: skip
+    report.add(
+        "loop",
+        failed and (failed if ", line " in failed else failed + place),
+        f"{count} closed loops of {DURATION:g} s on {' and '.join(PLANTS)} plants",
+    )
     if any(reasons.values()) and not differs:
         why = "outside the dialect" if report.complaints else next(filter(None, reasons.values()))
         report.add("paths", f"readable path only: {why}", "", NOTE)
@@ -72,16 +75,19 @@ def check_loops(law: Law, report: Report) -> None:
     report.add("compiled once", again, "whatever the gains, options, arm and plant")
 
 
-def _run(
-    law: Law, name: str, engine: str, options: Mapping[str, str | bool], scale: float, path: Any
-) -> Trajectory:  # fmt: skip
+def _run(law: Law, name: str, engine: str, options: Mapping[str, str | bool], scale: float, path: Any) -> Trajectory:
     n = arm(name).n
     gains = law.pack_gains(n, gains_of(law, n, options, 3, scale), options)
     target = sine(np.linspace(0.5, 1.0, n), np.linspace(0.5, 1.5, n))
     return simulate(
-        plant_of(name, engine), Controller(law.name, law, gains), arm(name), target, duration=DURATION, path=path,
+        plant_of(name, engine),
+        Controller(law.name, law, gains),
+        arm(name),
+        target,
+        duration=DURATION,
+        path=path,
         throw=False,
-    )  # fmt: skip
+    )
 
 
 def _is_fault(run: Trajectory) -> bool:

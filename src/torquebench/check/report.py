@@ -63,11 +63,14 @@ class Report:
     def to_json(self) -> dict[str, Any]:
         """Return the report as plain data."""
         return {
-            "law": self.law, "file": self.file, "line": self.line, "held": self.held,
+            "law": self.law,
+            "file": self.file,
+            "line": self.line,
+            "held": self.held,
             "checks": [check._asdict() for check in self.checks],
             "complaints": [{"line": c.line, "what": c.what, "cure": c.cure} for c in self.complaints],
             "cost_us": None if self.cost is None else self.cost._asdict(),
-        }  # fmt: skip
+        }
 
     def __str__(self) -> str:
         width = max((len(check.name) for check in self.checks), default=0)

@@ -43,11 +43,17 @@ def boundary_layer(options: argparse.Namespace) -> int:
     write_page(points, best, directory, f"{conditions_text(experiment)}; {draws} draws")
     directory.finish({"name": "boundary-layer", "draws": draws})
     rows = [
-        [f"{p.phi:g}", f"{p.k:g}", f"{p.lam:g}", f"{1e3 * p.rmse.ratio:.3g}",
-         f"[{1e3 * p.rmse.low:.3g}, {1e3 * p.rmse.high:.3g}]", f"{p.hf.ratio:.3g}",
-         f"[{p.hf.low:.3g}, {p.hf.high:.3g}]"]
+        [
+            f"{p.phi:g}",
+            f"{p.k:g}",
+            f"{p.lam:g}",
+            f"{1e3 * p.rmse.ratio:.3g}",
+            f"[{1e3 * p.rmse.low:.3g}, {1e3 * p.rmse.high:.3g}]",
+            f"{p.hf.ratio:.3g}",
+            f"[{p.hf.low:.3g}, {p.hf.high:.3g}]",
+        ]
         for p in best
-    ]  # fmt: skip
+    ]
     say(f"choices that no other one of {len(points)} beats in both error and chattering:")
     say()
     header = ["phi [rad/s]", "k", "lambda [1/s]", "RMSE [mrad]", "95 %", "HF [%]", "95 %"]

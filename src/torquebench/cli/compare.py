@@ -53,12 +53,19 @@ def compare(options: argparse.Namespace) -> int:
             rows += compare_rollouts(a, b, slightly_wrong(a, b), options.rollout, progress=report)
     agree = all(row.agrees for row in rows)
     tell(
-        a=a.label, b=b.label, states=options.states, seed=options.seed, agree=agree,
+        a=a.label,
+        b=b.label,
+        states=options.states,
+        seed=options.seed,
+        agree=agree,
         rows=[asdict(row) | {"agrees": row.agrees} for row in rows],
-    )  # fmt: skip
+    )
     held = ", ".join(str(j) for j in options.frozen_joints)
-    say(f"A = {a.label}\nB = {b.label}\n{options.states} random states (seed {options.seed})"
-        + (f", joints {held} held at zero" if held else " of all joints") + "\n")  # fmt: skip
+    say(
+        f"A = {a.label}\nB = {b.label}\n{options.states} random states (seed {options.seed})"
+        + (f", joints {held} held at zero" if held else " of all joints")
+        + "\n"
+    )
     say(table(["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"], [_cells(r) for r in rows]))
     say(f"\n{'agree' if agree else 'DIFFER'}: {sum(r.agrees for r in rows)} of {len(rows)} within their limits")
     return 0 if agree else 1

@@ -47,12 +47,20 @@ class Command(NamedTuple):
 
 
 VALUES = {
-    "config": Value(files=".yaml"), "source": Value(words.SYSTEMS, ".yaml"), "plugin": Value(files=".py"),
-    "file": Value(files=".py"), "a": Value(words.SIDES, ".xml"), "b": Value(words.SIDES, ".xml"),
-    "run": Value(files=FOLDERS), "runs": Value(files=FOLDERS), "resume": Value(files=FOLDERS),
-    "from_sweep": Value(files=FOLDERS), "overrides": Value(words.SETTINGS),
-    "quality": Value(words.QUALITIES), "camera": Value(words.CAMERAS),
-}  # fmt: skip
+    "config": Value(files=".yaml"),
+    "source": Value(words.SYSTEMS, ".yaml"),
+    "plugin": Value(files=".py"),
+    "file": Value(files=".py"),
+    "a": Value(words.SIDES, ".xml"),
+    "b": Value(words.SIDES, ".xml"),
+    "run": Value(files=FOLDERS),
+    "runs": Value(files=FOLDERS),
+    "resume": Value(files=FOLDERS),
+    "from_sweep": Value(files=FOLDERS),
+    "overrides": Value(words.SETTINGS),
+    "quality": Value(words.QUALITIES),
+    "camera": Value(words.CAMERAS),
+}
 """What is known of an option's or argument's values, by its `dest`; any other path is any file."""
 
 

@@ -21,7 +21,10 @@ def document(command: str | None, status: int, problems: Iterable[Problem], erro
         voice: What was told and warned of.
     """
     envelope = {
-        "command": command, "status": status, "problems": [problem.to_json() for problem in problems], "error": error,
+        "command": command,
+        "status": status,
+        "problems": [problem.to_json() for problem in problems],
+        "error": error,
         "remarks": voice.remarks,
-    }  # fmt: skip
+    }
     return json.dumps(plain(envelope | voice.facts), indent=2, allow_nan=False)

@@ -86,10 +86,14 @@ def description(prepared: Prepared) -> str:
     system = prepared.system
     sizes = " x ".join(str(len(variable.terms)) for variable in system.inputs)
     findings = [f"  {finding}" for finding in lint(prepared)] or ["  nothing to remark"]
-    return "\n".join([
-        f"fuzzy system {system.name}: {len(system.rules)} rules on {sizes} terms",
-        f"evaluated: {evaluation(prepared)}", "lint:", *findings,
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f"fuzzy system {system.name}: {len(system.rules)} rules on {sizes} terms",
+            f"evaluated: {evaluation(prepared)}",
+            "lint:",
+            *findings,
+        ]
+    )
 
 
 def summary_row(name: str, prepared: Prepared) -> list[str]:
@@ -109,9 +113,12 @@ def facts(prepared: Prepared) -> dict[str, Any]:
     """Return what ``--json`` tells of a system: sizes, evaluation, and what lint says."""
     system = prepared.system
     return {
-        "rules": len(system.rules), "terms": [len(variable.terms) for variable in system.inputs],
-        "method": prepared.method, "error_bound": prepared.bound, "findings": lint(prepared),
-    }  # fmt: skip
+        "rules": len(system.rules),
+        "terms": [len(variable.terms) for variable in system.inputs],
+        "method": prepared.method,
+        "error_bound": prepared.bound,
+        "findings": lint(prepared),
+    }
 
 
 def evaluation(prepared: Prepared) -> str:

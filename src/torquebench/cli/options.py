@@ -112,9 +112,14 @@ def add_common(commands: Mapping[str, argparse.ArgumentParser]) -> None:
         )
         if name == "bench":
             command.add_argument(
-                "--json", nargs="?", const=True, default=False, type=Path, metavar="FILE",
+                "--json",
+                nargs="?",
+                const=True,
+                default=False,
+                type=Path,
+                metavar="FILE",
                 help="print one JSON document and nothing else; with FILE, write the rows there and print the table",
-            )  # fmt: skip
+            )
         else:
             command.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
         if name in EXAMPLES:

@@ -35,7 +35,7 @@ PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
         tuple(("fig11-noise", NOISE, name) for name in ("conventional-m", "proposed-m", "proposed-m-model")),
         "The same under the noise, draw 0.",
     ),
-}  # fmt: skip
+}
 """Pages: title, what is drawn, caption."""
 TONES = {HOLDS: good, FAILS: bad}
 
@@ -68,9 +68,11 @@ def paper(options: argparse.Namespace) -> int:
     write_report(study, table_of, pictures, directory, draws)
     directory.finish({"name": "paper", "draws": draws, "mismatch_redraws": study.redraws})
     tell(
-        directory=directory.folder, draws=draws, claims=[claim.to_json() for claim in table_of],
+        directory=directory.folder,
+        draws=draws,
+        claims=[claim.to_json() for claim in table_of],
         plants_apart=agreement_facts(study),
-    )  # fmt: skip
+    )
     say(claims_table(table_of))
     say()
     say(f"two plants: {agreement_text(study.apart)}")
@@ -101,10 +103,15 @@ def write_pages(study: Study, directory: RunDirectory) -> list[Picture]:
                 if run.completed:
                     metrics[controller] = metrics_of(own, there, keys, run)
             figure = comparison_page(
-                {controller: run for controller, (_, _, run) in kept.items()}, metrics, title,
-                conditions_text(experiment), joint_names=loop.joint_names, tau_max=loop.plant.tau_max,
-                metrics_from=experiment.run.metrics_from, control_period=experiment.run.control_period,
-            )  # fmt: skip
+                {controller: run for controller, (_, _, run) in kept.items()},
+                metrics,
+                title,
+                conditions_text(experiment),
+                joint_names=loop.joint_names,
+                tau_max=loop.plant.tau_max,
+                metrics_from=experiment.run.metrics_from,
+                control_period=experiment.run.control_period,
+            )
             content = {}
             for fmt in ("svg", "png"):
                 content[fmt] = figure_bytes(figure, fmt)
@@ -135,8 +142,10 @@ def write_report(
         bar.update(1)
         noise = noise_spectrum(1_000_000) | {"definition": noise_text(noisy)}
     facts: Mapping[str, Any] = {
-        "agreement": agreement_facts(study), "chattering": [row._asdict() for row in chattering], "noise": noise,
-    }  # fmt: skip
+        "agreement": agreement_facts(study),
+        "chattering": [row._asdict() for row in chattering],
+        "noise": noise,
+    }
     directory.write("checks.json", json_bytes(facts))
     workload = (
         f"{len(study.records.all):,} closed loops. A wrong model: the controllers' constants wrong by "
@@ -160,10 +169,12 @@ def markdown(table_of: list[Claim]) -> str:
     lines = ["| claim | verdict | figure [95 %] | conditions | what does as well |", "|---|---|---|---|---|"]
     for claim in table_of:
         cells = (
-            f"{claim.claim}, {claim.where}", f"**{claim.verdict}**",
-            f"{claim.figure_text}: {claim.measure} ({claim.cases[0].who}; {claim.cases[0].where})", claim.condition,
+            f"{claim.claim}, {claim.where}",
+            f"**{claim.verdict}**",
+            f"{claim.figure_text}: {claim.measure} ({claim.cases[0].who}; {claim.cases[0].where})",
+            claim.condition,
             claim.ablation,
-        )  # fmt: skip
+        )
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -173,7 +184,7 @@ def claims_table(table_of: list[Claim]) -> str:
     rows = [
         [claim.claim, claim.where, TONES.get(claim.verdict, str)(claim.verdict), claim.figure_text]
         for claim in table_of
-    ]  # fmt: skip
+    ]
     lines = [table(["claim", "where", "verdict", "figure [95 %]"], rows, left=3, keys=2), ""]
     for claim in table_of:
         lines.append(f"{claim.claim}: {claim.verdict}, {claim.condition}")

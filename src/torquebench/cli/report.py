@@ -114,9 +114,13 @@ def page_of(run: StoredRun, redraw: bool) -> bytes:
     svgs = {name: files["svg"] for name, files in draw_figures(run.result, proofs)} if redraw else stored_figures(run)
     film = run.folder / FILM
     return run_page(
-        run.result, proofs, svgs, conditions_text(run.result.experiment), facts_of(run.manifest),
+        run.result,
+        proofs,
+        svgs,
+        conditions_text(run.result.experiment),
+        facts_of(run.manifest),
         film.read_bytes() if film.is_file() else None,
-    )  # fmt: skip
+    )
 
 
 def stored_figures(run: StoredRun) -> dict[str, bytes]:

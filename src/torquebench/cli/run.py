@@ -152,8 +152,11 @@ def chosen(options: argparse.Namespace) -> Experiment:
             raise ConfigError([Problem("--index", "", "has no effect without --from-sweep")])
         return load_experiment(options.config, options.overrides)
     extra = [("CONFIG", options.config is not None), ("--set", bool(options.overrides))]
-    problems = [Problem(name, "", "has no effect with --from-sweep: a row is run as it was") for name, is_there in extra
-                if is_there]  # fmt: skip
+    problems = [
+        Problem(name, "", "has no effect with --from-sweep: a row is run as it was")
+        for name, is_there in extra
+        if is_there
+    ]
     if options.index is None:
         problems.append(Problem("--index", "", "missing: wanted the number of a row, from 0"))
     if problems:
@@ -183,8 +186,10 @@ def write_results(
     experiment = result.experiment
     metrics = {name: result.metrics[name].to_json() if name in result.metrics else None for name in result.runs}
     conditions = {
-        "window_from": experiment.run.metrics_from, "noise": noise_text(experiment), "chain": chain_text(experiment),
-    }  # fmt: skip
+        "window_from": experiment.run.metrics_from,
+        "noise": noise_text(experiment),
+        "chain": chain_text(experiment),
+    }
     directory.write("metrics.json", json_bytes({"conditions": conditions, "controllers": metrics}))
     proofs = certificates(experiment, result.loop, result.runs)
     directory.write("certificates.json", json_bytes({name: found.to_json() for name, found in proofs.items()}))
@@ -259,11 +264,17 @@ def draw_figures(
     found = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
     bands = {name: as_vector(band, experiment.n) for name, band in found.items() if band is not None}
     figures = make_figures(
-        result.runs, title=experiment.name, subtitle=conditions_text(experiment), joint_names=result.loop.joint_names,
-        tau_max=result.loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
-        control_period=experiment.run.control_period, metrics=result.metrics,
-        bands=bands, slides=result.slides,
-    )  # fmt: skip
+        result.runs,
+        title=experiment.name,
+        subtitle=conditions_text(experiment),
+        joint_names=result.loop.joint_names,
+        tau_max=result.loop.plant.tau_max,
+        metrics_from=experiment.run.metrics_from,
+        control_period=experiment.run.control_period,
+        metrics=result.metrics,
+        bands=bands,
+        slides=result.slides,
+    )
     figures |= certificate_pages(result, proofs, conditions_text(experiment))
     figures |= run_figures(result, conditions_text(experiment))
     formats: tuple[Literal["svg", "png"], ...] = ("svg", "png")

@@ -17,21 +17,29 @@ def run_facts(result: ExperimentResult) -> dict[str, Any]:
     for keys in result.experiment.controllers:
         trajectory, metrics = result.runs[keys.name], result.metrics.get(keys.name)
         controllers[keys.name] = {
-            "law": keys.law, **outcome_facts(trajectory), "expected": keys.name not in result.unexpected,
+            "law": keys.law,
+            **outcome_facts(trajectory),
+            "expected": keys.name not in result.unexpected,
             "metrics": None if metrics is None else metrics.to_json(),
-        }  # fmt: skip
+        }
     return {
-        "name": result.experiment.name, "conditions": conditions_text(result.experiment).splitlines(),
-        "joints": list(result.loop.joint_names), "controllers": controllers,
-    }  # fmt: skip
+        "name": result.experiment.name,
+        "conditions": conditions_text(result.experiment).splitlines(),
+        "joints": list(result.loop.joint_names),
+        "controllers": controllers,
+    }
 
 
 def outcome_facts(trajectory: Trajectory) -> dict[str, Any]:
     """Return how a run ended, for the manifest and for ``--json``."""
     return {
-        "path": trajectory.path, "path_reason": trajectory.path_reason, "outcome": trajectory.outcome.name,
-        "failed_at": trajectory.failed_at, "detail": trajectory.detail, "digest": trajectory.digest(),
-    }  # fmt: skip
+        "path": trajectory.path,
+        "path_reason": trajectory.path_reason,
+        "outcome": trajectory.outcome.name,
+        "failed_at": trajectory.failed_at,
+        "detail": trajectory.detail,
+        "digest": trajectory.digest(),
+    }
 
 
 def fuzzy_facts(experiment: Experiment) -> dict[str, dict[str, Any]]:

@@ -48,8 +48,12 @@ def live_of(options: argparse.Namespace) -> Showing | None:
     """
     if options.live:
         return Showing.of(options)
-    given = {"--browser": options.browser, "--no-open": options.no_open, "--speed": options.speed is not None,
-             "--port": options.port is not None}  # fmt: skip
+    given = {
+        "--browser": options.browser,
+        "--no-open": options.no_open,
+        "--speed": options.speed is not None,
+        "--port": options.port is not None,
+    }
     if any(given.values()):
         raise ConfigError([Problem(name, "", "wanted --live as well") for name, there in given.items() if there])
     return None

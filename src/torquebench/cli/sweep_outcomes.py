@@ -75,12 +75,14 @@ def facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
     centre = {key: means(stored, key) for key in headlines(())}
     found = {
         name: {
-            "runs": plan.pairs, "completed": outcomes[name].get(COMPLETED, 0), "outcomes": outcomes[name],
+            "runs": plan.pairs,
+            "completed": outcomes[name].get(COMPLETED, 0),
+            "outcomes": outcomes[name],
             "means": {key: values[i] for key, values in centre.items()},
             "worst_row": last[i],
         }
         for i, name in enumerate(plan.controllers)
-    }  # fmt: skip
+    }
     return {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows, "controllers": found}
 
 

@@ -83,10 +83,15 @@ def info_of(stored: Stored) -> SweepInfo:
     plan = stored.plan
     facts: dict[str, Any] = {key: stored.facts[key] for key in ("digest", "software", "plugins", "model_files")}
     return SweepInfo(
-        plan.first.name, plan.first.description or "", conditions_text(plan.experiment(0, 0)), workload_text(stored),
-        plan.source.text.decode(), {"seed": plan.seed} | facts | {"machine": machine()},
-        slide_joints(plan.first.plant.model), "torquebench run --from-sweep DIR --index",
-    )  # fmt: skip
+        plan.first.name,
+        plan.first.description or "",
+        conditions_text(plan.experiment(0, 0)),
+        workload_text(stored),
+        plan.source.text.decode(),
+        {"seed": plan.seed} | facts | {"machine": machine()},
+        slide_joints(plan.first.plant.model),
+        "torquebench run --from-sweep DIR --index",
+    )
 
 
 def workload_text(stored: Stored) -> str:

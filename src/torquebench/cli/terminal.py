@@ -224,7 +224,14 @@ def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[B
 
     hidden = _VOICES[-1].quiet or sys.stderr is None or not sys.stderr.isatty()
     with tqdm(
-        total=total or None, initial=done, desc=begin, unit=unit, unit_scale=True, leave=False, disable=hidden,
-        file=sys.stderr, dynamic_ncols=True,
-    ) as bar:  # fmt: skip
+        total=total or None,
+        initial=done,
+        desc=begin,
+        unit=unit,
+        unit_scale=True,
+        leave=False,
+        disable=hidden,
+        file=sys.stderr,
+        dynamic_ncols=True,
+    ) as bar:
         yield bar

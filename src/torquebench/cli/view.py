@@ -55,8 +55,15 @@ def view(options: argparse.Namespace) -> int:
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; it is shown as it is now")
     try:
         if window_opens(how):
-            job = Job(footage.model, footage.title, footage.shots, footage.control_period, Settings(speed=how.speed),
-                      "window", "")  # fmt: skip
+            job = Job(
+                footage.model,
+                footage.title,
+                footage.shots,
+                footage.control_period,
+                Settings(speed=how.speed),
+                "window",
+                "",
+            )
             say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")
             if show_window(job):
                 return 0

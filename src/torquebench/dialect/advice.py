@@ -39,42 +39,86 @@ EXPRESSIONS = {
     "NamedExpr": ("an assignment within an expression", "assign on a line of its own"),
     "JoinedStr": ("a text", "compute with numbers only"),
     "Starred": ("a starred expression", "name the elements"),
-    "List": ("a list", "use numbers, or " + WORK), "Dict": ("a dictionary", "use numbers, or " + WORK),
-    "Set": ("a set", "use numbers, or " + WORK), "ListComp": ("a list comprehension", LOOP),
-    "SetComp": ("a set comprehension", LOOP), "DictComp": ("a dictionary comprehension", LOOP),
-    "GeneratorExp": ("a generator", LOOP), "Slice": ("a slice", LOOP),
-}  # fmt: skip
+    "List": ("a list", "use numbers, or " + WORK),
+    "Dict": ("a dictionary", "use numbers, or " + WORK),
+    "Set": ("a set", "use numbers, or " + WORK),
+    "ListComp": ("a list comprehension", LOOP),
+    "SetComp": ("a set comprehension", LOOP),
+    "DictComp": ("a dictionary comprehension", LOOP),
+    "GeneratorExp": ("a generator", LOOP),
+    "Slice": ("a slice", LOOP),
+}
 OPERATORS = {
     "Pow": ("operator **", "write x * x, or math.sqrt for a root"),
     "MatMult": ("operator @", "write the sum as two loops of range()"),
-    "In": ("operator in", "write a comparison with =="), "NotIn": ("operator not in", "write a comparison with !="),
-    "Is": ("operator is", "write =="), "IsNot": ("operator is not", "write !="),
-}  # fmt: skip
+    "In": ("operator in", "write a comparison with =="),
+    "NotIn": ("operator not in", "write a comparison with !="),
+    "Is": ("operator is", "write =="),
+    "IsNot": ("operator is not", "write !="),
+}
 MATH = {
-    "pow": "write x * x, or math.exp(a * math.log(x)) for x > 0", "hypot": "write math.sqrt(x * x + y * y)",
-    "fsum": LOOP, "prod": LOOP, "sumprod": LOOP, "dist": LOOP, "ceil": "write -math.floor(-x)",
-    "fmod": "write x - y * math.floor(x / y)", "degrees": "write x * (180.0 / math.pi)",
-    "radians": "write x * (math.pi / 180.0)", "e": "write math.exp(1.0)", "tau": "write 2.0 * math.pi",
-    "log2": "write math.log(x) / math.log(2.0)", "log10": "write math.log(x) / math.log(10.0)",
-    "cbrt": "write math.exp(math.log(x) / 3.0) for x > 0", "exp2": "write math.exp(x * math.log(2.0))",
-}  # fmt: skip
+    "pow": "write x * x, or math.exp(a * math.log(x)) for x > 0",
+    "hypot": "write math.sqrt(x * x + y * y)",
+    "fsum": LOOP,
+    "prod": LOOP,
+    "sumprod": LOOP,
+    "dist": LOOP,
+    "ceil": "write -math.floor(-x)",
+    "fmod": "write x - y * math.floor(x / y)",
+    "degrees": "write x * (180.0 / math.pi)",
+    "radians": "write x * (math.pi / 180.0)",
+    "e": "write math.exp(1.0)",
+    "tau": "write 2.0 * math.pi",
+    "log2": "write math.log(x) / math.log(2.0)",
+    "log10": "write math.log(x) / math.log(10.0)",
+    "cbrt": "write math.exp(math.log(x) / 3.0) for x > 0",
+    "exp2": "write math.exp(x * math.log(2.0))",
+}
 BUILTINS = {
-    "min": "write x if x < y else y", "max": "write x if x > y else y", "sum": LOOP, "pow": MATH["pow"],
-    "round": "write math.floor(x + 0.5)", "float": "leave it out", "int": "write math.floor(x)",
+    "min": "write x if x < y else y",
+    "max": "write x if x > y else y",
+    "sum": LOOP,
+    "pow": MATH["pow"],
+    "round": "write math.floor(x + 0.5)",
+    "float": "leave it out",
+    "int": "write math.floor(x)",
     "bool": "write x != 0.0",
-    "print": "leave it out: every field of memory is recorded", "enumerate": LOOP, "zip": LOOP, "map": LOOP,
-    "sorted": LOOP, "list": WORK, "isinstance": "leave it out", "divmod": "write // and %",
-}  # fmt: skip
+    "print": "leave it out: every field of memory is recorded",
+    "enumerate": LOOP,
+    "zip": LOOP,
+    "map": LOOP,
+    "sorted": LOOP,
+    "list": WORK,
+    "isinstance": "leave it out",
+    "divmod": "write // and %",
+}
 NUMPY = {
-    "sign": "write sign(x), from torquebench", "clip": "write clip(x, limit) or sat(x), from torquebench",
-    "abs": "write abs(x)", "absolute": "write abs(x)", "minimum": BUILTINS["min"], "maximum": BUILTINS["max"],
-    "arcsin": "write math.asin(x)", "arccos": "write math.acos(x)", "arctan": "write math.atan(x)",
-    "arctan2": "write math.atan2(y, x)", "square": "write x * x", "power": MATH["pow"], "hypot": MATH["hypot"],
-    "deg2rad": MATH["radians"], "rad2deg": MATH["degrees"], "where": "write x if ... else y",
-    "pi": "write math.pi", "inf": "write math.inf", "nan": "write math.nan", "e": MATH["e"],
-    "heaviside": "write 1.0 if x > 0.0 else 0.0", "dot": OPERATORS["MatMult"][1], "matmul": OPERATORS["MatMult"][1],
-    "floor": "write math.floor(x)", "float64": "leave it out",
-}  # fmt: skip
+    "sign": "write sign(x), from torquebench",
+    "clip": "write clip(x, limit) or sat(x), from torquebench",
+    "abs": "write abs(x)",
+    "absolute": "write abs(x)",
+    "minimum": BUILTINS["min"],
+    "maximum": BUILTINS["max"],
+    "arcsin": "write math.asin(x)",
+    "arccos": "write math.acos(x)",
+    "arctan": "write math.atan(x)",
+    "arctan2": "write math.atan2(y, x)",
+    "square": "write x * x",
+    "power": MATH["pow"],
+    "hypot": MATH["hypot"],
+    "deg2rad": MATH["radians"],
+    "rad2deg": MATH["degrees"],
+    "where": "write x if ... else y",
+    "pi": "write math.pi",
+    "inf": "write math.inf",
+    "nan": "write math.nan",
+    "e": MATH["e"],
+    "heaviside": "write 1.0 if x > 0.0 else 0.0",
+    "dot": OPERATORS["MatMult"][1],
+    "matmul": OPERATORS["MatMult"][1],
+    "floor": "write math.floor(x)",
+    "float64": "leave it out",
+}
 
 
 def statement(node: ast.stmt) -> tuple[str, str, str]:
@@ -137,8 +181,23 @@ def call(text: str, value: Any, source: Source) -> tuple[str, str, str]:
     return what, "use arithmetic, math and functions marked @kernel", FORM
 
 
-_MATH_LIKE = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "sqrt", "exp", "expm1", "log", "log1p", "isnan", "isfinite",
-              "fabs", "copysign")  # fmt: skip
+_MATH_LIKE = (
+    "sin",
+    "cos",
+    "tan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "sqrt",
+    "exp",
+    "expm1",
+    "log",
+    "log1p",
+    "isnan",
+    "isfinite",
+    "fabs",
+    "copysign",
+)
 
 
 def _known(source: Source) -> list[str]:

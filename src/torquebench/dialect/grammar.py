@@ -9,9 +9,24 @@ from torquebench.dialect.names import Names, root
 from torquebench.dialect.source import INPUTS, Source, body, own_nodes
 
 OPERATORS = (
-    ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod, ast.USub, ast.UAdd, ast.Not, ast.And, ast.Or,
-    ast.Eq, ast.NotEq, ast.Lt, ast.LtE, ast.Gt, ast.GtE,
-)  # fmt: skip
+    ast.Add,
+    ast.Sub,
+    ast.Mult,
+    ast.Div,
+    ast.FloorDiv,
+    ast.Mod,
+    ast.USub,
+    ast.UAdd,
+    ast.Not,
+    ast.And,
+    ast.Or,
+    ast.Eq,
+    ast.NotEq,
+    ast.Lt,
+    ast.LtE,
+    ast.Gt,
+    ast.GtE,
+)
 
 
 class Grammar(Names):
@@ -81,17 +96,24 @@ class Grammar(Names):
         match node:
             case ast.Name():
                 if node.id in self.fixed:
-                    self.complain(node, f"{node.id} = ... only rebinds the name",
-                                  "fill tau[i], element by element" if node.id == "tau" else "take another name",
-                                  INPUTS)  # fmt: skip
+                    self.complain(
+                        node,
+                        f"{node.id} = ... only rebinds the name",
+                        "fill tau[i], element by element" if node.id == "tau" else "take another name",
+                        INPUTS,
+                    )
             case ast.Tuple():
                 for element in node.elts:
                     self.target(element)
             case ast.Subscript():
                 self.expression(node)
             case ast.Attribute():
-                self.complain(node, f"the attribute {ast.unparse(node)} is assigned",
-                              f"write to the elements, {ast.unparse(node)}[i] = ...", INPUTS)  # fmt: skip
+                self.complain(
+                    node,
+                    f"the attribute {ast.unparse(node)} is assigned",
+                    f"write to the elements, {ast.unparse(node)}[i] = ...",
+                    INPUTS,
+                )
             case _:
                 self.complain(node, f"a value is assigned to {ast.unparse(node)}", "name each variable")
 

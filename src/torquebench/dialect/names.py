@@ -11,9 +11,30 @@ from torquebench.dialect import advice
 from torquebench.dialect.source import FORM, MISSING, STATE, Complaint, Source, body, parameters, stored
 
 MATH = (
-    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "sqrt", "exp", "expm1", "log",
-    "log1p", "floor", "fabs", "copysign", "isfinite", "isnan", "pi", "inf", "nan",
-)  # fmt: skip
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "sinh",
+    "cosh",
+    "tanh",
+    "sqrt",
+    "exp",
+    "expm1",
+    "log",
+    "log1p",
+    "floor",
+    "fabs",
+    "copysign",
+    "isfinite",
+    "isnan",
+    "pi",
+    "inf",
+    "nan",
+)
 """What may be taken from `math`: what gives the same bytes compiled. Not pow, hypot or fsum."""
 BUILTINS = (abs, range, len)
 """Not min and max (they treat NaN differently compiled), sum (its order is not ours) or round."""

@@ -46,8 +46,14 @@ class Rules:
         arguments = source.node.args
         found = []
         if arguments.vararg or arguments.kwarg or arguments.defaults or arguments.kwonlyargs or arguments.kw_defaults:
-            found.append(Complaint(source.node.lineno, f"{function.__name__}() has *args, **kwargs, or defaults",
-                                   "list its arguments by name, without defaults", STATE))  # fmt: skip
+            found.append(
+                Complaint(
+                    source.node.lineno,
+                    f"{function.__name__}() has *args, **kwargs, or defaults",
+                    "list its arguments by name, without defaults",
+                    STATE,
+                )
+            )
         grammar = Grammar(source, self.fixed, self.returns)
         hints = {name: _parameter(hint) for name, hint in hints_of(function).items() if name != "return"}
         found += grammar.complaints + unassigned(source)

@@ -79,20 +79,30 @@ class Builder:
         n, run = experiment.n, experiment.run
         drawn = n, experiment.n_steps, run.control_period, run.seed, run.draw
         return Loop(
-            plant, model.joint_names, model, redraws, controllers, reference,
+            plant,
+            model.joint_names,
+            model,
+            redraws,
+            controllers,
+            reference,
             self._kept("noise", 1, lambda: build_position_noise(experiment), experiment.chain, *drawn),
             self._kept("torque", 1, lambda: build_disturbance(experiment), experiment.disturbances, *drawn),
             np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
-        )  # fmt: skip
+        )
 
     def fixed(self, experiment: schema.Experiment) -> Fixed:
         """Make all but the signals that are drawn; errors as of a call."""
         n, run, arm = experiment.n, experiment.run, experiment.plant.model
         drawn = run.seed, run.draw
         reference: Reference = self._kept(
-            "reference", 4, lambda: sampled(build_reference(experiment.reference, n), experiment),
-            experiment.reference, n, experiment.n_steps, run.control_period,
-        )  # fmt: skip
+            "reference",
+            4,
+            lambda: sampled(build_reference(experiment.reference, n), experiment),
+            experiment.reference,
+            n,
+            experiment.n_steps,
+            run.control_period,
+        )
         structure, constants = experiment.model.structure, experiment.model.constants
         right = self._kept("model", 4, lambda: load_model(arm, structure, constants), arm, structure, constants)
         model, redraws = self._kept("belief", 1, lambda: build_belief(experiment, right), experiment.model, arm, *drawn)
@@ -141,9 +151,11 @@ def redrawn(experiment: schema.Experiment, loop: Loop) -> Loop:
         raise ValueError("each draw of a perturbed plant needs a plant of its own: build it anew")
     model, redraws = build_belief(experiment)
     return loop._replace(
-        model=model, redraws=redraws, position_noise=build_position_noise(experiment),
+        model=model,
+        redraws=redraws,
+        position_noise=build_position_noise(experiment),
         disturbance=build_disturbance(experiment),
-    )  # fmt: skip
+    )
 
 
 def build_belief(experiment: schema.Experiment, right: RobotModel | None = None) -> tuple[RobotModel, int]:
@@ -248,9 +260,13 @@ def build_chain(keys: str | ChainKeys) -> Chain:
         return CHAINS[keys]
     filtered = math.inf if keys.velocity_filter is None else keys.velocity_filter
     return Chain(
-        "custom", position_sigma=keys.encoder_noise, velocity_rate=filtered if keys.velocity != "exact" else 0.0,
-        lag=keys.actuator_lag, quantum=keys.quantisation, delay=keys.delay,
-    )  # fmt: skip
+        "custom",
+        position_sigma=keys.encoder_noise,
+        velocity_rate=filtered if keys.velocity != "exact" else 0.0,
+        lag=keys.actuator_lag,
+        quantum=keys.quantisation,
+        delay=keys.delay,
+    )
 
 
 def build_position_noise(experiment: schema.Experiment) -> Array | None:

@@ -84,10 +84,11 @@ def sliding_law(keys: schema.Controller, loop: Loop, n: int) -> SlidingLaw | Non
         return None
     phi = keys.gains.get("phi")
     return SlidingLaw(
-        as_vector(keys.gains["lam"], n), as_vector(keys.gains["k"], n) * np.asarray(loop.plant.tau_max),
+        as_vector(keys.gains["lam"], n),
+        as_vector(keys.gains["k"], n) * np.asarray(loop.plant.tau_max),
         None if phi is None else as_vector(phi, n),
         loop.model if options.get("equivalent_control") else None,
-    )  # fmt: skip
+    )
 
 
 def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag, ...]:

@@ -79,9 +79,14 @@ class MamdaniSystem(AnyFuzzy):
     kind: Literal["mamdani"] = Field(description="Method: consequents are terms (mamdani) or functions of the inputs.")
     output: FuzzyTerms = Field(description="The output's range and terms.")
     aggregation: Literal[
-        "max-min", "sum-min", "max-bounded-product", "max-drastic-product", "max-bounded-sum", "max-algebraic-sum",
+        "max-min",
+        "sum-min",
+        "max-bounded-product",
+        "max-drastic-product",
+        "max-bounded-sum",
+        "max-algebraic-sum",
         "min-max",
-    ] = Field("max-min", description="How the rules' consequents become one set.")  # fmt: skip
+    ] = Field("max-min", description="How the rules' consequents become one set.")
     defuzzification: Literal["coa", "cog"] = Field(
         "coa", description="Centre of the aggregated set (coa), or of all rules' sets added up (cog)."
     )

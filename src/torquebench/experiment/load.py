@@ -174,9 +174,13 @@ class _Reader:
         return self._section(path, raw, schema.Video, {})
 
     def _section(
-        self, path: KeyPath, raw: Any, model: type[M], defaults: Mapping[str, Any],
+        self,
+        path: KeyPath,
+        raw: Any,
+        model: type[M],
+        defaults: Mapping[str, Any],
         handlers: Mapping[str, Handler] | None = None,
-    ) -> Checked[M] | None:  # fmt: skip
+    ) -> Checked[M] | None:
         mapping = as_mapping(self._document, path, raw, f"a mapping ({', '.join(model.model_fields)})")
         if mapping is None:
             return None

@@ -73,10 +73,12 @@ def run_experiment(
     for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
         name = controller.name
         runs[name] = run_trial(
-            loop.plant, trial_of(experiment, loop, controller), path,
+            loop.plant,
+            trial_of(experiment, loop, controller),
+            path,
             progress=None if progress is None else partial(progress, name),
             watch=None if watch is None else partial(watch, name),
-        )  # fmt: skip
+        )
         if finished is not None:
             finished(name, runs[name])
         if runs[name].completed:
@@ -100,18 +102,28 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
     """
     band = band_of(keys.law, keys.gains)
     return per_joint(
-        run, tau_max=loop.plant.tau_max, metrics_from=experiment.run.metrics_from,
-        control_period=experiment.run.control_period, reference_kind=experiment.reference.kind,
+        run,
+        tau_max=loop.plant.tau_max,
+        metrics_from=experiment.run.metrics_from,
+        control_period=experiment.run.control_period,
+        reference_kind=experiment.reference.kind,
         phi=None if band is None else as_vector(band, experiment.n),
-    )  # fmt: skip
+    )
 
 
 def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Trial:
     """Return what one controller of an experiment is run with."""
     return Trial(
-        controller, loop.model, loop.reference, experiment.run.duration, experiment.run.control_period,
-        build_chain(experiment.chain), loop.position_noise, loop.disturbance, loop.initial_q,
-    )  # fmt: skip
+        controller,
+        loop.model,
+        loop.reference,
+        experiment.run.duration,
+        experiment.run.control_period,
+        build_chain(experiment.chain),
+        loop.position_noise,
+        loop.disturbance,
+        loop.initial_q,
+    )
 
 
 def band_of(law: str, gains: Mapping[str, float | tuple[float, ...]]) -> float | tuple[float, ...] | None:

@@ -8,6 +8,16 @@ from torquebench.fuzzy.system import FuzzySystem, Rule
 from torquebench.fuzzy.terms import Functions, Term, Variable
 
 __all__ = [
-    "BUILTIN", "DEFAULT", "Fis", "Functions", "FuzzySystem", "Prepared", "Rule", "Term", "Variable", "builtin_system",
-    "infer", "prepare",
-]  # fmt: skip
+    "BUILTIN",
+    "DEFAULT",
+    "Fis",
+    "Functions",
+    "FuzzySystem",
+    "Prepared",
+    "Rule",
+    "Term",
+    "Variable",
+    "builtin_system",
+    "infer",
+    "prepare",
+]

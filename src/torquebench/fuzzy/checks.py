@@ -30,9 +30,10 @@ def system_errors(system: FuzzySystem) -> list[Finding]:
     if len(system.inputs) not in (1, 2):
         add("inputs", ("inputs",), f"got {len(system.inputs)} inputs, wanted 1 or 2")
     for key, value, valid in (
-        ("conjunction", system.conjunction, CONJUNCTIONS), ("aggregation", system.aggregation, tuple(AGGREGATIONS)),
+        ("conjunction", system.conjunction, CONJUNCTIONS),
+        ("aggregation", system.aggregation, tuple(AGGREGATIONS)),
         ("defuzzification", system.defuzzification, DEFUZZIFICATIONS),
-    ):  # fmt: skip
+    ):
         if value not in valid:
             add("operator", (key,), f"got '{value}', wanted one of {', '.join(valid)}{did_you_mean(value, valid)}")
     variables = [(("inputs", i), variable) for i, variable in enumerate(system.inputs)]

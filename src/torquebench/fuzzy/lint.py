@@ -37,11 +37,18 @@ def _terms(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], st
         where = ("inputs", i, "terms")
         for term in variable.terms:
             if not variable.reaches(term.name):
-                yield ("dead-term", (*where, term.name), "lies outside the range, so no rule with it ever fires: move "
-                       "it, or widen the range")  # fmt: skip
+                yield (
+                    "dead-term",
+                    (*where, term.name),
+                    "lies outside the range, so no rule with it ever fires: move it, or widen the range",
+                )
         for low, high in gaps(variable):
-            yield ("gap", where, f"no term covers {low:g} to {high:g}; there no rule fires and the output is 0: widen "
-                   "the terms beside it")  # fmt: skip
+            yield (
+                "gap",
+                where,
+                f"no term covers {low:g} to {high:g}; there no rule fires and the output is 0: widen "
+                "the terms beside it",
+            )
     used = {rule.then for rule in system.rules}
     key = "terms" if isinstance(system.output, Variable) else "functions"
     for name in system.output.names:
@@ -56,8 +63,12 @@ def _thin_terms(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...]
     low, high = min(term.a for term in output.terms), max(term.d for term in output.terms)
     for term in output.terms:
         if term.d - term.a < THIN * (high - low) / (POINTS - 1):
-            yield ("thin-term", ("output", "terms", term.name), f"is narrower than {THIN} of the {POINTS - 1} steps "
-                   f"from {low:g} to {high:g} in which the output is computed: widen it")  # fmt: skip
+            yield (
+                "thin-term",
+                ("output", "terms", term.name),
+                f"is narrower than {THIN} of the {POINTS - 1} steps "
+                f"from {low:g} to {high:g} in which the output is computed: widen it",
+            )
 
 
 def gaps(variable: Variable) -> list[tuple[float, float]]:
@@ -75,8 +86,11 @@ def gaps(variable: Variable) -> list[tuple[float, float]]:
 def _rules(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
     for place in np.argwhere(system.table < 0):
         words = [v.names[k] for v, k in zip(system.inputs, place.tolist(), strict=True)]
-        yield ("missing-rule", ("rules",), f"no rule for {' and '.join(words)}: where only that would fire the output "
-               "is 0; add it")  # fmt: skip
+        yield (
+            "missing-rule",
+            ("rules",),
+            f"no rule for {' and '.join(words)}: where only that would fire the output is 0; add it",
+        )
     said: set[Rule] = set()
     for k, rule in enumerate(system.rules):
         if rule in said:
@@ -103,8 +117,12 @@ def _jumps(system: FuzzySystem, output: Variable) -> Iterator[tuple[str, tuple[s
             other = system.rules[at[beside]].then
             one, two = (output.terms[output.names.index(name)] for name in (rule.then, other))
             if not (one.a < two.d and two.a < one.d):
-                yield ("jump", ("rules", at[rule.when]), f"jumps from {rule.then} to {other} beside it (if "
-                       f"{' and '.join(beside)}), whose terms do not overlap: choose one between them")  # fmt: skip
+                yield (
+                    "jump",
+                    ("rules", at[rule.when]),
+                    f"jumps from {rule.then} to {other} beside it (if "
+                    f"{' and '.join(beside)}), whose terms do not overlap: choose one between them",
+                )
 
 
 def _outputs(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
@@ -121,8 +139,12 @@ def _outputs(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...], s
         place = f"({x[worst]:.3g}, {y[worst]:.3g})" if two else f"{x[worst]:.3g}"
         mirrored = [f"{' and '.join(rule.when)}" for rule in _lopsided(prepared)]
         blame = f"; rules without their mirror image: {', '.join(mirrored[:4])}" if mirrored else ""
-        yield ("asymmetric", ("rules",), f"the output is not odd about the origin: at {place} and at its mirror image "
-               f"it adds up to {skew[worst]:.3g}, not 0{blame}")  # fmt: skip
+        yield (
+            "asymmetric",
+            ("rules",),
+            f"the output is not odd about the origin: at {place} and at its mirror image "
+            f"it adds up to {skew[worst]:.3g}, not 0{blame}",
+        )
     reach = float(np.max(np.abs(outputs)))
     if reach < WEAK:
         message = f"the output reaches only {100 * reach:.2g} % of its range"

@@ -15,9 +15,12 @@ from torquebench.fuzzy.terms import SAME, Functions, Variable
 from torquebench.kernel import Array, IntArray
 
 METHODS = {
-    STAIRCASE: "exact (closed form, stairs)", UNION: "exact (closed form)", SUM: "exact (sum of clipped triangles)",
-    SUGENO: "exact (weighted mean)", TABLE: "table",
-}  # fmt: skip
+    STAIRCASE: "exact (closed form, stairs)",
+    UNION: "exact (closed form)",
+    SUM: "exact (sum of clipped triangles)",
+    SUGENO: "exact (weighted mean)",
+    TABLE: "table",
+}
 """What each method is called."""
 
 
@@ -59,10 +62,21 @@ def prepare(system: FuzzySystem) -> Prepared:
     rules = system.table if second is not None else np.repeat(system.table[:, None], 2, axis=1)
     nothing = np.zeros(2)
     fis = Fis(
-        TABLE, PRODUCT if system.conjunction == "product" else MIN, len(system.inputs), 1.0, 0.0, np.zeros((2, 2)),
-        rules.astype(np.int64), system.inputs[0].corners(), _certain() if second is None else second.corners(),
-        np.zeros((0, 3)), nothing, nothing, 1, 1,
-    )  # fmt: skip
+        TABLE,
+        PRODUCT if system.conjunction == "product" else MIN,
+        len(system.inputs),
+        1.0,
+        0.0,
+        np.zeros((2, 2)),
+        rules.astype(np.int64),
+        system.inputs[0].corners(),
+        _certain() if second is None else second.corners(),
+        np.zeros((0, 3)),
+        nothing,
+        nothing,
+        1,
+        1,
+    )
     if isinstance(system.output, Functions):
         return Prepared(system, fis._replace(method=SUGENO, functions=_functions(system, system.output)), 0.0)
     form = _closed_form(system, system.output, rules)
@@ -71,9 +85,12 @@ def prepare(system: FuzzySystem) -> Prepared:
         return Prepared(system, fis._replace(method=method, scale=scale, offset=offset, table=table), 0.0)
     grids = grid_for(system.inputs[0]), grid_for(second)
     fis = fis._replace(
-        table=fill_table(system, grids), x_breaks=grids[0].breaks, y_breaks=grids[1].breaks, x_cells=grids[0].cells,
+        table=fill_table(system, grids),
+        x_breaks=grids[0].breaks,
+        y_breaks=grids[1].breaks,
+        x_cells=grids[0].cells,
         y_cells=grids[1].cells,
-    )  # fmt: skip
+    )
     return Prepared(system, fis, error_bound(system, fis, grids))
 
 

@@ -178,8 +178,11 @@ def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
     if not found:
         for (_, low), (name, high) in itertools.pairwise((n, _span(s)) for n, s in shapes.items()):
             if not low[1] + low[2] < high[1] + high[2]:
-                add(name, f"its peak, {0.5 * (high[1] + high[2]):g}, is not above that of the term before it, "
-                    f"{0.5 * (low[1] + low[2]):g}: list the terms from low to high")  # fmt: skip
+                add(
+                    name,
+                    f"its peak, {0.5 * (high[1] + high[2]):g}, is not above that of the term before it, "
+                    f"{0.5 * (low[1] + low[2]):g}: list the terms from low to high",
+                )
     return found
 
 

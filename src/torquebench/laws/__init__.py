@@ -18,7 +18,23 @@ from torquebench.laws.declare import FixedRules, Gain, Option, Rules
 from torquebench.laws.law import Law
 
 __all__ = [
-    "FixedRules", "Gain", "Law", "Option", "Rules", "adaptive_fuzzy_smc", "computed_torque", "controller", "find_law",
-    "fuzzy_boundary_layer", "fuzzy_linear_band", "fuzzy_pid", "law_names", "pd", "pi_smc_fuzzy_estimator",
-    "sliding_mode", "sliding_mode_fuzzy", "supervised_fuzzy_smc", "two_input_sliding_mode_fuzzy",
-]  # fmt: skip
+    "FixedRules",
+    "Gain",
+    "Law",
+    "Option",
+    "Rules",
+    "adaptive_fuzzy_smc",
+    "computed_torque",
+    "controller",
+    "find_law",
+    "fuzzy_boundary_layer",
+    "fuzzy_linear_band",
+    "fuzzy_pid",
+    "law_names",
+    "pd",
+    "pi_smc_fuzzy_estimator",
+    "sliding_mode",
+    "sliding_mode_fuzzy",
+    "supervised_fuzzy_smc",
+    "two_input_sliding_mode_fuzzy",
+]

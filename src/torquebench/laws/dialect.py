@@ -51,8 +51,11 @@ def law_rules(law: Law) -> Rules:
     structures = {"gains": law.gains_type, "model": Model, "ref": Reference, "memory": law.memory_type or Nothing}
     kinds = {name: of_hint(cls) for name, cls in structures.items()} | dict.fromkeys(("q", "qd", "tau"), of_hint(Array))
     return Rules(
-        kinds | {"t": FLOAT}, _may_write, fixed=frozenset(ARGUMENTS) - {"t"}, returns=False,
-    )  # fmt: skip
+        kinds | {"t": FLOAT},
+        _may_write,
+        fixed=frozenset(ARGUMENTS) - {"t"},
+        returns=False,
+    )
 
 
 def _may_write(place: Place) -> bool:
@@ -77,8 +80,11 @@ def _structures(law: Law) -> Iterator[Complaint]:
             continue
         lines = partial(line_of, cls, function=law.function)
         if not (isinstance(cls, type) and issubclass(cls, tuple) and len(getattr(cls, "_fields", "")) > 0):
-            yield Complaint(lines(""), f"its {title} are a {getattr(cls, '__name__', cls)}",
-                            "make them a NamedTuple class with at least one field")  # fmt: skip
+            yield Complaint(
+                lines(""),
+                f"its {title} are a {getattr(cls, '__name__', cls)}",
+                "make them a NamedTuple class with at least one field",
+            )
             continue
         try:
             hints = get_type_hints(cls)
@@ -94,8 +100,11 @@ def _structures(law: Law) -> Iterator[Complaint]:
             kind = of_hint(hints[name], fields[name].dimensions)
             need = "Array" if title == "memory" else wanted.get(name)
             if (need == "Array" and kind != of_hint(Array)) or (need == "int" and kind.name != "int"):
-                yield Complaint(lines(name), f"{cls.__name__}.{name} is annotated {_short(hints[name])}",
-                                f"annotate it {need}{', from torquebench' if need == 'Array' else ''}")  # fmt: skip
+                yield Complaint(
+                    lines(name),
+                    f"{cls.__name__}.{name} is annotated {_short(hints[name])}",
+                    f"annotate it {need}{', from torquebench' if need == 'Array' else ''}",
+                )
 
 
 def line_of(structure: Any, name: str, function: Any) -> int:

@@ -37,41 +37,61 @@ class FuzzyBandGains(NamedTuple):
     lam: Slope
     k: Annotated[
         Array,
-        Gain("switching gain kK, a fraction of the torque limit, K = kK tau_max", "1",
-             only_with=("band", "saturation", "sign")),
-    ]  # fmt: skip
+        Gain(
+            "switching gain kK, a fraction of the torque limit, K = kK tau_max",
+            "1",
+            only_with=("band", "saturation", "sign"),
+        ),
+    ]
     phi: Annotated[Array, Gain("half-width phi of the band |s| <= phi", "rad/s", only_with=("band", "saturation"))]
     kv: Annotated[
         Array,
-        Gain("rate gain kV, Kd = kV Mbar with Mbar the model's inertia scale; the position gain is lambda Kd", "1/s",
-             only_with=("linear", True)),
-    ]  # fmt: skip
+        Gain(
+            "rate gain kV, Kd = kV Mbar with Mbar the model's inertia scale; the position gain is lambda Kd",
+            "1/s",
+            only_with=("linear", True),
+        ),
+    ]
     kf: Annotated[
         Array,
-        Gain("fuzzy gain kF, a fraction of the torque limit, KF = kF tau_max", "1", False,
-             ("compensation", "fuzzy", "clipped-sum")),
-    ]  # fmt: skip
+        Gain(
+            "fuzzy gain kF, a fraction of the torque limit, KF = kF tau_max",
+            "1",
+            False,
+            ("compensation", "fuzzy", "clipped-sum"),
+        ),
+    ]
     gd: Annotated[
         Array,
-        Gain("rate of the error that the fuzzy system sees as 1; it sees the error ge = gd/lambda as 1", "rad/s",
-             only_with=("compensation", "fuzzy", "clipped-sum")),
-    ]  # fmt: skip
+        Gain(
+            "rate of the error that the fuzzy system sees as 1; it sees the error ge = gd/lambda as 1",
+            "rad/s",
+            only_with=("compensation", "fuzzy", "clipped-sum"),
+        ),
+    ]
     ki: Annotated[Array, Gain("integral gain kI, KI = kI Mbar", "1/s^3", False, ("integral", True))]
     equivalent_control: UseModel
     compensation: Annotated[
         int,
-        Option("what compensates the arm's dynamics: the fuzzy system, clip(x + y) of its two inputs, or nothing",
-               ("fuzzy", "clipped-sum", "off")),
-    ]  # fmt: skip
+        Option(
+            "what compensates the arm's dynamics: the fuzzy system, clip(x + y) of its two inputs, or nothing",
+            ("fuzzy", "clipped-sum", "off"),
+        ),
+    ]
     integral: Annotated[int, Option("whether there is an integral", (True, False))]
-    band: Annotated[int, Option("switching term: K sat(s/phi); K sgn(s), as (149) prints it; or none",
-                                ("saturation", "sign", "off"))]  # fmt: skip
+    band: Annotated[
+        int,
+        Option("switching term: K sat(s/phi); K sgn(s), as (149) prints it; or none", ("saturation", "sign", "off")),
+    ]
     linear: Annotated[int, Option("whether there is the linear term Kd s", (True, False))]
     fis: Annotated[
         Fis,
-        Rules("fuzzy system FIS(e/ge, de/gd) whose output is multiplied by KF", scaled_errors,
-              only_with=("compensation", "fuzzy")),
-    ]  # fmt: skip
+        Rules(
+            "fuzzy system FIS(e/ge, de/gd) whose output is multiplied by KF",
+            scaled_errors,
+            only_with=("compensation", "fuzzy"),
+        ),
+    ]
 
 
 class FuzzyBandMemory(NamedTuple):

@@ -47,9 +47,11 @@ class EstimatorGains(NamedTuple):
     ]
     equivalent_control: Annotated[
         int,
-        Option("add the model's equivalent control to the estimate; the choices are those of the law smc",
-               (False, True, "measured-acceleration")),
-    ]  # fmt: skip
+        Option(
+            "add the model's equivalent control to the estimate; the choices are those of the law smc",
+            (False, True, "measured-acceleration"),
+        ),
+    ]
     fis: Annotated[Fis, Rules("fuzzy system FIS(e/ge, de/gd) whose output, times KF, is the estimate", error_and_rate)]
 
 

@@ -58,53 +58,70 @@ def removes_chattering(x: Records) -> Claim:
     places += [(ref, chain, NOMINAL) for chain in ("fast", "slow") for ref in ("sine", "step", "ramp")]
     places += [("sine", chain, NOISE) for chain in ("fast", "slow")]
     cases = [
-        below("linear band", place, typical(x.values("hf", "linear-band", *place)), NO_CHATTERING)
-        for place in places
-    ]  # fmt: skip
+        below("linear band", place, typical(x.values("hf", "linear-band", *place)), NO_CHATTERING) for place in places
+    ]
     left = {
         chain: text(x.ratio("hf", "linear-band", "conventional", "sine", chain, NOMINAL)) for chain in ("fast", "slow")
     }
     band = x.ratio("hf", "band", "linear-band", "sine", "slow", NOISE)
     return judged(
-        "linear band control removes the chattering of conventional sliding mode control", "Fig 9, (148)",
-        f"HF of the linear band [% of the limit]; true below {NO_CHATTERING:g}", cases,
+        "linear band control removes the chattering of conventional sliding mode control",
+        "Fig 9, (148)",
+        f"HF of the linear band [% of the limit]; true below {NO_CHATTERING:g}",
+        cases,
         ablation=f"with the encoders' noise HF is x{left['fast']} (fast chain) and x{left['slow']} (slow) of "
         f"conventional; the band alone, slow chain with torque noise: x{text(band)} of the linear band",
         config="configs/paper/fig9-chattering.yaml",
-    )  # fmt: skip
+    )
 
 
 def removes_chattering_as_printed(x: Records) -> Claim:
     """Equation (149) keeps sgn(S)."""
     cases = [
-        below("(149) with sgn", ("sine", chain, NOMINAL),
-              x.ratio("hf", "equation-149", "conventional", "sine", chain, NOMINAL), ATTENUATED)
+        below(
+            "(149) with sgn",
+            ("sine", chain, NOMINAL),
+            x.ratio("hf", "equation-149", "conventional", "sine", chain, NOMINAL),
+            ATTENUATED,
+        )
         for chain in CHAINS
-    ]  # fmt: skip
+    ]
     return judged(
-        "the linear term beside sgn(S) attenuates chattering, as printed", "(149)",
-        "HF of K sgn(s) + Kd s over that of K sgn(s), both with tau_eq; true below "
-        f"{ATTENUATED:g}", cases,
-        ablation="none: it is the conventional law with a term more", config="configs/paper/literal.yaml",
-    )  # fmt: skip
+        "the linear term beside sgn(S) attenuates chattering, as printed",
+        "(149)",
+        f"HF of K sgn(s) + Kd s over that of K sgn(s), both with tau_eq; true below {ATTENUATED:g}",
+        cases,
+        ablation="none: it is the conventional law with a term more",
+        config="configs/paper/literal.yaml",
+    )
 
 
 def negligible_error(x: Records) -> Claim:
     """Fig 9: with negligible tracking error."""
     cases = [
-        below("linear band", (ref, chain, condition),
-              x.ratio("rmse", "linear-band", "conventional", ref, chain, condition), NO_CHANGE)
-        for condition, refs, chains in (
-            (NOISE, ("sine",), CHAINS), (UNCERTAIN, ("sine",), ("ideal",)), (NOMINAL, ("sine", "step", "ramp"), CHAINS),
+        below(
+            "linear band",
+            (ref, chain, condition),
+            x.ratio("rmse", "linear-band", "conventional", ref, chain, condition),
+            NO_CHANGE,
         )
-        for chain in chains for ref in refs
-    ]  # fmt: skip
+        for condition, refs, chains in (
+            (NOISE, ("sine",), CHAINS),
+            (UNCERTAIN, ("sine",), ("ideal",)),
+            (NOMINAL, ("sine", "step", "ramp"), CHAINS),
+        )
+        for chain in chains
+        for ref in refs
+    ]
     band = x.ratio("rmse", "band", "conventional", "sine", "ideal", NOISE)
     return judged(
-        "the band costs a negligible tracking error", "Fig 9",
-        f"RMSE of the linear band over that of conventional control; true below {NO_CHANGE:g}", cases,
-        ablation=f"the band alone, ideal chain with noise: x{text(band)}", config="configs/paper/fig9-noise.yaml",
-    )  # fmt: skip
+        "the band costs a negligible tracking error",
+        "Fig 9",
+        f"RMSE of the linear band over that of conventional control; true below {NO_CHANGE:g}",
+        cases,
+        ablation=f"the band alone, ideal chain with noise: x{text(band)}",
+        config="configs/paper/fig9-noise.yaml",
+    )
 
 
 def conventional_is_faster(x: Records) -> Claim:
@@ -114,41 +131,54 @@ def conventional_is_faster(x: Records) -> Claim:
         "set M against all torque switching": ("proposed-m", STRONG),
     }
     cases = [
-        below(name if key == "rise_time" else f"{name}, settling", ("step", chain, condition),
-              x.ratio(key, conventional, proposed, "step", chain, condition))
+        below(
+            name if key == "rise_time" else f"{name}, settling",
+            ("step", chain, condition),
+            x.ratio(key, conventional, proposed, "step", chain, condition),
+        )
         for key in ("rise_time", "settling_time")
         for condition, chains in ((UNCERTAIN, ("ideal",)), (NOMINAL, CHAINS))
-        for chain in chains for name, (proposed, conventional) in (SETS | strong).items()
-    ]  # fmt: skip
+        for chain in chains
+        for name, (proposed, conventional) in (SETS | strong).items()
+    ]
     over = [
         x.values("overshoot", name, "step", "ideal", NOMINAL)[0] or 0.0
         for name in ("proposed-m", "conventional-m", STRONG)
     ]
     return judged(
-        "conventional control is faster than the proposed law", "Fig 10",
+        "conventional control is faster than the proposed law",
+        "Fig 10",
         "rise time 10-90 % of conventional control over that of the proposed law, or settling time where named; true "
-        "below 1", cases,
+        "below 1",
+        cases,
         ablation=f"overshoot, ideal chain: proposed, set M {over[0]:.3g} %; conventional, set M {over[1]:.3g} %; "
         f"with all torque switching, lambda 40, no model {over[2]:.3g} %",
-        config="configs/paper/fig10-step.yaml", overrides=UNCERTAIN_STEP,
-    )  # fmt: skip
+        config="configs/paper/fig10-step.yaml",
+        overrides=UNCERTAIN_STEP,
+    )
 
 
 def rejects_noise(x: Records) -> Claim:
     """Fig 11: the proposed law rejects the noise better."""
     cases = [
         below(name, ("sine", chain, condition), x.ratio("rmse", proposed, conventional, "sine", chain, condition))
-        for condition in (NOISE, UNCERTAIN) for chain in CHAINS for name, (proposed, conventional) in SETS.items()
-    ]  # fmt: skip
+        for condition in (NOISE, UNCERTAIN)
+        for chain in CHAINS
+        for name, (proposed, conventional) in SETS.items()
+    ]
     cases += [
         below(name, ("sine", "ideal", condition), x.ratio("rmse", *SETS[name], "sine", "ideal", condition))
-        for condition in (SLOW_NOISE, LIMIT_NOISE, BIAS, SINUSOID) for name in ("set L", "set M")
-    ]  # fmt: skip
+        for condition in (SLOW_NOISE, LIMIT_NOISE, BIAS, SINUSOID)
+        for name in ("set L", "set M")
+    ]
     cases += [
-        below(f"{name} against as much torque", ("sine", "ideal", LIMIT_NOISE),
-              x.ratio("rmse", SETS[name][0], rival, "sine", "ideal", LIMIT_NOISE))
+        below(
+            f"{name} against as much torque",
+            ("sine", "ideal", LIMIT_NOISE),
+            x.ratio("rmse", SETS[name][0], rival, "sine", "ideal", LIMIT_NOISE),
+        )
         for name, rival in zip(("set L", "set M"), EQUAL, strict=True)
-    ]  # fmt: skip
+    ]
     tried = {
         "without the fuzzy part": ablated(x, "m-no-fuzzy", "slow"),
         "with clip(x + y) for it": ablated(x, "m-clipped-sum", "slow"),
@@ -158,8 +188,10 @@ def rejects_noise(x: Records) -> Claim:
         "PID": ablated(x, "m-pid", "slow"),
     }
     return judged(
-        "the proposed law rejects the 30 % noise better than conventional control", "Fig 11",
-        "RMSE of the proposed law over that of conventional control under noise; true below 1", cases,
+        "the proposed law rejects the 30 % noise better than conventional control",
+        "Fig 11",
+        "RMSE of the proposed law over that of conventional control under noise; true below 1",
+        cases,
         ablation=f"RMSE over the proposed law's, set M, slow chain, {UNCERTAIN}: {as_well(tried)}",
         config="configs/paper/fig11-noise.yaml",
-    )  # fmt: skip
+    )

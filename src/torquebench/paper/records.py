@@ -14,9 +14,16 @@ LOST = 0.5
 """RMSE from which a run that completed has lost its reference, whose joints move by about 1 [rad]."""
 
 METRICS = (
-    "rmse", "max_error", "steady_state_error", "hf", "total_variation", "effort", "rise_time", "overshoot",
+    "rmse",
+    "max_error",
+    "steady_state_error",
+    "hf",
+    "total_variation",
+    "effort",
+    "rise_time",
+    "overshoot",
     "settling_time",
-)  # fmt: skip
+)
 """Headline metrics that are kept."""
 
 

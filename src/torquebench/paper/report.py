@@ -19,10 +19,15 @@ AGREE = 1e-12
 
 
 def page(
-    claims: Sequence[Claim], records: Records, pictures: Sequence[Picture],
-    apart: Mapping[tuple[str, str, str, str], Apart], chattering: Sequence[Chattering], noise: Mapping[str, Any],
-    workload: str, software: str,
-) -> bytes:  # fmt: skip
+    claims: Sequence[Claim],
+    records: Records,
+    pictures: Sequence[Picture],
+    apart: Mapping[tuple[str, str, str, str], Apart],
+    chattering: Sequence[Chattering],
+    noise: Mapping[str, Any],
+    workload: str,
+    software: str,
+) -> bytes:
     """Return the page; the same arguments give the same bytes.
 
     Args:
@@ -37,13 +42,22 @@ def page(
     """
     rows = [(*key, value.position, value.torques) for key, value in apart.items()]
     return render(
-        "paper", figures=list(pictures), title="The paper's claims, measured",
+        "paper",
+        figures=list(pictures),
+        title="The paper's claims, measured",
         lead="Each claim is judged from stored metrics, at two gain sets, on three chains of sensors and actuators, "
         "with and without model error and noise. An interval that reaches the other side does not count as true.",
-        claims=claims, lost=lost_text(records), classes=CLASSES,
-        agreement={"rows": rows, "text": agreement_text(apart)}, controllers=controller_rows(records), chains=CHAINS,
-        chattering=chattering, noise=noise, workload=workload, software=software,
-    )  # fmt: skip
+        claims=claims,
+        lost=lost_text(records),
+        classes=CLASSES,
+        agreement={"rows": rows, "text": agreement_text(apart)},
+        controllers=controller_rows(records),
+        chains=CHAINS,
+        chattering=chattering,
+        noise=noise,
+        workload=workload,
+        software=software,
+    )
 
 
 def controller_rows(records: Records) -> list[list[str]]:
@@ -62,8 +76,10 @@ def controller_rows(records: Records) -> list[list[str]]:
 
 def lost_text(records: Records) -> str:
     """Return which runs completed, but nowhere near their reference, in words."""
-    places = [f"{name} ({reference}, {chain} chain, {condition}: {count})"
-              for (reference, chain, condition, name), count in records.lost().items()]  # fmt: skip
+    places = [
+        f"{name} ({reference}, {chain} chain, {condition}: {count})"
+        for (reference, chain, condition, name), count in records.lost().items()
+    ]
     if not places:
         return f"every run that completed kept within an RMSE of {LOST:g} rad on the sine"
     return f"completed, but lost the sine by an RMSE above {LOST:g} rad: {', '.join(places)}"

@@ -19,20 +19,27 @@ BORNE_OUT = 0.0
 def fuzzy_estimates_dynamics(x: Records) -> Claim:
     """The fuzzy part estimates the equivalent dynamics."""
     cases = [
-        above(f"set {name[-1].upper()}", ("sine", "ideal", UNCERTAIN),
-              average(x.values("fuzzy_share", name, "sine", "ideal", UNCERTAIN)), AN_ESTIMATE)
+        above(
+            f"set {name[-1].upper()}",
+            ("sine", "ideal", UNCERTAIN),
+            average(x.values("fuzzy_share", name, "sine", "ideal", UNCERTAIN)),
+            AN_ESTIMATE,
+        )
         for name in ("proposed-l", "proposed-m")
-    ]  # fmt: skip
+    ]
     tried = {
         "with clip(x + y) for the 49 rules": ablated(x, "l-clipped-sum", "ideal"),
         "without them": ablated(x, "l-no-fuzzy", "ideal"),
     }
     return judged(
-        "the fuzzy part estimates the arm's equivalent dynamics", "(150), (151)",
-        f"share of the inverse dynamics that the fuzzy torque supplies; true above {AN_ESTIMATE:g}", cases,
+        "the fuzzy part estimates the arm's equivalent dynamics",
+        "(150), (151)",
+        f"share of the inverse dynamics that the fuzzy torque supplies; true above {AN_ESTIMATE:g}",
+        cases,
         ablation=f"RMSE over the proposed law's, set L, ideal chain: {as_well(tried)}",
-        config="configs/paper/fig11-noise.yaml", overrides=(WRONG_MODEL,),
-    )  # fmt: skip
+        config="configs/paper/fig11-noise.yaml",
+        overrides=(WRONG_MODEL,),
+    )
 
 
 def insensitive_to_model(x: Records) -> Claim:
@@ -44,18 +51,26 @@ def insensitive_to_model(x: Records) -> Claim:
 
     names = ("proposed-m-model", "proposed-l-model", "proposed-m", "proposed-l")
     cases = [
-        below(f"set {name.split('-')[1].upper()}{' with model' if name.endswith('model') else ''}",
-              ("sine", "ideal", condition), growth(name, condition), NO_CHANGE)
-        for condition in (MISMATCH, PAYLOAD, FRICTION) for name in names
-    ]  # fmt: skip
+        below(
+            f"set {name.split('-')[1].upper()}{' with model' if name.endswith('model') else ''}",
+            ("sine", "ideal", condition),
+            growth(name, condition),
+            NO_CHANGE,
+        )
+        for condition in (MISMATCH, PAYLOAD, FRICTION)
+        for name in names
+    ]
     better = x.ratio("rmse", "proposed-m-model", "proposed-m", "sine", "ideal", MISMATCH)
     return judged(
-        "the proposed law is insensitive to the dynamic model", "(150), (151)",
-        f"RMSE with a wrong model, a payload or friction over RMSE without; true below {NO_CHANGE:g}", cases,
+        "the proposed law is insensitive to the dynamic model",
+        "(150), (151)",
+        f"RMSE with a wrong model, a payload or friction over RMSE without; true below {NO_CHANGE:g}",
+        cases,
         ablation="a law without a model cannot notice a wrong one; RMSE of set M with the wrong model "
         f"x{text(better)} of set M without",
-        config="configs/paper/fig11-noise.yaml", overrides=(WRONG_MODEL, "disturbances=[]"),
-    )  # fmt: skip
+        config="configs/paper/fig11-noise.yaml",
+        overrides=(WRONG_MODEL, "disturbances=[]"),
+    )
 
 
 def conventional_is_stable(x: Records) -> Claim:
@@ -64,25 +79,38 @@ def conventional_is_stable(x: Records) -> Claim:
     drawn = x.values("eta", "conventional", "sine", "ideal", UNCERTAIN)[:FEW_DRAWS]
     fell = sum(value is not None and value > BORNE_OUT for value in drawn)
     return judged(
-        "conventional sliding mode control is stable by dV/dt <= -sum eta |S|", "(108)-(124)", ETA + idle, cases,
+        "conventional sliding mode control is stable by dV/dt <= -sum eta |S|",
+        "(108)-(124)",
+        ETA + idle,
+        cases,
         ablation=f"{UNCERTAIN}, ideal chain: all eta_i are positive in {fell} of {len(drawn)} draws; {_failed(x)}",
-        config="configs/paper/fig10-step.yaml", overrides=UNCERTAIN_STEP,
-    )  # fmt: skip
+        config="configs/paper/fig10-step.yaml",
+        overrides=UNCERTAIN_STEP,
+    )
 
 
 def proposed_is_stable(x: Records) -> Claim:
     """The proposed law is stable: dV/dt <= -sum zeta |S|."""
-    cases, idle = _etas(x, {
-        "set M": "proposed-m", "set L": "proposed-l", "set M with model": "proposed-m-model",
-        "set L with model": "proposed-l-model",
-    })  # fmt: skip
+    cases, idle = _etas(
+        x,
+        {
+            "set M": "proposed-m",
+            "set L": "proposed-l",
+            "set M with model": "proposed-m-model",
+            "set L with model": "proposed-l-model",
+        },
+    )
     rising = x.values("rising", "proposed-m", "step", "ideal", NOMINAL)[0] or 0.0
     return judged(
-        "the proposed law is stable by dV/dt <= -sum zeta |S|", "(143)-(144)", ETA + idle, cases,
+        "the proposed law is stable by dV/dt <= -sum zeta |S|",
+        "(143)-(144)",
+        ETA + idle,
+        cases,
         ablation=f"set M, step, ideal chain: V grew in {100.0 * rising:.3g} % of the instants outside the layer; "
         f"{_failed(x)}",
-        config="configs/paper/fig10-step.yaml", overrides=UNCERTAIN_STEP,
-    )  # fmt: skip
+        config="configs/paper/fig10-step.yaml",
+        overrides=UNCERTAIN_STEP,
+    )
 
 
 ETA = "least eta_i / K_i of (124), as it came out, of a joint outside its layer; true above 0"
@@ -115,15 +143,21 @@ def _failed(x: Records) -> str:
 def workable_as_printed(x: Records) -> Claim:
     """Equation (98) with the measured acceleration."""
     cases = [
-        below("(98) as printed", ("sine", chain, NOMINAL),
-              x.ratio("rmse", "equation-98", "conventional", "sine", chain, NOMINAL), NO_CHANGE)
+        below(
+            "(98) as printed",
+            ("sine", chain, NOMINAL),
+            x.ratio("rmse", "equation-98", "conventional", "sine", chain, NOMINAL),
+            NO_CHANGE,
+        )
         for chain in CHAINS
-    ]  # fmt: skip
+    ]
     hf = x.values("hf", "equation-98", "sine", "ideal", NOMINAL)[0]
     ringing = "the run failed" if hf is None else f"HF {hf:.3g} % of the limit"
     return judged(
-        "the equivalent control works as printed, with the measured acceleration", "(98), (106), (151)",
-        f"RMSE of (98) as printed over that of conventional control; true below {NO_CHANGE:g}", cases,
+        "the equivalent control works as printed, with the measured acceleration",
+        "(98), (106), (151)",
+        f"RMSE of (98) as printed over that of conventional control; true below {NO_CHANGE:g}",
+        cases,
         ablation=f"ideal chain: {ringing}; qdd_ref + lambda de for the measured acceleration works",
         config="configs/paper/literal.yaml",
-    )  # fmt: skip
+    )

@@ -125,9 +125,15 @@ class Claim:
 
 
 def judged(
-    claim: str, where: str, measure: str, cases: Sequence[Case], *, ablation: str, config: str,
+    claim: str,
+    where: str,
+    measure: str,
+    cases: Sequence[Case],
+    *,
+    ablation: str,
+    config: str,
     overrides: tuple[str, ...] = (),
-) -> Claim:  # fmt: skip
+) -> Claim:
     """Return a claim with the verdict that its cases give: all hold, none, or some.
 
     Args:
@@ -142,9 +148,18 @@ def judged(
         condition = f"in all {len(cases)} conditions tried" if len(cases) > 1 else f"{cases[0].who}, {cases[0].where}"
     first = cases[0]
     return Claim(
-        claim, where, verdict, first.figure, (first.low, first.high), condition, ablation, config, overrides, measure,
+        claim,
+        where,
+        verdict,
+        first.figure,
+        (first.low, first.high),
+        condition,
+        ablation,
+        config,
+        overrides,
+        measure,
         tuple(cases),
-    )  # fmt: skip
+    )
 
 
 def _listed(cases: Sequence[Case], side: bool) -> str:

@@ -38,9 +38,14 @@ OF_LIMIT = (29.28, 55.92, 26.82, 7.26, 6.03, 6.39)
 """30 % of the torque limits [N m]: the amplitude if the paper's 30 % is of the limit."""
 
 CLAIMED = (
-    "conventional", "conventional-blind", "conventional-m", "proposed-l", "proposed-l-model", "proposed-m",
+    "conventional",
+    "conventional-blind",
+    "conventional-m",
+    "proposed-l",
+    "proposed-l-model",
+    "proposed-m",
     "proposed-m-model",
-)  # fmt: skip
+)
 """Controllers of Figs 10 and 11."""
 STRONG = "conventional-strong"
 """A conventional controller that is as fast as the torque limits allow, on the step only."""
@@ -51,9 +56,13 @@ LINEAR = ("m-computed-torque", "m-pid")
 BANDS = ("band", "linear-band")
 """Controllers of Fig 9 besides the conventional one, which is Fig 10's too."""
 FAMILIES = (
-    "fuzzy-boundary-layer", "pi-smc-fuzzy-estimator", "pi-fuzzy-smc-supervised", "adaptive-fuzzy-pi-smc",
-    "sliding-mode-fuzzy", "two-input-sliding-mode-fuzzy",
-)  # fmt: skip
+    "fuzzy-boundary-layer",
+    "pi-smc-fuzzy-estimator",
+    "pi-fuzzy-smc-supervised",
+    "adaptive-fuzzy-pi-smc",
+    "sliding-mode-fuzzy",
+    "two-input-sliding-mode-fuzzy",
+)
 """The controllers of the paper's introduction, which no claim names: run once for the table."""
 FORMS = ("no-fuzzy", "clipped-sum", "no-integral", "no-band", "no-linear")
 """Ablations of the proposed law; their names follow the set's, as in ``l-no-fuzzy``."""
@@ -149,9 +158,12 @@ def exact_encoders(name: str) -> Chain:
     """Return the chain of a name without its encoders' noise."""
     known = CHAIN_NAMED[name]
     return Chain(
-        velocity="differentiated", velocity_filter=known.velocity_rate, actuator_lag=known.lag, delay=known.delay,
+        velocity="differentiated",
+        velocity_filter=known.velocity_rate,
+        actuator_lag=known.lag,
+        delay=known.delay,
         quantisation=known.quantum,
-    )  # fmt: skip
+    )
 
 
 _CHANGES: dict[str, Callable[[BandLimitedNoise], Disturbance]] = {

@@ -15,16 +15,24 @@ from torquebench.report.render import Picture, render
 from torquebench.report.tables import by_joint, certificate_rows, gain_rows, headline_table
 
 TITLES = {
-    "position": "Position", "error": "Tracking error", "torque": "Torque", "sliding": "Sliding variable",
-    "spectrum": "Spectrum of the torque", "certificates": "Stability certificates over time",
-}  # fmt: skip
+    "position": "Position",
+    "error": "Tracking error",
+    "torque": "Torque",
+    "sliding": "Sliding variable",
+    "spectrum": "Spectrum of the torque",
+    "certificates": "Stability certificates over time",
+}
 """Headings of figures by file name."""
 
 
 def run_page(
-    result: ExperimentResult, proofs: Mapping[str, Certificate], figures: Mapping[str, bytes], conditions: str,
-    facts: Mapping[str, Any], film: bytes | None = None,
-) -> bytes:  # fmt: skip
+    result: ExperimentResult,
+    proofs: Mapping[str, Certificate],
+    figures: Mapping[str, bytes],
+    conditions: str,
+    facts: Mapping[str, Any],
+    film: bytes | None = None,
+) -> bytes:
     """Return the page of one run; the same arguments give the same bytes.
 
     Args:
@@ -44,18 +52,32 @@ def run_page(
         asked.append(("what for", experiment.description))
     asked += [("what was run", first), ("under which conditions", second)]
     return render(
-        "run", title=experiment.name, lead=experiment.description or first, columns=header[3:],
+        "run",
+        title=experiment.name,
+        lead=experiment.description or first,
+        columns=header[3:],
         rows=[
-            {"name": row[0], "law": row[1], "outcome": row[2], "cells": row[3:], "expected": row[0] not in unexpected,
-             "detail": result.runs[row[0]].detail}
+            {
+                "name": row[0],
+                "law": row[1],
+                "outcome": row[2],
+                "cells": row[3:],
+                "expected": row[0] not in unexpected,
+                "detail": result.runs[row[0]].detail,
+            }
             for row in rows
         ],
-        per_joint=by_joint(result), joints=result.loop.joint_names, certificates=certificate_rows(result, proofs),
-        flags=[str(flag) for flag in flags(experiment, result.loop)], asked=asked, gains=gain_rows(result),
-        config=dump_experiment(experiment), facts=json.dumps(facts, indent=2),
+        per_joint=by_joint(result),
+        joints=result.loop.joint_names,
+        certificates=certificate_rows(result, proofs),
+        flags=[str(flag) for flag in flags(experiment, result.loop)],
+        asked=asked,
+        gains=gain_rows(result),
+        config=dump_experiment(experiment),
+        facts=json.dumps(facts, indent=2),
         video=None if film is None else base64.b64encode(film).decode(),
         figures=[Picture(TITLES.get(name, name), svg.decode()) for name, svg in figures.items()],
-    )  # fmt: skip
+    )
 
 
 def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[Picture]) -> bytes:
@@ -73,15 +95,25 @@ def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[P
     for name, (header, own) in tables.items():
         for row in own:
             cells = dict(zip(header[3:], row[3:], strict=True))
-            rows.append({
-                "run": name, "name": row[0], "outcome": row[2], "cells": [cells.get(title, "-") for title in titles],
-                "expected": row[0] not in results[name].unexpected,
-            })  # fmt: skip
+            rows.append(
+                {
+                    "run": name,
+                    "name": row[0],
+                    "outcome": row[2],
+                    "cells": [cells.get(title, "-") for title in titles],
+                    "expected": row[0] not in results[name].unexpected,
+                }
+            )
     return render(
-        "comparison", figures=list(figures), title=" against ".join(results),
-        lead="Runs of different experiments are comparable where their keys are the same.", columns=titles, rows=rows,
-        runs=list(results), differences=differences({name: flat(result) for name, result in results.items()}),
-    )  # fmt: skip
+        "comparison",
+        figures=list(figures),
+        title=" against ".join(results),
+        lead="Runs of different experiments are comparable where their keys are the same.",
+        columns=titles,
+        rows=rows,
+        runs=list(results),
+        differences=differences({name: flat(result) for name, result in results.items()}),
+    )
 
 
 def flat(result: ExperimentResult) -> dict[str, str]:

@@ -25,9 +25,12 @@ from torquebench.sweep.summary import Group, Summary, summarise
 MOST_CASES = 64
 """Cases whose tables are shown."""
 HEADINGS = {
-    "spread": "Every run", "over": "Over {}", "map": "{} over two keys", "front": "Error against chattering",
+    "spread": "Every run",
+    "over": "Over {}",
+    "map": "{} over two keys",
+    "front": "Error against chattering",
     "effects": "What the {} depends on",
-}  # fmt: skip
+}
 CAPTIONS = {
     "spread": "All cases and draws of each law together; runs that failed are counted under its name and not drawn.",
     "over": "Geometric means over draws and all other keys, with 95 % intervals over draws. A law is missing where in "
@@ -61,9 +64,12 @@ class SweepInfo(NamedTuple):
 
 
 def sweep_page(
-    table: Table, info: SweepInfo, figures: Mapping[str, bytes] | None = None, found: Sequence[Sensitivity] = (),
+    table: Table,
+    info: SweepInfo,
+    figures: Mapping[str, bytes] | None = None,
+    found: Sequence[Sensitivity] = (),
     reference: str | None = None,
-) -> bytes:  # fmt: skip
+) -> bytes:
     """Return the page of a sweep; the same arguments give the same bytes.
 
     Args:
@@ -83,21 +89,33 @@ def sweep_page(
     told = [one for one in found if one.metric in SHOWN]
     drawn = f"; drawn: {', '.join(summary.drawn)}" if summary.drawn else ""
     asked = [
-        ("sweep", info.name), ("varied", (", ".join(summary.grid) or "nothing but the draw") + drawn),
-        ("work", info.workload), ("first case, draw 0", first), ("its conditions", second),
-    ]  # fmt: skip
+        ("sweep", info.name),
+        ("varied", (", ".join(summary.grid) or "nothing but the draw") + drawn),
+        ("work", info.workload),
+        ("first case, draw 0", first),
+        ("its conditions", second),
+    ]
     return render(
-        "sweep", title=info.name, lead=info.description or info.workload, asked=asked, reference=summary.reference,
-        means=means_table(summary, titles), failures=failures_table(summary), replay=info.replay,
+        "sweep",
+        title=info.name,
+        lead=info.description or info.workload,
+        asked=asked,
+        reference=summary.reference,
+        means=means_table(summary, titles),
+        failures=failures_table(summary),
+        replay=info.replay,
         overall=[(_heading(metric), overall_table(summary, metric, titles)) for metric in shown],
         cases=[
             (case_text(*groups), [(_heading(one), case_table(summary, groups, one, titles)) for one in shown])
             for groups in list(cases.values())[:MOST_CASES]
         ],
-        more=max(0, len(cases) - MOST_CASES), effects=effects_table(told), silent=silent_text(told),
-        config=info.config, facts=json.dumps(dict(info.facts), indent=2),
+        more=max(0, len(cases) - MOST_CASES),
+        effects=effects_table(told),
+        silent=silent_text(told),
+        config=info.config,
+        facts=json.dumps(dict(info.facts), indent=2),
         figures=[picture(name, svg) for name, svg in (figures or {}).items()],
-    )  # fmt: skip
+    )
 
 
 def by_case(summary: Summary) -> dict[int, list[Group]]:

@@ -71,9 +71,14 @@ def case_table(summary: Summary, groups: Sequence[Group], metric: str, titles: T
 
 def _header(summary: Summary, title: str) -> list[str]:
     return [
-        "controller", f"mean {title}", "median", f"worst {100 * TAIL:g} %", "worst", "its index",
+        "controller",
+        f"mean {title}",
+        "median",
+        f"worst {100 * TAIL:g} %",
+        "worst",
+        "its index",
         f"over {summary.reference}'s [95 %]",
-    ]  # fmt: skip
+    ]
 
 
 def _cells(own: Group | Overall, metric: str, titles: Titles) -> list[str]:
@@ -111,8 +116,9 @@ def case_text(*groups: Group) -> str:
         merged |= {key: value for key, value in group.values.items() if value is not None or key not in merged}
     values = [
         f"{key} = {value:g}" if isinstance(value, float) else f"{key} = {value}"
-        for key, value in merged.items() if value is not None
-    ]  # fmt: skip
+        for key, value in merged.items()
+        if value is not None
+    ]
     return ", ".join(values) or "the only case"
 
 

@@ -16,13 +16,16 @@ from torquebench.metrics import Metric, MetricInfo
 
 ERRORS: dict[str, tuple[str, Callable[[Array], np.floating[Any]]]] = {
     "rmse": ("RMSE", lambda errors: np.sqrt(np.mean(np.square(errors)))),
-    "max_error": ("max", np.max), "steady_state_error": ("steady", np.max),
-}  # fmt: skip
+    "max_error": ("max", np.max),
+    "steady_state_error": ("steady", np.max),
+}
 """Headline metrics in rad, or in m of joints that slide: title, and how the joints of one kind make one number."""
 COLUMNS = {
-    "hf": ("HF [%]", 1.0), "total_variation": ("TV [1/s]", 1.0), "effort": ("effort", 1.0),
+    "hf": ("HF [%]", 1.0),
+    "total_variation": ("TV [1/s]", 1.0),
+    "effort": ("effort", 1.0),
     "saturation_fraction": ("saturated [%]", 100.0),
-}  # fmt: skip
+}
 """The other headline metrics: title with unit, and by how much the SI value is multiplied."""
 STEP_COLUMNS = {"rise_time": ("rise [s]", 1.0), "overshoot": ("over [%]", 1.0), "settling_time": ("settle [s]", 1.0)}
 """Those that only a step has."""
@@ -110,9 +113,14 @@ def _value(info: MetricInfo, metric: Metric, slides: Sequence[bool]) -> dict[str
     if not info.unit.startswith("rad") or not any(slides):
         return {"unit": info.unit, "value": number(metric.value)}
     unit = info.unit.replace("rad", "m")
-    return {"unit": unit, "value": number(metric.value)} if all(slides) else {
-        "unit": f"{info.unit}, {unit} of slides", "value": "-",
-    }  # fmt: skip
+    return (
+        {"unit": unit, "value": number(metric.value)}
+        if all(slides)
+        else {
+            "unit": f"{info.unit}, {unit} of slides",
+            "value": "-",
+        }
+    )
 
 
 def _cells(metric: Metric) -> list[str]:
@@ -132,10 +140,16 @@ def certificate_rows(result: ExperimentResult, proofs: Mapping[str, Certificate]
         worst = facts["worst_margin"]
         force = "N" if result.slides[worst["joint"] - 1] else "N m"
         where = f"{result.loop.joint_names[worst['joint'] - 1]}, t = {worst['t']:.4g} s"
-        rows.append([
-            name, f"{number(worst['value'])} {force}", where, number(facts["reaching_time"]),
-            number(facts["reaching_bound"]), number(facts["share_rising_outside"], 100.0),
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                f"{number(worst['value'])} {force}",
+                where,
+                number(facts["reaching_time"]),
+                number(facts["reaching_bound"]),
+                number(facts["share_rising_outside"], 100.0),
+            ]
+        )
     return rows
 
 

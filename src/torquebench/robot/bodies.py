@@ -56,9 +56,11 @@ def scaled(links: Links, factors: Array) -> Links:
     stretch = np.sqrt(factors[:, 4:7])
     spread = stretch[:, :, None] * spread * stretch[:, None, :]
     return Links(
-        links.mass * factors[:, 0], links.com * factors[:, 1:4],
-        np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(3) - spread, links.armature * factors[:, 7],
-    )  # fmt: skip
+        links.mass * factors[:, 0],
+        links.com * factors[:, 1:4],
+        np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(3) - spread,
+        links.armature * factors[:, 7],
+    )
 
 
 def perturbed(model: RobotModel, factors: Array) -> RobotModel:

@@ -141,10 +141,16 @@ def flatten(m: Any, where: str) -> Model:
         kind=[HINGE if t == mujoco.mjtJoint.mjJNT_HINGE else SLIDE for t in m.jnt_type],
         rotation=np.array([world_R[j].T @ world_R[j + 1] for j in range(n)]),
         offset=np.array([world_R[j].T @ (world_p[j + 1] - world_p[j]) for j in range(n)]),
-        mass=links.mass, com=links.com, inertia=links.inertia, armature=links.armature, gravity=_gravity(m),
-        tool_rotation=world_R[n].T @ tool_R.reshape(3, 3), tool_offset=world_R[n].T @ (tool_p - world_p[n]),
-        tau_max=torque_limits(m, where), inertia_scale=np.ones(n),
-    )  # fmt: skip
+        mass=links.mass,
+        com=links.com,
+        inertia=links.inertia,
+        armature=links.armature,
+        gravity=_gravity(m),
+        tool_rotation=world_R[n].T @ tool_R.reshape(3, 3),
+        tool_offset=world_R[n].T @ (tool_p - world_p[n]),
+        tau_max=torque_limits(m, where),
+        inertia_scale=np.ones(n),
+    )
     arm = RobotModel(where, tuple(joint_names(m)), model)
     model = replace(model, inertia_scale=np.diag(arm.mass_matrix(np.zeros(n))).copy())
     check_physical(model, where)

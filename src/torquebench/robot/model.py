@@ -118,19 +118,35 @@ def about_origin(mass: Array, com: Array, inertia: Array) -> Array:
         inertia: Inertias about them, (n, 3, 3) [kg m^2].
     """
     m, (x, y, z), J = mass, com.T, inertia
-    return np.column_stack([
-        m, m * x, m * y, m * z,
-        J[:, 0, 0] + m * (y * y + z * z), J[:, 1, 1] + m * (x * x + z * z), J[:, 2, 2] + m * (x * x + y * y),
-        J[:, 0, 1] - m * x * y, J[:, 0, 2] - m * x * z, J[:, 1, 2] - m * y * z,
-    ])  # fmt: skip
+    return np.column_stack(
+        [
+            m,
+            m * x,
+            m * y,
+            m * z,
+            J[:, 0, 0] + m * (y * y + z * z),
+            J[:, 1, 1] + m * (x * x + z * z),
+            J[:, 2, 2] + m * (x * x + y * y),
+            J[:, 0, 1] - m * x * y,
+            J[:, 0, 2] - m * x * z,
+            J[:, 1, 2] - m * y * z,
+        ]
+    )
 
 
 def scratch_for(n: int) -> Scratch:
     """Return working memory for `n` joints."""
     return Scratch(
-        np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
-        np.zeros((n, 10)), np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n),
-    )  # fmt: skip
+        np.zeros((n, 3, 3)),
+        np.zeros((n, 3)),
+        np.zeros((n, 3)),
+        np.zeros((n, 3)),
+        np.zeros((n, 10)),
+        np.zeros((n, n)),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+    )
 
 
 def own_copy(model: Model, **changes: Any) -> Model:
@@ -174,7 +190,21 @@ def rigid_model(
         return np.array(x, dtype=np.float64, order="C")
 
     return Model(
-        EXACT, np.array(kind, dtype=np.int64), own(rotation), own(offset), own(mass), own(com), own(inertia),
-        own(armature), own(gravity), own(tool_rotation), own(tool_offset), np.zeros(0), np.zeros(0, dtype=np.int64),
-        own(tau_max), own(inertia_scale), float(control_period), scratch_for(len(mass)),
-    )  # fmt: skip
+        EXACT,
+        np.array(kind, dtype=np.int64),
+        own(rotation),
+        own(offset),
+        own(mass),
+        own(com),
+        own(inertia),
+        own(armature),
+        own(gravity),
+        own(tool_rotation),
+        own(tool_offset),
+        np.zeros(0),
+        np.zeros(0, dtype=np.int64),
+        own(tau_max),
+        own(inertia_scale),
+        float(control_period),
+        scratch_for(len(mass)),
+    )

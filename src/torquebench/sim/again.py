@@ -33,10 +33,20 @@ class Again:
         self._whole: Trajectory | None = None
 
     def prepared(
-        self, law: Law, gains: Any, belief: Model, plant: Plant, desired: Reference, chain: Chain, *,
-        control_period: float, substeps: int, position_noise: Array | None, disturbance: Array | None,
+        self,
+        law: Law,
+        gains: Any,
+        belief: Model,
+        plant: Plant,
+        desired: Reference,
+        chain: Chain,
+        *,
+        control_period: float,
+        substeps: int,
+        position_noise: Array | None,
+        disturbance: Array | None,
         native: NativePlant,
-    ) -> tuple[Setup, NativeRun]:  # fmt: skip
+    ) -> tuple[Setup, NativeRun]:
         """Return a run that is ready to go, from what was there if that fits; arguments as of `set_up`."""
         same = (law, gains, plant, native.structure, *desired)
         equal = (chain, control_period, substeps, position_noise is None, disturbance is None, belief.structure)
@@ -45,9 +55,18 @@ class Again:
         if not fits or setup is None or run is None or setup.belief is not own_belief(belief, control_period):
             copies = [None if x is None else np.array(x, dtype=np.float64) for x in (position_noise, disturbance)]
             setup = set_up(
-                law, gains, belief, plant, desired, chain, control_period=control_period, substeps=substeps,
-                position_noise=copies[0], disturbance=copies[1], native=native,
-            )  # fmt: skip
+                law,
+                gains,
+                belief,
+                plant,
+                desired,
+                chain,
+                control_period=control_period,
+                substeps=substeps,
+                position_noise=copies[0],
+                disturbance=copies[1],
+                native=native,
+            )
             run = NativeRun(setup, native)
             kept = all(is_fixed(x) for x in desired)
             self._same, self._equal, self._whole = same, equal if kept else (), None

@@ -34,9 +34,14 @@ class AnalyticPlant:
     """
 
     def __init__(
-        self, model: RobotModel, timestep: float = 0.001, integrator: str = "rk4", *, payload: Payload | None = None,
+        self,
+        model: RobotModel,
+        timestep: float = 0.001,
+        integrator: str = "rk4",
+        *,
+        payload: Payload | None = None,
         friction: Friction | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         check_scheme(timestep, integrator)
         self.n = model.n
         self.timestep = timestep

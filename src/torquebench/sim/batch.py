@@ -114,13 +114,28 @@ def simulate_many(
 
 
 def run_trial(
-    plant: Plant, trial: Trial, path: PathName = "auto", progress: Callable[[int], None] | None = None,
-    watch: Watch | None = None, again: Again | None = None,
-) -> Trajectory:  # fmt: skip
+    plant: Plant,
+    trial: Trial,
+    path: PathName = "auto",
+    progress: Callable[[int], None] | None = None,
+    watch: Watch | None = None,
+    again: Again | None = None,
+) -> Trajectory:
     """Run one trial; a failure is returned, not raised. Arguments as of `simulate`."""
     return simulate(
-        plant, trial.controller, trial.model, trial.reference, duration=trial.duration,
-        control_period=trial.control_period, chain=trial.chain, position_noise=trial.position_noise,
-        disturbance=trial.disturbance, initial_q=trial.initial_q, path=path, throw=False,
-        progress=progress, watch=watch, again=again,
-    )  # fmt: skip
+        plant,
+        trial.controller,
+        trial.model,
+        trial.reference,
+        duration=trial.duration,
+        control_period=trial.control_period,
+        chain=trial.chain,
+        position_noise=trial.position_noise,
+        disturbance=trial.disturbance,
+        initial_q=trial.initial_q,
+        path=path,
+        throw=False,
+        progress=progress,
+        watch=watch,
+        again=again,
+    )

@@ -76,9 +76,15 @@ def replay(setup: Setup) -> tuple[int, str]:
     job.memory[...] = job.record_memory[:, k - 1] if k > 0 else 0.0
     ref = Reference(job.q_ref[k].copy(), job.qd_ref[k].copy(), job.qdd_ref[k].copy())
     _, status, detail = call_law(
-        setup.law, setup.gains, setup.belief, k * job.control_period, job.measured_q.copy(), job.measured_qd.copy(),
-        ref, setup.memory,
-    )  # fmt: skip
+        setup.law,
+        setup.gains,
+        setup.belief,
+        k * job.control_period,
+        job.measured_q.copy(),
+        job.measured_qd.copy(),
+        ref,
+        setup.memory,
+    )
     job.record_memory[:, k] = job.memory
     if status == COMPLETED:
         return RAISED, "the compiled law raised where the interpreted one did not"

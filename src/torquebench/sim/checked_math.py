@@ -14,9 +14,30 @@ from typing import Any
 from numba.extending import register_jitable
 
 __all__ = [
-    "acos", "asin", "atan", "atan2", "copysign", "cos", "cosh", "exp", "expm1", "fabs", "floor", "inf", "isfinite",
-    "isnan", "log", "log1p", "nan", "pi", "sin", "sinh", "sqrt", "tan", "tanh",
-]  # fmt: skip
+    "acos",
+    "asin",
+    "atan",
+    "atan2",
+    "copysign",
+    "cos",
+    "cosh",
+    "exp",
+    "expm1",
+    "fabs",
+    "floor",
+    "inf",
+    "isfinite",
+    "isnan",
+    "log",
+    "log1p",
+    "nan",
+    "pi",
+    "sin",
+    "sinh",
+    "sqrt",
+    "tan",
+    "tanh",
+]
 WHOLE = 9223372036854775808.0
 """2^63, the first whole number that does not fit into an integer of 64 bits."""
 

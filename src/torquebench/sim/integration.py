@@ -14,9 +14,17 @@ from torquebench.sim.friction import Resistance, resist
 
 @kernel
 def rk4_steps(
-    model: Model, friction: Resistance, q: Array, qd: Array, start: Array, middle: Array, end: Array, h: float,
-    steps: int, work: Array,
-) -> None:  # fmt: skip
+    model: Model,
+    friction: Resistance,
+    q: Array,
+    qd: Array,
+    start: Array,
+    middle: Array,
+    end: Array,
+    h: float,
+    steps: int,
+    work: Array,
+) -> None:
     """Advance `q`, `qd` (n,) by `steps` steps of length `h` [s] of the classical Runge-Kutta method.
 
     Args:

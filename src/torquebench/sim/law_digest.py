@@ -24,8 +24,10 @@ def law_digest(law: Law) -> str:
 
 def _layout(cls: type[Any]) -> str:
     fields, size = layout(cls)
-    inner = {name: _layout(field.kind) if field.kind not in (int, float) and not field.dimensions else field
-             for name, field in fields.items()}  # fmt: skip
+    inner = {
+        name: _layout(field.kind) if field.kind not in (int, float) and not field.dimensions else field
+        for name, field in fields.items()
+    }
     return f"{cls.__name__} {size} {inner}"
 
 

@@ -135,15 +135,33 @@ def simulate(
     again = again or Again()
     if native is None:
         setup = set_up(
-            controller.law, gains, model.flat, plant, desired, chain, control_period=control_period,
-            substeps=substeps, position_noise=position_noise, disturbance=disturbance, native=None,
-        )  # fmt: skip
+            controller.law,
+            gains,
+            model.flat,
+            plant,
+            desired,
+            chain,
+            control_period=control_period,
+            substeps=substeps,
+            position_noise=position_noise,
+            disturbance=disturbance,
+            native=None,
+        )
         run = PythonRun(setup)
     else:
         setup, run = again.prepared(
-            controller.law, gains, model.flat, plant, desired, chain, control_period=control_period,
-            substeps=substeps, position_noise=position_noise, disturbance=disturbance, native=native,
-        )  # fmt: skip
+            controller.law,
+            gains,
+            model.flat,
+            plant,
+            desired,
+            chain,
+            control_period=control_period,
+            substeps=substeps,
+            position_noise=position_noise,
+            disturbance=disturbance,
+            native=native,
+        )
     motion = None if watch is None else motion_of(setup)
     status, done, at_once = COMPLETED, 0, max(1, run.longest // substeps)
     while done < n_steps and status == COMPLETED:

@@ -17,11 +17,16 @@ from torquebench.sim.plant import NativeError
 _STATE = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_QVEL)
 _ON = types.void(types.intp, types.intp)
 SIGNATURES = {
-    "mj_step": _ON, "mj_forward": _ON, "mj_kinematics": _ON, "mj_comPos": _ON, "mj_crb": _ON, "mj_comVel": _ON,
+    "mj_step": _ON,
+    "mj_forward": _ON,
+    "mj_kinematics": _ON,
+    "mj_comPos": _ON,
+    "mj_crb": _ON,
+    "mj_comVel": _ON,
     "mj_rne": types.void(types.intp, types.intp, types.int32, types.intp),
     "mj_factorI": types.void(types.intp, types.intp, types.int32, *[types.intp] * 4),
     "mj_solveLD": types.void(types.intp, types.intp, types.intp, types.int32, types.int32, *[types.intp] * 4),
-}  # fmt: skip
+}
 """What is called, by name; the last two are exported by the library but not declared in its header."""
 
 

@@ -73,9 +73,15 @@ class MujocoPlant:
     """
 
     def __init__(
-        self, source: str | Path, timestep: float = 0.001, integrator: str = "rk4", *, payload: Payload | None = None,
-        friction: Friction | None = None, factors: Array | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        source: str | Path,
+        timestep: float = 0.001,
+        integrator: str = "rk4",
+        *,
+        payload: Payload | None = None,
+        friction: Friction | None = None,
+        factors: Array | None = None,
+    ) -> None:
         check_scheme(timestep, integrator)
         mujoco.set_mju_user_warning(_quiet)
         self._m = load_mujoco(source)

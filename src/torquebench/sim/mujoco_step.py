@@ -85,9 +85,14 @@ def accelerate(arm: Stepped, torque: Array) -> None:
     for i in range(len(arm.M)):
         arm.factor[i] = arm.M[i]
     mj_factorI(
-        arm.factor.ctypes.data, arm.inverse_diagonal.ctypes.data, np.int32(n),
-        arm.row_lengths, arm.row_addresses, arm.columns, 0,
-    )  # fmt: skip
+        arm.factor.ctypes.data,
+        arm.inverse_diagonal.ctypes.data,
+        np.int32(n),
+        arm.row_lengths,
+        arm.row_addresses,
+        arm.columns,
+        0,
+    )
     for i in range(n):
         arm.smooth[i] = -arm.qd[i] * arm.damping[i] - arm.bias[i] + torque[i]
         arm.qdd[i] = arm.smooth[i]
@@ -98,9 +103,16 @@ def accelerate(arm: Stepped, torque: Array) -> None:
 def solve(arm: Stepped, x: Array, factor: Array, inverse_diagonal: Array) -> None:
     """Replace `x` (n,) by the solution with a matrix given by its `factor` and `inverse_diagonal`, on `arm`."""
     mj_solveLD(
-        x.ctypes.data, factor.ctypes.data, inverse_diagonal.ctypes.data, np.int32(len(x)), np.int32(1),
-        arm.row_lengths, arm.row_addresses, arm.columns, 0,
-    )  # fmt: skip
+        x.ctypes.data,
+        factor.ctypes.data,
+        inverse_diagonal.ctypes.data,
+        np.int32(len(x)),
+        np.int32(1),
+        arm.row_lengths,
+        arm.row_addresses,
+        arm.columns,
+        0,
+    )
 
 
 @register_jitable(_nrt=False)
@@ -115,9 +127,14 @@ def euler(arm: Stepped, torque: Array) -> None:
             arm.damped[arm.diagonal[i]] += h * arm.damping[i]
             arm.qdd[i] = arm.smooth[i]
         mj_factorI(
-            arm.damped.ctypes.data, arm.damped_inverse_diagonal.ctypes.data, np.int32(n),
-            arm.row_lengths, arm.row_addresses, arm.columns, 0,
-        )  # fmt: skip
+            arm.damped.ctypes.data,
+            arm.damped_inverse_diagonal.ctypes.data,
+            np.int32(n),
+            arm.row_lengths,
+            arm.row_addresses,
+            arm.columns,
+            0,
+        )
         solve(arm, arm.qdd, arm.damped, arm.damped_inverse_diagonal)
     for i in range(n):
         arm.qd[i] += h * arm.qdd[i]

@@ -26,16 +26,30 @@ memory_class: Any = Nothing
 
 
 def adapter(
-    gains: int, belief: int, t: float, n: int, q: int, qd: int,
-    q_ref: int, qd_ref: int, qdd_ref: int, memory: int, tau: int,
-) -> int:  # fmt: skip
+    gains: int,
+    belief: int,
+    t: float,
+    n: int,
+    q: int,
+    qd: int,
+    q_ref: int,
+    qd_ref: int,
+    qdd_ref: int,
+    memory: int,
+    tau: int,
+) -> int:
     """Call a law with what lies at some addresses; arguments as of `LAW_SIGNATURE`."""
     try:
         law_function(
-            structure(gains_class, gains), belief_at(belief), t, vector(q, n), vector(qd, n),
+            structure(gains_class, gains),
+            belief_at(belief),
+            t,
+            vector(q, n),
+            vector(qd, n),
             Reference(vector(q_ref, n), vector(qd_ref, n), vector(qdd_ref, n)),
-            structure(memory_class, memory), vector(tau, n),
-        )  # fmt: skip
+            structure(memory_class, memory),
+            vector(tau, n),
+        )
     except Exception:  # noqa: BLE001  compiled code knows no other kind
         return RAISED
     return COMPLETED
@@ -57,12 +71,16 @@ def compile_law(law: Law) -> Any:
         layout(cls)
     function: Any = law.function
     jitable = register_jitable(
-        error_model="python", boundscheck=is_foreign(function), _nrt=False, forceinline=True,
-    )  # fmt: skip
+        error_model="python",
+        boundscheck=is_foreign(function),
+        _nrt=False,
+        forceinline=True,
+    )
     means = {
         "law_function": jitable(with_checked_math(function)),
-        "gains_class": law.gains_type, "memory_class": law.memory_type or Nothing,
-    }  # fmt: skip
+        "gains_class": law.gains_type,
+        "memory_class": law.memory_type or Nothing,
+    }
     # numba finds an adapter on disk by its name and code; the code is the same for all laws, so the name tells
     own = FunctionType(adapter.__code__, {**globals(), **means})
     own.__name__ = own.__qualname__ = f"{law.name}_{law_digest(law)}"

@@ -27,11 +27,19 @@ def law_of(job: Job, k: int) -> int:
     return call_law(
         c[0],
         (
-            c[1], c[2], k * job.control_period, c[6], job.measured_q.ctypes.data, job.measured_qd.ctypes.data,
-            job.q_ref[k].ctypes.data, job.qd_ref[k].ctypes.data, job.qdd_ref[k].ctypes.data, c[3],
+            c[1],
+            c[2],
+            k * job.control_period,
+            c[6],
+            job.measured_q.ctypes.data,
+            job.measured_qd.ctypes.data,
+            job.q_ref[k].ctypes.data,
+            job.qd_ref[k].ctypes.data,
+            job.qdd_ref[k].ctypes.data,
+            c[3],
             job.record_tau_law[k].ctypes.data,
         ),
-    )  # fmt: skip
+    )
 
 
 @register_jitable(_nrt=False)

@@ -96,9 +96,14 @@ class NativeRun:
         self.detail = ""
         """What went wrong, when something did."""
         job.call[:] = [
-            native_law(setup.law).address, self._kept[2].address, setup.belief.address, self._kept[3].address,
-            plant.step, plant.structure.address, len(job.q),
-        ]  # fmt: skip
+            native_law(setup.law).address,
+            self._kept[2].address,
+            setup.belief.address,
+            self._kept[3].address,
+            plant.step,
+            plant.structure.address,
+            len(job.q),
+        ]
         self._loop = compiled_loop().ctypes
 
     def restart(self, plant: NativePlant) -> None:

@@ -37,9 +37,15 @@ class PythonRun:
         s = self._setup
         ref = Reference(job.q_ref[k].copy(), job.qd_ref[k].copy(), job.qdd_ref[k].copy())
         tau, status, self.detail = call_law(
-            s.law, s.gains, s.belief, k * job.control_period, job.measured_q.copy(), job.measured_qd.copy(), ref,
+            s.law,
+            s.gains,
+            s.belief,
+            k * job.control_period,
+            job.measured_q.copy(),
+            job.measured_qd.copy(),
+            ref,
             s.memory,
-        )  # fmt: skip
+        )
         if status == COMPLETED:
             job.record_tau_law[k] = tau
         return status

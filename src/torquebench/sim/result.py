@@ -21,9 +21,12 @@ from torquebench.sim.setup import Setup
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 OUTCOMES = {
-    COMPLETED: Outcome.COMPLETED, BAD_TORQUE: Outcome.BAD_TORQUE, RAISED: Outcome.BAD_TORQUE,
-    CONTROLLER_ERROR: Outcome.CONTROLLER_ERROR, DIVERGED: Outcome.DIVERGED,
-}  # fmt: skip
+    COMPLETED: Outcome.COMPLETED,
+    BAD_TORQUE: Outcome.BAD_TORQUE,
+    RAISED: Outcome.BAD_TORQUE,
+    CONTROLLER_ERROR: Outcome.CONTROLLER_ERROR,
+    DIVERGED: Outcome.DIVERGED,
+}
 
 
 class Motion(NamedTuple):
@@ -73,13 +76,25 @@ def trajectory_of(setup: Setup, t: Array, status: int, detail: str, path: str, p
     channels = {name: kept(job.record_memory[c]) for c, name in enumerate(fields)}
     s = channels.pop("s") if "s" in channels else np.full(q.shape, np.nan)
     return Trajectory(
-        t=kept(t), q=q, qd=qd, q_meas=kept(job.record_q_meas) if measured else q,
-        qd_meas=kept(job.record_qd_meas) if measured else qd, q_ref=kept(job.q_ref), qd_ref=kept(job.qd_ref),
-        qdd_ref=kept(job.qdd_ref), s=s, tau_law=kept(job.record_tau_law), tau=tau,
-        tau_applied=kept(job.record_tau_applied) if acting else tau, outcome=OUTCOMES[status],
-        failed_at=None if status == COMPLETED else k, detail="" if status == COMPLETED else detail,
-        extra=channels, path=path, path_reason=path_reason,
-    )  # fmt: skip
+        t=kept(t),
+        q=q,
+        qd=qd,
+        q_meas=kept(job.record_q_meas) if measured else q,
+        qd_meas=kept(job.record_qd_meas) if measured else qd,
+        q_ref=kept(job.q_ref),
+        qd_ref=kept(job.qd_ref),
+        qdd_ref=kept(job.qdd_ref),
+        s=s,
+        tau_law=kept(job.record_tau_law),
+        tau=tau,
+        tau_applied=kept(job.record_tau_applied) if acting else tau,
+        outcome=OUTCOMES[status],
+        failed_at=None if status == COMPLETED else k,
+        detail="" if status == COMPLETED else detail,
+        extra=channels,
+        path=path,
+        path_reason=path_reason,
+    )
 
 
 def _forget(setup: Setup, k: int, status: int, detail: str) -> str:

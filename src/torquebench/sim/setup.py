@@ -34,10 +34,19 @@ class Setup:
 
 
 def set_up(
-    law: Law, gains: Any, belief: Model, plant: Plant, desired: Reference, chain: Chain, *,
-    control_period: float, substeps: int, position_noise: Array | None, disturbance: Array | None,
+    law: Law,
+    gains: Any,
+    belief: Model,
+    plant: Plant,
+    desired: Reference,
+    chain: Chain,
+    *,
+    control_period: float,
+    substeps: int,
+    position_noise: Array | None,
+    disturbance: Array | None,
     native: NativePlant | None,
-) -> Setup:  # fmt: skip
+) -> Setup:
     """Allocate a run.
 
     Args:
@@ -70,21 +79,38 @@ def set_up(
     measured_q, measured_qd = (np.zeros(n), np.zeros(n)) if measured else (q, qd)
     fresh_q, fresh_qd = (np.zeros(n), np.zeros(n)) if delay > 0 else (measured_q, measured_qd)
     job = Job(
-        substeps=substeps, control_period=control_period, tau_max=np.array(plant.tau_max),
-        q_ref=inputs[0], qd_ref=inputs[1], qdd_ref=inputs[2],
+        substeps=substeps,
+        control_period=control_period,
+        tau_max=np.array(plant.tau_max),
+        q_ref=inputs[0],
+        qd_ref=inputs[1],
+        qdd_ref=inputs[2],
         disturbance=none if disturbance is None else np.ascontiguousarray(disturbance, dtype=np.float64),
         position_noise=none if position_noise is None else np.ascontiguousarray(position_noise, dtype=np.float64),
-        velocity_gain=chain.velocity_gain(control_period), quantum=chain.quantum, decay=decay,
-        q=q, qd=qd, fresh_q=fresh_q, fresh_qd=fresh_qd, late=np.zeros((delay, 2, n)),
-        measured_q=measured_q, measured_qd=measured_qd,
-        output=np.zeros(n), torque=np.zeros((3, n)), memory=block,
-        record_q=next(one), record_qd=next(one),
-        record_q_meas=next(one) if measured else none, record_qd_meas=next(one) if measured else none,
-        record_tau_law=next(one), record_tau=next(one),
+        velocity_gain=chain.velocity_gain(control_period),
+        quantum=chain.quantum,
+        decay=decay,
+        q=q,
+        qd=qd,
+        fresh_q=fresh_q,
+        fresh_qd=fresh_qd,
+        late=np.zeros((delay, 2, n)),
+        measured_q=measured_q,
+        measured_qd=measured_qd,
+        output=np.zeros(n),
+        torque=np.zeros((3, n)),
+        memory=block,
+        record_q=next(one),
+        record_qd=next(one),
+        record_q_meas=next(one) if measured else none,
+        record_qd_meas=next(one) if measured else none,
+        record_tau_law=next(one),
+        record_tau=next(one),
         record_tau_applied=next(one) if acting else none,
-        record_memory=records[len(records) - len(fields) :], at=np.zeros(1, dtype=np.int64),
+        record_memory=records[len(records) - len(fields) :],
+        at=np.zeros(1, dtype=np.int64),
         call=np.zeros(7, dtype=np.int64),
-    )  # fmt: skip
+    )
     own = own_copy(belief, control_period=control_period) if native is None else own_belief(belief, control_period)
     return Setup(law, gains, own, memory, plant, native, job)
 

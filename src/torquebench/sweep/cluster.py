@@ -57,25 +57,33 @@ def opened(address: str) -> Iterator[Cluster]:
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise ConfigError([
-            Problem("--cluster", "", f"needs Dask ({error}): wanted pip install 'torquebench[cluster]'")
-        ]) from error  # fmt: skip
+        raise ConfigError(
+            [Problem("--cluster", "", f"needs Dask ({error}): wanted pip install 'torquebench[cluster]'")]
+        ) from error
     with contextlib.ExitStack() as stack:
         if local:
             count = int(local[1] or os.cpu_count() or 1)
-            cluster = stack.enter_context(LocalCluster(
-                n_workers=count, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
-                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # any port: the default one may be taken
-                memory_limit=None, preload=DEAF, silence_logs=logging.CRITICAL,
-            ))  # fmt: skip
+            cluster = stack.enter_context(
+                LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address=None,
+                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # any port: the default one may be taken
+                    memory_limit=None,
+                    preload=DEAF,
+                    silence_logs=logging.CRITICAL,
+                )
+            )
             yield Cluster(stack.enter_context(Client(cluster)), address, count)
             return
         try:
             client = stack.enter_context(Client(address, timeout=CONNECT))
         except (OSError, TypeError, ValueError, RuntimeError) as error:  # TypeError: no certificates for tls://
-            raise ConfigError([
-                Problem("--cluster", "", f"no connection to a scheduler at {address} within {CONNECT:g} s ({error})")
-            ]) from error  # fmt: skip
+            raise ConfigError(
+                [Problem("--cluster", "", f"no connection to a scheduler at {address} within {CONNECT:g} s ({error})")]
+            ) from error
         try:
             client.wait_for_workers(1, timeout=FIRST)
         except TimeoutError:
@@ -121,10 +129,12 @@ class Cluster:
         needs = self._needs_of(source)
         # by steps, each sent only to those who can read it: a worker dies of a message that it cannot
         _refuse_workers({name: _failure(f) for name, f in self._each(importlib.import_module, WORKER_SIDE).items()})
-        _refuse_workers({
-            name: _failure(f) or remote.difference(f.result(), needs.made_of)
-            for name, f in self._each(remote.made_of, needs.models).items()
-        })  # fmt: skip
+        _refuse_workers(
+            {
+                name: _failure(f) or remote.difference(f.result(), needs.made_of)
+                for name, f in self._each(remote.made_of, needs.models).items()
+            }
+        )
         _refuse_workers({name: _failure(f) or f.result() for name, f in self._each(_ask, needs).items()})
 
     def _each(self, function: Callable[..., object], *arguments: object) -> dict[str, Future]:
@@ -213,9 +223,9 @@ def _failure(future: Future) -> str:
 def _refuse_workers(texts: Mapping[str, str]) -> None:
     reasons = {text: [name for name in texts if texts[name] == text] for text in texts.values() if text}
     if reasons:
-        raise ConfigError([
-            Problem("--cluster", "", f"worker {' and '.join(names)} {text}") for text, names in reasons.items()
-        ])  # fmt: skip
+        raise ConfigError(
+            [Problem("--cluster", "", f"worker {' and '.join(names)} {text}") for text, names in reasons.items()]
+        )
 
 
 def _number(count: int, what: str) -> str:

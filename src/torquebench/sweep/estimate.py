@@ -103,10 +103,12 @@ def estimate(plan: Plan, survey: Survey, workers: int, processes: int, here: int
     if isinstance(plan.keys.keep, Worst):
         kept = min(plan.rows, plan.keys.keep.worst * controllers)
     return Estimate(
-        runs=plan.rows, steps=steps, seconds=seconds_per_step(plan, survey) * steps / workers,
+        runs=plan.rows,
+        steps=steps,
+        seconds=seconds_per_step(plan, survey) * steps / workers,
         memory=PROCESS_BYTES * (1 + processes) + max(1, here) * ARRAYS * 8 * n * longest,
         disk=plan.rows * (2 * row + text) + kept * STORED * 8 * n * longest,
-    )  # fmt: skip
+    )
 
 
 def seconds_per_step(plan: Plan, survey: Survey) -> float:

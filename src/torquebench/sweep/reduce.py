@@ -46,9 +46,14 @@ def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure 
     own, rising = values[known], INFO[key].better == "lower"
     at = rows[known][np.argmax(own) if rising else np.argmin(own)]
     return Figure(
-        len(own), float(np.mean(own)), float(np.median(own)), cvar(own.tolist(), tail, rising),
-        float(table[key][at]), int(table["index"][at]), int(table["draw"][at]),
-    )  # fmt: skip
+        len(own),
+        float(np.mean(own)),
+        float(np.median(own)),
+        cvar(own.tolist(), tail, rising),
+        float(table[key][at]),
+        int(table["index"][at]),
+        int(table["draw"][at]),
+    )
 
 
 def by_draw(table: Table, rows: Rows, key: str) -> tuple[NDArray[np.int64], Array]:

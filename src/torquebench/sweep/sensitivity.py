@@ -46,11 +46,14 @@ class Sensitivity(NamedTuple):
         effects = self.effects
         return self._asdict() | {
             "cases": list(self.cases),
-            "effects": None if effects is None else effects._asdict() | {
+            "effects": None
+            if effects is None
+            else effects._asdict()
+            | {
                 "effects": [e._asdict() | {"inputs": list(e.inputs), "matters": e.matters} for e in effects.effects],
                 "ranked": ranked(effects.effects),
             },
-        }  # fmt: skip
+        }
 
 
 def constant_changes(experiments: Sequence[Experiment]) -> dict[str, Array]:
@@ -107,11 +110,18 @@ def sensitivities(
     together = _alike(table, draws, experiment_of, drawn)
     places = [(cases, inputs, law) for cases, inputs in together for law in controllers(table)]
     return [
-        _one(law, metric, cases, _ranked(table, [by_group[case, law] for case in cases], metric, draws),
-             {name: x for name, x in inputs.items() if name not in drawn or _has(table, by_group[cases[0], law], name)},
-             confidence, len(places))
-        for cases, inputs, law in places for metric in metrics
-    ]  # fmt: skip
+        _one(
+            law,
+            metric,
+            cases,
+            _ranked(table, [by_group[case, law] for case in cases], metric, draws),
+            {name: x for name, x in inputs.items() if name not in drawn or _has(table, by_group[cases[0], law], name)},
+            confidence,
+            len(places),
+        )
+        for cases, inputs, law in places
+        for metric in metrics
+    ]
 
 
 def _has(table: Table, rows: Rows, key: str) -> bool:
@@ -170,9 +180,14 @@ def _ranked(table: Table, parts: Sequence[Rows], metric: str, draws: NDArray[np.
 
 
 def _one(
-    law: str, metric: str, cases: tuple[int, ...], figures: Array, inputs: Mapping[str, Array], confidence: float,
+    law: str,
+    metric: str,
+    cases: tuple[int, ...],
+    figures: Array,
+    inputs: Mapping[str, Array],
+    confidence: float,
     outputs: int,
-) -> Sensitivity:  # fmt: skip
+) -> Sensitivity:
     known = np.isfinite(np.array([figures, *inputs.values()])).all(axis=0)
     counts = int(known.sum()), int((~known).sum())
     try:

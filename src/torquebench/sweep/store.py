@@ -92,11 +92,18 @@ def facts_of(plan: Plan, shard_size: int) -> dict[str, Any]:
     decides = made_of | {"first": plain(plan.first), "sweep": plan.keys.plain(), "shard_size": shard_size}
     text = json.dumps(decides, sort_keys=True, separators=(",", ":"))
     return made_of | {
-        "format": 1, "name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows,
-        "controllers": list(plan.controllers), "shard_size": shard_size,
+        "format": 1,
+        "name": plan.first.name,
+        "cases": plan.cases,
+        "draws": plan.draws,
+        "rows": plan.rows,
+        "controllers": list(plan.controllers),
+        "shard_size": shard_size,
         "digest": hashlib.sha256(text.encode()).hexdigest(),
-        "filename": source.filename, "overrides": list(source.overrides), "config": plan.raw,
-    }  # fmt: skip
+        "filename": source.filename,
+        "overrides": list(source.overrides),
+        "config": plan.raw,
+    }
 
 
 def decisive_versions() -> dict[str, str]:

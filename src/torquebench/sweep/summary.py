@@ -128,11 +128,15 @@ def _group(table: Table, rows: Rows, other: Rows, keys: tuple[str, ...], metrics
             int(table["index"][at]), int(table["draw"][at]), str(table["outcome"][at]), float(table["failed_at"][at])
         )
     return Group(
-        int(table["case"][rows[0]]), values_of(table, keys, int(rows[0])), str(table["controller"][rows[0]]),
-        _share(table, rows, metrics), dict(Counter(map(str, table["outcome"][rows].tolist()))), first,
+        int(table["case"][rows[0]]),
+        values_of(table, keys, int(rows[0])),
+        str(table["controller"][rows[0]]),
+        _share(table, rows, metrics),
+        dict(Counter(map(str, table["outcome"][rows].tolist()))),
+        first,
         _defined({key: figure_of(table, rows, key) for key in metrics}),
         _defined({key: ratio_of(table, rows, other, key) for key in metrics}),
-    )  # fmt: skip
+    )
 
 
 def _share(table: Table, rows: Rows, metrics: Sequence[str]) -> Share:
@@ -144,10 +148,12 @@ def _share(table: Table, rows: Rows, metrics: Sequence[str]) -> Share:
 
 def _overall(table: Table, rows: Rows, other: Rows, metrics: Sequence[str]) -> Overall:
     return Overall(
-        str(table["controller"][rows[0]]), int(completed(table, rows).sum()), len(rows),
+        str(table["controller"][rows[0]]),
+        int(completed(table, rows).sum()),
+        len(rows),
         _defined({key: figure_of(table, rows, key) for key in metrics}),
         _defined({key: ratio_of(table, rows, other, key) for key in metrics}),
-    )  # fmt: skip
+    )
 
 
 def _defined(found: Mapping[str, T | None]) -> dict[str, T]:

@@ -34,9 +34,13 @@ class Made:
 
 
 def make_film(
-    run: Footage, settings: Settings, wish: str | None = None, *, still: float | None = None,
+    run: Footage,
+    settings: Settings,
+    wish: str | None = None,
+    *,
+    still: float | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Made:  # fmt: skip
+) -> Made:
     """Make a film, or one picture of it, from a run's stored trajectories.
 
     Args:
@@ -80,9 +84,11 @@ def make_film(
                 raise VideoError(f"drawing the film ended after {told.get('frame', 0)} frames")
             worse = (*failed, *crashed)
             facts = {
-                "reason": reason(backend, worse, wish), "renderer": backend.renderer,
-                "controllers": [shot.name for shot in run.shots], **told["made"],
-            }  # fmt: skip
+                "reason": reason(backend, worse, wish),
+                "renderer": backend.renderer,
+                "controllers": [shot.name for shot in run.shots],
+                **told["made"],
+            }
             return Made(out.read_bytes(), facts, advice(worse) if backend.name == STICK else "")
     raise VideoError("no back end was left to draw with")
 

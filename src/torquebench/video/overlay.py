@@ -81,9 +81,15 @@ class Overlay:
     """
 
     def __init__(
-        self, clips: Sequence[Clip], where: Layout, frames: Timeline, title: str, joint_names: Sequence[str],
-        units: Sequence[str], tau_max: Array,
-    ) -> None:  # fmt: skip
+        self,
+        clips: Sequence[Clip],
+        where: Layout,
+        frames: Timeline,
+        title: str,
+        joint_names: Sequence[str],
+        units: Sequence[str],
+        tau_max: Array,
+    ) -> None:
         self._clips, self._where, self._frames = clips, where, frames
         self._small, self._plain, self._large = (round(size * where.unit) for size in (9.6, PLAIN, 13.0))
         samples = frames.samples()
@@ -106,9 +112,14 @@ class Overlay:
         speed = "" if self._frames.speed == 1.0 else f"   {self._frames.speed:g}x"
         now = self._frames.time(i)
         write(
-            pixels, header.width - 8 * unit, header.height - 8 * unit, f"t = {now:6.2f} s{speed}", self._large,
-            HEADER_INK, anchor="right",
-        )  # fmt: skip
+            pixels,
+            header.width - 8 * unit,
+            header.height - 8 * unit,
+            f"t = {now:6.2f} s{speed}",
+            self._large,
+            HEADER_INK,
+            anchor="right",
+        )
         for panel, clip, view, bars in zip(self._where.panels, self._clips, views, self._bars, strict=True):
             box = panel.view
             pixels[box.y : box.y + box.height, box.x : box.x + box.width] = view

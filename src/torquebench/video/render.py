@@ -55,9 +55,14 @@ class Film:
         m = scene.model
         slides = m.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
         self._overlay = Overlay(
-            clips, where, self.frames, job.title, joint_names(m), ["m" if slide else "rad" for slide in slides],
+            clips,
+            where,
+            self.frames,
+            job.title,
+            joint_names(m),
+            ["m" if slide else "rad" for slide in slides],
             torque_limits(m, job.model),
-        )  # fmt: skip
+        )
         names = camera_names(job.model)
         self.camera = job.settings.camera or names[0]
         camera = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_CAMERA, self.camera)
@@ -135,9 +140,13 @@ def make(job: Job) -> dict[str, Any]:
     finally:
         film.stage.close()
     return {
-        "backend": film.stage.backend, "quality": job.settings.quality, "size": [width, height],
-        "speed": job.settings.speed, "camera": film.camera, **made,
-    }  # fmt: skip
+        "backend": film.stage.backend,
+        "quality": job.settings.quality,
+        "size": [width, height],
+        "speed": job.settings.speed,
+        "camera": film.camera,
+        **made,
+    }
 
 
 def tell(message: dict[str, Any]) -> None:

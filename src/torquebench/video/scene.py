@@ -99,22 +99,32 @@ def dress(spec: Any, arm: Any, poses: Array) -> None:
     if not any(g.type == mujoco.mjtGeom.mjGEOM_PLANE for g in shown):
         ground = min(float(low[2]), float(chain[0, 2])) - 0.12 * reach
         spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1], pos=[0, 0, ground], material=add_tiles(spec, reach),
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[0, 0, 0.1],
+            pos=[0, 0, ground],
+            material=add_tiles(spec, reach),
             **_UNSEEN,
-        )  # fmt: skip
+        )
     if not list(spec.lights):
         for towards, shade, shadow in (([0.35, -0.45, -1.0], 0.45, True), ([-0.7, -0.6, -0.4], 0.19, False)):
             spec.worldbody.add_light(
-                type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=(low + high) / 2.0 - 2.0 * reach * np.array(towards),
-                dir=towards, diffuse=[shade] * 3, castshadow=shadow,
-            )  # fmt: skip
+                type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+                pos=(low + high) / 2.0 - 2.0 * reach * np.array(towards),
+                dir=towards,
+                diffuse=[shade] * 3,
+                castshadow=shadow,
+            )
         spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42, 0.42, 0.44], [0.2, 0.2, 0.2]
     if not any(t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for t in spec.textures):
         spec.add_texture(
-            name="torquebench-sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, rgb1=[0.86, 0.90, 0.95], rgb2=[0.95, 0.96, 0.97],
-            width=64, height=384,
-        )  # fmt: skip
+            name="torquebench-sky",
+            type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+            rgb1=[0.86, 0.90, 0.95],
+            rgb2=[0.95, 0.96, 0.97],
+            width=64,
+            height=384,
+        )
         spec.visual.rgba.haze = [0.95, 0.96, 0.97, 1]
     if not list(spec.cameras):
         add_cameras(spec, points, reach)
@@ -157,9 +167,14 @@ def add_tiles(spec: Any, reach: float) -> str:
     """
     name = "torquebench-tiles"
     spec.add_texture(
-        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=[0.90, 0.91, 0.92], rgb2=[0.86, 0.87, 0.885], width=128, height=128,
-    )  # fmt: skip
+        name=name,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.90, 0.91, 0.92],
+        rgb2=[0.86, 0.87, 0.885],
+        width=128,
+        height=128,
+    )
     material = spec.add_material(name=name, texrepeat=[2.5 / reach, 2.5 / reach], texuniform=True, specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
     return name

@@ -33,9 +33,12 @@ _GROUND, _HIDDEN = 5, 3
 """Groups of geoms: planes, and what the arm's files hide."""
 _FLAGS = mujoco.mjtRndFlag
 _ROUND = {
-    int(mujoco.mjtGeom.mjGEOM_SPHERE): 1, int(mujoco.mjtGeom.mjGEOM_CAPSULE): 2, int(mujoco.mjtGeom.mjGEOM_CYLINDER): 2,
-    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): 3, int(mujoco.mjtGeom.mjGEOM_BOX): 3,
-}  # fmt: skip
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): 1,
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): 2,
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): 2,
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): 3,
+    int(mujoco.mjtGeom.mjGEOM_BOX): 3,
+}
 """Kinds of geom that can be drawn grown -> how many of their sizes count."""
 
 

@@ -42,9 +42,16 @@ def glyphs(text: str, size: int, bold: bool = False) -> tuple[npt.NDArray[np.uin
 
 
 def write(
-    pixels: Pixels, x: float, y: float, text: str, size: int, colour: Colour = (30, 30, 35), *,
-    bold: bool = False, anchor: Literal["left", "centre", "right"] = "left",
-) -> None:  # fmt: skip
+    pixels: Pixels,
+    x: float,
+    y: float,
+    text: str,
+    size: int,
+    colour: Colour = (30, 30, 35),
+    *,
+    bold: bool = False,
+    anchor: Literal["left", "centre", "right"] = "left",
+) -> None:
     """Write a line of text; what would leave the picture is cut off.
 
     Args:

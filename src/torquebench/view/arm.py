@@ -100,9 +100,7 @@ class Arm:
             normals.append(shape.normals @ own.T)
             colours.append(np.tile(colour(m, g), (len(shape.corners), 1)))
         fine = np.round(np.concatenate(corners) / self.reach, 6) * self.reach  # no gap where triangles share a corner
-        return Part(
-            bool(m.body_weldid[body] != 0), Triangles(fine, np.concatenate(normals)), np.concatenate(colours)
-        )  # fmt: skip
+        return Part(bool(m.body_weldid[body] != 0), Triangles(fine, np.concatenate(normals)), np.concatenate(colours))
 
     def _view(self) -> View:
         m, d = self._scene.model, self._d

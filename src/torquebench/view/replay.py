@@ -43,9 +43,14 @@ def grid(samples: int, control_period: float) -> Grid:
 
 
 def scene_message(
-    arm: Arm, frames: Grid, title: str, controllers: Sequence[tuple[str, str]], colours: Sequence[str], speed: float,
+    arm: Arm,
+    frames: Grid,
+    title: str,
+    controllers: Sequence[tuple[str, str]],
+    colours: Sequence[str],
+    speed: float,
     live: bool,
-) -> Message:  # fmt: skip
+) -> Message:
     """Return the first message: what is drawn and what it is called.
 
     Args:
@@ -64,12 +69,23 @@ def scene_message(
         )
         parts.append({"moves": part.moves, "data": base64.b64encode(block.astype("<f4").tobytes()).decode()})
     return {
-        "kind": "scene", "title": title, "live": live, "speed": speed, "period": frames.period, "count": frames.total,
-        "controllers": [{"name": name, "note": note} for name, note in controllers], "parts": parts,
-        "joints": arm.joints, "unit": "/".join(dict.fromkeys(arm.units)), "reach": arm.reach, "floor": arm.floor,
+        "kind": "scene",
+        "title": title,
+        "live": live,
+        "speed": speed,
+        "period": frames.period,
+        "count": frames.total,
+        "controllers": [{"name": name, "note": note} for name, note in controllers],
+        "parts": parts,
+        "joints": arm.joints,
+        "unit": "/".join(dict.fromkeys(arm.units)),
+        "reach": arm.reach,
+        "floor": arm.floor,
         "colours": [colours[j % len(colours)] for j in range(len(arm.joints))],
-        "eye": arm.view.eye.tolist(), "target": arm.view.target.tolist(), "opening": arm.view.opening,
-    }  # fmt: skip
+        "eye": arm.view.eye.tolist(),
+        "target": arm.view.target.tolist(),
+        "opening": arm.view.opening,
+    }
 
 
 def reference_message(arm: Arm, frames: Grid, q_ref: Array) -> Message:
@@ -105,10 +121,14 @@ def frames_message(
     mean = np.add.reduceat(np.where(known, load, 0.0), cuts)
     mean /= np.maximum(np.add.reduceat(known, cuts, dtype=int), 1)
     return {
-        "kind": "frames", "controller": controller, "first": first, "bodies": _rounded(bodies), "tool": _rounded(tool),
+        "kind": "frames",
+        "controller": controller,
+        "first": first,
+        "bodies": _rounded(bodies),
+        "tool": _rounded(tool),
         "torque": _rounded(np.stack([*_range(load, cuts), mean], axis=2)),
         "error": _rounded(np.stack(_range(error, cuts), axis=2), 9),
-    }  # fmt: skip
+    }
 
 
 def ended_message(controller: int, ending: str) -> Message:

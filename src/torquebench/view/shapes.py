@@ -66,10 +66,19 @@ def capsule(radius: float, half: float) -> Triangles:
 
 def cylinder(radius: float, half: float) -> Triangles:
     """Return a cylinder along z, 2 `half` long."""
-    return spun(np.array([
-        [0, -half, 0, -1], [radius, -half, 0, -1], [radius, -half, 1, 0],
-        [radius, half, 1, 0], [radius, half, 0, 1], [0, half, 0, 1],
-    ], dtype=np.float64))  # fmt: skip
+    return spun(
+        np.array(
+            [
+                [0, -half, 0, -1],
+                [radius, -half, 0, -1],
+                [radius, -half, 1, 0],
+                [radius, half, 1, 0],
+                [radius, half, 0, 1],
+                [0, half, 0, 1],
+            ],
+            dtype=np.float64,
+        )
+    )
 
 
 def ellipsoid(semi_axes: Array) -> Triangles:

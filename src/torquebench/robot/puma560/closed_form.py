@@ -133,13 +133,22 @@ def bias_rows(k: Array, literal: IntArray, t: Angles, qd: Array, N: Array) -> No
     b225 = 0.0 if literal[E55] else b235(k, t)
     row3 = c13(k, t) if literal[E71] else c31(k, t, literal[E68])
     N[0] = (
-        b112(k, t, literal[E49]) * d1 * d2 + b113(k, t, literal[E50]) * d1 * d3 + b115(k, t, literal[E51]) * d1 * d5
-        + b123(k, t) * d2 * d3 + c12(k, t) * d2 * d2 + c13(k, t) * d3 * d3
-    )  # fmt: skip
+        b112(k, t, literal[E49]) * d1 * d2
+        + b113(k, t, literal[E50]) * d1 * d3
+        + b115(k, t, literal[E51]) * d1 * d5
+        + b123(k, t) * d2 * d3
+        + c12(k, t) * d2 * d2
+        + c13(k, t) * d3 * d3
+    )
     N[1] = (
-        b214(k, t) * d1 * d4 + b223(k, t) * d2 * d3 + b225 * d2 * d5 + b235(k, t) * d3 * d5
-        + c21(k, t, literal[E65]) * d1 * d1 + c23(k, t, literal[E67]) * d3 * d3 + gravity2(k, t)
-    )  # fmt: skip
+        b214(k, t) * d1 * d4
+        + b223(k, t) * d2 * d3
+        + b225 * d2 * d5
+        + b235(k, t) * d3 * d5
+        + c21(k, t, literal[E65]) * d1 * d1
+        + c23(k, t, literal[E67]) * d3 * d3
+        + gravity2(k, t)
+    )
     N[2] = b314(k, t) * d1 * d4 + row3 * d1 * d1 + c32(k, t, literal[E69]) * d2 * d2 + gravity3(k, t)
     N[3] = b412(k, t) * d1 * d2 + b413(k, t, literal[E58]) * d1 * d3 + b415(k, t) * d1 * d5
     N[4] = b514(k, t) * d1 * d4 + c51(k, t, literal[E62]) * d1 * d1 + c52(k, t) * d2 * d2 + gravity5(k, t)

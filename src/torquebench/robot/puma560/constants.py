@@ -84,38 +84,57 @@ def link_constants(bodies: list[Body], geometry: Geometry, g: float) -> Array:
     wrist = four.m + five.m + six.m
     outer = three.m + wrist
     mu = six.hz - five.hy
-    return np.array([
-        one.zz + d * d * two.m + 2 * d * two.hz + two.xx + d * d * three.m + 2 * d * three.hz + three.yy
-        + (a3 * a3 + d * d) * wrist + four.zz + five.yy + six.zz,
-        two.zz + a2 * a2 * outer,
-        two.yy - two.xx + a2 * a2 * outer,
-        d * two.hx - two.xz + a2 * d * outer + a2 * three.hz,
-        a2 * (-three.hy + d4 * wrist + four.hz),
-        three.zz + (a3 * a3 + d4 * d4) * wrist + 2 * d4 * four.hz + four.yy + five.zz + six.xx,
-        three.xx - three.yy + (d4 * d4 - a3 * a3) * wrist + 2 * d4 * four.hz + four.yy - four.zz + five.zz
-        - five.yy + six.xx - six.zz,
-        d * three.hy - three.yz - d * d4 * wrist - d * four.hz,
-        d * two.hy - two.yz,
-        2 * three.xy + 2 * a3 * d4 * wrist + 2 * a3 * four.hz,
-        2 * two.xy,
-        a2 * (three.hx + a3 * wrist),
-        d * three.hx - three.xz + a3 * d * wrist,
-        four.zz + five.yy + six.zz,
-        d4 * mu,
-        a2 * mu,
-        five.zz + six.xx,
-        d * mu,
-        four.yy - four.xx + five.zz - five.yy + six.xx - six.zz,
-        five.yy - five.xx - six.xx + six.zz,
-        four.xx - four.yy + five.xx - five.zz,
-        a3 * mu,
-        six.zz,
-        -g * (two.hx + a2 * outer),
-        g * (three.hy - d4 * wrist - four.hz),
-        g * two.hy,
-        -g * (three.hx + a3 * wrist),
-        -g * mu,
-    ])  # fmt: skip
+    return np.array(
+        [
+            one.zz
+            + d * d * two.m
+            + 2 * d * two.hz
+            + two.xx
+            + d * d * three.m
+            + 2 * d * three.hz
+            + three.yy
+            + (a3 * a3 + d * d) * wrist
+            + four.zz
+            + five.yy
+            + six.zz,
+            two.zz + a2 * a2 * outer,
+            two.yy - two.xx + a2 * a2 * outer,
+            d * two.hx - two.xz + a2 * d * outer + a2 * three.hz,
+            a2 * (-three.hy + d4 * wrist + four.hz),
+            three.zz + (a3 * a3 + d4 * d4) * wrist + 2 * d4 * four.hz + four.yy + five.zz + six.xx,
+            three.xx
+            - three.yy
+            + (d4 * d4 - a3 * a3) * wrist
+            + 2 * d4 * four.hz
+            + four.yy
+            - four.zz
+            + five.zz
+            - five.yy
+            + six.xx
+            - six.zz,
+            d * three.hy - three.yz - d * d4 * wrist - d * four.hz,
+            d * two.hy - two.yz,
+            2 * three.xy + 2 * a3 * d4 * wrist + 2 * a3 * four.hz,
+            2 * two.xy,
+            a2 * (three.hx + a3 * wrist),
+            d * three.hx - three.xz + a3 * d * wrist,
+            four.zz + five.yy + six.zz,
+            d4 * mu,
+            a2 * mu,
+            five.zz + six.xx,
+            d * mu,
+            four.yy - four.xx + five.zz - five.yy + six.xx - six.zz,
+            five.yy - five.xx - six.xx + six.zz,
+            four.xx - four.yy + five.xx - five.zz,
+            a3 * mu,
+            six.zz,
+            -g * (two.hx + a2 * outer),
+            g * (three.hy - d4 * wrist - four.hz),
+            g * two.hy,
+            -g * (three.hx + a3 * wrist),
+            -g * mu,
+        ]
+    )
 
 
 def fitted_constants(model: Model, geometry: Geometry) -> Array:

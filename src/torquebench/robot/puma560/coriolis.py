@@ -39,9 +39,15 @@ def b112(k: Array, t: Angles, printed: int) -> float:
     i15 = -k[I15] if printed else k[I15]
     cos46 = 1.0 - 2.0 * t.s23 * t.s23
     bracket = (
-        -k[I3] * t.s2 * t.c2 + k[I5] * t.c223 + k[I7] * t.s23 * t.c23 - k[I12] * t.s223 + i15 * 2.0 * t.s23 * t.c23
-        + k[I16] * t.c223 + k[I21] * t.s23 * t.c23 + k[I22] * cos46
-    )  # fmt: skip
+        -k[I3] * t.s2 * t.c2
+        + k[I5] * t.c223
+        + k[I7] * t.s23 * t.c23
+        - k[I12] * t.s223
+        + i15 * 2.0 * t.s23 * t.c23
+        + k[I16] * t.c223
+        + k[I21] * t.s23 * t.c23
+        + k[I22] * cos46
+    )
     return 2.0 * bracket + k[I10] * cos46 + k[I11] * (1.0 - 2.0 * t.s2 * t.s2)
 
 
@@ -55,9 +61,14 @@ def b113(k: Array, t: Angles, printed: int) -> float:
     sine = 2.0 * t.s2 * t.c2 if printed else t.s23
     cos46 = 1.0 - 2.0 * t.s23 * t.s23
     bracket = (
-        k[I5] * t.c2 * t.c23 + k[I7] * t.s23 * t.c23 - k[I12] * t.c2 * sine + k[I15] * 2.0 * t.s23 * t.c23
-        + k[I16] * t.c2 * t.c23 + k[I21] * t.s23 * t.c23 + k[I22] * cos46
-    )  # fmt: skip
+        k[I5] * t.c2 * t.c23
+        + k[I7] * t.s23 * t.c23
+        - k[I12] * t.c2 * sine
+        + k[I15] * 2.0 * t.s23 * t.c23
+        + k[I16] * t.c2 * t.c23
+        + k[I21] * t.s23 * t.c23
+        + k[I22] * cos46
+    )
     return 2.0 * bracket + k[I10] * cos46
 
 

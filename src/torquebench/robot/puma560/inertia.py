@@ -47,13 +47,21 @@ def a11(k: Array, t: Angles, printed: int) -> float:
     corrected: Im1 + I1 + I3 C2 C2 + I7 S23 S23 + I10 S23 C23 + I11 S2 C2 + I21 S23 S23 + 2 [I5 C2 S23 + I12 C2 C23 + I15 S23 S23 + I16 C2 S23 + I22 S23 C23]
     """
     outside = (
-        k[IM1] + k[I1] + k[I3] * t.c2 * t.c2 + k[I7] * t.s23 * t.s23 + k[I10] * t.s23 * t.c23
-        + k[I11] * t.s2 * t.c2 + k[I21] * t.s23 * t.s23
-    )  # fmt: skip
+        k[IM1]
+        + k[I1]
+        + k[I3] * t.c2 * t.c2
+        + k[I7] * t.s23 * t.s23
+        + k[I10] * t.s23 * t.c23
+        + k[I11] * t.s2 * t.c2
+        + k[I21] * t.s23 * t.s23
+    )
     bracket = (
-        k[I5] * t.c2 * t.s23 + k[I12] * t.c2 * t.c23 + k[I15] * t.s23 * t.s23 + k[I16] * t.c2 * t.s23
+        k[I5] * t.c2 * t.s23
+        + k[I12] * t.c2 * t.c23
+        + k[I15] * t.s23 * t.s23
+        + k[I16] * t.c2 * t.s23
         + k[I22] * t.s23 * t.c23
-    )  # fmt: skip
+    )
     if printed:
         return outside + 2.0 + bracket
     return outside + 2.0 * bracket

@@ -35,9 +35,19 @@ class Pose(NamedTuple):
 def pose_angles(t1: float, t2: float, t3: float, t4: float, t5: float, t6: float) -> Pose:
     """Return the sines and cosines for joint angles t1..t6 [rad]."""
     return Pose(
-        math.sin(t1), math.cos(t1), math.sin(t2), math.cos(t2), math.sin(t2 + t3), math.cos(t2 + t3),
-        math.sin(t4), math.cos(t4), math.sin(t5), math.cos(t5), math.sin(t6), math.cos(t6),
-    )  # fmt: skip
+        math.sin(t1),
+        math.cos(t1),
+        math.sin(t2),
+        math.cos(t2),
+        math.sin(t2 + t3),
+        math.cos(t2 + t3),
+        math.sin(t4),
+        math.cos(t4),
+        math.sin(t5),
+        math.cos(t5),
+        math.sin(t6),
+        math.cos(t6),
+    )
 
 
 @kernel
