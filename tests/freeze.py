@@ -35,7 +35,7 @@ SWEEPS = {
 
 def arithmetic() -> str:
     """Return a digest of the C library's functions on this processor: results of others may differ in the last bit."""
-    xs = [0.001 * k * k + 0.1 for k in range(2000)]
+    xs = [0.3 * k + 0.1 for k in range(2000)]
     values = [f(x) for x in xs for f in (math.sin, math.cos, math.exp, math.tanh, math.log)]
     return hashlib.sha256(np.array(values).tobytes()).hexdigest()[:16]
 
