@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.report.run_page import differences
 from torquebench.sim import loop

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from torquebench import load_trajectory
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.disturbances import Stream, generator
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
@@ -345,7 +345,7 @@ def test_the_analytic_plant_needs_no_mujoco(quick):
     """`engine: analytic` runs from YAML to manifest in a process where `import mujoco` fails."""
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from torquebench.cli.main import main\n"
+        "from torquebench.cli.app import main\n"
         "sys.exit(main(['run', 'quick.yaml', '--out', 'analytic', '--no-figures', '--set', 'plant.engine=analytic']))"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=quick.parent, capture_output=True, text=True, check=False)
@@ -407,7 +407,7 @@ runpy.run_module("torquebench", run_name="__main__")
 """
 
 
-@pytest.mark.parametrize("name", ["torquebench.cli.main", "argparse", "torquebench.cli.doctor"])
+@pytest.mark.parametrize("name", ["torquebench.cli.app", "click", "torquebench.cli.doctor"])
 def test_interrupting_while_it_starts(name):
     """Ctrl-C while modules are still being read: status 130 and one line, no traceback."""
     done = subprocess.run([sys.executable, "-c", EARLY.format(name=name)], capture_output=True, text=True, check=False)
