@@ -199,7 +199,7 @@ class Command(click.Command):
                 is_flag=True,
                 expose_value=False,
                 callback=_into_voice("verbose"),
-                help="more: times, and where an internal error happened",
+                help="more: the traceback of an error",
             ),
             Option(
                 ["--json"],
