@@ -37,14 +37,15 @@ def run(options: argparse.Namespace) -> int:
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(options.out, experiment.name))
     write_experiment(directory, experiment)
-    with progress_bar(0, "step", "starting (compiles on first use)") as bar:
+    steps = experiment.n_steps * len(experiment.controllers)
+    with progress_bar(steps, "step", "starting (compiles on first use)") as bar:
         result = run_experiment(
             experiment,
             loop,
             progress=following(bar, 50),
             finished=lambda name, trajectory: write_trajectory(directory, name, trajectory),
         )
-    with progress_bar(0, "figure", "drawing") as bar:
+    with progress_bar(0, "figure", "writing") as bar:
         write_run(directory, result, options.plugin, not options.no_figures, following(bar))
     tell(
         directory=directory.folder,
