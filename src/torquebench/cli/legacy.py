@@ -48,19 +48,13 @@ def _settings(context: click.Context, parameter: click.Parameter, typed: str) ->
 )
 @plugins
 @option("--no-figures", is_flag=True, help="write numbers only: no figures, no film")
-@option("--live", is_flag=True, help="watch while it is simulated; the results are the same")
-@option("--browser", is_flag=True, help="in the browser, even where a window opens")
-@option("--no-open", is_flag=True, help="print the page's address; do not open the browser")
-@option("--speed", type=float, help="simulated seconds in one second, to begin with (default 1)")
-@option("--port", type=int, help="port of the page, for a tunnel (default: a free one)")
 @click.pass_obj
 def run(gl: str | None, /, **options: Any) -> int:
     """Run one experiment: every controller in it, side by side."""
     from torquebench.cli.run import run as work
-    from torquebench.cli.showing import live_of
 
     options = SimpleNamespace(gl=gl, **options)  # type: ignore[assignment]
-    return work(options, live_of(options))  # type: ignore[arg-type]
+    return work(options)  # type: ignore[arg-type]
 
 
 @command(example="torquebench sweep sweep --dry-run")

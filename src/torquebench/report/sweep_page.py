@@ -143,4 +143,4 @@ def picture(name: str, svg: bytes) -> Picture:
     """
     kind, _, rest = name.partition("-")
     subject = INFO[rest].title if rest in INFO else rest.replace("-", " ")
-    return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg.decode(), CAPTIONS.get(kind, ""))
+    return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg, CAPTIONS.get(kind, ""))
