@@ -111,8 +111,6 @@ HOMES = {
         "cli/completion.py",
     },
     "argparse": {
-        "cli/run.py",
-        "cli/sweep.py",
         "cli/paper.py",
         "cli/boundary_layer.py",
         "cli/video.py",

@@ -17,7 +17,7 @@ from torquebench.analysis.sides import parse_side
 from torquebench.cli.app import app, main
 from torquebench.cli.compare import SideName
 from torquebench.cli.discover import Thing
-from torquebench.cli.legacy import SYSTEMS
+from torquebench.cli.fuzzy import SYSTEMS
 from torquebench.fuzzy import BUILTIN
 from torquebench.laws import law_names
 from torquebench.shipped import config_keys, configs

@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -36,9 +36,9 @@ BAD_INPUT, INTERNAL, INTERRUPTED, TERMINATED = 2, 3, 130, 143
 """Exit statuses of commands that ended early; one that did not returns 0, or 1 where something did not hold."""
 
 COMMANDS = {
-    "Experiments": {"run": "legacy", "sweep": "legacy", "paper": "legacy", "boundary-layer": "legacy"},
-    "Look": {"report": "legacy", "video": "legacy", "view": "legacy"},
-    "Check": {"check": "check", "compare": "compare", "fuzzy": "legacy", "doctor": "doctor", "bench": "bench"},
+    "Experiments": {"run": "run", "sweep": "sweep", "paper": "legacy", "boundary-layer": "legacy"},
+    "Look": {"report": "report", "video": "legacy", "view": "legacy"},
+    "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
     "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
 }
@@ -403,6 +403,12 @@ def app() -> None:
     """
 
 
+def _complete_settings(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    from torquebench.cli.completion import keys_for
+
+    return [CompletionItem(f"{key}=") for key in keys_for(context) if key.startswith(typed)]
+
+
 out_folder = functools.partial(option, "-o", "--out", type=File(folders=True), metavar="DIR")
 out_file = functools.partial(option, "-o", "--out", type=File(), metavar="FILE")
 plugins = option(
@@ -413,7 +419,23 @@ plugins = option(
     metavar="FILE",
     help="Python file that registers laws of your own with @controller; may be given several times",
 )
+settings = functools.partial(
+    option, "-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", shell_complete=_complete_settings
+)
 workers = functools.partial(option, "-j", "--workers", metavar="N", type=Number(int, 1, 4096))
+
+
+def refuse(problems: Iterable[tuple[str, str]]) -> None:
+    """Refuse a command's arguments if anything is wrong with them.
+
+    Args:
+        problems: Option or argument, and what is wrong with it.
+
+    Raises:
+        ConfigError: there are some.
+    """
+    if found := [Problem(place, "", message) for place, message in problems]:
+        raise ConfigError(found)
 
 
 def check_out(path: Path | None) -> None:
@@ -425,11 +447,11 @@ def check_out(path: Path | None) -> None:
     if path is None:
         return
     if path.is_dir():
-        raise ConfigError([Problem("--out", "", f"{path} is a folder, wanted a file")])
+        refuse([("--out", f"{path} is a folder, wanted a file")])
     if not path.parent.is_dir():
-        raise ConfigError([Problem("--out", "", f"{path.parent} is not a folder")])
+        refuse([("--out", f"{path.parent} is not a folder")])
     if not os.access(path.parent, os.W_OK):
-        raise ConfigError([Problem("--out", "", f"{path.parent} must not be written to")])
+        refuse([("--out", f"{path.parent} must not be written to")])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

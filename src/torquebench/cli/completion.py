@@ -10,7 +10,6 @@ from pathlib import Path
 import click
 from click.shell_completion import (
     BashComplete,
-    CompletionItem,
     FishComplete,
     ZshComplete,
     add_completion_class,
@@ -102,14 +101,14 @@ def completion(shell: str, install: bool) -> int:
     return 0
 
 
-def complete_setting(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Return the keys for ``--set`` that begin as typed: those of any config, and those of the one on the line."""
+def keys_for(context: click.Context) -> list[str]:
+    """Return the keys for ``--set``: those of any config, and those of the one that is on the line already."""
     keys = list(config_keys())
     # click leaves an unfinished line's arguments unread
     for word in [context.params.get("config"), *context.args]:
         with contextlib.suppress(ConfigError):
             keys += _keys_in(find_config(str(word))) if word else []
-    return [CompletionItem(f"{key}=") for key in dict.fromkeys(keys) if key.startswith(typed)]
+    return list(dict.fromkeys(keys))
 
 
 def _keys_in(config: Path) -> list[str]:
