@@ -118,7 +118,8 @@ class Number(click.ParamType[float]):
         except ValueError:
             number = math.nan
         if not (math.isfinite(number) and self.low <= number <= (math.inf if self.high is None else self.high)):
-            self.fail(f"got '{value}', wanted {span}", param, ctx)
+            shown = f"'{value}'" if math.isnan(number) else value
+            self.fail(f"got {shown}, wanted {span}", param, ctx)
         return number
 
 

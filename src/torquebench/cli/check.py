@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 @argument("file", type=File(".py"), help="Python file of laws, as for --plugin")
 @option("--law", metavar="NAME", help="the only law of the file to try (default: all)")
 def check(file: Path, law: str | None) -> int:
-    """Test your own laws: do they keep what the loop relies on, and can they be compiled?
+    """Test laws of your own: can the loop rely on them?
 
-    Every law that FILE registers with @controller is tried, on two arms and on both paths. The exit status is 0 when
+    Every law that FILE registers with @controller is tried, on two arms and on both paths; whether it can be
+    compiled is said too. The exit status is 0 when
     everything held, else 1.
     """
     from torquebench.check.driving import silence

@@ -94,7 +94,7 @@ class Milliseconds(Number):
     help="also compare closed loops of this length on both plants (default: none)",
 )
 def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], tolerance: float, rollout: float) -> int:
-    """Compare two models or plants: where do they differ, and in which term?
+    """Show where two models or plants differ, and in which term.
 
     The exit status is 0 when every compared quantity agrees, else 1.
     """

@@ -80,7 +80,10 @@ for _shell in (ZshComplete, FishComplete):
 @argument("shell", type=Choice(SHELLS), help="bash, zsh or fish")
 @option("--install", is_flag=True, help="write the script to where the shell looks for it")
 def completion(shell: str, install: bool) -> int:
-    """Print a script that completes commands, options and values in a shell."""
+    """Let a shell complete commands, options and values.
+
+    The script that does is printed, or installed.
+    """
     found = get_completion_class(shell)
     if found is None:
         raise ConfigError([Problem("SHELL", "", f"got '{shell}'")])

@@ -20,9 +20,9 @@ MORE_PACKAGES = ("scipy", "scikit-fuzzy", "jinja2", "click", "rich", "pandas", "
 @command(example="torquebench doctor")
 @click.pass_obj
 def doctor(gl: str | None) -> int:
-    """Show versions, what can draw films here, threads, caches, and what to install.
+    """Show what this machine has, and what to install.
 
-    Everything that depends on the machine is tried. The exit status is 0 whatever is found.
+    These are versions, what can draw films, threads and caches. Everything that depends on the machine is tried. The exit status is 0 whatever is found.
     """
     found = findings(gl)
     tell(**found)

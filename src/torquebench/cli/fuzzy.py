@@ -42,9 +42,9 @@ class Source(Config):
 @out_folder(help="folder for the figures, new or empty (default: runs/fuzzy-NAME-UTC)")
 @plugins
 def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Path]) -> int:
-    """Describe and draw fuzzy systems: how they are evaluated, and what is odd about them.
+    """Describe and draw the fuzzy systems of a config.
 
-    They are those of a config, or a built-in one.
+    It is said how they are evaluated, and what is odd about them. A built-in system goes by its name.
     """
     from torquebench.analysis.figures import figure_bytes
     from torquebench.analysis.fuzzy_figures import system_figures

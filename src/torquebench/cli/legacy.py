@@ -52,7 +52,10 @@ def _size(_context: click.Context, _parameter: click.Parameter, value: str) -> t
 @out_file(help="file to write, .mp4, or .png of a picture (default: RUN/video.mp4)")
 @click.pass_obj
 def video(gl: str | None, /, **options: Any) -> int:
-    """Make the film of a stored run; nothing is simulated."""
+    """Make the film of a stored run.
+
+    Nothing is simulated: the film shows the stored trajectories, one panel for each controller.
+    """
     from torquebench.cli.video import video as work
 
     options["controllers"] = [name for name in options["controllers"] if name]
@@ -69,7 +72,10 @@ def video(gl: str | None, /, **options: Any) -> int:
 @option("--speed", type=float, help="simulated seconds in one second, to begin with (default 1)")
 @option("--port", type=int, help="port of the page, for a tunnel (default: a free one)")
 def view(**options: Any) -> int:
-    """Replay a stored run, to look at it from all sides; nothing is simulated."""
+    """Replay a stored run, to look at it from all sides.
+
+    MuJoCo's viewer is used where a window opens, else a page in the browser, served to this machine alone until Ctrl-C.
+    """
     from torquebench.cli.view import view as work
 
     options["controllers"] = [name for name in options["controllers"] if name]

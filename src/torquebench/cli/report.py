@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 @option("--redraw", is_flag=True, help="draw the figures again from the trajectories")
 @plugins
 def report(runs: Sequence[Path], out: Path | None, redraw: bool, plugin: Sequence[Path]) -> int:
-    """Make the page of a stored run or sweep again, or one page of several runs; nothing is simulated."""
+    """Write a stored run's page again, or compare several runs.
+
+    A sweep has a page too. Nothing is simulated.
+    """
     from torquebench.experiment.folder import read_result
     from torquebench.experiment.store import atomic_write
     from torquebench.laws.plugin import load_plugin

@@ -76,7 +76,7 @@ class Options:
 @option("--dry-run", is_flag=True, help="check and estimate only")
 @option("--no-figures", is_flag=True, help="tables, summary and page only: no figures")
 def sweep(**given: Any) -> int:
-    """Run many variants of one experiment: grids and random draws over any of its keys.
+    """Run grids and random draws over any keys of an experiment.
 
     Every case of a file's section `sweep` is run in every draw for every controller, and a table of their metrics is
     stored. The work is estimated and shown first.
