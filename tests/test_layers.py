@@ -117,7 +117,7 @@ HOMES = {
         "cli/view.py",
     },
     "click": {name for name in ALL if name.startswith("cli/")},
-    "rich": {"cli/terminal.py", "cli/compare.py"},
+    "rich": {"cli/terminal.py"},
 }
 """Third-party package, or what else has its place -> the only files that may import it."""
 

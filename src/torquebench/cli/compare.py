@@ -12,8 +12,6 @@ from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
-    from rich.text import Text
-
     from torquebench.analysis.compare import Row
     from torquebench.analysis.sides import Side
 
@@ -162,7 +160,7 @@ def _sides(first: str, second: str) -> tuple[Side, Side]:
     return sides[0], sides[1]
 
 
-def _cells(row: Row) -> list[str | Text]:
+def _cells(row: Row) -> list[object]:
     limit = f"{row.limit:.0e} {'rad' if row.measure == 'absolute' else 'rel.'}"
     gaps = [f"{row.absolute:.2e}", row.unit, f"{row.relative:.2e}", row.where]
     return [row.term, *gaps, limit, good("yes") if row.agrees else bad("NO")]

@@ -22,7 +22,8 @@ MORE_PACKAGES = ("scipy", "scikit-fuzzy", "jinja2", "click", "rich", "pandas", "
 def doctor(gl: str | None) -> int:
     """Show what this machine has, and what to install.
 
-    These are versions, what can draw films, threads and caches. Everything that depends on the machine is tried. The exit status is 0 whatever is found.
+    These are versions, what can draw films, threads and caches. Everything that depends on the machine is tried. The
+    exit status is 0 whatever is found.
     """
     found = findings(gl)
     tell(**found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -124,7 +124,6 @@ def summary(result: ExperimentResult) -> str:
     from torquebench.report.tables import headline_table
 
     header, rows = headline_table(result)
-    cells: list[list[Any]] = [
-        [*row[:2], (bad if row[0] in result.unexpected else good)(row[2]), *row[3:]] for row in rows
-    ]
+    ended = [bad(row[2]) if row[0] in result.unexpected else good(row[2]) for row in rows]
+    cells = [[*row[:2], text, *row[3:]] for row, text in zip(rows, ended, strict=True)]
     return f"{result.experiment.name}\n{result.conditions}\n\n{table(header, cells)}"
