@@ -20,8 +20,7 @@ from torquebench.experiment.stored import StoredRun, load_run
 from torquebench.laws.plugin import load_plugin
 from torquebench.report.render import PAGE, Picture
 from torquebench.report.run_page import comparison_page, run_page
-from torquebench.sweep.run import refuse_others
-from torquebench.sweep.store import PLAN, opened
+from torquebench.sweep.folder import PLAN, open_sweep, verify
 
 FILM = "video.mp4"
 
@@ -76,12 +75,12 @@ def report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
     Raises:
         ConfigError: the sweep is not finished, or cannot be read.
     """
-    stored = opened(folder, tuple(path.absolute() for path in plugins), "RUN")
+    stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN")
     if not stored.finished:
         message = f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it"
         raise ConfigError([Problem("RUN", "", message)])
     try:
-        refuse_others(stored)
+        verify(stored)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
     add_to_run(folder, dict(report_files(stored, figures=True)))

@@ -12,16 +12,15 @@ from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.sweep_schema import Worst
 from torquebench.report.tables import headlines, number
 from torquebench.sim.trajectory import Outcome
-from torquebench.sweep.results import read_column
+from torquebench.sweep.folder import StoredSweep, read_column
 from torquebench.sweep.run import worst_rows
-from torquebench.sweep.store import Stored
 
 Outcomes: TypeAlias = Mapping[str, Mapping[str, int]]
 """Controller -> how its runs ended -> how many did."""
 COMPLETED = Outcome.COMPLETED.name
 
 
-def summary(stored: Stored, told: Mapping[str, Any]) -> str:
+def summary(stored: StoredSweep, told: Mapping[str, Any]) -> str:
     """Return the table of what came out: of each controller the runs that completed, and means of its metrics.
 
     Args:
@@ -37,7 +36,7 @@ def summary(stored: Stored, told: Mapping[str, Any]) -> str:
     return f"{stored.plan.first.name}: means of the runs that completed\n\n{table(header, rows)}"
 
 
-def worst(stored: Stored) -> list[int | None]:
+def worst(stored: StoredSweep) -> list[int | None]:
     """Return the row of each controller's worst run, by RMSE; None where none ran.
 
     Args:
@@ -48,7 +47,7 @@ def worst(stored: Stored) -> list[int | None]:
     return [found.get(i) for i in range(count)]
 
 
-def means(stored: Stored, key: str) -> list[float | None]:
+def means(stored: StoredSweep, key: str) -> list[float | None]:
     """Return the mean of a metric over each controller's runs that have it; a row's controller follows from it.
 
     Args:
@@ -63,7 +62,7 @@ def means(stored: Stored, key: str) -> list[float | None]:
     return found
 
 
-def facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
+def facts(stored: StoredSweep, outcomes: Outcomes) -> dict[str, Any]:
     """Return what ``--json`` says of a finished sweep: its size, how its runs ended, and means in SI units.
 
     Args:
@@ -86,7 +85,7 @@ def facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
     return {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows, "controllers": found}
 
 
-def unexpected(stored: Stored, outcomes: Outcomes) -> bool:
+def unexpected(stored: StoredSweep, outcomes: Outcomes) -> bool:
     """Name the controllers of which a run ended otherwise than the file expects; return whether there are any.
 
     Args:

@@ -5,25 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
 from torquebench.cli.conditions import conditions_text
 from torquebench.cli.terminal import progress_bar, warn
 from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import json_bytes, machine
 from torquebench.report.render import PAGE
 from torquebench.report.sweep_page import SweepInfo, sweep_page
-from torquebench.sweep.columns import Table, metric_keys
-from torquebench.sweep.results import TABLE
+from torquebench.sweep.folder import TABLE, StoredSweep
 from torquebench.sweep.sensitivity import Sensitivity, sensitivities
-from torquebench.sweep.store import Stored
 from torquebench.sweep.summary import summarise
+from torquebench.sweep.table import Table, metric_keys, read_table
 
 MOST_ROWS = 2_000_000
 """Rows up to which the table is looked at as a whole, in memory."""
 
 
-def report_files(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
+def report_files(stored: StoredSweep, figures: bool) -> Iterator[tuple[str, bytes]]:
     """Yield name and content of every file about a sweep's table; the same table gives the same bytes.
 
     Args:
@@ -34,8 +31,7 @@ def report_files(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
     if plan.rows > MOST_ROWS:
         warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
         return
-    with np.load(stored.folder / TABLE, allow_pickle=False) as archive:
-        table: Table = {name: archive[name] for name in archive.files}
+    table = read_table(stored.folder / TABLE)
     yield "summary.json", json_bytes(summarise(table).to_json())
     with progress_bar(0, "draw", "what the figures depend on"):
         found = dependences(stored, table)
@@ -49,7 +45,7 @@ def report_files(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
     yield PAGE, sweep_page(table, info, svgs, found)
 
 
-def dependences(stored: Stored, table: Table) -> list[Sensitivity]:
+def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
     """Return what every metric depends on, where constants of the model or keys are drawn."""
     plan = stored.plan
     drawn_keys = any(random.choices is None for random in plan.keys.random)
@@ -78,7 +74,7 @@ def drawn(info: SweepInfo, table: Table, found: list[Sensitivity]) -> Iterator[t
             bar.update(1)
 
 
-def info_of(stored: Stored) -> SweepInfo:
+def info_of(stored: StoredSweep) -> SweepInfo:
     """Return what the page tells of a sweep besides its table."""
     plan = stored.plan
     facts: dict[str, Any] = {key: stored.facts[key] for key in ("digest", "software", "plugins", "model_files")}
@@ -94,7 +90,7 @@ def info_of(stored: Stored) -> SweepInfo:
     )
 
 
-def workload_text(stored: Stored) -> str:
+def workload_text(stored: StoredSweep) -> str:
     """Return how much was run, in words."""
     plan = stored.plan
     words = ((plan.cases, "case"), (plan.draws, "draw"), (len(plan.controllers), "controller"))

@@ -18,7 +18,7 @@ from torquebench.report.sweep_tables import (
     silent_text,
 )
 from torquebench.report.tables import headlines
-from torquebench.sweep.columns import INFO, Table
+from torquebench.sweep.table import INFO, Table
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Group, Summary, summarise
 
