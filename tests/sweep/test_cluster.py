@@ -217,7 +217,7 @@ def test_the_one_worker_that_differs_is_named(cluster):
     name = next(iter(client.nthreads()))
 
     def alter(text: str) -> str:
-        
+
         from torquebench.sweep import cluster
 
         before, cluster._SOURCE = cluster._SOURCE, text

@@ -14,8 +14,8 @@ from torquebench.analysis.spread_page import spread_page
 from torquebench.analysis.sweep_front import front_of
 from torquebench.analysis.sweep_parts import TURNS, key_values
 from torquebench.experiment.units import joint_units
-from torquebench.sweep.table import INFO, Table, check_table, grid_keys, metric_keys
 from torquebench.sweep.sensitivity import Sensitivity
+from torquebench.sweep.table import INFO, Table, check_table, grid_keys, metric_keys
 
 SHOWN = ("rmse", "hf")
 """Metrics that figures show: error against chattering."""

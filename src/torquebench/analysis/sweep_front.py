@@ -8,6 +8,7 @@ from typing import NamedTuple
 from torquebench.analysis.front_page import Spot
 from torquebench.analysis.sweep_parts import key_label, key_values, law_name, value_text
 from torquebench.statistics import Ratio, undominated
+from torquebench.sweep.summary import level
 from torquebench.sweep.table import (
     Rows,
     Table,
@@ -15,10 +16,9 @@ from torquebench.sweep.table import (
     controllers,
     grid_keys,
     metric_keys,
-    rows_by,
     row_values,
+    rows_by,
 )
-from torquebench.sweep.summary import level
 
 CHOSEN = ("controllers.", "run.control_period")
 """How keys begin that a designer chooses; the others are conditions that a law has to cope with."""

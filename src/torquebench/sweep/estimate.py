@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from torquebench.experiment.sweep_schema import Worst
 from torquebench.sweep.checking import Survey
-from torquebench.sweep.table import empty_columns
 from torquebench.sweep.plan import Plan
+from torquebench.sweep.table import empty_columns
 from torquebench.sweep.worker import Worker
 
 SHARD_STEPS = 250_000

@@ -182,7 +182,11 @@ def worst_rows(stored: StoredSweep, keep: Worst) -> list[int]:
         stored: The sweep, with its final table.
         keep: How many, and by which metric.
     """
-    count, failed_at, value = len(stored.plan.controllers), read_column(stored, "failed_at"), read_column(stored, keep.by)
+    count, failed_at, value = (
+        len(stored.plan.controllers),
+        read_column(stored, "failed_at"),
+        read_column(stored, keep.by),
+    )
     badness = np.where(np.isnan(value), np.inf, -value if keep.by in HIGHER else value)
     early = np.where(np.isnan(failed_at), np.inf, failed_at)
     order = np.lexsort((np.arange(len(value)), -badness, early))

@@ -18,8 +18,8 @@ from torquebench.robot.model import CLOSED_FORM
 from torquebench.robot.puma560.constants import fitted_constants
 from torquebench.robot.puma560.puma import puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS
-from torquebench.sweep.table import Rows, Table, check_table, controllers, finished, grid_keys, rows_by, varied_keys
 from torquebench.sweep.effects import Effects, effects_on, ranked, ranks
+from torquebench.sweep.table import Rows, Table, check_table, controllers, finished, grid_keys, rows_by, varied_keys
 
 MOST_DRAWS = 1000
 """Draws that are looked at: beyond these an effect that is still unseen is too small to matter."""
