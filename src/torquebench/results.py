@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from torquebench.errors import ResultError, did_you_mean
+from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
-from torquebench.experiment.dump import dump_tree
+from torquebench.experiment.dump import dump_experiment, dump_tree
 from torquebench.experiment.folder import read_result, write_experiment, write_trajectory
 from torquebench.experiment.load import load_experiment as load_file
 from torquebench.experiment.load import parse_experiment
@@ -20,7 +20,6 @@ from torquebench.experiment.store import RunDirectory, atomic_write, claim_folde
 from torquebench.experiment.units import joint_units
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
-from torquebench.plain import plain
 from torquebench.report.run import run_figures, stored_page, write_run
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table
@@ -61,15 +60,60 @@ def load_experiment(source: Source, changes: Mapping[str, Any] | None = None) ->
     Raises:
         ConfigError: there is no such config, or it has mistakes; all of them at once, with their places.
     """
-    edits = [f"{key}={as_yaml(value)}" for key, value in (changes or {}).items()]
+    edits = edits_of(changes or {})
     if isinstance(source, Mapping):
-        return parse_experiment(dump_tree(plain(dict(source))), "experiment", edits)
+        return parse_experiment(dump_tree(tree_of(source)), "experiment", edits)
     return load_file(find_config(str(source)), edits)
 
 
-def as_yaml(value: Any) -> str:
-    """Return a value, be it of numpy, as YAML on one line."""
-    return json.dumps(plain(value), allow_nan=False)
+def tree_of(keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return keys of a config, which may hold arrays and paths, as plain values.
+
+    Raises:
+        ConfigError: a value is nothing that YAML can hold.
+    """
+    try:
+        tree: dict[str, Any] = json.loads(json.dumps(keys, default=_plain, allow_nan=False))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ConfigError([Problem("experiment", "", f"cannot be written as YAML ({error})")]) from error
+    return tree
+
+
+def change(experiment: Experiment, changes: Mapping[str, Any]) -> Experiment:
+    """Return an experiment with some keys changed.
+
+    Args:
+        experiment: The experiment.
+        changes: Dotted key, as for ``--set``, -> value: ``{"run.duration": 2, "controllers.band.gains.phi": 0.1}``.
+
+    Raises:
+        ConfigError: a key does not exist, or a value does not go with the rest.
+    """
+    return parse_experiment(dump_experiment(experiment), experiment.name, edits_of(changes))
+
+
+def edits_of(changes: Mapping[str, Any]) -> list[str]:
+    """Return changed keys as edits ``key=value``, the value as YAML.
+
+    Raises:
+        ConfigError: a value is nothing that YAML can hold.
+    """
+    edits = []
+    for key, value in changes.items():
+        try:
+            edits.append(f"{key}={json.dumps(value, default=_plain, allow_nan=False)}")
+        except (TypeError, ValueError) as error:
+            raise ConfigError([Problem("changes", str(key), f"got {value!r}, wanted a value for a config")]) from error
+    return edits
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold for an array or a number of numpy, or a path."""
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} is no value of a config")
 
 
 def run_experiment(
@@ -137,9 +181,7 @@ class Result:
         folder: Where it is stored; None if it is not.
     """
 
-    def __init__(
-        self, numbers: ExperimentResult, plugins: Sequence[Path] = (), folder: Path | None = None
-    ) -> None:
+    def __init__(self, numbers: ExperimentResult, plugins: Sequence[Path] = (), folder: Path | None = None) -> None:
         self.numbers = numbers
         """Metrics as objects, and everything else that reports are made of."""
         self.plugins = tuple(plugins)
@@ -190,9 +232,7 @@ class Result:
         import pandas as pd
 
         names = list(self.numbers.runs)
-        rows = [
-            {key: _float(one.value) for key, one in _metrics(self.numbers, name).items()} for name in names
-        ]
+        rows = [{key: _float(one.value) for key, one in _metrics(self.numbers, name).items()} for name in names]
         table = pd.DataFrame(rows, index=pd.Index(names, name="controller"), columns=list(self._units), dtype=float)
         table.attrs["units"] = self._units
         return table

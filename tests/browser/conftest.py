@@ -9,7 +9,7 @@ import pytest
 from tests.browser import chromium
 from tests.browser.chromium import WEBGL, Chromium, Page
 from torquebench.analysis import style
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.laws import base
 
 CONFIG = """\

@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.cli.paper import claims_table
 from torquebench.experiment.store import check_run
 from torquebench.paper.claims import claims

@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import pytest
 
 from tests.cli.conftest import QUICK
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import add_to_run, check_run
 from torquebench.report.run_page import differences
 from torquebench.robot.library import data_root

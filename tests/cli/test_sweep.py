@@ -20,7 +20,7 @@ import pytest
 
 from tests.sweep.examples import BASE, SMALL, user_law
 from torquebench import load_trajectory
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.metrics import METRICS
 from torquebench.sweep.folder import open_sweep

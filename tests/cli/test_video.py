@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from tests.cli.conftest import QUICK
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.video.settings import FPS
 
