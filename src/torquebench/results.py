@@ -24,7 +24,7 @@ from torquebench.report.run import run_figures, stored_page, write_run
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table
 from torquebench.shipped import find_config
-from torquebench.sim.loop import PathName
+from torquebench.sim.session import PathName
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 if TYPE_CHECKING:
