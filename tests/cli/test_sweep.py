@@ -23,8 +23,8 @@ from torquebench import load_trajectory
 from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.metrics import METRICS
+from torquebench.sweep.folder import open_sweep
 from torquebench.sweep.run import state_of
-from torquebench.sweep.store import opened
 
 THREADS = ("--executor", "threads", "--workers", "2", "--no-figures")
 
@@ -434,7 +434,7 @@ def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
     while alive(run.pid):  # the last helper of multiprocessing ends when it notices that it is alone
         time.sleep(0.01)
     assert not Path("s/manifest.json").exists()
-    state = state_of(opened(Path("s"), (), "--resume"))
+    state = state_of(open_sweep(Path("s"), (), "--resume"))
     assert len(state.complete) >= 1
     assert state.damaged == frozenset()
 

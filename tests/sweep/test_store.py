@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from tests.sweep.examples import SMALL, plan_of
-from torquebench.sweep.columns import Table
-from torquebench.sweep.form import empty_columns
-from torquebench.sweep.shards import Shards
+from torquebench.sweep.folder import Shards
+from torquebench.sweep.table import Columns, empty_columns
 
 
 @pytest.fixture
-def table() -> Table:
+def table() -> Columns:
     """A table of eight rows with something in every column."""
     columns = empty_columns(plan_of(SMALL), 8)
     rng = np.random.default_rng(0)
@@ -26,7 +25,7 @@ def table() -> Table:
     return columns
 
 
-def test_a_shard_comes_back_as_it_was_written(tmp_path: Path, table: Table) -> None:
+def test_a_shard_comes_back_as_it_was_written(tmp_path: Path, table: Columns) -> None:
     """Columns, their order, types and bytes; and nothing but the file of its name is left in the folder."""
     shards = Shards(tmp_path, "d" * 64)
     shards.write(3, table)
@@ -39,7 +38,7 @@ def test_a_shard_comes_back_as_it_was_written(tmp_path: Path, table: Table) -> N
     assert shards.complete(6) == ({3}, set())
 
 
-def test_a_shard_with_any_byte_altered_is_not_accepted(tmp_path: Path, table: Table) -> None:
+def test_a_shard_with_any_byte_altered_is_not_accepted(tmp_path: Path, table: Columns) -> None:
     """A flipped bit anywhere in header or content, a file cut off anywhere, or one with more at its end."""
     shards = Shards(tmp_path, "d" * 64)
     shards.write(0, table)
@@ -56,7 +55,7 @@ def test_a_shard_with_any_byte_altered_is_not_accepted(tmp_path: Path, table: Ta
     assert shards.complete(1) == ({0}, set())
 
 
-def test_a_shard_of_another_plan_or_number_is_not_accepted(tmp_path: Path, table: Table) -> None:
+def test_a_shard_of_another_plan_or_number_is_not_accepted(tmp_path: Path, table: Columns) -> None:
     """A file is that of one shard of one plan: copied elsewhere it does not count."""
     shards = Shards(tmp_path, "d" * 64)
     shards.write(0, table)
@@ -66,7 +65,7 @@ def test_a_shard_of_another_plan_or_number_is_not_accepted(tmp_path: Path, table
     assert shards.read(2) is None
 
 
-def test_equal_tables_are_equal_files(tmp_path: Path, table: Table) -> None:
+def test_equal_tables_are_equal_files(tmp_path: Path, table: Columns) -> None:
     """No time or name of the machine gets into a shard."""
     for name in ("a", "b"):
         (tmp_path / name).mkdir()

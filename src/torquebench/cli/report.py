@@ -31,7 +31,7 @@ def report(runs: Sequence[Path], out: Path | None, redraw: bool, plugin: Sequenc
     from torquebench.experiment.store import atomic_write
     from torquebench.laws.plugin import load_plugin
     from torquebench.report.run import compare_page, rewrite_page, stored_page
-    from torquebench.sweep.store import PLAN
+    from torquebench.sweep.folder import PLAN
 
     for file in plugin:
         load_plugin(file)
@@ -72,14 +72,13 @@ def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
     """Make summary, figures and page of a finished sweep again from its table."""
     from torquebench.experiment.store import add_to_run
     from torquebench.report.render import PAGE
-    from torquebench.sweep.run import refuse_others
-    from torquebench.sweep.store import opened
+    from torquebench.sweep.folder import open_sweep, verify
 
-    stored = opened(folder, tuple(path.absolute() for path in plugins), "RUN")
+    stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN")
     if not stored.finished:
         refuse([("RUN", f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it")])
     try:
-        refuse_others(stored)
+        verify(stored)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
     add_to_run(folder, dict(report_with_bar(stored, figures=True)))

@@ -97,9 +97,9 @@ def _check_options(config: Path | None, from_sweep: Path | None, index: int | No
 
 def _row_of_sweep(folder: Path, index: int, plugin: Sequence[Path]) -> Experiment:
     """Return the experiment that a sweep's row is."""
-    from torquebench.sweep.store import opened
+    from torquebench.sweep.folder import open_sweep
 
-    plan = opened(folder, tuple(plugin), "--from-sweep").plan
+    plan = open_sweep(folder, tuple(plugin), "--from-sweep").plan
     if index >= plan.rows:
         refuse([("--index", f"got {index}, wanted 0 to {plan.rows - 1}")])
     return plan.experiment_of(plan.row(index))

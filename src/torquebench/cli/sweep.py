@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from torquebench.sweep.checking import Survey
     from torquebench.sweep.estimate import Estimate
     from torquebench.sweep.executors import Executor
+    from torquebench.sweep.folder import StoredSweep
     from torquebench.sweep.plan import Plan, Source
     from torquebench.sweep.run import State
-    from torquebench.sweep.store import Stored
 
 FAR_TOO_MANY = 3
 """How many times the cap is refused before anything is checked: to check so many draws takes long too."""
@@ -104,14 +104,14 @@ def sweep(**given: Any) -> int:
     return 1 if wrong else 0
 
 
-def _start(options: Options) -> Stored | None:
+def _start(options: Options) -> StoredSweep | None:
     """Check, estimate and run a sweep; None if only the estimate is wanted."""
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.sweep.checking import check_plan
     from torquebench.sweep.estimate import MOST_STEPS, shard_size
+    from torquebench.sweep.folder import create_sweep
     from torquebench.sweep.plan import Plan
     from torquebench.sweep.run import state_of
-    from torquebench.sweep.store import begin
 
     plan = Plan(_source(options))
     steps = plan.rows * plan.first.n_steps
@@ -129,25 +129,25 @@ def _start(options: Options) -> Stored | None:
             return None
         _prepare(executor, plan.source)
         directory = RunDirectory(claim_folder(options.out, plan.first.name))
-        stored = begin(directory, plan, shard_size(plan, survey))
+        stored = create_sweep(directory, plan, shard_size(plan, survey))
         _run_rest(stored, state_of(stored), executor, options)
     return stored
 
 
-def _resume(options: Options, folder: Path) -> Stored:
+def _resume(options: Options, folder: Path) -> StoredSweep:
     """Run what is missing of a stored sweep, which the file, if one is given, must still describe."""
     from torquebench.sweep.checking import check_plan
+    from torquebench.sweep.folder import open_sweep, refuse_changes, verify
     from torquebench.sweep.plan import Plan
-    from torquebench.sweep.run import refuse_others, state_of
-    from torquebench.sweep.store import opened, refuse_changes
+    from torquebench.sweep.run import state_of
 
-    stored = opened(folder, tuple(options.plugin), "--resume")
+    stored = open_sweep(folder, tuple(options.plugin), "--resume")
     if options.config is not None:
         plan = Plan(_source(options))
         check_plan(plan)
         refuse_changes(stored, plan, "--resume")
     if stored.finished:
-        refuse_others(stored)
+        verify(stored)
     state = state_of(stored)
     damaged, there = len(state.damaged), f"{len(state.complete)} of {stored.shards} shards are there"
     if stored.finished:
@@ -197,11 +197,11 @@ def _executor(options: Options) -> Iterator[Executor]:
         count = options.workers or os.cpu_count() or 1
         yield Threads(count) if options.executor == "threads" else Processes(count)
         return
-    from torquebench.sweep.cluster import opened
+    from torquebench.sweep.cluster import open_cluster
 
     with contextlib.ExitStack() as stack:
         with progress_bar(0, "worker", f"waiting for the cluster {options.cluster}"):
-            cluster = stack.enter_context(opened(options.cluster))
+            cluster = stack.enter_context(open_cluster(options.cluster))
         say(str(cluster))
         yield cluster
 
@@ -212,16 +212,16 @@ def _prepare(executor: Executor, source: Source) -> None:
         executor.prepare(source)
 
 
-def _run_rest(stored: Stored, state: State, executor: Executor, options: Options) -> None:
+def _run_rest(stored: StoredSweep, state: State, executor: Executor, options: Options) -> None:
     """Run what is missing and write the tables; if something comes in between, the error says how to go on."""
     from torquebench.report.sweep import MOST_ROWS
+    from torquebench.sweep.folder import lock_folder
     from torquebench.sweep.run import conclude, rows_in, run_missing
-    from torquebench.sweep.store import alone
 
     done = sum(rows_in(stored, shard) for shard in state.complete)
     ran = 0
     try:
-        with alone(stored), progress_bar(stored.plan.rows, "run", "running", done) as bar:
+        with lock_folder(stored), progress_bar(stored.plan.rows, "run", "running", done) as bar:
 
             def report(rows: int) -> None:
                 nonlocal ran
@@ -240,7 +240,7 @@ def _run_rest(stored: Stored, state: State, executor: Executor, options: Options
     say(f"{ran} shards run, {len(state.complete)} were there")
 
 
-def report_with_bar(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
+def report_with_bar(stored: StoredSweep, figures: bool) -> Iterator[tuple[str, bytes]]:
     """Yield name and content of the files about a sweep's table, with a progress bar.
 
     Args:
@@ -253,14 +253,14 @@ def report_with_bar(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]
         yield from report_files(stored, figures, following(bar))
 
 
-def _resume_hint(stored: Stored, options: Options) -> str:
+def _resume_hint(stored: StoredSweep, options: Options) -> str:
     """Return what to type to go on."""
     words = ["torquebench", "sweep", "--resume", str(stored.folder)]
     words += [word for plugin in options.plugin for word in ("--plugin", str(plugin))]
     return f"what is stored is kept, go on with: {shlex.join(words)}"
 
 
-def _summary(stored: Stored, facts: Mapping[str, Any]) -> str:
+def _summary(stored: StoredSweep, facts: Mapping[str, Any]) -> str:
     """Return the table of what came out: of each controller the runs that completed, and means of its metrics."""
     from torquebench.experiment.schema import slide_joints
     from torquebench.report.tables import headlines, number

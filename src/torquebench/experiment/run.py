@@ -22,8 +22,7 @@ from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
 from torquebench.robot.bodies import FACTORS, links_in
 from torquebench.robot.model import SLIDE
 from torquebench.robot.puma560.symbols import CONSTANTS
-from torquebench.sim.batch import Trial, run_trial
-from torquebench.sim.loop import Controller, PathName
+from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
 
 Progress: TypeAlias = Callable[[str, int, int], None]
@@ -202,13 +201,13 @@ def run_experiment(
         ModelError: a model cannot be used.
     """
     loop = build(experiment) if loop is None else loop
-    runs: dict[str, Trajectory] = {}
+    session, runs = Session(), dict[str, Trajectory]()
     metrics: dict[str, Metrics] = {}
     whole = experiment.n_steps * len(experiment.controllers)
     for before, (keys, controller) in enumerate(zip(experiment.controllers, loop.controllers, strict=True)):
         name = controller.name
         step = None if progress is None else _counted(progress, name, before * experiment.n_steps, whole)
-        runs[name] = run_trial(loop.plant, trial_of(experiment, loop, controller), path, progress=step)
+        runs[name] = session.run(loop.plant, trial_of(experiment, loop, controller), path, progress=step)
         if finished is not None:
             finished(name, runs[name])
         if runs[name].completed:
@@ -245,13 +244,12 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
     )
 
 
-def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Trial:
+def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:
     """Return what one controller of an experiment is run with."""
-    return Trial(
+    return SampledTrial(
         controller,
         loop.model,
         loop.reference,
-        experiment.run.duration,
         experiment.run.control_period,
         build_chain(experiment.chain),
         loop.position_noise,

@@ -18,9 +18,9 @@ from torquebench.report.sweep_tables import (
     silent_text,
 )
 from torquebench.report.tables import headlines
-from torquebench.sweep.columns import INFO, Table
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Group, Summary, summarise
+from torquebench.sweep.table import INFO, Table
 
 MOST_CASES = 64
 """Cases whose tables are shown."""
