@@ -6,7 +6,8 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from torquebench.cli.app import Number, command, option
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Number, option
 from torquebench.cli.terminal import progress_bar, say, table, tell
 
 if TYPE_CHECKING:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from torquebench.cli.app import File, argument, command, option
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, argument, option
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean
 

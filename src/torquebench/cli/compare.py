@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from torquebench.cli.app import File, Number, argument, command, option
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, Number, argument, option
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 

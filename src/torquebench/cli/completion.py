@@ -17,7 +17,8 @@ from click.shell_completion import (
     split_arg_string,
 )
 
-from torquebench.cli.app import ENVIRONMENT, PROGRAM, Choice, app, argument, command, option
+from torquebench.cli.app import ENVIRONMENT, PROGRAM, app, command
+from torquebench.cli.parameters import Choice, argument, option
 from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem
 from torquebench.shipped import config_keys, find_config

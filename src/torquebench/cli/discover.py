@@ -11,7 +11,8 @@ import click
 from click.shell_completion import CompletionItem
 
 import torquebench
-from torquebench.cli.app import argument, command, plugins
+from torquebench.cli.app import command
+from torquebench.cli.parameters import argument, plugins
 from torquebench.cli.terminal import say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean
 from torquebench.shipped import configs as shipped_configs

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from torquebench.cli.app import Config, argument, command, option, out_folder, plugins
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Config, argument, option, out_folder, plugins
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean
 from torquebench.shipped import find_config

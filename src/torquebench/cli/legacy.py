@@ -9,16 +9,8 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from torquebench.cli.app import (
-    File,
-    Words,
-    argument,
-    command,
-    option,
-    out_file,
-    out_folder,
-    workers,
-)
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, Words, argument, option, out_file, out_folder, workers
 
 
 def _size(_context: click.Context, _parameter: click.Parameter, value: str) -> tuple[int, int]:

@@ -1,5 +1,5 @@
 """What other files take from here until they are converted."""
 
-from torquebench.cli.app import check_out
+from torquebench.cli.parameters import check_out
 
 __all__ = ["check_out"]

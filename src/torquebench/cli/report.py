@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from torquebench.cli.app import File, argument, check_out, command, option, out_file, plugins, refuse
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, argument, check_out, option, out_file, plugins, refuse
 from torquebench.cli.run import summary
 from torquebench.cli.run_folder import read_run
 from torquebench.cli.sweep import report_with_bar

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from torquebench.cli.app import Config, File, Number, argument, command, option, out_folder, plugins, refuse, settings
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Config, File, Number, argument, option, out_folder, plugins, refuse, settings
 from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, warn
 
 if TYPE_CHECKING:

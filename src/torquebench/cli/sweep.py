@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from torquebench.cli.app import Choice, Config, File, argument, command, option, out_folder, plugins, refuse, settings
-from torquebench.cli.app import workers as workers_option
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Choice, Config, File, argument, option, out_folder, plugins, refuse, settings
+from torquebench.cli.parameters import workers as workers_option
 from torquebench.cli.terminal import complain, following, progress_bar, say, table, tell, warn
 from torquebench.errors import ResultError, TorquebenchError
 
