@@ -57,15 +57,16 @@ HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 class Command(click.Command):
     """A command: its mistakes come all at once, it has the options of `SHARED`, and its help ends with an example."""
 
-    def __init__(self, *args: Any, example: str = "", **more: Any) -> None:
+    def __init__(self, name: str | None, *, example: str = "", **more: Any) -> None:
         """Add the shared options.
 
         Args:
             *args: For click.
+            name: Its name.
             example: The last line of the help.
             **more: For click.
         """
-        super().__init__(*args, context_settings=HELP, **more)
+        super().__init__(name, context_settings=HELP, **more)
         self.example = example
         for name, (flags, text) in SHARED.items():
             keep = functools.partial(_keep, name)
