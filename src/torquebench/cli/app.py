@@ -46,7 +46,7 @@ COMMANDS = {
 
 SHARED = {
     "quiet": (["-q", "--quiet"], "errors and nothing else; the exit status says the rest"),
-    "verbose": (["-v", "--verbose"], "more: the traceback of an error"),
+    "verbose": (["-v", "--verbose"], "say more: the traceback of an error"),
     "as_json": (["--json"], "print one JSON document and nothing else"),
 }
 """What every command has, besides ``--help``: field of `Voice` -> option and help."""
@@ -358,8 +358,6 @@ def guarded(work: Callable[[], int], ending: Ending) -> int:
         sys.stdout = None  # nobody reads it any more; the interpreter must not complain when it closes it
         return INTERNAL
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  the last resort: one line, and where to look
-        if voice().verbose:
-            complain("".join(traceback.format_exception(error)).rstrip())
         return _ended(error, ending)
 
 
@@ -376,6 +374,8 @@ def _ended(error: BaseException, ending: Ending) -> int:
         for problem in error.problems:
             complain(str(problem))
         return BAD_INPUT
+    if voice().verbose:
+        complain("".join(traceback.format_exception(error)).rstrip())
     if isinstance(error, TorquebenchError | OSError):
         ending.error = str(error)
         complain(f"torquebench: {error}")

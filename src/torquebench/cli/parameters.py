@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import math
 import os
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -77,21 +77,20 @@ class Number(click.ParamType[float]):
 
     name = "number"
 
-    def __init__(self, cast: type[int] | type[float], low: float, high: float | None = None) -> None:
-        """Take numbers from `low` to `high`, whole ones if `cast` is int."""
+    def __init__(self, cast: type[int] | type[float], low: float | None = None, high: float | None = None) -> None:
+        """Take numbers from `low`, any if it is None, to `high`; whole ones if `cast` is int."""
         self.cast, self.low, self.high = cast, low, high
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number."""
-        what = "a whole number" if self.cast is int else "a number"
-        span = f"{what}, {self.low} or more" if self.high is None else f"{what}, {self.low} to {self.high}"
+        span = f"{self.low} or more" if self.high is None else f"{self.low} to {self.high}"
         try:
             number = self.cast(value)
         except ValueError:
-            number = math.nan
-        if not (math.isfinite(number) and self.low <= number <= (math.inf if self.high is None else self.high)):
-            shown = f"'{value}'" if math.isnan(number) else value
-            self.fail(f"got {shown}, wanted {span}", param, ctx)
+            what = "a whole number" if self.cast is int else "a number"
+            self.fail(f"got '{value}', wanted {what}{f', {span}' if self.low is not None else ''}", param, ctx)
+        if self.low is not None and not self.low <= number <= (sys.float_info.max if self.high is None else self.high):
+            self.fail(f"got {value}, wanted {span}", param, ctx)
         return number
 
 
