@@ -7,7 +7,7 @@ import pytest
 from tests.video.films import camera_of_scene, pixel, tool_mark
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.sim.trajectory import load_trajectory
-from torquebench.video.stored import read_footage
+from torquebench.video.film import read_footage
 from torquebench.view.replay import replay_json
 from torquebench.view.server import serve
 

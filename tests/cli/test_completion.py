@@ -16,7 +16,7 @@ from torquebench.cli.completion import commands_of
 from torquebench.cli.main import main, parser
 from torquebench.fuzzy import BUILTIN
 from torquebench.robot.library import data_root
-from torquebench.video.settings import QUALITIES
+from torquebench.video.job import QUALITIES
 
 LINES = {
     "torquebench bound": "boundary-layer",

@@ -13,8 +13,8 @@ from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import TorquebenchError
 from torquebench.experiment.store import PACKAGES, machine
 from torquebench.kernel_cache import cache_folder
-from torquebench.video.backends import STICK, advice, candidates, probe
 from torquebench.video.encode import ffmpeg_program
+from torquebench.video.opengl import STICK, advice, candidates, probe
 
 MORE_PACKAGES = ("scipy", "scikit-fuzzy", "jinja2", "tqdm", "imageio-ffmpeg")
 

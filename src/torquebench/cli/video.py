@@ -14,12 +14,11 @@ from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.store import add_to_run, atomic_write, check_run
 from torquebench.experiment.stored import StoredRun
 from torquebench.report.render import PAGE
-from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
-from torquebench.video.settings import Settings
-from torquebench.video.stored import Footage, model_changed, read_footage
+from torquebench.video.film import FILM, Film, keep_failure, keep_film, make_film, model_changed, read_footage
+from torquebench.video.job import Footage, Settings
 
-SHOWN = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
-"""What the table says of a film or a picture."""
+COLUMNS = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
+"""Facts of a film or a picture that the table shows."""
 
 
 def video(options: argparse.Namespace) -> int:
@@ -38,7 +37,7 @@ def video(options: argparse.Namespace) -> int:
     if options.still is not None and not options.still >= 0.0:
         raise ConfigError([Problem("--still", "", f"got {options.still:g}, wanted a time of the run [s]")])
     check_out(options.out)
-    check_ending(options.out, options.still is not None)
+    check_suffix(options.out, options.still is not None)
     manifest = read_run(options.run, "video", lambda folder: check_run(folder, leave_out=(FILM,)))
     footage = read_run(options.run, "video", lambda folder: read_footage(folder, options.controllers))
     if options.still is not None and options.still > footage.duration:
@@ -46,23 +45,24 @@ def video(options: argparse.Namespace) -> int:
         raise ConfigError([Problem("--still", "", message)])
     if model_changed(footage, manifest):
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; the film shows it as it is now")
-    made = film(footage, settings, options.gl, options.still)
+    film = draw(footage, settings, options.gl, options.still)
     if options.out is None:
-        path = keep_film(options.run, made)
+        path = keep_film(options.run, film)
     else:
         path = options.out
-        atomic_write(path, made.content)
-    announce(path, made)
-    shown = {key: made.facts[key] for key in SHOWN if key in made.facts}
-    say("\n" + table(list(shown), [[_text(value) for value in shown.values()]]))
+        atomic_write(path, film.content)
+    announce(path, film)
+    facts = {key: film.facts[key] for key in COLUMNS if key in film.facts}
+    cells = [" x ".join(map(str, x)) if isinstance(x, list | tuple) else str(x) for x in facts.values()]
+    say("\n" + table(list(facts), [cells]))
     return 0
 
 
-def check_ending(out: Path | None, picture: bool) -> None:
+def check_suffix(out: Path | None, picture: bool) -> None:
     """Refuse a file whose name promises another format than is written.
 
     Args:
-        out: The file; None for the film of the run's folder.
+        out: The file; None for the film in the run's folder.
         picture: Whether one picture is made, not a film.
 
     Raises:
@@ -75,19 +75,8 @@ def check_ending(out: Path | None, picture: bool) -> None:
         raise ConfigError([Problem("--out", "", message)])
 
 
-def _text(value: object) -> str:
-    return " x ".join(str(part) for part in value) if isinstance(value, list | tuple) else str(value)
-
-
-def film(footage: Footage, settings: Settings, gl: str | None, still: float | None = None) -> Made:
-    """Make a film, or one picture, with a progress bar.
-
-    Args:
-        footage: What it is made of.
-        settings: What it looks like.
-        gl: The user's MUJOCO_GL.
-        still: Time of the picture [s].
-    """
+def draw(footage: Footage, settings: Settings, gl: str | None, still: float | None = None) -> Film:
+    """Make a film, or one picture, with a progress bar; arguments as for `make_film`."""
     with progress_bar(0, "frame", "looking for what draws") as bar:
 
         def report(done: int, total: int) -> None:
@@ -98,20 +87,19 @@ def film(footage: Footage, settings: Settings, gl: str | None, still: float | No
         return make_film(footage, settings, gl, still=still, progress=report)
 
 
-def announce(path: Path, made: Made) -> None:
+def announce(path: Path, film: Film) -> None:
     """Say what was made, what drew it and why, and what to install for a better one."""
-    facts = made.facts
+    facts = film.facts
     tell(film=facts | {"file": path})
-    what = f"{facts['frames']} frames, {facts['seconds']:g} s" if "frames" in facts else f"t = {facts['at']:g} s"
-    say(
-        f"{'film' if 'frames' in facts else 'picture'}: {path} ({what}; drawn by {facts['backend']}: {facts['reason']})"
-    )
-    if made.advice:
-        warn(f"torquebench: drawn as a stick figure; for the whole arm: {made.advice}")
+    is_film = "frames" in facts
+    size = f"{facts['frames']} frames, {facts['seconds']:g} s" if is_film else f"t = {facts['at']:g} s"
+    say(f"{'film' if is_film else 'picture'}: {path} ({size}; drawn by {facts['backend']}: {facts['reason']})")
+    if film.advice:
+        warn(f"torquebench: drawn as a stick figure; for the whole arm: {film.advice}")
 
 
 def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
-    """Make the film that a run's config asks for, and show it on the run's page; a failure is told and recorded.
+    """Make the film that a run's config asks for, and show it on the run's page; report and record a failure.
 
     Args:
         result: The run, whose folder is finished.
@@ -122,10 +110,10 @@ def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
     if keys is None:
         return
     try:
-        made = film(read_footage(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
-        announce(keep_film(folder, made), made)
+        film = draw(read_footage(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
+        announce(keep_film(folder, film), film)
         add_to_run(folder, {PAGE: page_of(StoredRun(folder, result, check_run(folder)), redraw=False)})
-    except Exception as error:  # noqa: BLE001  whatever it is, the run stands as it is
+    except Exception as error:  # noqa: BLE001  whatever it is, the run is complete without its film
         tell(film={"failed": str(error)})
         complain(f"torquebench: the run is complete, its film failed: {error}")
         try:

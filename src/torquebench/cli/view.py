@@ -14,17 +14,14 @@ from torquebench.cli.terminal import answer, complain, say, tell, warn
 from torquebench.errors import ConfigError, Problem, VideoError
 from torquebench.experiment.store import check_run
 from torquebench.sim.trajectory import load_trajectory
-from torquebench.video.child import run_module
-from torquebench.video.job import Job
-from torquebench.video.settings import FASTEST, SLOWEST, Settings
-from torquebench.video.stored import Footage, model_changed, read_footage
+from torquebench.video.film import model_changed, read_footage
+from torquebench.video.job import FASTEST, SLOWEST, Footage, Job, Settings
+from torquebench.video.opengl import probe_window, run_module
 from torquebench.view.replay import replay_json
 from torquebench.view.server import HOST, serve
 
 SILENCE = 60.0
 """Longest time that the window's process may send nothing [s]."""
-TRIAL = 30.0
-"""Longest time that opening a hidden window may take [s]."""
 
 
 def view(options: argparse.Namespace) -> int:
@@ -74,14 +71,10 @@ def check_options(speed: float | None, port: int) -> None:
 
 def window_opens() -> bool:
     """Try to open a hidden window; if it fails, say why the browser is used instead."""
-    try:
-        reply = run_module("torquebench.view.display", "", "off", TRIAL)
-        opens, why = bool(reply.get("ok")), str(reply.get("why", ""))
-    except VideoError as error:
-        opens, why = False, f"its trial {error}"
-    if not opens:
+    why = probe_window()
+    if why:
         say(f"in the browser, as no window opens here ({why})")
-    return opens
+    return not why
 
 
 def show_window(footage: Footage, speed: float) -> bool:
@@ -91,7 +84,7 @@ def show_window(footage: Footage, speed: float) -> bool:
         footage: The run.
         speed: Simulated seconds shown in one second.
     """
-    job = Job(footage.model, footage.title, footage.shots, footage.control_period, Settings(speed=speed), "window", "")
+    job = Job(footage, Settings(speed=speed))
     say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")
     try:
         reply = run_module("torquebench.view.window", job.to_json(), "glfw", SILENCE)
