@@ -55,8 +55,8 @@ def findings(gl: str | None) -> dict[str, Any]:
     """
     from torquebench.experiment.store import PACKAGES, machine
     from torquebench.kernel_cache import cache_folder
-    from torquebench.video.backends import STICK, advice, candidates, probe
     from torquebench.video.encode import ffmpeg_program
+    from torquebench.video.opengl import STICK, advice, candidates, probe
 
     tried, names = [], candidates(gl)
     with progress_bar(len(names), "back end", "trying what draws") as bar:

@@ -7,8 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from torquebench.cli.colour import bad, good
-from torquebench.cli.terminal import progress_bar, say, table, tell
+from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.describe import conditions_text, noise_text
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes, machine, versions
