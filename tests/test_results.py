@@ -22,7 +22,7 @@ QUICK = {
         {"name": "band", "law": "linear-band-smc", "gains": {"lam": 10, "k": [0.3, 0.3], "phi": 0.3, "kv": 20}},
     ],
     "reference": {"kind": "sine", "amplitude": 1.0, "frequency_hz": 1.0},
-    "run": {"duration": 0.4, "metrics_from": 0.1},
+    "run": {"duration": 0.6, "metrics_from": 0.1},
 }
 LAW = '''
 from typing import Annotated, NamedTuple
@@ -147,11 +147,11 @@ def test_a_notebook_shows_tables_and_no_markup_of_the_config(result):
 
 def test_keys_can_be_changed(result):
     """By dotted keys with numbers, arrays and mappings; a key that does not exist is answered with the nearest."""
-    changed = tb.change(result.experiment, {"run.duration": 0.5, "controllers.band.gains.phi": np.array([0.1, 0.2])})
-    assert changed.run.duration == 0.5
+    changed = tb.change(result.experiment, {"run.duration": 0.7, "controllers.band.gains.phi": np.array([0.1, 0.2])})
+    assert changed.run.duration == 0.7
     assert changed.controllers[1].gains["phi"] == (0.1, 0.2)
-    assert result.experiment.run.duration == 0.4
-    assert tb.load_experiment(QUICK, {"run.duration": 0.5}).run.duration == 0.5
+    assert result.experiment.run.duration == 0.6
+    assert tb.load_experiment(QUICK, {"run.duration": 0.7}).run.duration == 0.7
     with pytest.raises(ConfigError, match="phi"):
         tb.change(result.experiment, {"controllers.band.gains.phii": 0.1})
     for value in (float("nan"), object(), 3j):
@@ -178,5 +178,5 @@ def test_progress_is_reported():
     """Steps of both controllers, up to all of them."""
     seen = []
     tb.run_experiment(QUICK, progress=lambda *told: seen.append(told))
-    assert seen[-1] == ("band", 800, 800)
-    assert all(done <= whole == 800 for _, done, whole in seen)
+    assert seen[-1] == ("band", 1200, 1200)
+    assert all(done <= whole == 1200 for _, done, whole in seen)
