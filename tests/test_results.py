@@ -147,16 +147,16 @@ def test_a_notebook_shows_tables_and_no_markup_of_the_config(result):
 
 def test_keys_can_be_changed(result):
     """By dotted keys with numbers, arrays and mappings; a key that does not exist is answered with the nearest."""
-    changed = tb.change(result.experiment, {"run.duration": 0.7, "controllers.band.gains.phi": np.array([0.1, 0.2])})
+    changed = result.experiment.with_({"run.duration": 0.7, "controllers.band.gains.phi": np.array([0.1, 0.2])})
     assert changed.run.duration == 0.7
     assert changed.controllers[1].gains["phi"] == (0.1, 0.2)
     assert result.experiment.run.duration == 0.6
     assert tb.load_experiment(QUICK, {"run.duration": 0.7}).run.duration == 0.7
     with pytest.raises(ConfigError, match="phi"):
-        tb.change(result.experiment, {"controllers.band.gains.phii": 0.1})
+        result.experiment.with_({"controllers.band.gains.phii": 0.1})
     for value in (float("nan"), object(), 3j):
         with pytest.raises(ConfigError, match="wanted a value for a config"):
-            tb.change(result.experiment, {"run.duration": value})
+            result.experiment.with_({"run.duration": value})
 
 
 @pytest.mark.parametrize("name", ["fig9-chattering", "paper/fig9-chattering"])

@@ -20,7 +20,6 @@ from torquebench.laws import law_names as law_names
 from torquebench.laws.plugin import load_plugin as load_plugin
 from torquebench.references import Reference as Reference
 from torquebench.results import Result as Result
-from torquebench.results import change as change
 from torquebench.results import load_experiment as load_experiment
 from torquebench.results import load_result as load_result
 from torquebench.results import run_experiment as run_experiment

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import html
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
+from torquebench.errors import ResultError, did_you_mean
 from torquebench.experiment import run as runs
-from torquebench.experiment.dump import dump_experiment, dump_tree
+from torquebench.experiment.change import edits_of, tree_of
+from torquebench.experiment.dump import dump_tree
 from torquebench.experiment.folder import read_result, write_experiment, write_trajectory
 from torquebench.experiment.load import load_experiment as load_file
 from torquebench.experiment.load import parse_experiment
@@ -55,7 +55,7 @@ def load_experiment(source: Source, changes: Mapping[str, Any] | None = None) ->
 
     Args:
         source: A YAML file, the name of a shipped config, or the keys of one as a mapping.
-        changes: Dotted key -> value, set before the check; see `change`.
+        changes: Dotted key -> value, set before the check, as of `Experiment.with_`.
 
     Raises:
         ConfigError: there is no such config, or it has mistakes; all of them at once, with their places.
@@ -64,56 +64,6 @@ def load_experiment(source: Source, changes: Mapping[str, Any] | None = None) ->
     if isinstance(source, Mapping):
         return parse_experiment(dump_tree(tree_of(source)), "experiment", edits)
     return load_file(find_config(str(source)), edits)
-
-
-def tree_of(keys: Mapping[str, Any]) -> dict[str, Any]:
-    """Return keys of a config, which may hold arrays and paths, as plain values.
-
-    Raises:
-        ConfigError: a value is nothing that YAML can hold.
-    """
-    try:
-        tree: dict[str, Any] = json.loads(json.dumps(keys, default=_plain, allow_nan=False))
-    except (TypeError, ValueError, RecursionError) as error:
-        raise ConfigError([Problem("experiment", "", f"cannot be written as YAML ({error})")]) from error
-    return tree
-
-
-def change(experiment: Experiment, changes: Mapping[str, Any]) -> Experiment:
-    """Return an experiment with some keys changed.
-
-    Args:
-        experiment: The experiment.
-        changes: Dotted key, as for ``--set``, -> value: ``{"run.duration": 2, "controllers.band.gains.phi": 0.1}``.
-
-    Raises:
-        ConfigError: a key does not exist, or a value does not go with the rest.
-    """
-    return parse_experiment(dump_experiment(experiment), experiment.name, edits_of(changes))
-
-
-def edits_of(changes: Mapping[str, Any]) -> list[str]:
-    """Return changed keys as edits ``key=value``, the value as YAML.
-
-    Raises:
-        ConfigError: a value is nothing that YAML can hold.
-    """
-    edits = []
-    for key, value in changes.items():
-        try:
-            edits.append(f"{key}={json.dumps(value, default=_plain, allow_nan=False)}")
-        except (TypeError, ValueError) as error:
-            raise ConfigError([Problem("changes", str(key), f"got {value!r}, wanted a value for a config")]) from error
-    return edits
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can hold for an array or a number of numpy, or a path."""
-    if isinstance(value, Path):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} is no value of a config")
 
 
 def run_experiment(

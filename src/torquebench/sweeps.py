@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
+from torquebench.experiment.change import edits_of, tree_of
 from torquebench.experiment.dump import dump_experiment, dump_tree
 from torquebench.experiment.load import SWEEP
 from torquebench.experiment.run import Progress
@@ -20,7 +21,6 @@ from torquebench.laws.plugin import load_plugin
 from torquebench.report.render import PAGE
 from torquebench.report.sweep import dependences, info_of, report_files
 from torquebench.results import Source as Config
-from torquebench.results import edits_of, tree_of
 from torquebench.shipped import find_config
 from torquebench.sweep import run as runs
 from torquebench.sweep.executors import Processes, Threads
