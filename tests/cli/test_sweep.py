@@ -437,6 +437,24 @@ def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
     assert state.damaged == frozenset()
 
 
+def test_the_processes_of_a_killed_sweep_end_too(small):
+    """SIGKILL of the command alone, which can clean nothing up, while its workers are in the middle of long shards."""
+    small.write_text(SMALL.replace("duration: 0.6", "duration: 3000"))
+    command = [sys.executable, "-m", "torquebench", "sweep", "small.yaml", "--out", "s", "--workers", "2", "--no-cap"]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    workers = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+    while len(workers.read_text().split()) < 3:  # two, and the helper of multiprocessing
+        assert run.poll() is None
+        time.sleep(0.01)
+    time.sleep(1.0)
+    run.kill()
+    run.wait()
+    end = time.monotonic() + 30.0
+    while alive(run.pid):
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
 def test_what_the_table_says_is_written_and_made_again_in_the_same_bytes(small, command):
     """Summary, what matters, figures and page are in the manifest; `report` makes them again from the table alone."""
     assert command("sweep", small, "--out", "s", *THREADS[:4])[0] == 0

@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,20 @@ def test_a_worker_that_is_told_to_stop_gives_up_its_shard() -> None:
     asked = iter([False, True])
     with pytest.raises(Stopped):
         run_shard(TASK, 0, lambda: next(asked))
+
+
+def test_closing_the_iterator_ends_the_processes() -> None:
+    """At once, although one has a shard of minutes in hand: no process and no thread is left."""
+    plan = plan_of(SMALL, "sweep.grid={run.duration: [0.6, 0.6, 3000]}", "sweep.draws=1")
+    threads = threading.active_count()
+    tables = Processes(1).run(Task(plan.source, 1), range(3))
+    next(tables)
+    next(tables)
+    start = time.perf_counter()
+    tables.close()  # type: ignore[attr-defined]
+    assert time.perf_counter() < start + 10.0
+    assert multiprocessing.active_children() == []
+    assert threading.active_count() == threads
 
 
 def test_a_process_that_dies_is_an_error(whole: dict[int, Columns]) -> None:
