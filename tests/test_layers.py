@@ -103,6 +103,7 @@ HOMES = {
     "llvmlite": {"packing_types.py", "sim/mujoco_library.py", "sim/native_calls.py"},
     "tqdm": {"cli/terminal.py"},
     "distributed": {"sweep/cluster.py"},
+    "pandas": {"sweep/table.py"},
     "dask": {"sweep/cluster.py"},
     "yaml": {"robot/links.py", "robot/puma560/constants.py", "experiment/yaml_tree.py", "experiment/dump.py"},
     "argparse": {

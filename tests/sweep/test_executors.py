@@ -101,8 +101,8 @@ def test_a_worker_that_is_told_to_stop_gives_up_its_shard() -> None:
 
 
 def test_closing_the_iterator_ends_the_processes() -> None:
-    """At once, although one has a shard of minutes in hand: no process and no thread is left."""
-    plan = plan_of(SMALL, "sweep.grid={run.duration: [0.6, 0.6, 3000]}", "sweep.draws=1")
+    """At once, although one has a shard of seconds in hand: no process and no thread is left."""
+    plan = plan_of(SMALL, "sweep.grid={run.duration: [0.6, 0.7, 100]}", "sweep.draws=1")
     threads = threading.active_count()
     tables = Processes(1).run(Task(plan.source, 1), range(3))
     next(tables)

@@ -155,7 +155,7 @@ def rows_by(table: Table, *columns: str) -> dict[tuple[Any, ...], Rows]:
         table: The table.
         columns: Names of columns.
     """
-    groups: dict[Any, Rows] = dict(table.groupby(list(columns), sort=False, dropna=False).indices)
+    groups: Any = table.groupby(list(columns), sort=False, dropna=False).indices
     ordered = sorted(groups.items(), key=lambda item: int(item[1][0]))
     return {key if isinstance(key, tuple) else (key,): rows for key, rows in ordered}
 
