@@ -44,7 +44,8 @@ def cache_folder() -> Path:
     It lies under ``NUMBA_CACHE_DIR`` if that is set, else in this package, else in the user's cache.
     """
     package = Path(__file__).resolve().parent
-    top = [f for f in package.glob("*.py") if f.name.startswith(("kernel", "packing")) or b"@kernel" in f.read_bytes()]
+    kernels = (*package.glob("*.py"), *package.glob("metrics/*.py"))
+    top = [f for f in kernels if f.name.startswith(("kernel", "packing")) or b"@kernel" in f.read_bytes()]
     sources = [*top, *(f for part in ("fuzzy", "robot", "laws", "sim") for f in (package / part).rglob("*.py"))]
     digest = hashlib.sha256()
     for source in sorted(sources):

@@ -65,7 +65,7 @@ def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Table]) -> No
         assert rows["outcome"][index] == "COMPLETED"
         assert math.isnan(rows["failed_at"][index])
         for info in METRICS:
-            value = getattr(metrics, info.key).value
+            value = metrics[info.key].value
             stored = rows[info.key][index]
             assert np.float64(math.nan if value is None else value).tobytes() == stored.tobytes()
 
