@@ -283,7 +283,7 @@ def test_scaling_sign_and_permutation(scale: float, seed: int) -> None:
     scaled = metrics_of(scaled_run, metrics_from=0.2, phi=1.0, tau_max=scale * TAU_MAX).to_json()
     swapped_run = make(t, q[:, ::-1], tau=tau[:, ::-1], s=s[:, ::-1])
     swapped = metrics_of(swapped_run, metrics_from=0.2, phi=1.0, tau_max=TAU_MAX[::-1]).to_json()
-    for info in METRICS:
+    for info in METRICS.values():
         factor = scale if info.unit.startswith("rad") else 1.0
         if base[info.key]["value"] is None:
             assert scaled[info.key]["value"] is None
@@ -297,5 +297,5 @@ def test_scaling_sign_and_permutation(scale: float, seed: int) -> None:
 def test_the_documentation_has_a_row_for_every_metric() -> None:
     """docs/definitions.md says of each metric, in the order of tables, what the metric says of itself."""
     text = (SOURCE.parents[1] / "docs" / "definitions.md").read_text(encoding="utf-8")
-    rows = [f"| `{info.key}` | {info.meaning} | {info.headline} |" for info in METRICS]
+    rows = [f"| `{info.key}` | {info.meaning} | {info.headline} |" for info in METRICS.values()]
     assert "\n".join(rows) in text

@@ -204,7 +204,7 @@ def rmse_note(x: Comparison, run: Run) -> str:
     texts = []
     for unit in dict.fromkeys(kinds):
         errors = [e for e, kind in zip(metrics.rmse.per_joint, kinds, strict=True) if kind == unit and e is not None]
-        rmse = 1e3 * METRICS.find("rmse").over(np.array(errors))
+        rmse = 1e3 * METRICS["rmse"].over(np.array(errors))
         texts.append(f"{rmse:.3g} {unit}" if rmse < 999.5 else f"{rmse:.0f} {unit}")
     return f" (RMSE {', '.join(texts)})"
 

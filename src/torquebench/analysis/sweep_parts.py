@@ -36,7 +36,7 @@ def metric_scale(table: Table, key: str, slides: Sequence[bool] = TURNS) -> Scal
         key: The metric.
         slides: Of each joint, whether it slides: errors are in m then, or, where only some do, in rad and m.
     """
-    info = METRICS.find(key)
+    info = METRICS[key]
     values = finished(table, np.arange(len(table["index"])), key)
     known = np.abs(values[np.isfinite(values)])
     unit = style.metric_unit(info, float(np.median(known)) if known.size else 0.0)

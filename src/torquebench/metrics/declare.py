@@ -132,7 +132,7 @@ def metric(
             shown_unit=shown_unit,
             scale=scale,
         )
-        METRICS.register(key, info, formula)
+        METRICS.register(key, info, maker=formula)
         return formula
 
     return register

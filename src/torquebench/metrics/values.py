@@ -55,7 +55,7 @@ class Metrics:
         self._values = dict(values)
 
     def __getitem__(self, key: str) -> Metric:
-        METRICS.find(key)  # says what is nearest to a key that is none
+        METRICS.find(key)  # names the nearest key where there is none
         return self._values[key]
 
     def __getattr__(self, key: str) -> Metric:
@@ -77,7 +77,7 @@ class Metrics:
 
     def items(self) -> tuple[tuple[MetricInfo, Metric], ...]:
         """Return (description, metric) pairs in table order."""
-        return tuple((METRICS.find(key), one) for key, one in self._values.items())
+        return tuple((METRICS[key], one) for key, one in self._values.items())
 
     def to_json(self) -> dict[str, dict[str, Any]]:
         """Return a JSON-ready mapping from key to `Metric.to_json`, in table order; it never holds NaN."""
@@ -102,7 +102,7 @@ def headlines(joints: PerJoint) -> Array:
     values, stepped = joints
     reduced = np.full(len(values), np.nan)
     alike: dict[tuple[str, str, bool], list[int]] = {}
-    for row, info in enumerate(METRICS):
+    for row, info in enumerate(METRICS.values()):
         alike.setdefault((info.over_joints, info.better, info.steps_only), []).append(row)
     for (over_joints, better, steps_only), rows in alike.items():
         counted = values[rows] if not steps_only else np.ascontiguousarray(values[rows][:, stepped])
@@ -115,7 +115,7 @@ def headlines(joints: PerJoint) -> Array:
 def from_joints(joints: PerJoint) -> Metrics:
     """Return metrics in the form that is stored and shown."""
     n, steps = joints.values.shape[1], int(np.count_nonzero(joints.stepped))
-    rows = zip(METRICS, headlines(joints).tolist(), joints.values.tolist(), strict=True)
+    rows = zip(METRICS.values(), headlines(joints).tolist(), joints.values.tolist(), strict=True)
     return Metrics(
         {
             info.key: Metric(_known(value), tuple([_known(x) for x in row]), steps if info.steps_only else n)
@@ -195,7 +195,7 @@ def per_joint(
         phi=None if phi is None else np.full(n, phi, dtype=np.float64),
     )
     values = np.full((len(METRICS), n), np.nan)
-    for row, info in enumerate(METRICS):
+    for row, info in enumerate(METRICS.values()):
         if step_like or not info.steps_only:
             values[row] = _checked(info, run, n)
     return PerJoint(values, response_of(run).counted if step_like else np.zeros(n, dtype=bool))

@@ -128,7 +128,7 @@ def by_case(summary: Summary) -> dict[int, list[Group]]:
 
 
 def _heading(metric: str) -> str:
-    return _sentence(METRICS.find(metric).title)
+    return _sentence(METRICS[metric].title)
 
 
 def _sentence(text: str) -> str:
@@ -143,5 +143,5 @@ def picture(name: str, svg: bytes) -> Picture:
         svg: SVG document.
     """
     kind, _, rest = name.partition("-")
-    subject = METRICS.find(rest).title if rest in METRICS else rest.replace("-", " ")
+    subject = METRICS[rest].title if rest in METRICS else rest.replace("-", " ")
     return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg.decode(), CAPTIONS.get(kind, ""))

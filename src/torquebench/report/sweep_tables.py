@@ -146,7 +146,7 @@ def effects_table(found: Sequence[Sensitivity]) -> Cells:
             rows.append(
                 [
                     one.controller,
-                    METRICS.find(one.metric).short_title,
+                    METRICS[one.metric].short_title,
                     cases,
                     str(one.draws),
                     order,
@@ -169,7 +169,7 @@ def silent_text(found: Sequence[Sensitivity]) -> str:
         else:
             count = len(one.effects.effects)
             reason = f"none of {count} and of their {one.effects.pairs} products shows in {one.draws} draws"
-        reasons.setdefault(reason, []).append(f"{METRICS.find(one.metric).short_title} of {one.controller}")
+        reasons.setdefault(reason, []).append(f"{METRICS[one.metric].short_title} of {one.controller}")
     return "; ".join(f"{', '.join(dict.fromkeys(names))}: {reason}" for reason, names in reasons.items())
 
 

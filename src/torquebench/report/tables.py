@@ -20,7 +20,7 @@ def columns(steps: bool) -> list[MetricInfo]:
     Args:
         steps: Whether to have those too.
     """
-    shown = [info for info in METRICS if info.column]
+    shown = [info for info in METRICS.values() if info.column]
     return [info for info in shown if not info.steps_only] + [info for info in shown if steps and info.steps_only]
 
 

@@ -44,7 +44,7 @@ def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure 
     known = np.isfinite(values)
     if not known.any():
         return None
-    own, rising = values[known], METRICS.find(key).better == "lower"
+    own, rising = values[known], METRICS[key].better == "lower"
     at = rows[known][np.argmax(own) if rising else np.argmin(own)]
     return Figure(
         len(own),

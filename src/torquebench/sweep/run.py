@@ -116,7 +116,7 @@ def worst_rows(stored: Stored, kept: Worst) -> list[int]:
         read_column(stored, "failed_at"),
         read_column(stored, kept.by),
     )
-    higher = METRICS.find(kept.by).better == "higher"
+    higher = METRICS[kept.by].better == "higher"
     badness = np.where(np.isnan(value), np.inf, -value if higher else value)
     early = np.where(np.isnan(failed_at), np.inf, failed_at)
     order = np.lexsort((np.arange(len(value)), -badness, early))
