@@ -204,7 +204,7 @@ class Result:
 
     @property
     def _units(self) -> dict[str, str]:
-        return {info.key: joint_units(info.unit, self.joints.slides) for info in METRICS}
+        return {info.key: joint_units(info.unit, self.joints.slides) for info in METRICS.values()}
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row for each controller: its law, how its run ended, when it failed [s], and its `metrics`."""
