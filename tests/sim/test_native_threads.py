@@ -210,11 +210,11 @@ def test_workers_serve_one_batch_after_another(workers: int) -> None:
     chosen = trials("mujoco two-link", 12)
     wanted = [alone("mujoco two-link", trial).digest() for trial in chosen]
     with Workers(plant_of("mujoco two-link"), workers) as own:
-        half = own.simulate_sampled(chosen)
+        half = own.simulate(chosen)
         assert next(half).digest() == wanted[0]
         half.close()  # type: ignore[attr-defined]
         for _ in range(3):
-            assert [run.digest() for run in own.simulate_sampled(chosen)] == wanted
+            assert [run.digest() for run in own.simulate(chosen)] == wanted
 
 
 @pytest.mark.parametrize("workers", [0, -1])
