@@ -16,7 +16,7 @@ from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
     ("errors", "plain"),
-    ("kernel_cache",),
+    ("kernel_cache", "registry"),
     ("kernel",),
     ("packing",),
     ("packing_types",),
@@ -26,8 +26,8 @@ LAYERS = (
     ("laws",),
     ("sim",),
     ("check",),
-    ("measures", "statistics"),
-    ("metrics", "certificates"),
+    ("metrics", "statistics"),
+    ("certificates",),
     ("experiment",),
     ("sweep",),
     ("analysis",),
@@ -115,7 +115,6 @@ HOMES = {
         "cli/paper.py",
         "cli/run.py",
         "cli/sweep.py",
-        "cli/showing.py",
         "cli/video.py",
         "cli/view.py",
     },

@@ -13,7 +13,6 @@ from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
 from torquebench.robot.model import SLIDE
-from torquebench.sim.result import Motion
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
 
@@ -51,7 +50,6 @@ def run_experiment(
     path: PathName = "auto",
     progress: Callable[[str, int], None] | None = None,
     finished: Callable[[str, Trajectory], None] | None = None,
-    watch: Callable[[str, int, Motion], None] | None = None,
 ) -> ExperimentResult:
     """Run every controller of an experiment.
 
@@ -61,7 +59,6 @@ def run_experiment(
         path: As for `simulate`.
         progress: Called with the controller's name and the index of the control instant just finished.
         finished: Called with each controller's name and run as soon as it has ended.
-        watch: Called as of `simulate`, with the controller's name before.
 
     Raises:
         ModelError: a model cannot be used.
@@ -76,7 +73,6 @@ def run_experiment(
             trial_of(experiment, loop, controller),
             path,
             progress=None if progress is None else partial(progress, name),
-            watch=None if watch is None else partial(watch, name),
         )
         if finished is not None:
             finished(name, runs[name])
@@ -105,9 +101,14 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
         tau_max=loop.plant.tau_max,
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
-        reference_kind=experiment.reference.kind,
+        step_like=is_step_like(experiment),
         phi=None if band is None else as_vector(band, experiment.n),
     )
+
+
+def is_step_like(experiment: Experiment) -> bool:
+    """Whether the reference goes from one position to another and stays there: only then is there a step response."""
+    return experiment.reference.kind in ("step", "quintic")
 
 
 def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:
