@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
-
 import numpy as np
 
 from torquebench.kernel import Array
@@ -27,29 +24,6 @@ OUTCOMES = {
     CONTROLLER_ERROR: Outcome.CONTROLLER_ERROR,
     DIVERGED: Outcome.DIVERGED,
 }
-
-
-class Motion(NamedTuple):
-    """What a run in progress records, (N, n) each, read-only; rows of `q` and `tau` not reached yet mean nothing."""
-
-    q: Array
-    """True joint position [rad]."""
-    q_ref: Array
-    """Desired position [rad], whole from the start."""
-    tau: Array
-    """Torque after clipping [N m]."""
-
-
-Watch: TypeAlias = Callable[[int, Motion], None]
-"""Told the index of the control instant just finished, and the run's records up to it."""
-
-
-def motion_of(setup: Setup) -> Motion:
-    """Return the records of a run that is about to start."""
-    views = [array.view() for array in (setup.job.record_q, setup.job.q_ref, setup.job.record_tau)]
-    for view in views:
-        view.flags.writeable = False
-    return Motion(*views)
 
 
 def trajectory_of(setup: Setup, t: Array, status: int, detail: str, path: str, path_reason: str) -> Trajectory:
