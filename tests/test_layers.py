@@ -16,10 +16,8 @@ from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
     ("errors", "plain"),
-    ("kernel_cache", "registry"),
+    ("registry",),
     ("kernel",),
-    ("packing",),
-    ("packing_types",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
     ("dialect",),
@@ -88,9 +86,9 @@ HOMES = {
     "pydantic_core": {name for name in ALL if name.startswith("experiment/")},
     "numba": {
         "check/paths.py",
-        "kernel.py",
-        "kernel_cache.py",
-        "packing_types.py",
+        "kernel/__init__.py",
+        "kernel/cache.py",
+        "kernel/struct.py",
         "sim/checked_math.py",
         "sim/closed_loop.py",
         "sim/mujoco_library.py",
@@ -100,7 +98,7 @@ HOMES = {
         "sim/native_loop.py",
         "sim/native_path.py",
     },
-    "llvmlite": {"packing_types.py", "sim/mujoco_library.py", "sim/native_calls.py"},
+    "llvmlite": {"kernel/struct.py", "sim/mujoco_library.py", "sim/native_calls.py"},
     "tqdm": {"cli/terminal.py"},
     "distributed": {"sweep/cluster.py"},
     "dask": {"sweep/cluster.py"},

@@ -12,7 +12,7 @@ from torquebench.errors import ResultError
 from torquebench.fuzzy import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.kernel import Array, kernel
-from torquebench.packing import Structure
+from torquebench.kernel.struct import Structure
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.mujoco_step import Stepped, compiled_step
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from torquebench.kernel import Array, kernel
-from torquebench.packing import Structure
+from torquebench.kernel.struct import Structure
 from torquebench.robot.dynamics import forward_dynamics
 from torquebench.robot.model import Model
 from torquebench.sim.friction import Resistance, resist

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-import torquebench.packing_types  # noqa: F401  tells numba what a Structure is
 from torquebench.kernel import Array, IntArray
-from torquebench.packing import Structure
+from torquebench.kernel.struct import Structure
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ import hashlib
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
+from torquebench.kernel.struct import layout
 from torquebench.laws.law import Law, Nothing
-from torquebench.packing import layout
 
 
 def law_digest(law: Law) -> str:

@@ -15,8 +15,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from torquebench.kernel import Array, IntArray
-from torquebench.packing import Structure
-from torquebench.packing_types import at, vector
+from torquebench.kernel.struct import Structure, at, vector
 from torquebench.sim.friction import Resistance, resist
 from torquebench.sim.mujoco_library import function, library
 from torquebench.sim.native_calls import STEP_SIGNATURE, native

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from torquebench.packing_types import at, vector
+from torquebench.kernel.struct import at, vector
 from torquebench.sim.integration import Integrated, integrate
 from torquebench.sim.native_calls import STEP_SIGNATURE, native
 

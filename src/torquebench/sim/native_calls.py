@@ -9,8 +9,8 @@ from numba import types
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
-from torquebench.kernel_cache import KernelCache, without_collection
-from torquebench.packing_types import WORD
+from torquebench.kernel.cache import KernelCache, without_collection
+from torquebench.kernel.struct import WORD
 
 LAW_SIGNATURE = types.int64(*([types.int64] * 2), types.float64, *([types.int64] * 8))
 """status = law(gains, belief, t, n, q, qd, q_ref, qd_ref, qdd_ref, memory, tau): addresses but for t and n."""

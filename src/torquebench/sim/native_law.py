@@ -8,9 +8,8 @@ from typing import Any
 from numba.extending import register_jitable
 
 from torquebench.kernel import is_foreign
+from torquebench.kernel.struct import at, is_structure, layout, structure, vector
 from torquebench.laws.law import Law, Nothing
-from torquebench.packing import is_structure, layout
-from torquebench.packing_types import at, structure, vector
 from torquebench.references import Reference
 from torquebench.robot.model import Model
 from torquebench.sim.checked_math import with_checked_math

@@ -8,7 +8,7 @@ from typing import Any
 from numba import types
 from numba.extending import register_jitable
 
-from torquebench.packing_types import at
+from torquebench.kernel.struct import at
 from torquebench.sim.closed_loop import compiled_closed_loop
 from torquebench.sim.job import Job
 from torquebench.sim.native_calls import call_law, call_step, native

@@ -9,9 +9,9 @@ from typing import Any
 from numba.core import config
 from numba.core.errors import NumbaError
 
+from torquebench.kernel.struct import Table
 from torquebench.laws.dialect import complaints
 from torquebench.laws.law import Law
-from torquebench.packing import Table
 from torquebench.sim.calling import replay
 from torquebench.sim.closed_loop import RAISED
 from torquebench.sim.native_law import compile_law

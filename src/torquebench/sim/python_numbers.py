@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from torquebench.packing import Structure
+from torquebench.kernel.struct import Structure
 
 
 class Vector(np.ndarray[Any, Any]):

@@ -15,8 +15,8 @@ import numpy as np
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import FuzzySystem
 from torquebench.kernel import Array
+from torquebench.kernel.struct import Table
 from torquebench.laws import Law, find_law
-from torquebench.packing import Table
 from torquebench.references import Reference
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.model import Model, own_copy
