@@ -9,7 +9,6 @@ import pytest
 from torquebench.cli.main import main
 from torquebench.experiment.store import check_run
 from torquebench.report.run_page import differences
-from torquebench.sim import loop
 
 
 class Page(HTMLParser):
@@ -53,8 +52,7 @@ def no_simulation(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("something was simulated")
 
-    monkeypatch.setattr(loop, "simulate", refuse)
-    monkeypatch.setattr("torquebench.sim.batch.simulate", refuse)
+    monkeypatch.setattr("torquebench.sim.simulate.simulate", refuse)
 
 
 @pytest.mark.parametrize("redraw", [(), ("--redraw",)])

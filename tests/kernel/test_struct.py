@@ -18,7 +18,7 @@ from torquebench import Puma560
 from torquebench.kernel import Array, IntArray, kernel
 from torquebench.kernel.struct import Structure, Table, at, is_structure, layout, structure, vector, words
 from torquebench.robot.model import Model, own_copy
-from torquebench.sim.native_calls import native
+from torquebench.sim.native import native
 
 
 class Inner(NamedTuple):

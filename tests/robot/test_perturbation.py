@@ -21,7 +21,7 @@ from torquebench.robot.links import check_physical, pseudo_inertia
 from torquebench.robot.mjcf import compile_mjcf, flatten
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.model import Model
-from torquebench.sim.mujoco_plant import MujocoModel, MujocoPlant
+from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
 
 
 def factors_of(n: int, relative: float, draw: int = 0) -> Array:

@@ -13,8 +13,8 @@ from torquebench.fuzzy import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.kernel import Array, kernel
 from torquebench.kernel.struct import Structure
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.mujoco_step import Stepped, compiled_step
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.plants.mujoco_native import Stepped, compiled_step
 
 STEPS = 10_000
 CALLS = 20_000

@@ -22,13 +22,12 @@ from torquebench.robot.arm import RobotModel
 from torquebench.robot.model import Model, own_copy
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.closed_loop import COMPLETED
-from torquebench.sim.native_path import NativeRun, obstacle
-from torquebench.sim.plant import NativePlant, Plant, attached_at, substeps_per_period
-from torquebench.sim.python_path import PythonRun
-from torquebench.sim.result import trajectory_of
-from torquebench.sim.setup import Setup, is_fixed, set_up
+from torquebench.sim.interpreted import PythonRun
+from torquebench.sim.job import Setup, is_fixed, set_up
+from torquebench.sim.native import NativeRun, obstacle
+from torquebench.sim.plants import NativePlant, Plant, attached_at, substeps_per_period
 from torquebench.sim.signals import control_instants
-from torquebench.sim.trajectory import Trajectory
+from torquebench.sim.trajectory import Trajectory, trajectory_of
 
 PathName = Literal["auto", "python", "native"]
 
