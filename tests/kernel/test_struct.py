@@ -17,7 +17,7 @@ from tests.arms import two_link
 from torquebench import Puma560
 from torquebench.kernel import Array, IntArray, kernel
 from torquebench.kernel.struct import Structure, Table, at, is_structure, layout, structure, vector, words
-from torquebench.robot.model import Model, own_copy
+from torquebench.robot.flat_model import Model, own_copy
 from torquebench.sim.native import native
 
 

@@ -23,7 +23,7 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.laws.law import Law
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 from torquebench.sim.plants import NativeError, Plant, mujoco_native
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant

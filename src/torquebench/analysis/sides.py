@@ -10,7 +10,7 @@ import numpy.typing as npt
 from torquebench.errors import ConfigError, ModelError, Problem, did_you_mean
 from torquebench.kernel import Array
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.model import STRUCTURES
+from torquebench.robot.flat_model import STRUCTURES
 from torquebench.sim.plants import Plant
 
 ENGINES = ("mujoco", "analytic")
@@ -111,7 +111,7 @@ def source_of(text: str) -> str:
 
 def _mujoco_side(text: str, source: str) -> Side:
     from torquebench.robot import mjcf
-    from torquebench.robot.loading import mjcf_path
+    from torquebench.robot.library import mjcf_path
     from torquebench.sim.plants.mujoco import MujocoModel
 
     compiled = mjcf.compile_mjcf(mjcf_path(source))

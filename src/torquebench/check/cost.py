@@ -15,7 +15,7 @@ from torquebench.check.report import Cost
 from torquebench.kernel import Array
 from torquebench.laws import Law
 from torquebench.references import Reference, sine
-from torquebench.robot.model import own_copy
+from torquebench.robot.flat_model import own_copy
 from torquebench.sim.chain import IDEAL
 from torquebench.sim.interpreted import call_law
 from torquebench.sim.job import Setup, set_up

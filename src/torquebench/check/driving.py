@@ -15,7 +15,7 @@ from torquebench.kernel import Array
 from torquebench.laws import Law
 from torquebench.references import Reference
 from torquebench.robot import RobotModel
-from torquebench.robot.model import own_copy
+from torquebench.robot.flat_model import own_copy
 from torquebench.sim.closed_loop import COMPLETED, RAISED
 from torquebench.sim.interpreted import call_law
 

@@ -36,7 +36,7 @@ from torquebench.laws.plugin import load_plugin
 from torquebench.report.render import PAGE
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table, outcome_text
-from torquebench.robot.bodies import FACTORS, links_in
+from torquebench.robot.perturbation import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 

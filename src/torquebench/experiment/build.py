@@ -21,8 +21,8 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.bodies import draw_factors, perturbed
 from torquebench.robot.payload import Payload
+from torquebench.robot.perturbation import draw_factors, perturbed
 from torquebench.robot.puma560.mismatch import mismatched, with_factors, within_tolerances
 from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.friction import Friction, SteepError

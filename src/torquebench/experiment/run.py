@@ -12,7 +12,7 @@ from torquebench.experiment.schema import Experiment
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
-from torquebench.robot.model import SLIDE
+from torquebench.robot.flat_model import SLIDE
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
 

@@ -9,7 +9,7 @@ from torquebench.laws.base import controller
 from torquebench.laws.declare import Gain
 from torquebench.laws.parts import Rate, Slope
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 
 class AdaptiveGains(NamedTuple):

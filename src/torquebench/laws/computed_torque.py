@@ -9,7 +9,7 @@ from torquebench.laws.base import controller
 from torquebench.laws.parts import Integral, Rate, Slope
 from torquebench.references import Reference
 from torquebench.robot.dynamics import inverse_dynamics
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 
 class Gains(NamedTuple):

@@ -17,7 +17,7 @@ from torquebench.kernel import Array
 from torquebench.kernel.struct import layout
 from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 ARGUMENTS = ("gains", "model", "t", "q", "qd", "ref", "memory", "tau")
 """What a law is called with, in this order."""

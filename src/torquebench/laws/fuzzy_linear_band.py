@@ -11,7 +11,7 @@ from torquebench.laws.base import controller
 from torquebench.laws.declare import Gain, Option, Rules
 from torquebench.laws.parts import Slope, UseModel, equivalent_control
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 FUZZY, CLIPPED_SUM = 0, 1
 """Choices of ``compensation``; the third is none."""

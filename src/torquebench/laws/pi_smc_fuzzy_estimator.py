@@ -13,7 +13,7 @@ from torquebench.laws.fuzzy_pid import ErrorScale, RateScale, Torque
 from torquebench.laws.parts import Slope, Switching, equivalent_control
 from torquebench.laws.sliding_mode import PI, PID, SIGN, Switch, SwitchBand, surface_of
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 WITH_RATE = 0
 """Place of pid among the choices of the surface."""

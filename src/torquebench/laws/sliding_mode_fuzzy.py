@@ -11,7 +11,7 @@ from torquebench.laws.base import controller
 from torquebench.laws.declare import Gain, Rules
 from torquebench.laws.parts import Slope, Switching
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 
 @kernel

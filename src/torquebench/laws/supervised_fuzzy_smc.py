@@ -12,7 +12,7 @@ from torquebench.laws.declare import FixedRules, Gain, Rules
 from torquebench.laws.fuzzy_pid import integrate
 from torquebench.laws.parts import Band, Slope, Switching, UseModel, equivalent_control
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 
 @kernel

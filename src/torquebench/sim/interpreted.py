@@ -17,7 +17,7 @@ from torquebench.kernel.struct import Structure
 from torquebench.laws import Law
 from torquebench.laws.dialect import keeps_dialect
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED, closed_loop
 from torquebench.sim.job import Job, Setup
 

@@ -11,7 +11,7 @@ from torquebench.kernel import Array, IntArray
 from torquebench.kernel.struct import Structure
 from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 from torquebench.sim.chain import Chain
 from torquebench.sim.plants import NativePlant, Plant
 

@@ -21,7 +21,7 @@ from torquebench.kernel.struct import WORD, Table, at, is_structure, layout, str
 from torquebench.laws.dialect import complaints
 from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 from torquebench.sim.checked_math import with_checked_math
 from torquebench.sim.closed_loop import COMPLETED, RAISED, compiled_closed_loop
 from torquebench.sim.interpreted import replay

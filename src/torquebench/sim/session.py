@@ -18,8 +18,8 @@ from torquebench.kernel import Array
 from torquebench.kernel.struct import Table
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.model import Model, own_copy
+from torquebench.robot.flat_model import Model, own_copy
+from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import PythonRun

@@ -13,7 +13,7 @@ import numpy as np
 from torquebench.errors import SimulationError
 from torquebench.kernel import Array
 from torquebench.references import Reference, ReferenceSource
-from torquebench.robot.arm import RobotModel
+from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.plants import Plant, substeps_per_period
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session, check_path

@@ -11,10 +11,10 @@ import numpy as np
 
 from torquebench.kernel import Array, kernel
 from torquebench.kernel.struct import Structure, at, vector
-from torquebench.robot.arm import RobotModel
 from torquebench.robot.dynamics import forward_dynamics
-from torquebench.robot.model import Model, own_copy
+from torquebench.robot.flat_model import Model, own_copy
 from torquebench.robot.payload import Payload, phases
+from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.friction import NONE, Friction, Resistance, check_stable, poses, resist
 from torquebench.sim.native import STEP_SIGNATURE, native
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages

@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.bodies import scaled
-from torquebench.robot.loading import mjcf_path
+from torquebench.robot.library import mjcf_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload
+from torquebench.robot.perturbation import scaled
 from torquebench.sim.friction import NONE, Friction, check_stable, poses, resist
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
 
