@@ -10,7 +10,7 @@ import numpy as np
 
 import torquebench.laws.computed_torque  # noqa: F401  registers the law
 from torquebench.kernel import Array
-from torquebench.laws.base import find_law
+from torquebench.laws.law import find_law
 from torquebench.references import sine
 from torquebench.robot.flat_model import scratch_for
 from torquebench.robot.puma560.puma import Puma560

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from torquebench.kernel import Array
-from torquebench.laws.base import controller
+from torquebench.laws.law import controller
 from torquebench.laws.parts import Integral, Rate, Slope
 from torquebench.references import Reference
 from torquebench.robot.dynamics import inverse_dynamics
