@@ -13,6 +13,7 @@ import torquebench as tb
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.store import check_run
+from torquebench.laws.law import LAWS
 
 QUICK = {
     "name": "quick",
@@ -48,12 +49,10 @@ def result():
 @pytest.fixture(scope="module")
 def failed(tmp_path_factory):
     """A run in which one controller fails at 0.2 s."""
-    from torquebench.laws import base
-
     file = tmp_path_factory.mktemp("law") / "law.py"
     file.write_text(LAW)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+        patch.setattr(LAWS, "_items", dict(LAWS._items))
         broken = {"name": "broken", "law": "fails-at", "gains": {"at": 0.2}}
         yield tb.run_experiment(QUICK | {"controllers": [*QUICK["controllers"], broken]}, plugins=[file])
 

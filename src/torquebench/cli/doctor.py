@@ -53,7 +53,7 @@ def findings(gl: str | None) -> dict[str, Any]:
         gl: The user's MUJOCO_GL.
     """
     from torquebench.experiment.store import PACKAGES, machine
-    from torquebench.kernel_cache import cache_folder
+    from torquebench.kernel.cache import cache_folder
     from torquebench.video.backends import STICK, advice, candidates, probe
     from torquebench.video.encode import ffmpeg_program
 

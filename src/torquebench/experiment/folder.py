@@ -231,7 +231,7 @@ def _metrics(folder: Path, n: int) -> dict[str, Metrics]:
             )
         metrics = {key: Metric(m.value, tuple(m.per_joint), m.counted) for key, m in values.items()}
         absent = Metric(None, (None,) * n, n)
-        found[name] = Metrics({key: metrics.get(key, absent) for key in METRICS})
+        found[name] = Metrics({key: metrics.get(key, absent) for key in METRICS.names()})
     return found
 
 

@@ -19,8 +19,8 @@ from torquebench.experiment.store import machine, model_checksums, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
-from torquebench.robot.bodies import FACTORS, links_in
-from torquebench.robot.model import SLIDE
+from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.perturbation import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
