@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from torquebench.certificates import Certificate
 from torquebench.experiment.run import ExperimentResult
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def certificate_lines(result: ExperimentResult, proofs: Mapping[str, Certificate]) -> list[str]:
@@ -29,12 +25,3 @@ def certificate_lines(result: ExperimentResult, proofs: Mapping[str, Certificate
             f"{100.0 * facts['share_outside']:.3g} % of instants outside the layer"
         )
     return ["", *lines] if lines else []
-
-
-def certificate_pages(result: ExperimentResult, proofs: Mapping[str, Certificate], subtitle: str) -> dict[str, Figure]:
-    """Draw the page of certificates, if there are any."""
-    from torquebench.analysis.certificate_figure import certificate_figure
-
-    if not proofs:
-        return {}
-    return {"certificates": certificate_figure(proofs, result.experiment.name, subtitle, list(result.runs))}

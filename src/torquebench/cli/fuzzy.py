@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from torquebench.fuzzy.lint import lint
 from torquebench.laws.plugin import load_plugin
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from torquebench.analysis.run_view import FiredRules
 
 
 def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Path]) -> int:
@@ -45,8 +45,8 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
     folder = claim_folder(out, f"fuzzy-{label}")
     tell(directory=folder, systems={key: facts(system) for key, system in prepared.items()})
     say("\n\n".join(description(system) for system in prepared.values()))
-    from torquebench.analysis.figures import figure_bytes
-    from torquebench.analysis.fuzzy_figures import system_figures
+    from torquebench.analysis.fuzzy import system_figures
+    from torquebench.analysis.style import figure_bytes
 
     with progress_bar(6 * len(prepared), "figure", "drawing") as bar:
         for key, system in prepared.items():
@@ -144,27 +144,16 @@ def remarks(experiment: Experiment) -> list[str]:
     return lines
 
 
-def run_figures(result: ExperimentResult, subtitle: str) -> Iterator[tuple[str, Figure]]:
-    """Draw the fuzzy systems in use, and which of their rules fired in each run; yield name and figure.
+def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
+    """Return which rules of its fuzzy system fired in each run, by controller."""
+    from torquebench.analysis.fuzzy_rules import rule_shares
+    from torquebench.analysis.run_view import FiredRules
 
-    Args:
-        result: The run.
-        subtitle: What was run.
-    """
-    from torquebench.analysis.firing import rule_shares
-    from torquebench.analysis.fuzzy_figures import system_figures
-    from torquebench.analysis.fuzzy_rules import firing_figure
-
-    systems = used(result.experiment)
-    for name, prepared in systems.items():
-        for what, figure in system_figures(prepared).items():
-            yield f"fuzzy-{name}-{what}", figure
+    found = {}
     for keys, controller in zip(result.experiment.controllers, result.loop.controllers, strict=True):
         for field, rules in controller.law.rules.items():
             if keys.fuzzy is None or rules.inputs is None:
                 continue
-            fis = getattr(controller.gains, field)
-            shares = rule_shares(controller.gains, fis, rules.inputs, result.runs[controller.name])
-            title = f"{result.experiment.name}: rules of {keys.fuzzy} that fired under {controller.name}"
-            figure = firing_figure(systems[keys.fuzzy], shares, result.loop.joint_names, title, subtitle)
-            yield f"fuzzy-{controller.name}-rules", figure
+            fis, run = getattr(controller.gains, field), result.runs[controller.name]
+            found[controller.name] = FiredRules(keys.fuzzy, rule_shares(controller.gains, fis, rules.inputs, run))
+    return found

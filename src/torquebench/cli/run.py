@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from torquebench.certificates import Certificate
-from torquebench.cli.certificates import certificate_lines, certificate_pages
+from torquebench.cli.certificates import certificate_lines
 from torquebench.cli.colour import bad, good
 from torquebench.cli.conditions import chain_text, conditions_text, noise_text
-from torquebench.cli.fuzzy import remarks, run_figures
+from torquebench.cli.fuzzy import fired_rules, remarks, used
 from torquebench.cli.run_facts import fuzzy_facts, outcome_facts, run_facts
 from torquebench.cli.showing import Showing
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
@@ -258,12 +258,12 @@ def draw_figures(
         result: The run.
         proofs: Controller name -> certificates.
     """
-    from torquebench.analysis.figures import figure_bytes, make_figures
+    from torquebench.analysis.run_view import draw_figures, run_view
+    from torquebench.analysis.style import figure_bytes
 
     experiment = result.experiment
     found = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
-    bands = {name: as_vector(band, experiment.n) for name, band in found.items() if band is not None}
-    figures = make_figures(
+    view = run_view(
         result.runs,
         title=experiment.name,
         subtitle=conditions_text(experiment),
@@ -272,11 +272,13 @@ def draw_figures(
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
         metrics=result.metrics,
-        bands=bands,
+        bands={name: as_vector(band, experiment.n) for name, band in found.items() if band is not None},
         slides=result.slides,
+        certificates=proofs,
+        fuzzy=used(experiment),
+        fired=fired_rules(result),
     )
-    figures |= certificate_pages(result, proofs, conditions_text(experiment))
-    figures |= run_figures(result, conditions_text(experiment))
+    figures = draw_figures(view)
     formats: tuple[Literal["svg", "png"], ...] = ("svg", "png")
     with progress_bar(2 * len(figures), "figure", "drawing") as bar:
         for name, figure in figures.items():
