@@ -116,7 +116,6 @@ HOMES = {
         "cli/paper.py",
         "cli/run.py",
         "cli/sweep.py",
-        "cli/showing.py",
         "cli/video.py",
         "cli/view.py",
     },

@@ -8,9 +8,8 @@ from tests.video.films import camera_of_scene, pixel, tool_mark
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.sim.trajectory import load_trajectory
 from torquebench.video.stored import read_footage
-from torquebench.view.feed import Feed
-from torquebench.view.live import PageSubject, feed_stored
-from torquebench.view.server import Server
+from torquebench.view.replay import replay_json
+from torquebench.view.server import serve
 
 BOXES = """[...document.querySelectorAll('figure svg')].map(
     (svg) => [svg.getBoundingClientRect(), svg.querySelectorAll('path').length]).map(
@@ -84,13 +83,10 @@ def test_a_sideways_scroll_would_be_seen(browse, pages):
 @pytest.fixture(scope="module")
 def served(replayed):
     """Address at which the run is replayed."""
-    footage, feed = read_footage(replayed), Feed()
-    shown = PageSubject(
-        footage.title, footage.model, footage.control_period, tuple((s.name, s.note) for s in footage.shots)
-    )
-    feed_stored(feed, shown, [load_trajectory(s.trajectory) for s in footage.shots], ["#0072B2", "#D55E00"], 1.0)
-    with Server(feed, "token") as server:
-        yield server.address
+    footage = read_footage(replayed)
+    runs = [load_trajectory(shot.trajectory) for shot in footage.shots]
+    with serve(replay_json(footage, runs, ["#0072B2", "#D55E00"], 1.0)) as address:
+        yield address
 
 
 def box_of(page, selector):

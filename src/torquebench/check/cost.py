@@ -15,6 +15,7 @@ from torquebench.check.report import Cost
 from torquebench.kernel import Array
 from torquebench.laws import Law
 from torquebench.references import Reference, sine
+from torquebench.robot.model import own_copy
 from torquebench.sim.calling import call_law
 from torquebench.sim.chain import IDEAL
 from torquebench.sim.native_calls import native
@@ -37,7 +38,7 @@ def measure(law: Law) -> Cost:
     setup = set_up(
         law,
         law.pack_gains(plant.n, gains_of(law, plant.n, options, 1), options),
-        arm("puma560").flat,
+        own_copy(arm("puma560").flat, control_period=0.001),
         plant,
         desired,
         IDEAL,

@@ -15,10 +15,11 @@ from torquebench.check.report import NOTE, Report
 from torquebench.laws import Law
 from torquebench.references import sine
 from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import Controller, simulate
+from torquebench.sim.loop import simulate
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.native_path import obstacle
 from torquebench.sim.plant import Plant
+from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 PLANTS = ("analytic", "mujoco")

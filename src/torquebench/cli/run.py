@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from torquebench.certificates import Certificate
 from torquebench.cli.certificates import certificate_lines
@@ -14,7 +13,6 @@ from torquebench.cli.colour import bad, good
 from torquebench.cli.conditions import chain_text, conditions_text, noise_text
 from torquebench.cli.fuzzy import fired_rules, remarks, used
 from torquebench.cli.run_facts import fuzzy_facts, outcome_facts, run_facts
-from torquebench.cli.showing import Showing
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.disturbances import Stream
 from torquebench.errors import ConfigError, Problem
@@ -42,16 +40,12 @@ from torquebench.robot.bodies import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from torquebench.cli.view import Audience
 
-
-def run(options: argparse.Namespace, live: Showing | None = None) -> int:
+def run(options: argparse.Namespace) -> int:
     """Run an experiment and return the exit status.
 
     Args:
         options: Arguments of the command; see ``torquebench run --help``.
-        live: How the run is shown while it is simulated; None not to show it.
 
     Raises:
         ConfigError: bad input; nothing has been written.
@@ -65,22 +59,21 @@ def run(options: argparse.Namespace, live: Showing | None = None) -> int:
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(options.out, experiment.name))
     directory.write(EXPERIMENT, dump_experiment(experiment).encode())
-    with shown(experiment, loop, directory.folder, live) as audience:
-        result = simulated(experiment, loop, directory, audience)
-        proofs = write_results(result, directory, plugins, not options.no_figures)
-        proved = {name: found.to_json() for name, found in proofs.items()}
-        tell(directory=directory.folder, **run_facts(result), certificates=proved, fuzzy=fuzzy_facts(experiment))
-        say(summary(result))
-        for line in certificate_lines(result, proofs):
-            say(line)
-        for remark in remarks(experiment):
-            say(remark)
-        say()
-        say(f"results: {directory.folder}")
-        if not options.no_figures and experiment.video is not None:
-            from torquebench.cli.video import film_of_run
+    result = simulated(experiment, loop, directory)
+    proofs = write_results(result, directory, plugins, not options.no_figures)
+    proved = {name: found.to_json() for name, found in proofs.items()}
+    tell(directory=directory.folder, **run_facts(result), certificates=proved, fuzzy=fuzzy_facts(experiment))
+    say(summary(result))
+    for line in certificate_lines(result, proofs):
+        say(line)
+    for remark in remarks(experiment):
+        say(remark)
+    say()
+    say(f"results: {directory.folder}")
+    if not options.no_figures and experiment.video is not None:
+        from torquebench.cli.video import film_of_run
 
-            film_of_run(result, directory.folder, options.gl)
+        film_of_run(result, directory.folder, options.gl)
     for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
         warn(f"torquebench: interpreted, which is slower: {reason}")
     for name in result.unexpected:
@@ -93,28 +86,13 @@ def run(options: argparse.Namespace, live: Showing | None = None) -> int:
     return 1 if result.unexpected else 0
 
 
-@contextmanager
-def shown(experiment: Experiment, loop: Loop, folder: Path, live: Showing | None) -> Iterator[Audience | None]:
-    """Show a run while it is simulated, if anyone asked for it. Arguments as of `watching`."""
-    if live is None:
-        yield None
-        return
-    from torquebench.cli.view import watching
-
-    with watching(experiment, loop, folder, live) as audience:
-        yield audience
-
-
-def simulated(
-    experiment: Experiment, loop: Loop, directory: RunDirectory, audience: Audience | None
-) -> ExperimentResult:
+def simulated(experiment: Experiment, loop: Loop, directory: RunDirectory) -> ExperimentResult:
     """Run every controller with a progress bar, and write its trajectory as soon as there is one.
 
     Args:
         experiment: What is run.
         loop: Its objects.
         directory: Where.
-        audience: Who is told how it goes.
     """
     begin = "starting (compiles on first use)"
     with progress_bar(experiment.n_steps * len(experiment.controllers), "step", begin) as bar:
@@ -128,12 +106,8 @@ def simulated(
 
         def keep(name: str, trajectory: Trajectory) -> None:
             directory.write(f"{name}/trajectory.npz", trajectory.to_bytes())
-            if audience is not None:
-                audience.finished(name, trajectory)
 
-        return run_experiment(
-            experiment, loop, progress=report, finished=keep, watch=None if audience is None else audience.watch
-        )
+        return run_experiment(experiment, loop, progress=report, finished=keep)
 
 
 def chosen(options: argparse.Namespace) -> Experiment:

@@ -13,9 +13,7 @@ from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
 from torquebench.robot.model import SLIDE
-from torquebench.sim.batch import Trial, run_trial
-from torquebench.sim.loop import Controller, PathName
-from torquebench.sim.result import Motion
+from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
 
 
@@ -52,7 +50,6 @@ def run_experiment(
     path: PathName = "auto",
     progress: Callable[[str, int], None] | None = None,
     finished: Callable[[str, Trajectory], None] | None = None,
-    watch: Callable[[str, int, Motion], None] | None = None,
 ) -> ExperimentResult:
     """Run every controller of an experiment.
 
@@ -62,22 +59,20 @@ def run_experiment(
         path: As for `simulate`.
         progress: Called with the controller's name and the index of the control instant just finished.
         finished: Called with each controller's name and run as soon as it has ended.
-        watch: Called as of `simulate`, with the controller's name before.
 
     Raises:
         ModelError: a model cannot be used.
     """
     loop = build(experiment) if loop is None else loop
-    runs: dict[str, Trajectory] = {}
+    session, runs = Session(), dict[str, Trajectory]()
     metrics: dict[str, Metrics] = {}
     for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
         name = controller.name
-        runs[name] = run_trial(
+        runs[name] = session.run(
             loop.plant,
             trial_of(experiment, loop, controller),
             path,
             progress=None if progress is None else partial(progress, name),
-            watch=None if watch is None else partial(watch, name),
         )
         if finished is not None:
             finished(name, runs[name])
@@ -116,13 +111,12 @@ def is_step_like(experiment: Experiment) -> bool:
     return experiment.reference.kind in ("step", "quintic")
 
 
-def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Trial:
+def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:
     """Return what one controller of an experiment is run with."""
-    return Trial(
+    return SampledTrial(
         controller,
         loop.model,
         loop.reference,
-        experiment.run.duration,
         experiment.run.control_period,
         build_chain(experiment.chain),
         loop.position_noise,
