@@ -25,7 +25,7 @@ LAYERS = (
     ("dialect",),
     ("laws",),
     ("sim",),
-    ("check",),
+    ("check", "comparison"),
     ("metrics", "statistics"),
     ("certificates",),
     ("experiment",),
