@@ -16,7 +16,7 @@ _HOMES = {
     "laws": ("FixedRules", "Gain", "Option", "Rules", "controller", "find_law", "law_names"),
     "laws.plugin": ("load_plugin",),
     "references": ("Reference", "quintic", "ramp", "sine", "step"),
-    "results": ("Result", "load_experiment", "load_result", "run_experiment"),
+    "results": ("Result", "compare", "load_experiment", "load_result", "run_experiment"),
     "robot": ("Puma560", "RobotModel", "load_model"),
     "robot.dynamics": ("bias_forces", "gravity", "inverse_dynamics", "mass_matrix"),
     "robot.payload": ("Payload",),

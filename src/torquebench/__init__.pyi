@@ -24,6 +24,7 @@ from torquebench.references import ramp as ramp
 from torquebench.references import sine as sine
 from torquebench.references import step as step
 from torquebench.results import Result as Result
+from torquebench.results import compare as compare
 from torquebench.results import load_experiment as load_experiment
 from torquebench.results import load_result as load_result
 from torquebench.results import run_experiment as run_experiment

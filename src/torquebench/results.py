@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from torquebench.errors import ResultError, did_you_mean
+from torquebench import comparison
+from torquebench.comparison import parse_side
+from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
 from torquebench.experiment.change import edits_of, tree_of
 from torquebench.experiment.dump import dump_tree
@@ -120,6 +123,56 @@ def load_result(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Resul
     for file in files:
         load_plugin(file)
     return Result(read_result(Path(folder)), files, Path(folder))
+
+
+def compare(
+    a: str,
+    b: str,
+    *,
+    states: int = 1000,
+    seed: int = 0,
+    tolerance: float = 1e-12,
+    frozen_joints: Sequence[int] = (),
+    rollout: float = 0.0,
+) -> pd.DataFrame:
+    """Compare two models or plants, as ``torquebench compare`` does.
+
+    Args:
+        a, b: What is compared: ``mujoco:MODEL``, ``analytic:MODEL[:STRUCTURE[:CONSTANTS]]`` or a file of MuJoCo's.
+        states: Number of random states.
+        seed: Seed of the states.
+        tolerance: Relative difference that counts as agreement.
+        frozen_joints: Joints, counted from 1, at zero position and speed.
+        rollout: Length of closed loops to compare as well [s]; 0 for none.
+
+    Returns:
+        A row for each term: ``term, unit, absolute, relative, where, limit, measure, agrees``.
+
+    Raises:
+        ConfigError: there is no such model, or the two do not have the same joints.
+    """
+    import pandas as pd
+
+    first, second = parse_side(a, "a"), parse_side(b, "b")
+    n, problems = first.dynamics.n, []
+    if second.dynamics.n != n:
+        problems.append(Problem("b", second.label, f"has {second.dynamics.n} joints, wanted {n} as in {first.label}"))
+    if any(not 1 <= joint <= n for joint in frozen_joints):
+        problems.append(Problem("frozen_joints", "", f"got {list(frozen_joints)}, wanted joints from 1 to {n}"))
+    if states < 1:
+        problems.append(Problem("states", "", f"got {states}, wanted at least 1"))
+    if problems:
+        raise ConfigError(problems)
+    rows = comparison.compare(
+        first,
+        second,
+        states=states,
+        seed=seed,
+        tolerance=tolerance,
+        frozen=[joint - 1 for joint in frozen_joints],
+        rollout=rollout,
+    )
+    return pd.DataFrame([asdict(row) | {"agrees": row.agrees} for row in rows])
 
 
 class Result:

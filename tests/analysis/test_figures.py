@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from torquebench.analysis.figures import figure_bytes, make_figures
+from torquebench.analysis.run_view import draw_figures, run_view
+from torquebench.analysis.style import figure_bytes
 from torquebench.errors import ResultError
 from torquebench.metrics import compute_metrics
 from torquebench.sim.trajectory import Outcome, Trajectory
@@ -65,7 +66,7 @@ def draw(runs: dict[str, Trajectory], n: int, **changes: object) -> dict[str, Fi
         "metrics_from": 0.5,
         "control_period": T,
     } | changes
-    return make_figures(runs, **arguments)  # type: ignore[arg-type]
+    return draw_figures(run_view(runs, **arguments))  # type: ignore[arg-type]
 
 
 def panel(fig: Figure, label: str) -> Axes:
@@ -272,6 +273,6 @@ def test_no_interactive_plotting_and_a_light_package() -> None:
     """`torquebench.analysis` loads no matplotlib; the figures load no pyplot."""
     code = (
         "import sys, torquebench.analysis; assert 'matplotlib' not in sys.modules;"
-        "import torquebench.analysis.figures; assert 'matplotlib.pyplot' not in sys.modules"
+        "import torquebench.analysis.signals; assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from tests.analysis.test_figures import PAGES, T, diverged, draw, legend_texts, make, panel
-from torquebench.analysis.figures import figure_bytes
+from torquebench.analysis.style import figure_bytes
 from torquebench.errors import ResultError
 from torquebench.metrics import Metrics, compute_metrics
 from torquebench.sim.trajectory import Outcome, Trajectory

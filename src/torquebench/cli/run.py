@@ -118,5 +118,5 @@ def chosen(options: argparse.Namespace) -> Experiment:
 def summary(result: ExperimentResult) -> str:
     """Return the table of headline metrics, one row a controller."""
     header, rows = headline_table(result)
-    rows = [[*row[:2], (bad if row[0] in result.unexpected else good)(row[2]), *row[3:]] for row in rows]
-    return f"{result.experiment.name}\n{result.conditions}\n\n{table(header, rows)}"
+    shown = [[*row[:2], (bad if row[0] in result.unexpected else good)(row[2]), *row[3:]] for row in rows]
+    return f"{result.experiment.name}\n{result.conditions}\n\n{table(header, shown)}"
