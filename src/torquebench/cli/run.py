@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from torquebench.cli.colour import bad, good
 from torquebench.cli.terminal import complain, following, progress_bar, say, table, tell, warn
@@ -18,6 +19,9 @@ from torquebench.experiment.store import RunDirectory, claim_folder
 from torquebench.laws.plugin import load_plugin
 from torquebench.report.run import certificate_lines, write_run
 from torquebench.report.tables import headline_table, outcome_text
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 
 def run(options: argparse.Namespace) -> int:
@@ -118,5 +122,8 @@ def chosen(options: argparse.Namespace) -> Experiment:
 def summary(result: ExperimentResult) -> str:
     """Return the table of headline metrics, one row a controller."""
     header, rows = headline_table(result)
-    shown = [[*row[:2], (bad if row[0] in result.unexpected else good)(row[2]), *row[3:]] for row in rows]
+    shown: list[list[str | Text]] = []
+    for row in rows:
+        tone = bad if row[0] in result.unexpected else good
+        shown.append([*row[:2], tone(row[2]), *row[3:]])
     return f"{result.experiment.name}\n{result.conditions}\n\n{table(header, shown)}"
