@@ -13,6 +13,7 @@ import torquebench as tb
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.store import check_run
+from torquebench.laws.law import LAWS
 
 QUICK = {
     "name": "quick",
@@ -22,7 +23,7 @@ QUICK = {
         {"name": "band", "law": "linear-band-smc", "gains": {"lam": 10, "k": [0.3, 0.3], "phi": 0.3, "kv": 20}},
     ],
     "reference": {"kind": "sine", "amplitude": 1.0, "frequency_hz": 1.0},
-    "run": {"duration": 0.4, "metrics_from": 0.1},
+    "run": {"duration": 0.6, "metrics_from": 0.1},
 }
 LAW = '''
 from typing import Annotated, NamedTuple
@@ -48,12 +49,10 @@ def result():
 @pytest.fixture(scope="module")
 def failed(tmp_path_factory):
     """A run in which one controller fails at 0.2 s."""
-    from torquebench.laws import base
-
     file = tmp_path_factory.mktemp("law") / "law.py"
     file.write_text(LAW)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+        patch.setattr(LAWS, "_items", dict(LAWS._items))
         broken = {"name": "broken", "law": "fails-at", "gains": {"at": 0.2}}
         yield tb.run_experiment(QUICK | {"controllers": [*QUICK["controllers"], broken]}, plugins=[file])
 
@@ -147,16 +146,16 @@ def test_a_notebook_shows_tables_and_no_markup_of_the_config(result):
 
 def test_keys_can_be_changed(result):
     """By dotted keys with numbers, arrays and mappings; a key that does not exist is answered with the nearest."""
-    changed = tb.change(result.experiment, {"run.duration": 0.5, "controllers.band.gains.phi": np.array([0.1, 0.2])})
-    assert changed.run.duration == 0.5
+    changed = result.experiment.with_({"run.duration": 0.7, "controllers.band.gains.phi": np.array([0.1, 0.2])})
+    assert changed.run.duration == 0.7
     assert changed.controllers[1].gains["phi"] == (0.1, 0.2)
-    assert result.experiment.run.duration == 0.4
-    assert tb.load_experiment(QUICK, {"run.duration": 0.5}).run.duration == 0.5
+    assert result.experiment.run.duration == 0.6
+    assert tb.load_experiment(QUICK, {"run.duration": 0.7}).run.duration == 0.7
     with pytest.raises(ConfigError, match="phi"):
-        tb.change(result.experiment, {"controllers.band.gains.phii": 0.1})
+        result.experiment.with_({"controllers.band.gains.phii": 0.1})
     for value in (float("nan"), object(), 3j):
         with pytest.raises(ConfigError, match="wanted a value for a config"):
-            tb.change(result.experiment, {"run.duration": value})
+            result.experiment.with_({"run.duration": value})
 
 
 @pytest.mark.parametrize("name", ["fig9-chattering", "paper/fig9-chattering"])
@@ -178,5 +177,5 @@ def test_progress_is_reported():
     """Steps of both controllers, up to all of them."""
     seen = []
     tb.run_experiment(QUICK, progress=lambda *told: seen.append(told))
-    assert seen[-1] == ("band", 800, 800)
-    assert all(done <= whole == 800 for _, done, whole in seen)
+    assert seen[-1] == ("band", 1200, 1200)
+    assert all(done <= whole == 1200 for _, done, whole in seen)

@@ -35,8 +35,8 @@ def test_the_table_is_a_frame(sweep):
     )
     assert table[table["controller"] == "conventional"]["controllers.band.gains.phi"].isna().all()
     assert table.attrs["units"]["rmse"] == "rad"
-    table.drop(columns="rmse", inplace=True)  # a copy: the sweep keeps its own
-    assert "rmse" in sweep.to_dataframe()
+    table["rmse"] = 0.0  # a copy: the sweep keeps its own
+    assert (sweep.to_dataframe()["rmse"] > 0.0).all()
 
 
 def test_a_row_can_be_run_again(sweep):

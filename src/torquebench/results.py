@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import html
-import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from torquebench import comparison
+from torquebench.comparison import parse_side
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
-from torquebench.experiment.dump import dump_experiment, dump_tree
+from torquebench.experiment.change import edits_of, tree_of
+from torquebench.experiment.dump import dump_tree
 from torquebench.experiment.folder import read_result, write_experiment, write_trajectory
 from torquebench.experiment.load import load_experiment as load_file
 from torquebench.experiment.load import parse_experiment
@@ -55,7 +58,7 @@ def load_experiment(source: Source, changes: Mapping[str, Any] | None = None) ->
 
     Args:
         source: A YAML file, the name of a shipped config, or the keys of one as a mapping.
-        changes: Dotted key -> value, set before the check; see `change`.
+        changes: Dotted key -> value, set before the check, as of `Experiment.with_`.
 
     Raises:
         ConfigError: there is no such config, or it has mistakes; all of them at once, with their places.
@@ -64,56 +67,6 @@ def load_experiment(source: Source, changes: Mapping[str, Any] | None = None) ->
     if isinstance(source, Mapping):
         return parse_experiment(dump_tree(tree_of(source)), "experiment", edits)
     return load_file(find_config(str(source)), edits)
-
-
-def tree_of(keys: Mapping[str, Any]) -> dict[str, Any]:
-    """Return keys of a config, which may hold arrays and paths, as plain values.
-
-    Raises:
-        ConfigError: a value is nothing that YAML can hold.
-    """
-    try:
-        tree: dict[str, Any] = json.loads(json.dumps(keys, default=_plain, allow_nan=False))
-    except (TypeError, ValueError, RecursionError) as error:
-        raise ConfigError([Problem("experiment", "", f"cannot be written as YAML ({error})")]) from error
-    return tree
-
-
-def change(experiment: Experiment, changes: Mapping[str, Any]) -> Experiment:
-    """Return an experiment with some keys changed.
-
-    Args:
-        experiment: The experiment.
-        changes: Dotted key, as for ``--set``, -> value: ``{"run.duration": 2, "controllers.band.gains.phi": 0.1}``.
-
-    Raises:
-        ConfigError: a key does not exist, or a value does not go with the rest.
-    """
-    return parse_experiment(dump_experiment(experiment), experiment.name, edits_of(changes))
-
-
-def edits_of(changes: Mapping[str, Any]) -> list[str]:
-    """Return changed keys as edits ``key=value``, the value as YAML.
-
-    Raises:
-        ConfigError: a value is nothing that YAML can hold.
-    """
-    edits = []
-    for key, value in changes.items():
-        try:
-            edits.append(f"{key}={json.dumps(value, default=_plain, allow_nan=False)}")
-        except (TypeError, ValueError) as error:
-            raise ConfigError([Problem("changes", str(key), f"got {value!r}, wanted a value for a config")]) from error
-    return edits
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can hold for an array or a number of numpy, or a path."""
-    if isinstance(value, Path):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} is no value of a config")
 
 
 def run_experiment(
@@ -170,6 +123,56 @@ def load_result(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Resul
     for file in files:
         load_plugin(file)
     return Result(read_result(Path(folder)), files, Path(folder))
+
+
+def compare(
+    a: str,
+    b: str,
+    *,
+    states: int = 1000,
+    seed: int = 0,
+    tolerance: float = 1e-12,
+    frozen_joints: Sequence[int] = (),
+    rollout: float = 0.0,
+) -> pd.DataFrame:
+    """Compare two models or plants, as ``torquebench compare`` does.
+
+    Args:
+        a, b: What is compared: ``mujoco:MODEL``, ``analytic:MODEL[:STRUCTURE[:CONSTANTS]]`` or a file of MuJoCo's.
+        states: Number of random states.
+        seed: Seed of the states.
+        tolerance: Relative difference that counts as agreement.
+        frozen_joints: Joints, counted from 1, at zero position and speed.
+        rollout: Length of closed loops to compare as well [s]; 0 for none.
+
+    Returns:
+        A row for each term: ``term, unit, absolute, relative, where, limit, measure, agrees``.
+
+    Raises:
+        ConfigError: there is no such model, or the two do not have the same joints.
+    """
+    import pandas as pd
+
+    first, second = parse_side(a, "a"), parse_side(b, "b")
+    n, problems = first.dynamics.n, []
+    if second.dynamics.n != n:
+        problems.append(Problem("b", second.label, f"has {second.dynamics.n} joints, wanted {n} as in {first.label}"))
+    if any(not 1 <= joint <= n for joint in frozen_joints):
+        problems.append(Problem("frozen_joints", "", f"got {list(frozen_joints)}, wanted joints from 1 to {n}"))
+    if states < 1:
+        problems.append(Problem("states", "", f"got {states}, wanted at least 1"))
+    if problems:
+        raise ConfigError(problems)
+    rows = comparison.compare(
+        first,
+        second,
+        states=states,
+        seed=seed,
+        tolerance=tolerance,
+        frozen=[joint - 1 for joint in frozen_joints],
+        rollout=rollout,
+    )
+    return pd.DataFrame([asdict(row) | {"agrees": row.agrees} for row in rows])
 
 
 class Result:
@@ -254,7 +257,7 @@ class Result:
 
     @property
     def _units(self) -> dict[str, str]:
-        return {info.key: joint_units(info.unit, self.joints.slides) for info in METRICS}
+        return {info.key: joint_units(info.unit, self.joints.slides) for info in METRICS.values()}
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row for each controller: its law, how its run ended, when it failed [s], and its `metrics`."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
+from torquebench.experiment.change import edits_of, tree_of
 from torquebench.experiment.dump import dump_experiment, dump_tree
 from torquebench.experiment.load import SWEEP
 from torquebench.experiment.run import Progress
@@ -17,17 +18,17 @@ from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import atomic_write
 from torquebench.experiment.yaml_source import read_bytes, read_document
 from torquebench.laws.plugin import load_plugin
+from torquebench.metrics import METRICS
 from torquebench.report.render import PAGE
 from torquebench.report.sweep import dependences, info_of, report_files
 from torquebench.results import Source as Config
-from torquebench.results import edits_of, tree_of
 from torquebench.shipped import find_config
 from torquebench.sweep import run as runs
 from torquebench.sweep.executors import Processes, Threads
 from torquebench.sweep.folder import TABLE, StoredSweep, open_sweep, verify
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.summary import Summary, summarise
-from torquebench.sweep.table import INFO, metric_keys, read_table
+from torquebench.sweep.table import metric_keys, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -154,7 +155,7 @@ class Sweep:
         run that failed has an outcome and no metrics. ``attrs["units"]`` has the units of the metrics.
         """
         table = self._table.copy()
-        table.attrs["units"] = {key: info.unit for key, info in INFO.items() if key in table}
+        table.attrs["units"] = {key: info.unit for key, info in METRICS.items() if key in table}
         return table
 
     @cached_property
@@ -177,7 +178,7 @@ class Sweep:
         columns = [*self.statistics.grid, "runs", "completed", *metric_keys(self._table)]
         index = pd.MultiIndex.from_tuples(keys, names=["case", "controller"])
         table = pd.DataFrame(rows, index=index, columns=columns)
-        table.attrs["units"] = {key: INFO[key].unit for key in columns if key in INFO}
+        table.attrs["units"] = {key: METRICS[key].unit for key in columns if key in METRICS}
         return table
 
     def best(self, metric: str, where: str | None = None) -> pd.Series:
@@ -192,7 +193,7 @@ class Sweep:
             ResultError: there is no such metric, or no row that meets the condition.
         """
         table = self.summary
-        if metric not in INFO or metric not in table:
+        if metric not in METRICS or metric not in table:
             raise ResultError(f"no metric '{metric}' in this sweep{did_you_mean(metric, metric_keys(self._table))}")
         try:
             chosen = table if where is None else table.query(where, engine="python")
@@ -201,7 +202,7 @@ class Sweep:
         chosen = chosen[(chosen["completed"] == chosen["runs"]) & chosen[metric].notna()]
         if chosen.empty:
             raise ResultError(f"no controller in any case completes every run{f' and has {where}' if where else ''}")
-        place = chosen[metric].argmin() if INFO[metric].better == "lower" else chosen[metric].argmax()
+        place = chosen[metric].argmin() if METRICS[metric].better == "lower" else chosen[metric].argmax()
         return chosen.iloc[int(place)]
 
     def experiment(self, row: int) -> Experiment:

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from torquebench.analysis.figures import figure_bytes, make_figures
+from torquebench.analysis.run_view import draw_figures, run_view
+from torquebench.analysis.style import figure_bytes
 from torquebench.errors import ResultError
 from torquebench.metrics import compute_metrics
 from torquebench.sim.trajectory import Outcome, Trajectory
@@ -65,7 +66,7 @@ def draw(runs: dict[str, Trajectory], n: int, **changes: object) -> dict[str, Fi
         "metrics_from": 0.5,
         "control_period": T,
     } | changes
-    return make_figures(runs, **arguments)  # type: ignore[arg-type]
+    return draw_figures(run_view(runs, **arguments))  # type: ignore[arg-type]
 
 
 def panel(fig: Figure, label: str) -> Axes:
@@ -217,7 +218,7 @@ def test_spectrum_reads_the_amplitude_of_a_sinusoid() -> None:
 def test_headline_metrics_stand_in_the_legend() -> None:
     """RMSE on the error page, HF on the torque page, from the metrics handed in."""
     run = make(1, 5.0)
-    metrics = compute_metrics(run, tau_max=np.array([20.0]), metrics_from=0.5, control_period=T, reference_kind="sine")
+    metrics = compute_metrics(run, tau_max=np.array([20.0]), metrics_from=0.5, control_period=T, step_like=False)
     figures = draw({"a": run}, 1, metrics={"a": metrics})
     assert legend_texts(figures["error"])[0] == "a (RMSE 7.07 mrad)"  # 10 mrad / sqrt 2
     assert legend_texts(figures["torque"])[0] == "a (HF 17.7 %)"  # 25 % / sqrt 2
@@ -272,6 +273,6 @@ def test_no_interactive_plotting_and_a_light_package() -> None:
     """`torquebench.analysis` loads no matplotlib; the figures load no pyplot."""
     code = (
         "import sys, torquebench.analysis; assert 'matplotlib' not in sys.modules;"
-        "import torquebench.analysis.figures; assert 'matplotlib.pyplot' not in sys.modules"
+        "import torquebench.analysis.signals; assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

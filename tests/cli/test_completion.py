@@ -13,11 +13,11 @@ from click.shell_completion import FishComplete
 
 import torquebench
 from tests.command_line import COMMANDS, flags
-from torquebench.analysis.sides import parse_side
 from torquebench.cli.app import app, main
 from torquebench.cli.compare import SideName
 from torquebench.cli.discover import Thing
 from torquebench.cli.fuzzy import SYSTEMS
+from torquebench.comparison import parse_side
 from torquebench.fuzzy import BUILTIN
 from torquebench.laws import law_names
 from torquebench.shipped import config_keys, configs

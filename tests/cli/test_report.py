@@ -15,7 +15,7 @@ from torquebench.cli.app import main
 from torquebench.experiment.store import add_to_run, check_run
 from torquebench.report.run_page import differences
 from torquebench.robot.library import data_root
-from torquebench.sim import loop
+from torquebench.sim.session import Session
 
 PICTURE = r'<figure><img alt="[^"]*" src="data:image/svg\+xml;base64,([^"]*)">'
 
@@ -68,8 +68,7 @@ def no_simulation(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("something was simulated")
 
-    monkeypatch.setattr(loop, "simulate", refuse)
-    monkeypatch.setattr("torquebench.sim.batch.simulate", refuse)
+    monkeypatch.setattr(Session, "run", refuse)
 
 
 @pytest.mark.parametrize("redraw", [(), ("--redraw",)])

@@ -83,7 +83,7 @@ def test_a_sweep_tells_its_work_runs_and_stores_its_table(small, command):
     assert manifest["outcomes"] == {"band": {"COMPLETED": 36}, "sign": {"COMPLETED": 36}}
     table = table_of("s")
     keys = ["plant.payload.mass", "controllers.*.gains.phi", "controllers.*.gains.lam"]
-    metrics = [info.key for info in METRICS]
+    metrics = [info.key for info in METRICS.values()]
     assert list(table) == ["index", "case", "draw", "controller", "outcome", "failed_at", *keys, *metrics]
     assert table["index"].tolist() == list(range(72))
     assert table["controller"].tolist() == ["band", "sign"] * 36
@@ -116,7 +116,7 @@ def test_a_row_run_alone_has_the_metrics_of_the_table(swept, command):
         (name,) = json.loads(Path(f"r{index}/metrics.json").read_text())["controllers"]
         found = json.loads(Path(f"r{index}/metrics.json").read_text())["controllers"][name]
         assert name == table["controller"][index]
-        for info in METRICS:
+        for info in METRICS.values():
             value = found[info.key]["value"]
             assert np.float64(math.nan if value is None else value).tobytes() == table[info.key][index].tobytes()
         again = command("run", f"r{index}/experiment.yaml", "--out", f"again{index}", "--no-figures")
@@ -335,7 +335,7 @@ def test_a_sweep_whose_runs_all_fail_ends_with_outcomes(small, command):
     assert set(table["outcome"]) == {"DIVERGED"}
     assert status == 1
     assert "controller 'band': 12 diverged; the file expects: completed" in err
-    assert all(np.all(np.isnan(table[info.key])) for info in METRICS)
+    assert all(np.all(np.isnan(table[info.key])) for info in METRICS.values())
     assert np.all(table["failed_at"] == 0)  # the push acts from the first instant
     assert out.splitlines()[-4].split()[:4] == ["band", "12", "0", "-"]
     assert command("sweep", small, "--out", "t", *shaken, *expected, *THREADS)[0] == 0
@@ -437,6 +437,24 @@ def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
     state = state_of(open_sweep(Path("s"), (), "--resume"))
     assert len(state.complete) >= 1
     assert state.damaged == frozenset()
+
+
+def test_the_processes_of_a_killed_sweep_end_too(small):
+    """SIGKILL of the command alone, which can clean nothing up, while its workers are in the middle of long shards."""
+    small.write_text(SMALL.replace("duration: 0.6", "duration: 100"))
+    command = [sys.executable, "-m", "torquebench", "sweep", "small.yaml", "--out", "s", "--workers", "2", "--no-cap"]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    workers = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+    while len(workers.read_text().split()) < 3:  # two, and the helper of multiprocessing
+        assert run.poll() is None
+        time.sleep(0.01)
+    time.sleep(1.0)
+    run.kill()
+    run.wait()
+    end = time.monotonic() + 30.0
+    while alive(run.pid):
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def test_what_the_table_says_is_written_and_made_again_in_the_same_bytes(small, command):

@@ -11,14 +11,14 @@ import yaml
 
 from tests.sampled import simulate_sampled
 from torquebench.kernel import Array
-from torquebench.measures import chattering_index
+from torquebench.metrics.chattering import chattering_index
 from torquebench.references import ReferenceSource, quintic, sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import data_root
 from torquebench.sim.chain import CHAINS
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 ARMS = ("puma560", "two-link")

@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -64,8 +65,8 @@ def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Columns]) -> 
         assert rows["controller"][index] == name
         assert rows["outcome"][index] == "COMPLETED"
         assert math.isnan(rows["failed_at"][index])
-        for info in METRICS:
-            value = getattr(metrics, info.key).value
+        for info in METRICS.values():
+            value = metrics[info.key].value
             stored = rows[info.key][index]
             assert np.float64(math.nan if value is None else value).tobytes() == stored.tobytes()
 
@@ -80,7 +81,7 @@ def test_failed_and_refused_runs_have_outcomes_and_no_metrics() -> None:
     assert set(ended) == {"REFUSED", "DIVERGED"}
     failed = table["outcome"] != "COMPLETED"
     assert np.all(np.isnan(table["failed_at"]) == ~failed)
-    assert all(np.all(np.isnan(table[info.key][failed])) for info in METRICS)
+    assert all(np.all(np.isnan(table[info.key][failed])) for info in METRICS.values())
 
 
 def test_closing_the_iterator_stops_the_rest() -> None:
@@ -97,6 +98,20 @@ def test_a_worker_that_is_told_to_stop_gives_up_its_shard() -> None:
     asked = iter([False, True])
     with pytest.raises(Stopped):
         run_shard(TASK, 0, lambda: next(asked))
+
+
+def test_closing_the_iterator_ends_the_processes() -> None:
+    """At once, although one has a shard of seconds in hand: no process and no thread is left."""
+    plan = plan_of(SMALL, "sweep.grid={run.duration: [0.6, 0.7, 100]}", "sweep.draws=1")
+    threads = threading.active_count()
+    tables = Processes(1).run(Task(plan.source, 1), range(3))
+    next(tables)
+    next(tables)
+    start = time.perf_counter()
+    tables.close()  # type: ignore[attr-defined]
+    assert time.perf_counter() < start + 10.0
+    assert multiprocessing.active_children() == []
+    assert threading.active_count() == threads
 
 
 def test_a_process_that_dies_is_an_error(whole: dict[int, Columns]) -> None:

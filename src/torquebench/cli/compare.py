@@ -13,8 +13,7 @@ from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
-    from torquebench.analysis.compare import Row
-    from torquebench.analysis.sides import Side
+    from torquebench.comparison import Row, Side
 
 SIDES = ("mujoco:puma560", "mujoco:two-link", "analytic:two-link", "analytic:puma560")
 """Sides that completion offers, beside files."""
@@ -97,16 +96,11 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
 
     The exit status is 0 when every compared quantity agrees, else 1.
     """
-    from torquebench.analysis.compare import (
-        LOOPS,
-        compare_links,
-        compare_rollouts,
-        compare_terms,
-        random_states,
-        slightly_wrong,
-    )
+    from torquebench import comparison
 
-    with progress_bar(LOOPS + 1 if rollout > 0 else 1, "comparison", "starting (compiles on first use)") as bar:
+    with progress_bar(
+        comparison.LOOPS + 1 if rollout > 0 else 1, "comparison", "starting (compiles on first use)"
+    ) as bar:
         first, second = _sides(a, b)
         n = first.dynamics.n
         if second.dynamics.n != n:
@@ -115,17 +109,21 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
             )
         if any(j > n for j in frozen_joints):
             raise ConfigError([Problem("--frozen-joints", "", f"{max(frozen_joints)} is beyond the {n} joints")])
-        drawn = random_states(n, states, seed, [j - 1 for j in frozen_joints])
-        rows = compare_terms(first.dynamics, second.dynamics, drawn, tolerance)
-        if first.links is not None and second.links is not None:
-            rows += compare_links(first.links, second.links, tolerance)
 
         def report(loop: str) -> None:
             bar.describe(loop)
             bar.update(1)
 
-        if rollout > 0:
-            rows += compare_rollouts(first, second, slightly_wrong(first, second), rollout, progress=report)
+        rows = comparison.compare(
+            first,
+            second,
+            states=states,
+            seed=seed,
+            tolerance=tolerance,
+            frozen=[j - 1 for j in frozen_joints],
+            rollout=rollout,
+            progress=report,
+        )
     agree = all(row.agrees for row in rows)
     tell(
         a=first.label,
@@ -147,7 +145,7 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
 
 
 def _sides(first: str, second: str) -> tuple[Side, Side]:
-    from torquebench.analysis.sides import parse_side
+    from torquebench.comparison import parse_side
 
     sides: list[Side] = []
     problems: list[Problem] = []

@@ -54,7 +54,7 @@ def findings(gl: str | None) -> dict[str, Any]:
         gl: The user's MUJOCO_GL.
     """
     from torquebench.experiment.store import PACKAGES, machine
-    from torquebench.kernel_cache import cache_folder
+    from torquebench.kernel.cache import cache_folder
     from torquebench.video.encode import ffmpeg_program
     from torquebench.video.opengl import STICK, advice, candidates, probe
 

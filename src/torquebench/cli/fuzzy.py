@@ -47,8 +47,8 @@ def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Pat
 
     It is said how they are evaluated, and what is odd about them. A built-in system goes by its name.
     """
-    from torquebench.analysis.figures import figure_bytes
-    from torquebench.analysis.fuzzy_figures import system_figures
+    from torquebench.analysis.fuzzy import system_figures
+    from torquebench.analysis.style import figure_bytes
     from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
     from torquebench.fuzzy import prepare
     from torquebench.laws.plugin import load_plugin

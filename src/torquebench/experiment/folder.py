@@ -225,9 +225,13 @@ def _metrics(folder: Path, n: int) -> dict[str, Metrics]:
             continue
         if any(len(metric.per_joint) != n for metric in values.values()):
             raise ResultError(f"{path}: '{name}' has metrics of another number of joints, wanted {n}")
+        if unknown := [key for key in values if key not in METRICS]:
+            raise ResultError(
+                f"{path}: has the metric '{unknown[0]}', which is not registered: wanted --plugin with its file"
+            )
         metrics = {key: Metric(m.value, tuple(m.per_joint), m.counted) for key, m in values.items()}
         absent = Metric(None, (None,) * n, n)
-        found[name] = Metrics(**{info.key: metrics.get(info.key, absent) for info in METRICS})
+        found[name] = Metrics({key: metrics.get(key, absent) for key in METRICS.names()})
     return found
 
 

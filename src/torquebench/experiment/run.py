@@ -19,8 +19,8 @@ from torquebench.experiment.store import machine, model_checksums, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
-from torquebench.robot.bodies import FACTORS, links_in
-from torquebench.robot.model import SLIDE
+from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.perturbation import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
@@ -239,9 +239,14 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
         tau_max=loop.plant.tau_max,
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
-        reference_kind=experiment.reference.kind,
+        step_like=is_step_like(experiment),
         phi=None if band is None else as_vector(band, experiment.n),
     )
+
+
+def is_step_like(experiment: Experiment) -> bool:
+    """Whether the reference goes from one position to another and stays there: only then is there a step response."""
+    return experiment.reference.kind in ("step", "quintic")
 
 
 def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:

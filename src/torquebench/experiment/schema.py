@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -29,7 +30,7 @@ from torquebench.experiment.values import (
     Slug,
 )
 from torquebench.robot import load_model
-from torquebench.robot.model import SLIDE
+from torquebench.robot.flat_model import SLIDE
 
 MAX_CONTROLLERS = 64
 MAX_DISTURBANCES = 64
@@ -272,6 +273,19 @@ class Experiment(Keys):
         noisy |= any(isinstance(disturbance, BandLimitedNoise) for disturbance in self.disturbances)
         mismatch = self.model.mismatch
         return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.constants is None)
+
+    def with_(self, changes: Mapping[str, Any]) -> Experiment:
+        """Return this experiment with some keys changed, checked again.
+
+        Args:
+            changes: Dotted key, as for ``--set``, -> value: ``{"run.duration": 2, "controllers.band.gains.phi": 0.1}``.
+
+        Raises:
+            ConfigError: a key does not exist, or a value does not go with the rest.
+        """
+        from torquebench.experiment.change import with_changes
+
+        return with_changes(self, changes)
 
     def hold_steps(self, disturbance: BandLimitedNoise) -> int:
         """Control periods for which one value of a disturbance lasts, at most the whole run."""

@@ -36,8 +36,6 @@ from torquebench.sweep.plan import Plan
 from torquebench.sweep.table import REFUSED
 from torquebench.sweep.worker import Task, Worker, write_trajectory
 
-HIGHER = frozenset(info.key for info in METRICS if info.better == "higher")
-
 MoreFiles: TypeAlias = Callable[[StoredSweep], Iterable[tuple[str, bytes]]]
 """Makes further files of a sweep that has its final table: name and content of each."""
 
@@ -187,7 +185,8 @@ def worst_rows(stored: StoredSweep, keep: Worst) -> list[int]:
         read_column(stored, "failed_at"),
         read_column(stored, keep.by),
     )
-    badness = np.where(np.isnan(value), np.inf, -value if keep.by in HIGHER else value)
+    higher = METRICS[keep.by].better == "higher"
+    badness = np.where(np.isnan(value), np.inf, -value if higher else value)
     early = np.where(np.isnan(failed_at), np.inf, failed_at)
     order = np.lexsort((np.arange(len(value)), -badness, early))
     order = order[read_column(stored, "outcome")[order] != REFUSED]

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from torquebench.errors import ResultError, did_you_mean
 from torquebench.kernel import Array
+from torquebench.metrics import METRICS
 from torquebench.plain import plain
 from torquebench.statistics import Ratio, Share, clopper_pearson, cvar, geometric_mean, paired_ratio
 from torquebench.sweep.table import (
-    INFO,
     Rows,
     Table,
     check_table,
@@ -152,7 +152,7 @@ def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure 
     known = np.isfinite(values)
     if not known.any():
         return None
-    values, rising = values[known], INFO[key].better == "lower"
+    values, rising = values[known], METRICS[key].better == "lower"
     worst = int(np.argmax(values) if rising else np.argmin(values))
     row = rows[known][worst]
     return Figure(

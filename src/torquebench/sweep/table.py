@@ -30,8 +30,6 @@ Rows: TypeAlias = NDArray[np.intp]
 
 FIXED = ("index", "case", "draw", "controller", "outcome", "failed_at")
 """Columns that every table has; those of varied keys and of metrics follow."""
-INFO = {info.key: info for info in METRICS}
-"""Metric by the name of its column."""
 REFUSED = "REFUSED"
 """Outcome of a run that cannot be built, such as one whose drawn model is not a possible arm."""
 OUTCOMES = (*(outcome.name for outcome in Outcome), REFUSED)
@@ -49,7 +47,7 @@ def empty_columns(plan: Plan, rows: int) -> dict[str, NDArray[Any]]:
     kinds: dict[str, Any] = dict(zip(FIXED, fixed, strict=True))
     kinds |= {key: floats for key in (*(axis.key for axis in plan.keys.axes), *(r.key for r in plan.keys.random))}
     kinds |= {axis.key: _text([_word(value) for value in axis.values]) for axis in _axes(plan) if not axis.numeric}
-    kinds |= {info.key: floats for info in METRICS}
+    kinds |= dict.fromkeys(METRICS.names(), floats)
     return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
 
 
@@ -126,7 +124,7 @@ def check_table(table: Table) -> Table:
 
 def varied_keys(table: Table) -> tuple[str, ...]:
     """Return the experiment's keys that the sweep varies, in the table's order."""
-    return tuple(str(name) for name in table if name not in FIXED and name not in INFO)
+    return tuple(str(name) for name in table if name not in FIXED and name not in METRICS)
 
 
 def grid_keys(table: Table) -> tuple[str, ...]:
@@ -140,7 +138,7 @@ def grid_keys(table: Table) -> tuple[str, ...]:
 
 def metric_keys(table: Table) -> tuple[str, ...]:
     """Return the metrics that have a value in some row, in the table's order."""
-    return tuple(name for name in map(str, table) if name in INFO and bool(np.isfinite(table[name]).any()))
+    return tuple(name for name in map(str, table) if name in METRICS and bool(np.isfinite(table[name]).any()))
 
 
 def controllers(table: Table) -> tuple[str, ...]:
@@ -155,7 +153,7 @@ def rows_by(table: Table, *columns: str) -> dict[tuple[Any, ...], Rows]:
         table: The table.
         columns: Names of columns.
     """
-    groups: dict[Any, Rows] = dict(table.groupby(list(columns), sort=False, dropna=False).indices)
+    groups: Any = table.groupby(list(columns), sort=False, dropna=False).indices
     ordered = sorted(groups.items(), key=lambda item: int(item[1][0]))
     return {key if isinstance(key, tuple) else (key,): rows for key, rows in ordered}
 

@@ -23,9 +23,6 @@ from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import Plan, Source, pairs_of
 from torquebench.sweep.table import REFUSED, Columns, empty_columns, key_values
 
-UNDEFINED = np.full(len(METRICS), math.nan)
-"""Metrics of a run that has none."""
-
 
 class Ended(NamedTuple):
     """Outcome of one run."""
@@ -95,7 +92,7 @@ class Worker:
                     index, name = pair * count + at % count, plan.controllers[at % count]
                     write_trajectory(task.trajectories, index, name, ended.run)
                 at += 1
-        columns |= {info.key: metrics[:, i].copy() for i, info in enumerate(METRICS)}
+        columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names())}
         return columns
 
     def pair(self, case: int, draw: int) -> Iterator[Ended]:
@@ -105,12 +102,12 @@ class Worker:
             case: The case.
             draw: The draw.
         """
-        experiment = self._plan.experiment(case, draw)
+        experiment, undefined = self._plan.experiment(case, draw), np.full(len(METRICS), math.nan)
         try:
             loop = self._build(experiment)
         except (ConfigError, ModelError):
             # the draw is at fault, not the file: every case has been built before
-            yield from (Ended(REFUSED, 0.0, UNDEFINED, None) for _ in experiment.controllers)
+            yield from (Ended(REFUSED, 0.0, undefined, None) for _ in experiment.controllers)
             return
         for keys, controller, session in zip(experiment.controllers, loop.controllers, self._sessions, strict=True):
             run = session.run(loop.plant, trial_of(experiment, loop, controller))
@@ -118,7 +115,7 @@ class Worker:
                 metrics = headlines(joints_of(experiment, loop, keys, run))
                 yield Ended(run.outcome.name, math.nan, metrics, run)
             else:
-                yield Ended(run.outcome.name, float(run.failed_at or 0), UNDEFINED, run)
+                yield Ended(run.outcome.name, float(run.failed_at or 0), undefined, run)
 
 
 def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:
