@@ -13,8 +13,8 @@ import pytest
 from tests.cli.conftest import QUICK
 from tests.cli.test_check import GOOD
 from tests.experiment.bad_configs import BAD
+from torquebench import check
 from torquebench.bench.timing import Row
-from torquebench.check import paths
 from torquebench.cli import boundary_layer
 from torquebench.cli.document import plain
 from torquebench.cli.main import main, parser
@@ -131,8 +131,8 @@ def test_check(tmp_path, monkeypatch, document):
     """As before, within the envelope."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
-    monkeypatch.setattr(paths, "SCALES", (1.0,))
-    monkeypatch.setattr(paths, "DURATION", 0.02)
+    monkeypatch.setattr(check, "SCALES", (1.0,))
+    monkeypatch.setattr(check, "DURATION", 0.02)
     (tmp_path / "laws.py").write_text(GOOD)
     data, _ = document("check", "laws.py")
     assert data["held"]

@@ -17,9 +17,8 @@ from numba import njit
 from tests.sim.loops import PLANTS, TARGET, arm, plant_of
 from tests.user_files import load
 from torquebench import Controller, Outcome, find_law, simulate
-from torquebench.dialect.names import MATH
+from torquebench.dialect import MATH, complaints
 from torquebench.laws import Law, base
-from torquebench.laws.dialect import complaints
 from torquebench.sim import calling, checked_math
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
 from torquebench.sim.native_path import NativeRun, native_law

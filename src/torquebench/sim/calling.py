@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from torquebench.dialect import keeps_dialect
 from torquebench.kernel import Array
 from torquebench.laws import Law
-from torquebench.laws.dialect import keeps_dialect
 from torquebench.references import Reference
 from torquebench.robot.model import Model
 from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED

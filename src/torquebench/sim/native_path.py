@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from collections import deque
 from functools import lru_cache
@@ -11,7 +10,7 @@ from typing import Any
 from numba.core import config
 from numba.core.errors import NumbaError
 
-from torquebench.laws.dialect import complaints
+from torquebench.dialect import compiler_message, complaints
 from torquebench.laws.law import Law
 from torquebench.packing import Table
 from torquebench.sim.calling import replay
@@ -45,17 +44,8 @@ def law_obstacle(law: Law) -> str:
     try:
         native_law(law)
     except (NumbaError, TypeError) as error:
-        return f"law '{law.name}' cannot be compiled: {_short(error)}"
+        return f"law '{law.name}' cannot be compiled: {compiler_message(error, law.function)}"
     return ""
-
-
-def _short(error: Exception) -> str:
-    """Return what is wrong, in one line: numba's texts are long and name addresses."""
-    text = str(error)
-    found = re.search(
-        r"Unknown attribute '\w+'|Cannot unify [^\n]*|Variable '[\w.]+' [^\n]*|No implementation[^\n]*", text
-    )
-    return " ".join(re.sub(r" at 0x[0-9a-f]+", "", found.group() if found else text.split("\n")[0]).split())
 
 
 @lru_cache(maxsize=256)
