@@ -10,7 +10,7 @@ _HOMES = {
     "Array": "torquebench.kernel",
     "CHAINS": "torquebench.sim.chain",
     "Chain": "torquebench.sim.chain",
-    "Controller": "torquebench.sim.loop",
+    "Controller": "torquebench.sim.session",
     "Fis": "torquebench.fuzzy.fis",
     "FixedRules": "torquebench.laws",
     "Friction": "torquebench.sim.friction",
@@ -25,7 +25,7 @@ _HOMES = {
     "RobotModel": "torquebench.robot",
     "Rules": "torquebench.laws",
     "Trajectory": "torquebench.sim.trajectory",
-    "Trial": "torquebench.sim.batch",
+    "Trial": "torquebench.sim.loop",
     "Workers": "torquebench.sim.batch",
     "bias_forces": "torquebench.robot.dynamics",
     "check_law": "torquebench.check",
@@ -96,11 +96,12 @@ if TYPE_CHECKING:
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
     from torquebench.robot.payload import Payload
     from torquebench.sim.analytic_plant import AnalyticPlant
-    from torquebench.sim.batch import Trial, Workers, simulate_many
+    from torquebench.sim.batch import Workers, simulate_many
     from torquebench.sim.chain import CHAINS, Chain
     from torquebench.sim.friction import Friction
-    from torquebench.sim.loop import Controller, simulate
+    from torquebench.sim.loop import Trial, simulate
     from torquebench.sim.mujoco_plant import MujocoPlant
+    from torquebench.sim.session import Controller
     from torquebench.sim.trajectory import Outcome, Trajectory, load_trajectory
 
 

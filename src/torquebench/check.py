@@ -35,15 +35,17 @@ from torquebench.dialect import ARGUMENTS, FORM, INPUTS, STATE, Complaint, compl
 from torquebench.kernel import Array
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference, sine
+from torquebench.robot.model import own_copy
 from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.calling import call_law
 from torquebench.sim.chain import IDEAL
-from torquebench.sim.loop import Controller, simulate
+from torquebench.sim.loop import simulate
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.native_calls import native
 from torquebench.sim.native_loop import RUN_SIGNATURE, job_at, law_of
 from torquebench.sim.native_path import NativeRun, obstacle
 from torquebench.sim.plant import Plant
+from torquebench.sim.session import Controller
 from torquebench.sim.setup import set_up
 from torquebench.sim.trajectory import Outcome, Trajectory
 
@@ -412,7 +414,7 @@ def check_cost(law: Law, report: Report) -> None:
     setup = set_up(
         law,
         law.pack_gains(n, gains_of(law, n, options, 1), options),
-        arm(ARMS[0]).flat,
+        own_copy(arm(ARMS[0]).flat, control_period=0.001),
         plant,
         desired,
         IDEAL,

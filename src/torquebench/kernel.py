@@ -14,8 +14,9 @@ from typing import Any, TypeAlias, TypeVar, cast, overload
 import numba
 import numpy as np
 import numpy.typing as npt
+from numba.core import config
 
-from torquebench.kernel_cache import own_cache
+from torquebench.kernel_cache import KernelCache
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -41,17 +42,18 @@ def kernel(function: _F | None = None, *, inline: bool = False) -> _F | Callable
 
 def _compiled(function: _F, inline: bool) -> _F:
     function.is_kernel, function.is_inline = True, inline  # type: ignore[attr-defined]
-    with own_cache():
-        # numba would not see that a number which a user's kernel names has changed; compiled laws are kept whole
-        compiler = numba.njit(
-            cache=not is_foreign(function),
-            boundscheck=is_foreign(function),
-            error_model="numpy",
-            fastmath=False,
-            inline="always" if inline else "never",
-            _nrt=False,
-        )
-        return cast(_F, compiler(function))
+    compiler = numba.njit(
+        boundscheck=is_foreign(function),
+        error_model="numpy",
+        fastmath=False,
+        inline="always" if inline else "never",
+        _nrt=False,
+    )
+    compiled = compiler(function)
+    # numba would not see that a number which a user's kernel names has changed; compiled laws are kept whole
+    if not config.DISABLE_JIT and not is_foreign(function):
+        compiled._cache = KernelCache(function)
+    return cast(_F, compiled)
 
 
 def is_foreign(function: Callable[..., Any]) -> bool:

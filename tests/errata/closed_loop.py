@@ -17,7 +17,8 @@ from torquebench.robot.model import scratch_for
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.robot.puma560.symbols import MISPRINTED
 from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import Controller, simulate
+from torquebench.sim.loop import simulate
+from torquebench.sim.session import Controller
 
 GAINS = {"lam": 10.0, "kv": 20.0, "ki": 0.0}
 DURATION = 4.0

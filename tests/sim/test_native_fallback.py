@@ -26,9 +26,9 @@ from torquebench.references import Reference
 from torquebench.robot.model import Model
 from torquebench.sim import mujoco_library, mujoco_step
 from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import Controller
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.plant import NativeError, Plant
+from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Outcome
 
 ROOT = Path(__file__).resolve().parents[2]

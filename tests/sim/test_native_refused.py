@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 from tests.arms import chain, pack
+from tests.sampled import sampled_trial, simulate_sampled
 from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
 from tests.sim.protocol import differing_bytes
 from tests.sim.test_native_lean import stepper
 from torquebench.references import sine
 from torquebench.robot import RobotModel
 from torquebench.sim import lean_arm
-from torquebench.sim.batch import Trial, simulate_many
+from torquebench.sim.batch import simulate_many
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.friction import NONE
-from torquebench.sim.loop import simulate
 from torquebench.sim.mujoco_plant import MujocoPlant
 from torquebench.sim.plant import INTEGRATORS, NativePlant
 from torquebench.sim.trajectory import Outcome, Trajectory
@@ -40,7 +40,7 @@ def anything(n: int) -> RobotModel:
 def run_of(plant: MujocoPlant, path: Any, actuators: Chain = IDEAL) -> Trajectory:
     """Return 0.15 s of PD control, started away from home so that limits and contacts are met."""
     n = plant.n
-    return simulate(
+    return simulate_sampled(
         plant,
         pack("pd", n, lam=8, kv=12),
         anything(n),
@@ -132,7 +132,7 @@ def test_a_refused_arm_that_diverges_ends_at_its_step(
     for at in range(5, 25):
         push = np.zeros((50, 3))
         push[at, at % 3] = (1e300, -1e12, 1.7e308)[at % 3]
-        pushes.append(Trial(pack("pd", 3, lam=8, kv=12), anything(3), sine(0.8, 2.0), 0.05, disturbance=push))
+        pushes.append(sampled_trial(pack("pd", 3, lam=8, kv=12), anything(3), sine(0.8, 2.0), 0.05, disturbance=push))
     runs = {
         (path, workers): list(simulate_many(plant, pushes, workers=workers, path=path))  # type: ignore[arg-type]
         for path, workers in (("python", 1), ("native", 1), ("native", 4))

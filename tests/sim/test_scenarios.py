@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -13,6 +14,7 @@ from tests.arms import pack, slider, still
 from tests.experiment.examples import parse
 from tests.sim.loops import go
 from tests.sim.protocol import differing_bytes
+from tests.sim.test_simulate import Noise
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment, trial_of
 from torquebench.robot import Puma560
@@ -258,7 +260,8 @@ def test_scenarios_work_from_python_alone() -> None:
         loop.reference,
         duration=4.0,
         chain=tb.CHAINS["slow"],
-        position_noise=loop.position_noise,
-        disturbance=loop.disturbance,
+        disturbances=[Noise(np.array(json.loads(SIGMA)), 0.01)],
+        seed=experiment.run.seed,
+        draw=experiment.run.draw,
     )
     assert differing_bytes(run, wanted) == 0

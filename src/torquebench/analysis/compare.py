@@ -12,7 +12,8 @@ from torquebench.analysis.sides import Dynamics, Side
 from torquebench.kernel import Array
 from torquebench.robot.arm import RobotModel
 from torquebench.robot.model import own_copy
-from torquebench.sim.loop import Controller, simulate
+from torquebench.sim.loop import simulate
+from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Trajectory
 
 ROLLOUT_TOLERANCE = 1e-12

@@ -13,9 +13,8 @@ from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
 from torquebench.robot.model import SLIDE
-from torquebench.sim.batch import Trial, run_trial
-from torquebench.sim.loop import Controller, PathName
 from torquebench.sim.result import Motion
+from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
 
 
@@ -68,11 +67,11 @@ def run_experiment(
         ModelError: a model cannot be used.
     """
     loop = build(experiment) if loop is None else loop
-    runs: dict[str, Trajectory] = {}
+    session, runs = Session(), dict[str, Trajectory]()
     metrics: dict[str, Metrics] = {}
     for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
         name = controller.name
-        runs[name] = run_trial(
+        runs[name] = session.run(
             loop.plant,
             trial_of(experiment, loop, controller),
             path,
@@ -111,13 +110,12 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
     )
 
 
-def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Trial:
+def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:
     """Return what one controller of an experiment is run with."""
-    return Trial(
+    return SampledTrial(
         controller,
         loop.model,
         loop.reference,
-        experiment.run.duration,
         experiment.run.control_period,
         build_chain(experiment.chain),
         loop.position_noise,

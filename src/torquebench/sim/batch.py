@@ -4,37 +4,16 @@ from __future__ import annotations
 
 import queue
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 
-from torquebench.kernel import Array
-from torquebench.references import Reference, ReferenceSource
-from torquebench.robot.arm import RobotModel
-from torquebench.sim.again import Again
-from torquebench.sim.chain import IDEAL, Chain
-from torquebench.sim.loop import Controller, PathName, simulate
+from torquebench.sim.loop import Trial
 from torquebench.sim.plant import Plant
-from torquebench.sim.result import Watch
+from torquebench.sim.session import PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
 
 AHEAD = 2
 """Runs asked for in advance for each thread: enough to keep it busy, few enough to keep memory flat."""
-
-
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """The arguments of one `simulate`, but for the plant; see there."""
-
-    controller: Controller
-    model: RobotModel
-    reference: ReferenceSource | Reference
-    duration: float
-    control_period: float = 0.001
-    chain: Chain = IDEAL
-    position_noise: Array | None = None
-    disturbance: Array | None = None
-    initial_q: Array | None = None
 
 
 class Workers:
@@ -52,11 +31,10 @@ class Workers:
     def __init__(self, plant: Plant, count: int) -> None:
         if count < 1:
             raise ValueError(f"workers is {count}, wanted at least 1")
-        self._plant, self._count = plant, count
-        self._plants: queue.SimpleQueue[Plant] = queue.SimpleQueue()
-        if count > 1:
-            for _ in range(count):
-                self._plants.put(plant.replica())
+        self._count = count
+        self._free: queue.SimpleQueue[tuple[Plant, Session]] = queue.SimpleQueue()
+        for _ in range(count):
+            self._free.put((plant.replica() if count > 1 else plant, Session()))
         self._pool = ThreadPoolExecutor(count)
 
     def __enter__(self) -> Workers:
@@ -65,11 +43,11 @@ class Workers:
     def __exit__(self, *exception: object) -> None:
         self._pool.shutdown()
 
-    def simulate(self, trials: Iterable[Trial], path: PathName = "auto") -> Iterator[Trajectory]:
+    def simulate(self, trials: Iterable[Trial | SampledTrial], path: PathName = "auto") -> Iterator[Trajectory]:
         """Run closed loops and yield their trajectories; see `simulate_many`."""
         if self._count == 1:
             for trial in trials:
-                yield run_trial(self._plant, trial, path)
+                yield self._run(trial, path)
             return
         pending: deque[Future[Trajectory]] = deque()
         try:
@@ -83,16 +61,17 @@ class Workers:
             for future in pending:
                 future.cancel()
 
-    def _run(self, trial: Trial, path: PathName) -> Trajectory:
-        own = self._plants.get()
+    def _run(self, trial: Trial | SampledTrial, path: PathName) -> Trajectory:
+        plant, session = self._free.get()
         try:
-            return run_trial(own, trial, path)
+            sampled = trial.sampled(plant.n) if isinstance(trial, Trial) else trial
+            return session.run(plant, sampled, path)
         finally:
-            self._plants.put(own)
+            self._free.put((plant, session))
 
 
 def simulate_many(
-    plant: Plant, trials: Iterable[Trial], *, workers: int = 1, path: PathName = "auto"
+    plant: Plant, trials: Iterable[Trial | SampledTrial], *, workers: int = 1, path: PathName = "auto"
 ) -> Iterator[Trajectory]:
     """Run closed loops and yield their trajectories in the order of the trials; a failed run is one of them.
 
@@ -111,31 +90,3 @@ def simulate_many(
     """
     with Workers(plant, workers) as own:
         yield from own.simulate(trials, path)
-
-
-def run_trial(
-    plant: Plant,
-    trial: Trial,
-    path: PathName = "auto",
-    progress: Callable[[int], None] | None = None,
-    watch: Watch | None = None,
-    again: Again | None = None,
-) -> Trajectory:
-    """Run one trial; a failure is returned, not raised. Arguments as of `simulate`."""
-    return simulate(
-        plant,
-        trial.controller,
-        trial.model,
-        trial.reference,
-        duration=trial.duration,
-        control_period=trial.control_period,
-        chain=trial.chain,
-        position_noise=trial.position_noise,
-        disturbance=trial.disturbance,
-        initial_q=trial.initial_q,
-        path=path,
-        throw=False,
-        progress=progress,
-        watch=watch,
-        again=again,
-    )

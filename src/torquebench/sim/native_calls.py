@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import cfunc, types
+from numba import types
+from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
-from torquebench.kernel_cache import own_cache
+from torquebench.kernel_cache import KernelCache, without_collection
 from torquebench.packing_types import WORD
 
 LAW_SIGNATURE = types.int64(*([types.int64] * 2), types.float64, *([types.int64] * 8))
@@ -48,16 +49,12 @@ def native(signature: Any, function: Any, error_model: str = "numpy") -> Any:
         function: Its closure must hold only what keeps its value from process to process: plain functions, classes.
         error_model: ``numpy``: a division by zero gives infinity; ``python``: it raises.
     """
-    try:
-        return _compiled(signature, function, error_model, cached=True)
-    except (ImportError, AttributeError, EOFError, OSError):
-        # the cache holds something that does not belong to this process, or is torn; it is only a cache
-        return _compiled(signature, function, error_model, cached=False)
-
-
-def _compiled(signature: Any, function: Any, error_model: str, cached: bool) -> Any:
-    with own_cache():
-        return cfunc(signature, cache=cached, error_model=error_model, _nrt=False)(function)
+    options = {"error_model": error_model, "_nrt": False}
+    compiled: Any = CFunc(function, (signature.args, signature.return_type), {}, options)
+    compiled._cache = KernelCache(function)
+    with without_collection():
+        compiled.compile()
+    return compiled
 
 
 call_law = caller(LAW_SIGNATURE)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-from collections import deque
 from functools import lru_cache
 from typing import Any
 
@@ -54,42 +52,29 @@ def native_law(law: Law) -> Any:
     return compile_law(law)
 
 
-_tables = threading.local()
-
-
-def _table_of(gains: Any) -> Table:
-    """Return the table of a law's gains: one of this thread's last ones again for the same gains."""
-    kept: deque[tuple[Any, Table]] | None = getattr(_tables, "kept", None)
-    if kept is None:
-        kept = _tables.kept = deque(maxlen=16)
-    for known, table in kept:
-        if known is gains:
-            return table
-    kept.append((gains, Table(gains)))
-    return kept[-1][1]
-
-
 class NativeRun:
     """A run on the native path: call it with a range of control instants to get how they ended.
 
     Args:
         setup: The run; its law must have no `obstacle`.
         plant: The plant's native form.
+        gains: The table of its law's gains, where there is one already.
     """
 
     longest = 20_000
     """Control instants to ask for at once, so that progress and interruption get their turn."""
 
-    def __init__(self, setup: Setup, plant: NativePlant) -> None:
+    def __init__(self, setup: Setup, plant: NativePlant, gains: Table | None = None) -> None:
         job = setup.job
-        self._kept = setup, plant, _table_of(setup.gains), Table(setup.memory)
+        self.setup, self._plant = setup, plant
+        self._tables = gains or Table(setup.gains), Table(setup.memory)
         self.detail = ""
         """What went wrong, when something did."""
         job.call[:] = [
             native_law(setup.law).address,
-            self._kept[2].address,
+            self._tables[0].address,
             setup.belief.address,
-            self._kept[3].address,
+            self._tables[1].address,
             plant.step,
             plant.structure.address,
             len(job.q),
@@ -98,19 +83,18 @@ class NativeRun:
 
     def restart(self, plant: NativePlant) -> None:
         """Make the run anew, on the same arrays, without the payload that the plant may have taken up."""
-        self.detail = ""
-        self._kept[0].job.call[5] = plant.structure.address
+        self.detail, self._plant = "", plant
+        self.setup.job.call[5] = plant.structure.address
 
     def attach(self) -> None:
         """Have the plant go on with its payload."""
-        setup, plant = self._kept[:2]
-        setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
-        if plant.loaded is not None:
-            setup.job.call[5] = plant.loaded.address
+        self.setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
+        if self._plant.loaded is not None:
+            self.setup.job.call[5] = self._plant.loaded.address
 
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1, without holding the interpreter's lock."""
-        status = int(self._loop(self._kept[0].job.address, first, last))
+        status = int(self._loop(self.setup.job.address, first, last))
         if status == RAISED:  # interpreted, the failing call tells what it was and where
-            status, self.detail = replay(self._kept[0])
+            status, self.detail = replay(self.setup)
         return status

@@ -20,21 +20,21 @@ class PythonRun:
     """Control instants to ask for at once."""
 
     def __init__(self, setup: Setup) -> None:
-        self._setup = setup
+        self.setup = setup
         self.detail = ""
         """What went wrong, when something did."""
         setup.job.q[:], setup.job.qd[:] = setup.plant.state()
 
     def attach(self) -> None:
         """Have the plant go on with its payload."""
-        self._setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
+        self.setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
 
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1."""
-        return closed_loop(self._setup.job, first, last, self._law, self._step)
+        return closed_loop(self.setup.job, first, last, self._law, self._step)
 
     def _law(self, job: Job, k: int) -> int:
-        s = self._setup
+        s = self.setup
         ref = Reference(job.q_ref[k].copy(), job.qd_ref[k].copy(), job.qdd_ref[k].copy())
         tau, status, self.detail = call_law(
             s.law,
@@ -51,6 +51,6 @@ class PythonRun:
         return status
 
     def _step(self, job: Job, substeps: int, varying: int) -> None:
-        plant = self._setup.plant
+        plant = self.setup.plant
         plant.step(job.torque if varying else job.torque[0], substeps)
         job.q[:], job.qd[:] = plant.state()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import operator
-import threading
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +10,7 @@ import numpy as np
 from torquebench.kernel import Array
 from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
-from torquebench.robot.model import Model, own_copy
+from torquebench.robot.model import Model
 from torquebench.sim.chain import Chain
 from torquebench.sim.job import Job
 from torquebench.sim.plant import NativePlant, Plant
@@ -51,7 +49,7 @@ def set_up(
 
     Args:
         law, gains: The law and its gains, which an interpreted law may write to.
-        belief: What the law believes.
+        belief: What the law believes, for this run alone: it may write to the scratch space.
         plant: The truth.
         desired: Desired motion at the control instants, (N, n).
         chain: Sensors and actuators.
@@ -111,53 +109,10 @@ def set_up(
         at=np.zeros(1, dtype=np.int64),
         call=np.zeros(7, dtype=np.int64),
     )
-    own = own_copy(belief, control_period=control_period) if native is None else own_belief(belief, control_period)
-    return Setup(law, gains, own, memory, plant, native, job)
+    return Setup(law, gains, belief, memory, plant, native, job)
 
 
 def is_fixed(x: Array) -> bool:
-    """Whether nobody can write to an array, which is one that a loop can read as it is."""
+    """Whether an array is immutable and can be shared."""
     flags = x.flags
     return not flags.writeable and flags.c_contiguous and x.base is None and x.dtype == np.float64
-
-
-_own = threading.local()
-_SHARED = operator.attrgetter(
-    *(field.name for field in fields(Model) if field.name not in ("constants", "control_period", "scratch"))
-)
-"""What draws of one model have in common."""
-
-
-@dataclass(slots=True)
-class _Own:
-    """A thread's own copy of the belief that it had last."""
-
-    belief: Model
-    copy: Model
-    constants: Array
-    """The copy's constants, which can be written here alone."""
-
-
-def own_belief(belief: Model, control_period: float) -> Model:
-    """Return a belief for the compiled runs of this thread alone.
-
-    The last one comes again when it is asked for again, and when it differs in its constants alone, as draws do.
-    """
-    last: _Own | None = getattr(_own, "last", None)
-    if last is None or last.copy.control_period != control_period or not _alike(last.belief, belief):
-        constants = belief.constants.copy()
-        shown = constants.view()
-        shown.setflags(write=False)
-        copy = own_copy(belief, control_period=control_period, constants=shown)
-        last = _own.last = _Own(belief, copy, constants)
-    elif last.belief is not belief:
-        last.constants[:], last.belief = belief.constants, belief
-    for array in last.copy.scratch:
-        array.fill(0.0)  # a law may have left something there
-    return last.copy
-
-
-def _alike(a: Model, b: Model) -> bool:
-    """Whether two models share everything but their constants."""
-    same = a is b or all(x is y for x, y in zip(_SHARED(a), _SHARED(b), strict=True))
-    return same and len(a.constants) == len(b.constants)

@@ -17,8 +17,7 @@ from torquebench.experiment.store import atomic_write
 from torquebench.kernel import Array
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS, headlines
-from torquebench.sim.again import Again
-from torquebench.sim.batch import run_trial
+from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.columns import Table
 from torquebench.sweep.form import REFUSED, empty_columns, values_of
@@ -63,7 +62,7 @@ class Worker:
 
     def __init__(self, plan: Plan) -> None:
         self._plan, self._build = plan, Builder()
-        self._again = [Again() for _ in plan.controllers]
+        self._sessions = [Session(overwrite=True) for _ in plan.controllers]
 
     def table(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
         """Run the rows of a shard and return their table.
@@ -112,8 +111,8 @@ class Worker:
             # the draw, not the file, is at fault: every case has been built before
             yield from (Ended(REFUSED, 0.0, UNDEFINED, None) for _ in experiment.controllers)
             return
-        for keys, controller, again in zip(experiment.controllers, loop.controllers, self._again, strict=True):
-            run = run_trial(loop.plant, trial_of(experiment, loop, controller), again=again)
+        for keys, controller, session in zip(experiment.controllers, loop.controllers, self._sessions, strict=True):
+            run = session.run(loop.plant, trial_of(experiment, loop, controller))
             if run.completed:
                 metrics = headlines(joints_of(experiment, loop, keys, run))
                 yield Ended(run.outcome.name, math.nan, metrics, run)
