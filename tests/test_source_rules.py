@@ -13,7 +13,7 @@ OUTER = (
     "experiment/",
     "analysis/",
     "bench/",
-    "check/",
+    "check",
     "cli/",
     "sweep/",
     "view/",

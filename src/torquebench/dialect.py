@@ -22,9 +22,11 @@ from typing import Annotated, Any, Final, NamedTuple, get_args, get_origin, get_
 import numpy as np
 
 from torquebench.errors import did_you_mean
-from torquebench.kernel import Array
+from torquebench.kernel import Array, IntArray
 from torquebench.laws.law import Law
 from torquebench.packing import is_structure
+from torquebench.references import Reference
+from torquebench.robot.model import Model
 
 ALLOWED: Final = (
     *(ast.Assign, ast.AnnAssign, ast.AugAssign, ast.Expr, ast.For, ast.While, ast.If, ast.Return, ast.Pass),
@@ -45,8 +47,6 @@ ARGUMENTS = ("gains", "model", "t", "q", "qd", "ref", "memory", "tau")
 """What a law is called with, in this order."""
 WRITABLE = re.compile(r"(tau|memory\.\w+|model\.scratch(\.\w+)?)(\[\])*")
 """Parts of its arguments that a law may write to."""
-VECTOR = re.compile(r"q|qd|tau|(ref|memory|gains)\.\w+")
-"""Parts of a law's arguments that are whole arrays, options aside."""
 
 LOOP = "loop over the elements, for i in range(len(tau))"
 STATE_CURE = "keep what must survive in memory, and pass what is chosen as a gain"
@@ -177,8 +177,8 @@ class _Reader:
         """Variables that may be read before they have a value."""
         self.read()
         hints = _hints(function)
-        self.vectors = {"q", "qd", "tau", "ref", "memory", "gains"} if law else {k for k in hints if hints[k] == Array}
-        """Parameters whose elements are floats."""
+        self.parts = _parts_of_law(law) if law else {str(k): hints.get(x) for k, x in enumerate(self.parameters)}
+        """What the parts of the arguments are annotated: ``model.mass`` of a law, ``0`` of a kernel."""
         self.kinds: dict[str, Any] = {"t": float} if law else {k: NUMBERS.get(hints[k]) for k in hints}
         """`int`, `float` or MIXED for each variable, None where it is not known."""
         places = ARGUMENTS if law else map(str, range(len(self.parameters)))
@@ -254,10 +254,10 @@ class _Reader:
                     self.complain(node, f"the constant {text}", "compute with numbers only")
                 case ast.Call():
                     self.check_call(node, ast.unparse(node.func))
-                    done.update(map(id, _chain(node.func)))
+                    done.update(id(x) for x in _chain(node.func) if isinstance(x, ast.Attribute | ast.Name))
                 case ast.Name() | ast.Attribute() if not isinstance(node.ctx, ast.Store):
                     self.check_name(node, text)
-                    done.update(map(id, _chain(node)))
+                    done.update(id(x) for x in _chain(node) if isinstance(x, ast.Attribute | ast.Name))
 
     def check_target(self, node: ast.expr) -> None:
         """Check what is given a value: variables and elements of arrays."""
@@ -416,11 +416,10 @@ class _Reader:
                 return NUMBERS.get(type(node.value))
             case ast.Name() if node.id in self.kinds:
                 return self.kinds[node.id]
-            case ast.Name() | ast.Attribute():
-                return NUMBERS.get(type(self.meaning(node)))
-            case ast.Subscript():
-                *_, root = _chain(node.value)
-                return float if isinstance(root, ast.Name) and root.id in self.vectors else None
+            case ast.Name() | ast.Attribute() | ast.Subscript():
+                parts = {self.parts.get(place.replace("[]", "")) for place in self.places_of(node)}
+                known = [ELEMENTS.get(part, NUMBERS.get(part)) for part in parts]
+                return reduce(_joined, known) if known else NUMBERS.get(type(self.meaning(node)))
             case ast.BinOp():
                 kinds = {self.kind(node.left), self.kind(node.right)}
                 is_float = isinstance(node.op, ast.Div) or float in kinds
@@ -453,14 +452,13 @@ class _Reader:
                 what = f"{name} is an integer here and a float elsewhere"
                 self.found.append(Complaint(line, what, "write a float, as 0.0"))
         told: set[int] = set()
-        options = {f"gains.{name}" for name in self.law.options} if self.law else set()
         for node in self.nodes:
             if isinstance(node, ast.IfExp) and self.kind(node) == MIXED:
                 self.complain(node, f"{ast.unparse(node)} is an integer or a float", "write both as floats")
             numbers = ast.iter_child_nodes(node) if isinstance(node, ast.BinOp | ast.UnaryOp | ast.Compare) else ()
             for x in numbers if self.law else ():
                 places = self.places_of(x) if isinstance(x, ast.Name | ast.Attribute) else set()
-                is_whole = any(VECTOR.fullmatch(place) and place not in options for place in places)
+                is_whole = any(self.parts.get(place) in ELEMENTS for place in places)
                 if is_whole and isinstance(x, ast.expr) and x.lineno not in told:
                     told.add(x.lineno)
                     self.complain(x, f"{ast.unparse(x)} is a whole array in arithmetic", LOOP)
@@ -544,6 +542,14 @@ def _joined(a: Any, b: Any) -> Any:
 
 
 NUMBERS: Final[dict[Any, Any]] = {int: int, bool: int, float: float}
+ELEMENTS: Final[dict[Any, Any]] = {Array: float, IntArray: int}
+
+
+def _parts_of_law(law: Law) -> dict[str, Any]:
+    """Return the annotation of each part of a law's arguments that is a number or an array."""
+    structures = {"gains": law.gains_type, "model": Model, "ref": Reference, "memory": law.memory_type}
+    parts = {f"{name}.{field}": hint for name, cls in structures.items() for field, hint in _hints(cls).items()}
+    return parts | {"t": float, "q": Array, "qd": Array, "tau": Array}
 
 
 def _structure_complaints(law: Law) -> Iterator[Complaint]:
