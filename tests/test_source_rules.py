@@ -12,7 +12,6 @@ from tests.source_tree import ALL, FILES, SOURCE, TREES, imports
 OUTER = (
     "experiment/",
     "analysis/",
-    "bench/",
     "check",
     "cli/",
     "sweep/",
