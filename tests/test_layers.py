@@ -16,7 +16,7 @@ from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
     ("errors", "plain"),
-    ("kernel_cache",),
+    ("kernel_cache", "registry"),
     ("kernel",),
     ("packing",),
     ("packing_types",),
@@ -27,8 +27,8 @@ LAYERS = (
     ("sim",),
     ("check_cases",),
     ("check",),
-    ("measures", "statistics"),
-    ("metrics", "certificates"),
+    ("metrics", "statistics"),
+    ("certificates",),
     ("experiment",),
     ("sweep",),
     ("analysis",),

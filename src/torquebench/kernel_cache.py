@@ -215,7 +215,8 @@ def cache_folder() -> Path:
 
 
 def _source_digest(package: Path) -> str:
-    top = [f for f in package.glob("*.py") if f.name.startswith(("kernel", "packing")) or b"@kernel" in f.read_bytes()]
+    files = (*package.glob("*.py"), *package.glob("metrics/*.py"))
+    top = [f for f in files if f.name.startswith(("kernel", "packing")) or b"@kernel" in f.read_bytes()]
     sources = [*top, *(f for part in ("fuzzy", "robot", "laws", "sim") for f in (package / part).rglob("*.py"))]
     digest = hashlib.sha256()
     for source in sorted(sources):

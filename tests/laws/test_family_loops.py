@@ -11,7 +11,7 @@ import yaml
 
 from tests.sampled import simulate_sampled
 from torquebench.kernel import Array
-from torquebench.measures import chattering_index
+from torquebench.metrics.chattering import chattering_index
 from torquebench.references import ReferenceSource, quintic, sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import data_root

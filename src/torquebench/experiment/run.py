@@ -105,9 +105,14 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
         tau_max=loop.plant.tau_max,
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
-        reference_kind=experiment.reference.kind,
+        step_like=is_step_like(experiment),
         phi=None if band is None else as_vector(band, experiment.n),
     )
+
+
+def is_step_like(experiment: Experiment) -> bool:
+    """Whether the reference goes from one position to another and stays there: only then is there a step response."""
+    return experiment.reference.kind in ("step", "quintic")
 
 
 def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:

@@ -128,7 +128,7 @@ def _record(
     values: dict[str, float | None] = {}
     if run.completed:
         metrics = metrics_of(experiment, loop, keys, run)
-        values = {key: getattr(metrics, key).value for key in METRICS}
+        values = {key: metrics[key].value for key in METRICS}
         drawn = block.condition == UNCERTAIN and block.chain == "ideal"
         judged = plant == ("mujoco" if block.draws == 1 else "analytic")  # the runs that verdicts rest on: see Records
         if judged and draw < FEW_DRAWS and (block.condition == NOMINAL or (drawn and keys.name in CERTIFIED)):

@@ -10,10 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from torquebench import measures
+from tests.source_tree import SOURCE
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS, Metrics, compute_metrics
+from torquebench.metrics.chattering import chattering_index
+from torquebench.metrics.torque import measure_torques
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 T = 0.001
@@ -57,7 +59,7 @@ def metrics_of(run: Trajectory, **changes: object) -> Metrics:
         "tau_max": TAU_MAX,
         "metrics_from": 1.0,
         "control_period": T,
-        "reference_kind": "sine",
+        "step_like": False,
     } | changes
     return compute_metrics(run, **arguments)  # type: ignore[arg-type]
 
@@ -106,11 +108,11 @@ def test_torque_metrics_read_the_clipped_torque_inside_the_window() -> None:
     tau[1500:] = np.clip(tau[1500:], -TAU_MAX, TAU_MAX)
     got, inside = metrics_of(make(t, 0.0 * tau, tau=tau)), tau[1000:]
     for metric, formula in (
-        (got.hf, measures.chattering_index(inside, T, TAU_MAX)),
-        (got.total_variation, measures.torques(inside, T, TAU_MAX).total_variation),
-        (got.reversals, measures.torques(inside, T, TAU_MAX).reversals),
-        (got.effort, measures.torques(inside, T, TAU_MAX).effort),
-        (got.saturation_fraction, measures.torques(inside, T, TAU_MAX).saturation_fraction),
+        (got.hf, chattering_index(inside, T, TAU_MAX)),
+        (got.total_variation, measure_torques(inside, T, TAU_MAX).total_variation),
+        (got.reversals, measure_torques(inside, T, TAU_MAX).reversals),
+        (got.effort, measure_torques(inside, T, TAU_MAX).effort),
+        (got.saturation_fraction, measure_torques(inside, T, TAU_MAX).saturation_fraction),
     ):
         assert metric.per_joint == pytest.approx(tuple(formula), rel=1e-15)
         assert metric.value == pytest.approx(np.mean(formula), rel=1e-15)
@@ -134,15 +136,14 @@ def test_time_in_band() -> None:
 def test_first_order_step_response() -> None:
     """1 - exp(-t/c): rise c ln 9, settling c ln 50 = 3.912 c from the step, no overshoot, for either sign."""
     c = 0.15
-    got = metrics_of(respond(lambda t: 1.0 - np.exp(-t / c), (0.8, -0.5)), reference_kind="step")
+    got = metrics_of(respond(lambda t: 1.0 - np.exp(-t / c), (0.8, -0.5)), step_like=True)
     # Linear interpolation between samples errs by (T/c)^2 / 8 = 6e-6 of the exponential there.
     assert got.rise_time.per_joint == pytest.approx((math.log(9) * c,) * 2, rel=1e-5)
     assert got.settling_time.value == pytest.approx(math.log(50) * c, rel=1e-5)
     assert got.overshoot.value == 0.0
 
 
-@pytest.mark.parametrize("kind", ["step", "quintic"])
-def test_second_order_step_response(kind: str) -> None:
+def test_second_order_step_response() -> None:
     """Overshoot exp(-pi z / sqrt(1 - z^2)); rise and settling from the roots of the closed form."""
     z, w = 0.5, 10.0
     wd = w * math.sqrt(1 - z * z)
@@ -161,7 +162,7 @@ def test_second_order_step_response(kind: str) -> None:
     # Extrema of 1 - y shrink by exp(-pi z/sqrt(1 - z^2)) = 0.163 each: 16.3 %, 2.7 %, 0.4 %; so the response
     # enters the 2 % band for good after the second extremum (an undershoot), rising through 0.98.
     settled = root(0.98, 2 * peak, 3 * peak)
-    got = metrics_of(respond(unit, (0.8, -0.5)), reference_kind=kind)
+    got = metrics_of(respond(unit, (0.8, -0.5)), step_like=True)
     # A sampled crest is low by at most (wd T / 2)^2 / 2 = 1e-5 of the oscillation.
     assert got.overshoot.value == pytest.approx(100 * math.exp(-math.pi * z / math.sqrt(1 - z * z)), rel=1e-4)
     # Interpolation: curvature w^2 T^2 / 8 = 1e-5 of a step whose slope is of order w: 1e-6 s.
@@ -174,7 +175,7 @@ def test_joint_that_never_arrives_leaves_the_headline_undefined() -> None:
     good = respond(lambda t: 1.0 - np.exp(-t / 0.1), (0.8, 0.5))
     q = good.q.copy()
     q[:, 1] *= 0.85
-    got = metrics_of(replace(good, q=q), reference_kind="step")
+    got = metrics_of(replace(good, q=q), step_like=True)
     assert got.rise_time.value is None
     assert got.rise_time.per_joint[0] == pytest.approx(math.log(9) * 0.1, rel=1e-4)
     assert got.rise_time.per_joint[1] is None
@@ -193,38 +194,36 @@ def test_headlines_of_a_step() -> None:
     run = respond(lambda t: 1.0 - np.exp(-t / 0.1), (0.8, 0.5))
     q = run.q.copy()
     q[1000:1100, 1] = 0.6  # 20 % too far from 1.0 to 1.1 s
-    got = metrics_of(replace(run, q=q), reference_kind="step")
+    got = metrics_of(replace(run, q=q), step_like=True)
     assert got.overshoot.value == pytest.approx(20.0, rel=1e-9)
     # It comes back between the samples at 1.099 and 1.1 s, 0.9 s after the step.
     assert got.settling_time.value == pytest.approx(0.8995, abs=0.0005)
     slow = respond(lambda t: 1.0 - np.exp(-t / 0.2), (0.8, 0.5))
-    mixed = metrics_of(replace(run, q=columns(run.q[:, 0], slow.q[:, 1])), reference_kind="step")
+    mixed = metrics_of(replace(run, q=columns(run.q[:, 0], slow.q[:, 1])), step_like=True)
     # Interpolation between samples: (T/c)^2 / 8 relative, as above.
     assert mixed.rise_time.value == pytest.approx(0.15 * math.log(9), rel=1e-4)
 
 
 def test_joint_without_a_step_is_not_counted() -> None:
     """A joint whose reference does not move has no step response and does not spoil the headline."""
-    got = metrics_of(respond(lambda t: 1.0 - np.exp(-t / 0.1), (0.8, 0.0)), reference_kind="step")
+    got = metrics_of(respond(lambda t: 1.0 - np.exp(-t / 0.1), (0.8, 0.0)), step_like=True)
     assert got.rise_time.counted == 1
     assert got.rise_time.per_joint[1] is None
     assert got.rise_time.value == got.rise_time.per_joint[0]
-    still = metrics_of(respond(lambda t: t, (0.0, 0.0)), reference_kind="step")
+    still = metrics_of(respond(lambda t: t, (0.0, 0.0)), step_like=True)
     assert (still.settling_time.value, still.settling_time.counted) == (None, 0)
 
 
 def test_step_at_time_zero_starts_from_the_initial_position() -> None:
     """A reference that is at its target from the first sample is a step from where the arm stands."""
     run = respond(lambda t: 1.0 - np.exp(-t / 0.1), (0.8, -0.5), at=0.0)
-    assert metrics_of(run, reference_kind="step").rise_time.value == pytest.approx(math.log(9) * 0.1, rel=1e-4)
+    assert metrics_of(run, step_like=True).rise_time.value == pytest.approx(math.log(9) * 0.1, rel=1e-4)
 
 
-def test_step_metrics_only_for_step_and_quintic() -> None:
+def test_step_metrics_only_for_references_like_a_step() -> None:
     """Any other reference has no rise time, overshoot or settling time."""
-    run = respond(lambda t: 1.0 - np.exp(-t / 0.1), (0.8, 0.5))
-    for kind in ("sine", "ramp"):
-        got = metrics_of(run, reference_kind=kind)
-        assert {got.rise_time.value, got.overshoot.value, got.settling_time.value} == {None}
+    got = metrics_of(respond(lambda t: 1.0 - np.exp(-t / 0.1), (0.8, 0.5)), step_like=False)
+    assert {got.rise_time.value, got.overshoot.value, got.settling_time.value} == {None}
 
 
 def test_window_and_rounded_times() -> None:
@@ -264,10 +263,10 @@ def test_failed_run_and_bad_input_are_refused() -> None:
 
 
 def test_json_is_plain_and_follows_the_table() -> None:
-    """Strict JSON (no NaN), keys in table order, one entry per field of Metrics."""
+    """Strict JSON (no NaN), keys in table order, one entry for each metric."""
     got = metrics_of(make(times(), np.zeros((4000, 2))), control_period=0.02)
     text = json.dumps(got.to_json(), allow_nan=False)
-    assert list(json.loads(text)) == [info.key for info in METRICS] == list(Metrics.__dataclass_fields__)
+    assert list(json.loads(text)) == list(METRICS.names())
     assert all(type(x) is float for x in got.to_json()["rmse"]["per_joint"])
     assert [info.key for info, _ in got.items() if info.better == "higher"] == ["time_in_band"]
 
@@ -284,7 +283,7 @@ def test_scaling_sign_and_permutation(scale: float, seed: int) -> None:
     scaled = metrics_of(scaled_run, metrics_from=0.2, phi=1.0, tau_max=scale * TAU_MAX).to_json()
     swapped_run = make(t, q[:, ::-1], tau=tau[:, ::-1], s=s[:, ::-1])
     swapped = metrics_of(swapped_run, metrics_from=0.2, phi=1.0, tau_max=TAU_MAX[::-1]).to_json()
-    for info in METRICS:
+    for info in METRICS.values():
         factor = scale if info.unit.startswith("rad") else 1.0
         if base[info.key]["value"] is None:
             assert scaled[info.key]["value"] is None
@@ -293,3 +292,10 @@ def test_scaling_sign_and_permutation(scale: float, seed: int) -> None:
         assert scaled[info.key]["value"] == pytest.approx(factor * base[info.key]["value"], rel=1e-9)
         assert swapped[info.key]["value"] == pytest.approx(base[info.key]["value"], rel=1e-12)
         assert swapped[info.key]["per_joint"] == pytest.approx(base[info.key]["per_joint"][::-1], rel=1e-12)
+
+
+def test_the_documentation_has_a_row_for_every_metric() -> None:
+    """docs/definitions.md says of each metric, in the order of tables, what the metric says of itself."""
+    text = (SOURCE.parents[1] / "docs" / "definitions.md").read_text(encoding="utf-8")
+    rows = [f"| `{info.key}` | {info.meaning} | {info.headline} |" for info in METRICS.values()]
+    assert "\n".join(rows) in text
