@@ -83,8 +83,8 @@ def digests_of(name: str) -> dict[str, str]:
 def names() -> Iterator[str]:
     """Yield the configs that are frozen: experiments without a sweep, and the sweeps of `SWEEPS`."""
     folders = ROOT / "configs", ROOT / "benchmarks"
-    for folder, path in sorted((folder, path) for folder in folders for path in folder.rglob("*.yaml")):
-        name = str(path.relative_to(folder))
+    for path in (path for folder in folders for path in sorted(folder.rglob("*.yaml"))):
+        name = str(path.relative_to(ROOT / path.relative_to(ROOT).parts[0]))
         if name in SWEEPS or "\nsweep:" not in path.read_text():
             yield name
 

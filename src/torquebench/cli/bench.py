@@ -68,7 +68,7 @@ def load_benchmarks() -> Any:
     if "benchmarks" not in sys.modules:
         spec = importlib.util.spec_from_file_location("benchmarks", file, submodule_search_locations=[str(file.parent)])
         if not file.is_file() or spec is None or spec.loader is None:
-            why = f"no {file.parent}: the benchmarks come with the repository and the source distribution, not with a wheel"
+            why = f"no folder {file.parent}: benchmarks come with the repository and the sdist, not with a wheel"
             raise ConfigError([Problem("bench", "", f"{why}; run it in a checkout")])
         sys.modules["benchmarks"] = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(sys.modules["benchmarks"])
