@@ -21,7 +21,7 @@ def paper(workers: int | None, **options: Any) -> int:
     """
     from torquebench.cli.paper import paper as work
 
-    return work(SimpleNamespace(workers=workers or os.cpu_count() or 1, **options))  # type: ignore[arg-type]
+    return work(SimpleNamespace(workers=workers or os.cpu_count() or 1, **options))
 
 
 @command(example="torquebench boundary-layer --quick")
@@ -35,4 +35,4 @@ def boundary_layer(workers: int | None, **options: Any) -> int:
     """
     from torquebench.cli.boundary_layer import boundary_layer as work
 
-    return work(SimpleNamespace(workers=workers or os.cpu_count() or 1, **options))  # type: ignore[arg-type]
+    return work(SimpleNamespace(workers=workers or os.cpu_count() or 1, **options))

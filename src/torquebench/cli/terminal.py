@@ -255,10 +255,6 @@ class Bar:
         if self._progress is not None and self._task is not None:
             self._progress.update(self._task, description=text)
 
-    def set_description_str(self, text: str, refresh: bool = True) -> None:
-        """Say what is being done."""
-        self.describe(text)
-
 
 _PROGRESS: list[Progress] = []
 """The display that is on the screen; a bar inside another one's work is a second line of it."""
