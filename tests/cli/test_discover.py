@@ -11,7 +11,8 @@ from tests.command_line import COMMANDS, parsed
 from torquebench.cli.app import COMMANDS as HEADINGS
 from torquebench.errors import ConfigError
 from torquebench.experiment import parse_experiment
-from torquebench.laws import base, find_law, law_names
+from torquebench.laws import find_law, law_names
+from torquebench.laws.law import LAWS
 from torquebench.shipped import configs, data_root, find_config, first_line
 
 
@@ -41,10 +42,10 @@ def test_laws(command):
 
 def test_laws_of_a_plug_in(command, tmp_path, monkeypatch):
     """A law of one's own is listed and shown as the others are."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     (tmp_path / "mine.py").write_text(GOOD)
     assert "\ngood" in command("laws", "-p", tmp_path / "mine.py")[1]
-    base._REGISTRY.pop("good")
+    LAWS._items.pop("good")
     assert "gain" in command("show", "good", "-p", tmp_path / "mine.py")[1]
 
 
@@ -139,7 +140,18 @@ def test_defaults_from_the_environment(command, tmp_path, monkeypatch):
     sides = ("analytic:two-link", "analytic:two-link")
     assert json.loads(command("compare", *sides, "--json")[1])["states"] == 7
     assert json.loads(command("compare", *sides, "--json", "--states", "8")[1])["states"] == 8
+    monkeypatch.setenv("TORQUEBENCH_RUN_SET", "run.duration=2 run.seed=x")
+    assert command("run", "two-link")[2].startswith("--set run.seed=x: run.seed: ")
     monkeypatch.setenv("TORQUEBENCH_COMPARE_STATES", "many")
     status, _, err = command("compare", *sides)
     assert status == 2
     assert err == "--states (from TORQUEBENCH_COMPARE_STATES): got 'many', wanted a whole number, 1 to 1000000\n"
+
+
+def test_where_results_go(command, tmp_path, monkeypatch):
+    """TORQUEBENCH_RUNS takes the place of the folder `runs`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TORQUEBENCH_RUNS", str(tmp_path / "mine"))
+    assert command("fuzzy", "s-7", "-q")[0] == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    assert len(list((tmp_path / "mine").glob("fuzzy-s-7-*/*.svg"))) == 3

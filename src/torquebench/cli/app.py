@@ -68,9 +68,13 @@ class Command(click.Command):
         """
         super().__init__(name, context_settings=HELP, **more)
         self.example = example
-        for name, (flags, text) in SHARED.items():
-            keep = functools.partial(_keep, name)
+        for field, (flags, text) in SHARED.items():
+            keep = functools.partial(_keep, field)
             self.params.append(Option(flags, is_flag=True, expose_value=False, callback=keep, help=text))
+        for param in self.params:
+            if isinstance(param, click.Option):
+                flag = max(param.opts, key=len).lstrip("-")
+                param.envvar = f"{ENVIRONMENT}_{name}_{flag}".replace("-", "_").upper()
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments.
@@ -283,7 +287,7 @@ def _run(words: list[str]) -> int:
     """Run a line and return its exit status."""
     try:
         with without_opengl() as wish, terminable():
-            context = app.make_context(PROGRAM, words, auto_envvar_prefix=ENVIRONMENT, obj=wish)
+            context = app.make_context(PROGRAM, words, obj=wish)
             with context:
                 return int(app.invoke(context) or 0)
     except click.exceptions.Exit as ended:  # help or version, which are no document

@@ -40,7 +40,7 @@ class _Collected(click.Parameter):
         name = self.human_readable_name if isinstance(self, click.Argument) else max(self.opts, key=len)
         if ctx.get_parameter_source(self.name or "") is not click.core.ParameterSource.ENVIRONMENT:
             return name
-        return f"{name} (from {ctx.auto_envvar_prefix}_{(self.name or '').upper()})"
+        return f"{name} (from {self.envvar})"
 
     def _message(self, ctx: click.Context, error: click.UsageError) -> str:
         if isinstance(error, click.MissingParameter):

@@ -107,7 +107,7 @@ def sweep(**given: Any) -> int:
 
 def _start(options: Options) -> StoredSweep | None:
     """Check, estimate and run a sweep; None if only the estimate is wanted."""
-    from torquebench.experiment.store import RunDirectory, claim_folder
+    from torquebench.experiment.store import RunDirectory, claim_folder, runs_folder
     from torquebench.sweep.checking import check_plan
     from torquebench.sweep.estimate import MOST_STEPS, shard_size
     from torquebench.sweep.folder import create_sweep
@@ -124,7 +124,7 @@ def _start(options: Options) -> StoredSweep | None:
     with _executor(options) as executor:
         work = _print_estimate(plan, survey, executor)
         if not options.no_cap:
-            refusals = work.refusals((options.out or Path("runs")).absolute())
+            refusals = work.refusals((options.out or runs_folder()).absolute())
             refuse([("sweep", f"needs {text}: --no-cap lifts the caps") for text in refusals])
         if options.dry_run:
             return None
