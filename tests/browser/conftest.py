@@ -10,7 +10,7 @@ from tests.browser import chromium
 from tests.browser.chromium import WEBGL, Chromium, Page
 from torquebench.analysis import style
 from torquebench.cli.main import main
-from torquebench.laws import base
+from torquebench.laws.law import LAWS
 
 CONFIG = """\
 name: browser-test
@@ -81,7 +81,7 @@ def replayed(tmp_path_factory):
     (folder / "config.yaml").write_text(CONFIG)
     (folder / "law.py").write_text(LAW)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+        patch.setattr(LAWS, "_items", dict(LAWS._items))
         command = ["run", str(folder / "config.yaml"), "--plugin", str(folder / "law.py"), "--out", str(folder / "run")]
         assert main([*command, "--no-figures"]) == 0
     return folder / "run"

@@ -15,7 +15,6 @@ from torquebench.cli.main import main
 from torquebench.experiment.store import add_to_run, check_run
 from torquebench.report.run_page import differences
 from torquebench.robot.library import data_root
-from torquebench.sim import loop
 
 PICTURE = r'<figure><img alt="[^"]*" src="data:image/svg\+xml;base64,([^"]*)">'
 
@@ -68,8 +67,7 @@ def no_simulation(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("something was simulated")
 
-    monkeypatch.setattr(loop, "simulate", refuse)
-    monkeypatch.setattr("torquebench.sim.batch.simulate", refuse)
+    monkeypatch.setattr("torquebench.sim.simulate.simulate", refuse)
 
 
 @pytest.mark.parametrize("redraw", [(), ("--redraw",)])

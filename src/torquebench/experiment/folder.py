@@ -227,7 +227,7 @@ def _metrics(folder: Path, n: int) -> dict[str, Metrics]:
             raise ResultError(f"{path}: '{name}' has metrics of another number of joints, wanted {n}")
         metrics = {key: Metric(m.value, tuple(m.per_joint), m.counted) for key, m in values.items()}
         absent = Metric(None, (None,) * n, n)
-        found[name] = Metrics(**{info.key: metrics.get(info.key, absent) for info in METRICS})
+        found[name] = Metrics({key: metrics.get(key, absent) for key in METRICS.names()})
     return found
 
 
