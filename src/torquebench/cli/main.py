@@ -149,15 +149,6 @@ def parser() -> argparse.ArgumentParser:
     paper.add_argument("--quick", action="store_true", help="few draws: for a look, and for continuous integration")
     paper.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads (default: one per core)")
 
-    layer = commands.add_parser(
-        "boundary-layer",
-        help="what a boundary layer costs: error against chattering",
-        description="Run configs/paper/boundary-layer.yaml over a grid of phi, k and lambda, and draw the front.",
-    )
-    layer.add_argument("--out", type=Path, help="folder for the results (default: runs/boundary-layer-UTC)")
-    layer.add_argument("--quick", action="store_true", help="few draws")
-    layer.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads (default: one per core)")
-
     report = commands.add_parser(
         "report",
         help="the page of a stored run or sweep again, or several runs side by side",
@@ -338,10 +329,6 @@ def dispatch(options: argparse.Namespace) -> int:
         from torquebench.cli.bench import bench
 
         return bench(options)
-    if options.command == "boundary-layer":
-        from torquebench.cli.boundary_layer import boundary_layer
-
-        return boundary_layer(options)
     if options.command == "report":
         from torquebench.cli.report import report
 

@@ -19,7 +19,6 @@ EXAMPLES = {
     "fuzzy": "torquebench fuzzy pd-49",
     "sweep": "torquebench sweep configs/sweep.yaml --dry-run",
     "paper": "torquebench paper --quick",
-    "boundary-layer": "torquebench boundary-layer --quick",
     "report": "torquebench report runs/one runs/two --out both.html",
     "view": "torquebench view runs/one --browser",
     "video": "torquebench video runs/one --speed 0.5",
