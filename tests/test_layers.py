@@ -34,7 +34,7 @@ LAYERS = (
     ("report", "video"),
     ("results",),
     ("sweeps",),
-    ("paper", "view"),
+    ("view",),
     ("cli",),
     ("__main__",),
 )
@@ -50,7 +50,7 @@ HOMES = {
     "subprocess": ("video/",),
     "matplotlib": ("analysis/", "report/", "results.py", "sweeps.py"),
     "jinja2": ("report/",),
-    "scipy": ("statistics.py", "sweep/", "paper/"),
+    "scipy": ("statistics.py", "sweep/"),
     "skfuzzy": ("fuzzy/",),
     "pydantic": ("experiment/", "sweep/"),
     "pydantic_core": ("experiment/", "sweep/"),
