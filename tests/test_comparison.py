@@ -15,8 +15,8 @@ from torquebench.comparison import (
     parse_side,
     random_states,
 )
-from torquebench.robot.model import own_copy
-from torquebench.sim.mujoco_plant import MujocoModel
+from torquebench.robot.flat_model import own_copy
+from torquebench.sim.plants.mujoco import MujocoModel
 
 
 def side(model):

@@ -13,10 +13,10 @@ from torquebench import references
 from torquebench.errors import ConfigError, ModelError, Problem, did_you_mean
 from torquebench.kernel import Array
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.model import STRUCTURES, own_copy
-from torquebench.laws.law import Controller
-from torquebench.sim.loop import simulate
-from torquebench.sim.plant import Plant
+from torquebench.robot.flat_model import STRUCTURES, own_copy
+from torquebench.sim.plants import Plant
+from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 ROLLOUT_TOLERANCE = 1e-12
@@ -79,10 +79,10 @@ class Side:
     def plant(self, timestep: float) -> Plant:
         """Return this side as a plant, RK4."""
         if self.engine == "mujoco":
-            from torquebench.sim.mujoco_plant import MujocoPlant
+            from torquebench.sim.plants.mujoco import MujocoPlant
 
             return MujocoPlant(self.source, timestep)
-        from torquebench.sim.analytic_plant import AnalyticPlant
+        from torquebench.sim.plants.analytic import AnalyticPlant
 
         return AnalyticPlant(self.dynamics, timestep)
 
@@ -129,8 +129,8 @@ def source_of(text: str) -> str:
 
 def _mujoco_side(text: str, source: str) -> Side:
     from torquebench.robot import mjcf
-    from torquebench.robot.loading import mjcf_path
-    from torquebench.sim.mujoco_plant import MujocoModel
+    from torquebench.robot.library import mjcf_path
+    from torquebench.sim.plants.mujoco import MujocoModel
 
     compiled = mjcf.compile_mjcf(mjcf_path(source))
     links = RobotModel(source, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, source))

@@ -15,9 +15,9 @@ from torquebench.experiment.build import Loop, build, build_disturbance, build_p
 from torquebench.experiment.run import trial_of
 from torquebench.experiment.schema import Experiment
 from torquebench.robot.library import data_root
-from torquebench.sim.batch import Workers
-from torquebench.sim.plant import Plant
+from torquebench.sim.plants import Plant
 from torquebench.sim.session import SampledTrial, Session
+from torquebench.sim.simulate import Workers
 from torquebench.sim.trajectory import Trajectory
 
 CONFIG = "bench.yaml"
@@ -150,7 +150,7 @@ def rollout(integrator: str, n_steps: int, threads: int) -> Callable[[], None]:
     import mujoco
     from mujoco import rollout as roll
 
-    from torquebench.sim.mujoco_plant import MujocoPlant
+    from torquebench.sim.plants.mujoco import MujocoPlant
 
     plant: Any = MujocoPlant("puma560", 0.001, integrator)
     m, data = plant._m, [mujoco.MjData(plant._m) for _ in range(threads)]
