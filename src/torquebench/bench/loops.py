@@ -181,7 +181,7 @@ def check_rules(trajectory: Trajectory, loop: Loop) -> None:
     Raises:
         ResultError: a rule never fires.
     """
-    from torquebench.analysis.fuzzy_rules import rule_shares
+    from torquebench.report.figures.fuzzy_rules import rule_shares
 
     check(trajectory)
     controller = loop.controllers[0]

@@ -7,9 +7,9 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from torquebench.analysis.declare import figure_title
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import ExperimentResult
+from torquebench.report.figures.declare import figure_title
 from torquebench.report.render import Picture, render
 from torquebench.report.tables import by_joint, certificate_rows, gain_rows, headline_table
 

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from torquebench.analysis import style
-from torquebench.analysis.declare import figure
-from torquebench.analysis.page import finish_page, new_page, printable
-from torquebench.analysis.run_view import RunView
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.layout import finish_page, new_page, printable
+from torquebench.report.figures.run_view import RunView
 
 FLOOR = 1e-12
 """Lowest V shown [J]."""

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from torquebench.analysis import style
-from torquebench.analysis.declare import figure
-from torquebench.analysis.page import panel_grid
-from torquebench.analysis.run_view import LIMIT, SHADE, Run, RunView
 from torquebench.kernel import Array
 from torquebench.metrics.chattering import HF_FROM_HZ, hann_spectrum
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.layout import panel_grid
+from torquebench.report.figures.run_view import LIMIT, SHADE, Run, RunView
 from torquebench.sim.trajectory import Trajectory
 
 SPECTRUM_FLOOR = 1e-4

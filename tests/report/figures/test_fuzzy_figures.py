@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 
 from tests.arms import pack
 from tests.fuzzy.test_tables import uneven
-from torquebench.analysis.fuzzy import SCALES, system_figures
-from torquebench.analysis.fuzzy_rules import draw_rules, rule_shares
-from torquebench.analysis.style import figure_bytes
 from torquebench.errors import ResultError
 from torquebench.fuzzy import Functions, FuzzySystem, Prepared, Variable, builtin_system, prepare
 from torquebench.fuzzy.system import rules_of_table
 from torquebench.kernel import Array
+from torquebench.report.figures.fuzzy import SCALES, system_figures
+from torquebench.report.figures.fuzzy_rules import draw_rules, rule_shares
+from torquebench.report.figures.style import figure_bytes
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 V = Variable.of({"low": 1.0, "mid": 2.0, "high": 3.0}, 1.0, 3.0)

@@ -10,12 +10,12 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from torquebench.analysis import style
-from torquebench.analysis.declare import figure
-from torquebench.analysis.page import level_lines, panel_grid, printable, write_note
-from torquebench.analysis.run_view import REFERENCE, SHADE, TIME, Run, RunView, draw
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.layout import level_lines, panel_grid, printable, write_note
+from torquebench.report.figures.run_view import REFERENCE, SHADE, TIME, Run, RunView, draw
 from torquebench.sim.trajectory import Trajectory
 
 _BAND: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (1.0, 1.5)), "zorder": 3.0}

@@ -14,15 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from torquebench.analysis import style
-from torquebench.analysis.declare import figures_in_order
-from torquebench.analysis.page import finish_page, printable
 from torquebench.certificates import Certificate
 from torquebench.errors import ResultError
 from torquebench.fuzzy import Prepared
 from torquebench.kernel import Array
 from torquebench.metrics import Metrics
 from torquebench.metrics.torque import measure_torques
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figures_in_order
+from torquebench.report.figures.layout import finish_page, printable
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 CHATTERING = 20.0

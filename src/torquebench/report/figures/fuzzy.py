@@ -13,14 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from torquebench.analysis import style
-from torquebench.analysis.declare import figure
-from torquebench.analysis.fuzzy_rules import draw_rules
-from torquebench.analysis.page import finish_page, new_page
-from torquebench.analysis.run_view import SHADE, RunView
 from torquebench.fuzzy import Functions, Prepared, Variable
 from torquebench.fuzzy.inference import fill_memberships
 from torquebench.kernel import Array
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.fuzzy_rules import draw_rules
+from torquebench.report.figures.layout import finish_page, new_page
+from torquebench.report.figures.run_view import SHADE, RunView
 
 DIVERGING = LinearSegmentedColormap.from_list("output", ["#0072B2", "#FFFFFF", "#D55E00"])
 SCALES = {"too small": 0.25, "right": 1.0, "too large": 4.0}

@@ -11,7 +11,7 @@ from torquebench.registry import Registry
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from torquebench.analysis.run_view import RunView
+    from torquebench.report.figures.run_view import RunView
 
 Drawing: TypeAlias = "Callable[[RunView], Figure | Mapping[str, Figure] | None]"
 _F = TypeVar("_F", bound="Drawing")

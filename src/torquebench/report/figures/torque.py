@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from torquebench.analysis import style
-from torquebench.analysis.declare import figure
-from torquebench.analysis.page import level_lines, new_page, printable, write_note
-from torquebench.analysis.run_view import LIMIT, SHADE, TIME, RunView, draw
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.layout import level_lines, new_page, printable, write_note
+from torquebench.report.figures.run_view import LIMIT, SHADE, TIME, RunView, draw
 
 ZOOM = 0.060
 """Length of the torque figure's zoomed window [s]; at least 20 control periods."""

@@ -11,12 +11,12 @@ from matplotlib.colors import LinearSegmentedColormap, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, panel_grid
 from torquebench.errors import ResultError
 from torquebench.fuzzy import Fis, FuzzySystem, Prepared
 from torquebench.fuzzy.inference import fill_activations
 from torquebench.kernel import Array
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import finish_page, panel_grid
 from torquebench.sim.trajectory import Trajectory
 
 SEQUENTIAL = LinearSegmentedColormap.from_list("share", ["#FFFFFF", "#0072B2", "#00263D"])
