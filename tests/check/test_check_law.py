@@ -16,14 +16,14 @@ from torquebench import check_law, find_law, law_names
 from torquebench.check import cases, contract, cost, driving, paths
 from torquebench.check.report import FAIL, NOTE, PASS, Check, Report
 from torquebench.errors import ControllerError
-from torquebench.laws import Law, Option, base
+from torquebench.laws import Law, Option
 from torquebench.robot.library import data_root
 
 
 @pytest.fixture(autouse=True)
 def registry(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Forget the laws that a test registers, and try fewer loops: the full number is tried on the package's laws."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     monkeypatch.setattr(paths, "SCALES", (1.0,))
     monkeypatch.setattr(paths, "DURATION", 0.03)
     return
@@ -161,7 +161,7 @@ def test_an_option_without_effect_is_caught(tmp_path: Path) -> None:
     option = '    mode: Annotated[int, Option("mode", ("soft", "hard"))]\n\n\nclass Memory'
     head = HEAD.replace("\n\nclass Memory", option)
     assert detail(report_on(tmp_path, SPRING, head), "gains") == "option 'mode' makes no difference"
-    base._REGISTRY.pop("user-law")
+    LAWS._items.pop("user-law")
     assert report_on(tmp_path, SPRING + "    tau[i] *= 1.0 + gains.mode", head).held
 
 

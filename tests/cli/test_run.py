@@ -214,12 +214,12 @@ def with_failing_law(quick, expect=""):
 @pytest.fixture
 def forget_plugin():
     """Take the plugin's law out of the registry again."""
-    from torquebench.laws import base
+    from torquebench.laws.law import LAWS
 
-    before = dict(base._REGISTRY)
+    before = dict(LAWS._items)
     yield
-    base._REGISTRY.clear()
-    base._REGISTRY.update(before)
+    LAWS._items.clear()
+    LAWS._items.update(before)
 
 
 @pytest.mark.usefixtures("forget_plugin")

@@ -366,9 +366,9 @@ PLUGIN = user_law("swept-law")
 
 def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monkeypatch):
     """In processes too; a plug-in that is missing, or that has changed, is refused when the sweep goes on."""
-    from torquebench.laws import base
+    from torquebench.laws.law import LAWS
 
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     Path("law.py").write_text(PLUGIN)
     own = (
         "--set",
@@ -380,7 +380,7 @@ def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monk
     )
     for name, how in (("s", THREADS), ("t", ("--workers", 1))):
         with monkeypatch.context() as fresh:
-            fresh.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+            fresh.setattr(LAWS, "_items", dict(LAWS._items))
             status = command("sweep", small, "--out", name, "--plugin", "law.py", *own, *how)[0]
             assert status == 0
     assert files_of("s") == files_of("t")
@@ -390,7 +390,7 @@ def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monk
     assert "law.py: wanted --plugin with each of these files" in err
     Path("law.py").write_text(PLUGIN.replace("10.0", "12.0"))
     with monkeypatch.context() as fresh:
-        fresh.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+        fresh.setattr(LAWS, "_items", dict(LAWS._items))
         status, _, err = command("sweep", "--resume", "s", "--plugin", "law.py")
     assert status == 2
     assert "plugins.'law.py': was" in err
