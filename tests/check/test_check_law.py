@@ -17,6 +17,7 @@ from torquebench.check import cases, contract, cost, driving, paths
 from torquebench.check.report import FAIL, NOTE, PASS, Check, Report
 from torquebench.errors import ControllerError
 from torquebench.laws import Law, Option
+from torquebench.laws.law import LAWS
 from torquebench.robot.library import data_root
 
 

@@ -20,6 +20,7 @@ from torquebench import Controller, Outcome, find_law, simulate
 from torquebench.dialect.names import MATH
 from torquebench.laws import Law
 from torquebench.laws.dialect import complaints
+from torquebench.laws.law import LAWS
 from torquebench.sim import checked_math, interpreted
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
 from torquebench.sim.interpreted import Table, Vector, python_numbers
