@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -124,7 +125,7 @@ def many(plant: Plant, trial: Trial, threads: int) -> Callable[[], None]:
 def drawn(experiment: Experiment, loop: Loop) -> Callable[[], None]:
     """Return the work of one run under torque noise and encoder noise, their drawing included."""
     trial = trial_of(experiment, loop, loop.controllers[0])
-    noisy = experiment.model_copy(update={"chain": "fast"})
+    noisy = replace(experiment, chain="fast")
 
     def run() -> None:
         position, torque = build_position_noise(noisy), build_disturbance(experiment)

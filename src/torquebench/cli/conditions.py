@@ -13,7 +13,7 @@ from torquebench.experiment.scenario_schema import (
     Sinusoid,
 )
 from torquebench.experiment.schema import AnalyticPlant, Experiment, slide_joints
-from torquebench.experiment.values import Vector
+from torquebench.registry import Vector
 
 
 def conditions_text(experiment: Experiment) -> str:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean, did_you_mean_path
 from torquebench.experiment import load_experiment
-from torquebench.experiment.fuzzy_system import names_used, systems_of
+from torquebench.experiment.build import names_used, systems_of
 from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import YAML
 from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
-from torquebench.experiment.yaml_source import YAML
 from torquebench.fuzzy import BUILTIN, FuzzySystem, Prepared, builtin_system, prepare
 from torquebench.fuzzy.lint import lint
 from torquebench.laws.plugin import load_plugin

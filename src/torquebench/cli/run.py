@@ -22,7 +22,7 @@ from torquebench.experiment import config_hash, dump_experiment, load_experiment
 from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.run import ExperimentResult, band_of, run_experiment
-from torquebench.experiment.schema import Experiment, whole_steps
+from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import (
     EXPERIMENT,
     RunDirectory,
@@ -33,14 +33,15 @@ from torquebench.experiment.store import (
     model_checksums,
     versions,
 )
-from torquebench.experiment.values import as_vector
 from torquebench.laws.plugin import load_plugin
+from torquebench.registry import as_vector
 from torquebench.report.render import PAGE
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table, outcome_text
 from torquebench.robot.bodies import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.trajectory import Trajectory
+from torquebench.timing import whole_steps
 
 if TYPE_CHECKING:
     from torquebench.cli.view import Audience

@@ -13,8 +13,8 @@ from torquebench.cli.sweep_outcomes import facts, summary, unexpected
 from torquebench.cli.sweep_report import report_files
 from torquebench.cli.terminal import progress_bar, say, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
+from torquebench.experiment.source import read_bytes
 from torquebench.experiment.store import RunDirectory, check_run, claim_folder
-from torquebench.experiment.yaml_source import read_bytes
 from torquebench.laws.plugin import load_plugin
 from torquebench.sweep.checking import Survey, check_plan
 from torquebench.sweep.estimate import MOST_STEPS, Estimate, duration, estimate, shard_size, size

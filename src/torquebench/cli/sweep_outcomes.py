@@ -9,7 +9,7 @@ import numpy as np
 
 from torquebench.cli.terminal import complain, table
 from torquebench.experiment.schema import slide_joints
-from torquebench.experiment.sweep_schema import Worst
+from torquebench.experiment.sweep_section import Worst
 from torquebench.report.tables import headlines, number
 from torquebench.sim.trajectory import Outcome
 from torquebench.sweep.results import read_column

@@ -9,9 +9,9 @@ from functools import partial
 from torquebench.experiment.build import Loop, build, build_chain
 from torquebench.experiment.schema import Controller as ControllerKeys
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
+from torquebench.registry import as_vector
 from torquebench.robot.model import SLIDE
 from torquebench.sim.batch import Trial, run_trial
 from torquebench.sim.loop import Controller, PathName

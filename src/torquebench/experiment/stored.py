@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from torquebench.experiment import load_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.load import load_experiment
 from torquebench.experiment.run import ExperimentResult, metrics_of
 from torquebench.experiment.store import EXPERIMENT, check_run, refuse_without_experiment
 from torquebench.sim.trajectory import load_trajectory

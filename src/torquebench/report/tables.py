@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from torquebench.certificates import Certificate
+from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
-from torquebench.experiment.units import joint_units
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.metrics import Metric, MetricInfo

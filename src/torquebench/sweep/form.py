@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from torquebench.experiment.sweep_values import Axis, Value
+from torquebench.experiment.sweep_section import Axis, Value
 from torquebench.metrics import METRICS
 from torquebench.sim.trajectory import Outcome
 from torquebench.sweep.columns import FIXED

@@ -9,7 +9,7 @@ import numpy as np
 
 from torquebench.errors import ResultError
 from torquebench.experiment.store import atomic_write, check_run
-from torquebench.experiment.sweep_schema import Worst
+from torquebench.experiment.sweep_section import Worst
 from torquebench.metrics import METRICS
 from torquebench.sweep.executors import Executor
 from torquebench.sweep.form import REFUSED
