@@ -16,6 +16,7 @@ from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
     ("errors", "plain"),
+    ("registry", "timing"),
     ("kernel_cache",),
     ("kernel",),
     ("packing",),
@@ -215,8 +216,6 @@ def is_law(node: ast.AST) -> bool:
 
 
 TERSE = {
-    "as_mapping",
-    "check_value",
     "decimate",
     "draw",
     "fill_bias",

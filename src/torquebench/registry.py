@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, NamedTuple, TypeAlias
 from torquebench.errors import ControllerError, did_you_mean
 
 if TYPE_CHECKING:
-    from torquebench.kernel import Array
+    import numpy as np
+    import numpy.typing as npt
 
 T = TypeVar("T")
 SLUG = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,62}[a-z0-9])?")
@@ -52,14 +53,14 @@ class Key(NamedTuple):
         """Return what a number should have been, or None for one within the limits."""
         if not math.isfinite(x):
             return "a finite number"
-        for limit, low, wrong in (
-            (self.above, "more than", lambda a: x <= a),
-            (self.at_least, "at least", lambda a: x < a),
-            (self.below, "less than", lambda a: x >= a),
-            (self.at_most, "at most", lambda a: x > a),
-        ):
-            if limit is not None and wrong(limit):
-                return f"{low} {limit:g}"
+        if self.above is not None and x <= self.above:
+            return f"more than {self.above:g}"
+        if self.at_least is not None and x < self.at_least:
+            return f"at least {self.at_least:g}"
+        if self.below is not None and x >= self.below:
+            return f"less than {self.below:g}"
+        if self.at_most is not None and x > self.at_most:
+            return f"at most {self.at_most:g}"
         return None
 
 
@@ -83,7 +84,7 @@ class Declared(NamedTuple):
 
 
 @functools.cache
-def declared_keys(cls: type[Any]) -> tuple[Declared, ...]:
+def declared_keys(cls: Any) -> tuple[Declared, ...]:
     """Return the keys that a dataclass declares, in order; fields without a `Key` are none of a config's."""
     from typing import get_type_hints
 
@@ -111,7 +112,8 @@ def check_numbers(item: Any) -> None:
     Raises:
         ValueError: a number is out of its key's range or not finite.
     """
-    for name, attribute, _, key, _ in declared_keys(type(item)):
+    cls: Any = type(item)
+    for name, attribute, _, key, _ in declared_keys(cls):
         value = getattr(item, attribute)
         for x in value if isinstance(value, tuple) else (value,):
             wanted = key.fault(x) if isinstance(x, int | float) else None
@@ -119,7 +121,7 @@ def check_numbers(item: Any) -> None:
                 raise ValueError(f"{type(item).__name__.lower()}: {name} is {value}, wanted {wanted}")
 
 
-def as_vector(value: Any, n: int) -> Array:
+def as_vector(value: Any, n: int) -> npt.NDArray[np.float64]:
     """Return a config's vector with one entry for each joint.
 
     Args:
@@ -226,7 +228,8 @@ def _same_place(old: Any, new: Any) -> bool:
 
 def values_of(item: Any) -> Mapping[str, Any]:
     """Return the values of an object's declared keys, by name."""
-    return {declared.name: getattr(item, declared.attribute) for declared in declared_keys(type(item))}
+    cls: Any = type(item)
+    return {declared.name: getattr(item, declared.attribute) for declared in declared_keys(cls)}
 
 
 def altered(item: T, **changes: Any) -> T:

@@ -276,7 +276,9 @@ class _Explainer:
             document.add(path, got=shown(value), wanted=_mapping(node))
         elif spec is not None and node is None:
             owner = self._owner(path[len(self._base) : -1]) if path else None
-            parts = explain(detail, spec, inner=not path or path[-1] not in (groups[-1][0].fields if groups else ()))
+            parts = {
+                **explain(detail, spec, inner=not path or path[-1] not in (groups[-1][0].fields if groups else ()))
+            }
             if owner is not None and path[-1] == owner.tag and isinstance(value, str) and owner.more:
                 parts["note"] = owner.more
             document.add(path, **parts)

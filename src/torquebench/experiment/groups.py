@@ -139,7 +139,7 @@ class Group:
 
 
 @functools.cache
-def group_of(cls: type[Any], tag: tuple[str, str, str] | None = None) -> Group:
+def group_of(cls: Any, tag: tuple[str, str, str] | None = None) -> Group:
     """Return the group of a class that declares its keys.
 
     Args:
@@ -162,7 +162,7 @@ def group_of(cls: type[Any], tag: tuple[str, str, str] | None = None) -> Group:
 
 
 def _constant(value: str, meaning: str) -> Spec:
-    kind: Any = Literal[value]  # type: ignore[valid-type]
+    kind: Any = Literal[value]
     return Spec(Key(meaning.removesuffix(".")), lambda _: kind, choices=(value,))
 
 
@@ -185,7 +185,8 @@ class OneOf:
 
     def group(self, name: str) -> Group:
         """Return the group of one kind."""
-        return group_of(self.registry.find(name), (self.tag, name, self.meaning))
+        cls: Any = self.registry.find(name)
+        return group_of(cls, (self.tag, name, self.meaning))
 
     def groups(self) -> dict[str, Group]:
         """Return the group of every kind by name."""
@@ -258,8 +259,8 @@ class ManyNamed(Many):
     def type(self, describes: bool) -> Any:
         """Return the type for pydantic; see `Spec.type`."""
         item: Any = self.item.type(describes)
-        extra = {"json_schema_extra": {"additionalProperties": False}} if describes else {}
-        return Annotated[dict[Slug, item], Field(max_length=self.most, **extra)]  # type: ignore[arg-type]
+        extra: Any = {"additionalProperties": False} if describes else None
+        return Annotated[dict[Slug, item], Field(max_length=self.most, json_schema_extra=extra)]
 
     def fault(self, raw: Any) -> dict[str, str]:
         """Return what was wanted instead of a value that is no such mapping."""
@@ -277,7 +278,8 @@ class Named:
     """
 
     def __init__(self, registry: Any, cls: type[Any]) -> None:
-        self.registry, self.cls, self.node = registry, cls, group_of(cls)
+        described: Any = cls
+        self.registry, self.cls, self.node = registry, cls, group_of(described)
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -343,9 +345,9 @@ class Checked:
 
 def spec_of(declared: Declared) -> Spec:
     """Return a declared key as one of a group."""
-    plain, notes = declared.type, ()
+    plain, notes = declared.type, list[Any]()
     if get_origin(plain) is Annotated:
-        plain, *notes = get_args(plain)  # type: ignore[assignment]
+        plain, *notes = get_args(plain)
     key, default = declared.key, declared.default
     for note in notes:
         if hasattr(note, "type"):

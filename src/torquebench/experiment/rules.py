@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -179,7 +178,7 @@ def lengths_of_vectors(items: Items, plant: AnyPlant, n: int) -> Iterator[Fault]
 
 def _keys(item: Any) -> tuple[Declared, ...]:
     cls: Any = type(item)
-    return declared_keys(cls) if dataclasses.is_dataclass(cls) else ()
+    return declared_keys(cls) if hasattr(cls, "__dataclass_fields__") else ()
 
 
 @rule
@@ -255,15 +254,15 @@ def window_of_metrics(run: Run, reference: Any, document: Document) -> Iterator[
     start = run.metrics_from if given else reference.metrics_from
     if run.duration >= (start + MIN_WINDOW) * (1.0 - RELATIVE):
         return
-    wanted = f"the run must last at least {MIN_WINDOW:g} s longer, {start + MIN_WINDOW:.12g} s"
+    wanted = f"the run to last at least {MIN_WINDOW:g} s longer, {start + MIN_WINDOW:.12g} s"
     if start > FAR_OFF * max(run.duration, 1.0):  # surely the start is wrong, not the run's length
-        wanted = f"wanted it at least {MIN_WINDOW:g} s before the run ends"
+        wanted = f"it at least {MIN_WINDOW:g} s before the run ends"
     if given:
-        text = f"got {start:.12g} s with run.duration {run.duration:.12g} s: {wanted}"
-        yield Fault(("run", "metrics_from"), text)
+        got = f"{start:.12g} s with run.duration {run.duration:.12g} s"
+        yield Fault(("run", "metrics_from"), got=got, wanted=wanted)
     else:
-        text = f"got {run.duration:.12g} s, but metrics start at {start:g} s (run.metrics_from): {wanted}"
-        yield Fault(("run", "duration"), text)
+        got = f"{run.duration:.12g} s, but metrics start at {start:g} s (run.metrics_from)"
+        yield Fault(("run", "duration"), got=got, wanted=wanted)
 
 
 class _Need(NamedTuple):
@@ -282,7 +281,7 @@ class _Need(NamedTuple):
 
 @rule
 def work(plant: AnyPlant, run: Run, n: int, controllers: Items) -> Iterator[Fault]:
-    """A run takes neither all memory nor all day."""
+    """A `run` of the `controllers` on a `plant` of `n` joints takes neither all memory nor all day."""
     laws, timestep, period = max(len(controllers), 1), plant.timestep, run.control_period
     each = n * ARRAYS * 8  # bytes a control instant takes for one controller
     steps, memory = f"at most {MAX_SUBSTEPS:.0e} are run", f"at most {MAX_BYTES >> 30} GiB are used"

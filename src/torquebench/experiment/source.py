@@ -67,7 +67,7 @@ class Document:
                 here = node.places[part]
             else:
                 break
-            node = node[part]  # type: ignore[index]
+            node = node[part]
         return here
 
     def written(self, path: KeyPath) -> bool:
@@ -131,7 +131,7 @@ class Document:
         place = self.place(whole, fault.at)
         if fault.unless and not self.written(whole) and self.written(fault.unless):
             place = self.place(fault.unless)
-        parts = {"got": fault.got, "wanted": fault.wanted, "nearest": fault.nearest, "note": fault.note}
+        parts: dict[str, Any] = {"got": fault.got, "wanted": fault.wanted, "nearest": fault.nearest, "note": fault.note}
         self.add(whole, fault.text, place=place, **parts)
 
     def report(self, path: KeyPath, text: str, place: Place) -> None:

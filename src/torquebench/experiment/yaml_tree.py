@@ -62,7 +62,7 @@ class Map(dict[str, Any]):
         """Key -> place of the key, place of its value."""
 
     def put(self, key: str, value: Any, key_place: Place, value_place: Place) -> None:
-        """Set a value, written at these places."""
+        """Set the value of `key`, which was written at `value_place`; the key itself at `key_place`."""
         self[key] = value
         self.places[key] = key_place, value_place
 
