@@ -105,7 +105,7 @@ from torquebench.kernel import Array, kernel, sat
 from torquebench.references import sine
 from torquebench.robot import dynamics
 from torquebench.robot.dynamics import gravity
-from torquebench.robot.model import EXACT, Model
+from torquebench.robot.flat_model import EXACT, Model
 TABLE = np.zeros(3)
 LIMIT = 3.0
 state = [0]

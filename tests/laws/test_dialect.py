@@ -10,16 +10,14 @@ import pytest
 
 from tests.laws.dialect_cases import BAD, GOOD, HEAD, LINE
 from tests.user_files import load
-from torquebench.laws import base
-from torquebench.laws.base import find_law
 from torquebench.laws.dialect import Complaint, complaints
-from torquebench.laws.law import Law
+from torquebench.laws.law import LAWS, Law, find_law
 
 
 @pytest.fixture(autouse=True)
 def registry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Forget the laws that a test registers."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
 
 
 def read(tmp_path: Path, body: str, head: str = HEAD) -> list[Complaint]:

@@ -20,11 +20,11 @@ from torquebench import Controller, Outcome, find_law, simulate
 from torquebench.dialect.names import MATH
 from torquebench.laws import Law, base
 from torquebench.laws.dialect import complaints
-from torquebench.sim import calling, checked_math
+from torquebench.sim import checked_math, interpreted
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
-from torquebench.sim.native_path import NativeRun, native_law
-from torquebench.sim.python_numbers import Table, Vector, python_numbers
-from torquebench.sim.setup import set_up
+from torquebench.sim.interpreted import Table, Vector, python_numbers
+from torquebench.sim.job import set_up
+from torquebench.sim.native import NativeRun, native_law
 
 COMPLETED, BAD = Outcome.COMPLETED, Outcome.BAD_TORQUE
 AT = 7
@@ -204,7 +204,7 @@ def test_the_interpreted_call_tells_what_the_compiled_one_met(risky: Any, name: 
     assert NativeRun(setup, native)(0, 20) == RAISED
     kept = setup.job.record_memory[:, AT].copy()
     assert kept[0].tolist() == [AT + 1.0, AT]  # the second joint was not reached
-    status, detail = calling.replay(setup)
+    status, detail = interpreted.replay(setup)
     assert status == RAISED
     assert detail.startswith("ValueError: ")
     assert (
@@ -396,7 +396,9 @@ def test_a_number_that_a_kernel_names_is_read_anew(tmp_path: Path) -> None:
 
 def test_a_controller_error_is_told_apart_from_arithmetic(risky: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """The interpreted call decides which of the two a compiled law that raised has met."""
-    monkeypatch.setattr(calling, "call_law", lambda *arguments: (np.zeros(2), CONTROLLER_ERROR, "IndexError: beyond"))
+    monkeypatch.setattr(
+        interpreted, "call_law", lambda *arguments: (np.zeros(2), CONTROLLER_ERROR, "IndexError: beyond")
+    )
     job = SimpleNamespace(
         at=[3],
         memory=np.ones((1, 2)),
@@ -409,4 +411,4 @@ def test_a_controller_error_is_told_apart_from_arithmetic(risky: Any, monkeypatc
         measured_qd=np.zeros(2),
     )
     setup: Any = SimpleNamespace(job=job, law=risky, gains=(), belief=None, memory=())
-    assert calling.replay(setup) == (CONTROLLER_ERROR, "IndexError: beyond")
+    assert interpreted.replay(setup) == (CONTROLLER_ERROR, "IndexError: beyond")

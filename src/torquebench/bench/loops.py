@@ -15,8 +15,9 @@ from torquebench.experiment.build import Loop, build, build_disturbance, build_p
 from torquebench.experiment.run import trial_of
 from torquebench.experiment.schema import Experiment
 from torquebench.robot.library import data_root
-from torquebench.sim.batch import Trial, Workers, run_trial
-from torquebench.sim.plant import Plant
+from torquebench.sim.plants import Plant
+from torquebench.sim.session import SampledTrial, Session
+from torquebench.sim.simulate import Workers
 from torquebench.sim.trajectory import Trajectory
 
 CONFIG = "bench.yaml"
@@ -54,7 +55,7 @@ def closed_loops(duration: float, most_threads: int) -> list[Case]:
     for integrator in ("euler", "rk4"):
         experiment, loop = experiment_of(f"plant.integrator={integrator}", duration=duration)
         trial = trial_of(experiment, loop, loop.controllers[0])
-        check_rules(run_trial(loop.plant, trial, "native"), loop)
+        check_rules(Session().run(loop.plant, trial, "native"), loop)
         for threads in counts:
             open_loop, amount = f"mujoco-rollout-{integrator}", threads * PER_THREAD * experiment.n_steps
             cases.append(
@@ -111,7 +112,7 @@ def closed_loops(duration: float, most_threads: int) -> list[Case]:
     return cases
 
 
-def many(plant: Plant, trial: Trial, threads: int) -> Callable[[], None]:
+def many(plant: Plant, trial: SampledTrial, threads: int) -> Callable[[], None]:
     """Return the work of running a closed loop several times on each of some threads, which are made before."""
     workers = Workers(plant, threads)
 
@@ -125,34 +126,21 @@ def many(plant: Plant, trial: Trial, threads: int) -> Callable[[], None]:
 def drawn(experiment: Experiment, loop: Loop) -> Callable[[], None]:
     """Return the work of one run under torque noise and encoder noise, their drawing included."""
     trial = trial_of(experiment, loop, loop.controllers[0])
-    noisy = replace(experiment, chain="fast")
+    noisy, session = replace(experiment, chain="fast"), Session()
 
     def run() -> None:
         position, torque = build_position_noise(noisy), build_disturbance(experiment)
-        check(
-            run_trial(
-                loop.plant,
-                Trial(
-                    trial.controller,
-                    trial.model,
-                    trial.reference,
-                    trial.duration,
-                    trial.control_period,
-                    position_noise=position,
-                    disturbance=torque,
-                ),
-                "native",
-            )
-        )
+        check(session.run(loop.plant, replace(trial, position_noise=position, disturbance=torque), "native"))
 
     return run
 
 
-def readable(plant: Plant, trial: Trial) -> Callable[[], None]:
+def readable(plant: Plant, trial: SampledTrial) -> Callable[[], None]:
     """Return the work of one run on the readable path."""
+    session = Session()
 
     def run() -> None:
-        check(run_trial(plant, trial, "python"))
+        check(session.run(plant, trial, "python"))
 
     return run
 
@@ -162,7 +150,7 @@ def rollout(integrator: str, n_steps: int, threads: int) -> Callable[[], None]:
     import mujoco
     from mujoco import rollout as roll
 
-    from torquebench.sim.mujoco_plant import MujocoPlant
+    from torquebench.sim.plants.mujoco import MujocoPlant
 
     plant: Any = MujocoPlant("puma560", 0.001, integrator)
     m, data = plant._m, [mujoco.MjData(plant._m) for _ in range(threads)]

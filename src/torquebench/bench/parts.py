@@ -12,9 +12,9 @@ from torquebench.errors import ResultError
 from torquebench.fuzzy import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.kernel import Array, kernel
-from torquebench.packing import Structure
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.mujoco_step import Stepped, compiled_step
+from torquebench.kernel.struct import Structure
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.plants.mujoco_native import Stepped, compiled_step
 
 STEPS = 10_000
 CALLS = 20_000

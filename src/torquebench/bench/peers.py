@@ -13,8 +13,8 @@ from torquebench.bench.loops import HEADLINE, experiment_of
 from torquebench.bench.timing import Case
 from torquebench.kernel import Array
 from torquebench.robot import RobotModel
-from torquebench.robot.loading import mjcf_path
-from torquebench.sim.plant import Plant
+from torquebench.robot.library import mjcf_path
+from torquebench.sim.plants import Plant
 
 NAIVE_STEPS = 2
 """Steps of the naive loop in one call: each takes a large part of a second."""

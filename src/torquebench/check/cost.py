@@ -15,12 +15,11 @@ from torquebench.check.report import Cost
 from torquebench.kernel import Array
 from torquebench.laws import Law
 from torquebench.references import Reference, sine
-from torquebench.sim.calling import call_law
+from torquebench.robot.flat_model import own_copy
 from torquebench.sim.chain import IDEAL
-from torquebench.sim.native_calls import native
-from torquebench.sim.native_loop import RUN_SIGNATURE, job_at, law_of
-from torquebench.sim.native_path import NativeRun, obstacle
-from torquebench.sim.setup import Setup, set_up
+from torquebench.sim.interpreted import call_law
+from torquebench.sim.job import Setup, set_up
+from torquebench.sim.native import RUN_SIGNATURE, NativeRun, job_at, law_of, native, obstacle
 
 ROUNDS, CALLS = 9, 200
 """Rounds of timing, of whose times the median is taken, and calls in each."""
@@ -37,7 +36,7 @@ def measure(law: Law) -> Cost:
     setup = set_up(
         law,
         law.pack_gains(plant.n, gains_of(law, plant.n, options, 1), options),
-        arm("puma560").flat,
+        own_copy(arm("puma560").flat, control_period=0.001),
         plant,
         desired,
         IDEAL,

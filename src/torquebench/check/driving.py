@@ -15,9 +15,9 @@ from torquebench.kernel import Array
 from torquebench.laws import Law
 from torquebench.references import Reference
 from torquebench.robot import RobotModel
-from torquebench.robot.model import own_copy
-from torquebench.sim.calling import call_law
+from torquebench.robot.flat_model import own_copy
 from torquebench.sim.closed_loop import COMPLETED, RAISED
+from torquebench.sim.interpreted import call_law
 
 CONTROL_PERIOD = 0.002
 """Control period [s] of the model that laws are given; not the default, so that a law that ignores it is seen."""

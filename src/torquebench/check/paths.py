@@ -14,11 +14,12 @@ from torquebench.check.cases import ARMS, arm, combinations, gains_of, label
 from torquebench.check.report import NOTE, Report
 from torquebench.laws import Law
 from torquebench.references import sine
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import Controller, simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.native_path import obstacle
-from torquebench.sim.plant import Plant
+from torquebench.sim.native import obstacle
+from torquebench.sim.plants import Plant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 PLANTS = ("analytic", "mujoco")

@@ -28,6 +28,8 @@ def check(file: Path, law: str | None) -> int:
     """
     with silence():
         names = load_plugin(file, "FILE")
+    if not names:
+        raise ConfigError([Problem("FILE", str(file), "registers no law (wanted a function with @controller)")])
     if law is not None and law not in names:
         raise ConfigError([Problem("--law", "", f"{file} registers no law '{law}'{did_you_mean(law, names)}")])
     names = names if law is None else (law,)

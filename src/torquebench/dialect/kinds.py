@@ -12,7 +12,7 @@ from torquebench.dialect.grammar import Grammar
 from torquebench.dialect.names import plain
 from torquebench.dialect.source import own_nodes
 from torquebench.kernel import Array, IntArray
-from torquebench.packing import is_structure, layout
+from torquebench.kernel.struct import is_structure, layout
 
 INTEGERS_FROM = ("floor", "isfinite", "isnan")
 """Functions of `math` that return integers, or True and False."""

@@ -4,7 +4,7 @@ from torquebench.experiment.config import load_experiment, parse_experiment
 from torquebench.experiment.dump import config_hash, dump_experiment
 from torquebench.experiment.reference import experiment_json_schema
 from torquebench.experiment.schema import Controller, Experiment
-from torquebench.registry import as_vector
+from torquebench.keys import as_vector
 
 __all__ = [
     "Controller",

@@ -12,12 +12,12 @@ from torquebench.experiment import schema
 from torquebench.experiment.build import Loop, payload_of, plant_factors
 from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
+from torquebench.keys import as_vector
 from torquebench.laws import find_law
-from torquebench.registry import as_vector
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.bodies import perturbed
-from torquebench.robot.model import SLIDE
+from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
+from torquebench.robot.perturbation import perturbed
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
 

@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal
 import torquebench.laws  # noqa: F401  (registers the built-in laws)
 from torquebench.experiment.groups import SLUG, EachJoint, Group, OneOf, Spec, option_type, spec_of
 from torquebench.fuzzy import BUILTIN
-from torquebench.laws.base import find_law, law_names
+from torquebench.keys import Key, Vector, declared_keys
 from torquebench.laws.declare import RESERVED, Gain
-from torquebench.laws.law import Law
-from torquebench.registry import Key, Vector, declared_keys
+from torquebench.laws.law import Law, find_law, law_names
 
 MAX_CONTROLLERS = 64
 

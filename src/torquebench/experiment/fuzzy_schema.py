@@ -16,7 +16,7 @@ from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable
 from torquebench.fuzzy.checks import range_error
 from torquebench.fuzzy.system import rules_of_table
 from torquebench.fuzzy.terms import MAX_TERMS, NONE, shape_errors
-from torquebench.registry import Key, Registry
+from torquebench.keys import Key, Kinds
 
 MAX_SYSTEMS = 64
 MAX_RULES = 2 * MAX_TERMS * MAX_TERMS
@@ -25,7 +25,7 @@ SHAPE = "one number (a peak), 3 numbers (a triangle) or 4 (a trapezoid)"
 FUNCTION = "one number, or a list of a constant and a factor of each input"
 RULE_FORMS = "rows of consequents, one row of them for one input, or rules {if: [...], then: ...}"
 
-SYSTEMS = Registry[type]("kind of fuzzy system")
+SYSTEMS = Kinds("kind of fuzzy system")
 _NUMBER: Any = number(Key(""))
 
 

@@ -27,7 +27,8 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from torquebench.errors import Fault, nearest
-from torquebench.registry import Declared, Key, Registry, declared_keys
+from torquebench.keys import Declared, Key, Kinds, declared_keys
+from torquebench.registry import Registry
 
 FAULT = "fault"
 """Type of those of pydantic's errors that carry the parts of a `Fault`."""
@@ -102,7 +103,6 @@ class Group:
         self.name, self.doc, self.fields, self.noun = name, doc, fields, noun
         self._make, self._extra = make, extra
 
-    @functools.cache  # noqa: B019  (groups live as long as the classes that they stand for)
     def model(self, describes: bool) -> type[BaseModel]:
         """Return pydantic's model of the keys; see `Spec.type`."""
         fields: dict[str, Any] = {}
@@ -175,7 +175,7 @@ class OneOf:
         more: Where further kinds may come from; ends the message about an unknown one.
     """
 
-    def __init__(self, registry: Registry[type], meaning: str, more: str = "") -> None:
+    def __init__(self, registry: Kinds, meaning: str, more: str = "") -> None:
         self.registry, self.meaning, self.more = registry, meaning, more
         self.tag = registry.tag
 
@@ -295,7 +295,7 @@ class Named:
         if isinstance(raw, dict):
             return self.node.validate(raw)
         if isinstance(raw, str) and raw in self.registry:
-            return self.registry[raw] if isinstance(self.registry, Mapping | Registry) else raw
+            return self.registry[raw] if isinstance(self.registry, Registry) else raw
         names = ", ".join(self.registry)
         wanted = f"one of {names}, or a mapping ({', '.join(self.node.fields)})"
         near = nearest(raw, tuple(self.registry)) if isinstance(raw, str) else None
@@ -307,6 +307,28 @@ class Named:
             return Annotated[Any, PlainValidator(self.validate)]
         names: Any = Literal[tuple(self.registry)]
         return Union[names, self.node.model(True)]  # noqa: UP007  (of computed types)
+
+
+class NameOf:
+    """Note of a key that takes the name of something registered."""
+
+    def __init__(self, registry: Registry[Any]) -> None:
+        self.registry = registry
+
+    def validate(self, raw: Any) -> str:
+        """Return the name.
+
+        Raises:
+            ValidationError: nothing has it.
+        """
+        if isinstance(raw, str) and raw in self.registry:
+            return raw
+        near = nearest(raw, self.registry.names()) if isinstance(raw, str) else None
+        raise refusal([Fault((), wanted=f"one of {', '.join(self.registry)}", nearest=near or "")], raw)
+
+    def type(self, describes: bool) -> Any:
+        """Return the type for pydantic; see `Spec.type`."""
+        return Literal[self.registry.names()] if describes else Annotated[Any, PlainValidator(self.validate)]
 
 
 @dataclass(frozen=True)

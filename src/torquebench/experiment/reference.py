@@ -9,9 +9,9 @@ from typing import Any
 from torquebench.experiment.controllers import LAWS, MAX_CONTROLLERS, Laws
 from torquebench.experiment.groups import Group, Many, Node, OneOf, Spec, group_of
 from torquebench.experiment.schema import Experiment
+from torquebench.keys import Key
 from torquebench.laws import find_law
-from torquebench.laws.base import law_names
-from torquebench.registry import Key
+from torquebench.laws.law import law_names
 
 
 class _SomeLaws(Laws):

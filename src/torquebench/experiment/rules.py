@@ -13,10 +13,9 @@ from torquebench.experiment.source import Document
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import KeyPath, shortened
 from torquebench.fuzzy import BUILTIN
-from torquebench.laws.base import find_law
-from torquebench.registry import Declared, declared_keys
-from torquebench.robot.library import model_folder
-from torquebench.robot.look import camera_names
+from torquebench.keys import Declared, declared_keys
+from torquebench.laws.law import find_law
+from torquebench.robot.library import camera_names, model_folder
 from torquebench.timing import FAR_OFF, RELATIVE, Timing, multiple_of
 
 CLOSED_FORM_MODEL = "puma560"

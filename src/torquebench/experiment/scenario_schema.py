@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from torquebench.errors import Fault
-from torquebench.registry import Key, Registry, Vector
+from torquebench.keys import Key, Kinds, Vector
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.timing import Timing, control_instant, multiple_of
 
-disturbance = Registry[type]("disturbance")
+disturbance = Kinds("disturbance")
 
 
 @dataclass(frozen=True)

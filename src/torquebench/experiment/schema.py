@@ -22,9 +22,9 @@ from torquebench.experiment.scenario_schema import (
     Perturbation,
     disturbance,
 )
-from torquebench.registry import Key, Registry, Vector
+from torquebench.keys import Key, Kinds, Vector
 from torquebench.robot import load_model
-from torquebench.robot.model import SLIDE
+from torquebench.robot.flat_model import SLIDE
 from torquebench.timing import Timing, whole_steps
 
 MAX_DISTURBANCES = 64
@@ -34,8 +34,8 @@ MAX_SEED = 2**63 - 1
 
 StructureName: TypeAlias = Literal["exact", "corrected", "printed"]
 ConstantsName: TypeAlias = Literal["fitted", "printed"]
-plant = Registry[type]("plant", "engine")
-reference = Registry[type]("reference")
+plant = Kinds("plant", "engine")
+reference = Kinds("reference")
 CHAINS = ("ideal", "fast", "slow")
 
 

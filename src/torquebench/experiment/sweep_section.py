@@ -12,14 +12,14 @@ from pydantic import Field
 
 from torquebench.experiment.config import SWEEP, check_group
 from torquebench.experiment.controllers import OWN_KEYS, Controller
-from torquebench.experiment.groups import Checked, Named, group_of
+from torquebench.experiment.groups import Checked, Named, NameOf, group_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign, split_key
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Place, copied, shortened
-from torquebench.laws.base import find_law, law_names
+from torquebench.keys import Key, altered
+from torquebench.laws.law import find_law, law_names
 from torquebench.metrics import METRICS
-from torquebench.registry import Key, altered
 
 MAX_DRAWS = 10_000_000
 MAX_VALUES = 10_000
@@ -30,7 +30,6 @@ NOT_VARIED = ("sweep", "name", "description", "video")
 RANGE_WORDS = {"start", "stop", "step", "num", "min", "max", "to", "count", "spacing"}
 EVERY = "controllers.*."
 """How a key begins that stands for every controller."""
-MetricName: TypeAlias = Literal[tuple(info.key for info in METRICS)]  # type: ignore[valid-type]  # a computed tuple
 _Values: TypeAlias = Annotated[list[Any], Field(min_length=1, max_length=MAX_VALUES)]
 _Named: TypeAlias = Annotated[dict[str, Any], Field(min_length=1, max_length=MAX_VALUES)]
 
@@ -80,7 +79,7 @@ class Worst:
     """Trajectories of the worst runs only; a run that failed is worse than any that did not."""
 
     worst: Annotated[int, Key("Number of runs of each controller", "1", at_least=1, at_most=10_000)]
-    by: Annotated[MetricName, Key("Metric that is compared")] = "rmse"
+    by: Annotated[str, Key("Metric that is compared"), NameOf(METRICS)] = "rmse"
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from torquebench.dialect.rules import Rules
 from torquebench.dialect.source import Complaint, read
 from torquebench.dialect.writes import Place
 from torquebench.kernel import Array
+from torquebench.kernel.struct import layout
 from torquebench.laws.law import Law, Nothing
-from torquebench.packing import layout
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 ARGUMENTS = ("gains", "model", "t", "q", "qd", "ref", "memory", "tau")
 """What a law is called with, in this order."""

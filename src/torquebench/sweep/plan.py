@@ -25,7 +25,7 @@ from torquebench.experiment.sweep_section import (
     with_number,
 )
 from torquebench.experiment.yaml_tree import KeyPath
-from torquebench.registry import altered
+from torquebench.keys import altered
 
 Combination: TypeAlias = tuple[int, ...]
 """Which of its choices each random key with choices has."""
