@@ -17,7 +17,8 @@ from tests.source_tree import ALL, TREES, imports
 LAYERS = (
     ("errors", "plain"),
     ("shipped",),
-    ("registry",),
+    ("registry", "timing"),
+    ("keys",),
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
@@ -217,8 +218,6 @@ def is_described_elsewhere(node: ast.AST) -> bool:
 
 
 TERSE = {
-    "as_mapping",
-    "check_value",
     "decimate",
     "draw",
     "fill_bias",

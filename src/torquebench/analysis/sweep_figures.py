@@ -13,7 +13,7 @@ from torquebench.analysis.map_page import map_page
 from torquebench.analysis.spread_page import spread_page
 from torquebench.analysis.sweep_front import front_of
 from torquebench.analysis.sweep_parts import TURNS, key_values
-from torquebench.experiment.units import joint_units
+from torquebench.experiment.reference import joint_units
 from torquebench.metrics import METRICS
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.table import Table, check_table, grid_keys, metric_keys

@@ -9,7 +9,7 @@ import numpy as np
 
 from torquebench.analysis import style
 from torquebench.analysis.page import printable
-from torquebench.experiment.units import joint_units, unit_of
+from torquebench.experiment.reference import joint_units, unit_of
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.sweep.table import Rows, Table, completed, finished

@@ -126,7 +126,7 @@ def many(plant: Plant, trial: SampledTrial, threads: int) -> Callable[[], None]:
 def drawn(experiment: Experiment, loop: Loop) -> Callable[[], None]:
     """Return the work of one run under torque noise and encoder noise, their drawing included."""
     trial = trial_of(experiment, loop, loop.controllers[0])
-    noisy, session = experiment.model_copy(update={"chain": "fast"}), Session()
+    noisy, session = replace(experiment, chain="fast"), Session()
 
     def run() -> None:
         position, torque = build_position_noise(noisy), build_disturbance(experiment)

@@ -9,10 +9,10 @@ from typing import Any
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean, did_you_mean_path
 from torquebench.experiment import load_experiment
+from torquebench.experiment.build import systems_of
 from torquebench.experiment.describe import evaluation
-from torquebench.experiment.fuzzy_system import systems_of
+from torquebench.experiment.source import YAML
 from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
-from torquebench.experiment.yaml_source import YAML
 from torquebench.fuzzy import BUILTIN, FuzzySystem, Prepared, builtin_system, prepare
 from torquebench.fuzzy.lint import lint
 from torquebench.laws.plugin import load_plugin

@@ -12,8 +12,8 @@ from pathlib import Path
 from torquebench.cli.sweep_outcomes import summary
 from torquebench.cli.terminal import complain, following, progress_bar, say, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
+from torquebench.experiment.source import read_bytes
 from torquebench.experiment.store import RunDirectory, check_run, claim_folder
-from torquebench.experiment.yaml_source import read_bytes
 from torquebench.laws.plugin import load_plugin
 from torquebench.report.sweep import MOST_ROWS, report_files, sweep_facts, unexpected_outcomes
 from torquebench.sweep.checking import Survey, check_plan

@@ -15,9 +15,9 @@ from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
 from torquebench.experiment.schema import Controller as ControllerKeys
-from torquebench.experiment.schema import Experiment, whole_steps
+from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import machine, model_checksums, versions
-from torquebench.experiment.values import as_vector
+from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
 from torquebench.robot.flat_model import SLIDE
@@ -25,6 +25,7 @@ from torquebench.robot.perturbation import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
+from torquebench.timing import whole_steps
 
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with what is being done, how many units of it are done, and of how many; the last is 0 when not known."""

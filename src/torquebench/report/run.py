@@ -11,7 +11,7 @@ from torquebench.experiment.describe import fuzzy_in_use
 from torquebench.experiment.folder import manifest_of, write_numbers
 from torquebench.experiment.run import ExperimentResult, Progress, band_of
 from torquebench.experiment.store import RunDirectory, add_to_run
-from torquebench.experiment.values import as_vector
+from torquebench.keys import as_vector
 from torquebench.report.render import PAGE, Picture
 from torquebench.report.run_page import comparison_page, run_page
 

@@ -41,7 +41,7 @@ def check_settings(settings: Settings, model: str) -> None:
         ConfigError: some are impossible; all of them at once.
         ModelError: there is no such arm.
     """
-    from torquebench.experiment.values import LARGEST_SIDE, LEAST_SIDE  # not where films are drawn: it is slow to load
+    from torquebench.experiment.schema import LARGEST_SIDE, LEAST_SIDE  # not where films are drawn: it is slow to load
 
     problems = []
     if settings.quality not in QUALITIES:
