@@ -22,16 +22,17 @@ LAYERS = (
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
-    ("dialect",),
     ("laws",),
+    ("dialect",),
     ("sim",),
-    ("check", "comparison"),
+    ("check_cases", "comparison"),
+    ("check",),
     ("metrics", "statistics"),
     ("certificates",),
     ("experiment",),
     ("sweep",),
     ("analysis",),
-    ("bench", "report", "video"),
+    ("report", "video"),
     ("results",),
     ("sweeps",),
     ("paper", "view"),
@@ -42,88 +43,30 @@ LAYERS = (
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 
 HOMES = {
-    "mujoco": {
-        "robot/mjcf.py",
-        "robot/mjcf_links.py",
-        "sim/plants/mujoco.py",
-        "sim/plants/mujoco_native.py",
-        "bench/loops.py",
-        "video/lens.py",
-        "video/probe.py",
-        "video/render.py",
-        "video/scene.py",
-        "video/stage.py",
-        "video/stick.py",
-        "view/arm.py",
-        "view/window.py",
-    },
-    "glfw": {"view/display.py"},
-    "OpenGL": {"video/probe.py"},
-    "imageio_ffmpeg": {"video/encode.py"},
-    "subprocess": {"video/child.py", "video/encode.py"},
-    "matplotlib": {
-        "analysis/certificates.py",
-        "analysis/course_page.py",
-        "analysis/declare.py",
-        "analysis/effects_page.py",
-        "analysis/front_page.py",
-        "analysis/fuzzy.py",
-        "analysis/fuzzy_rules.py",
-        "analysis/map_page.py",
-        "analysis/page.py",
-        "analysis/paper_pages.py",
-        "analysis/run_view.py",
-        "analysis/signals.py",
-        "analysis/spectrum.py",
-        "analysis/spread_page.py",
-        "analysis/style.py",
-        "analysis/sweep_figures.py",
-        "analysis/torque.py",
-        "report/run.py",
-        "results.py",
-        "sweeps.py",
-        "video/overlay.py",
-        "video/stick.py",
-        "video/text.py",
-    },
-    "jinja2": {"report/render.py"},
-    "scipy": {"statistics.py", "sweep/effects.py", "paper/checks.py"},
-    "skfuzzy": {"fuzzy/oracle.py", "bench/peers.py"},
-    "pydantic": {name for name in ALL if name.startswith("experiment/")},
-    "pydantic_core": {name for name in ALL if name.startswith("experiment/")},
-    "numba": {
-        "check/paths.py",
-        "kernel/__init__.py",
-        "kernel/cache.py",
-        "kernel/struct.py",
-        "sim/checked_math.py",
-        "sim/closed_loop.py",
-        "sim/native.py",
-        "sim/plants/mujoco_native.py",
-    },
-    "llvmlite": {"kernel/struct.py", "sim/native.py", "sim/plants/mujoco_native.py"},
-    "distributed": {"sweep/cluster.py"},
-    "pandas": {"sweep/table.py", "results.py", "sweeps.py"},
-    "dask": {"sweep/cluster.py"},
-    "yaml": {
-        "robot/links.py",
-        "robot/puma560/constants.py",
-        "experiment/yaml_tree.py",
-        "experiment/dump.py",
-        "cli/completion.py",
-    },
-    "argparse": {
-        "cli/run.py",
-        "cli/sweep.py",
-        "cli/paper.py",
-        "cli/boundary_layer.py",
-        "cli/video.py",
-        "cli/view.py",
-    },
-    "click": {name for name in ALL if name.startswith("cli/")},
-    "rich": {"cli/terminal.py", "cli/compare.py"},
+    "mujoco": ("robot/mjcf", "sim/plants/", "video/", "view/"),
+    "glfw": ("video/", "view/"),
+    "OpenGL": ("video/",),
+    "imageio_ffmpeg": ("video/",),
+    "PIL": ("video/",),
+    "subprocess": ("video/",),
+    "matplotlib": ("analysis/", "report/", "results.py", "sweeps.py"),
+    "jinja2": ("report/",),
+    "scipy": ("statistics.py", "sweep/", "paper/"),
+    "skfuzzy": ("fuzzy/",),
+    "pydantic": ("experiment/", "sweep/"),
+    "pydantic_core": ("experiment/", "sweep/"),
+    "pandas": ("experiment/", "sweep/", "report/", "results.py", "sweeps.py"),
+    "numba": ("kernel/", "dialect.py", "check.py", "sim/"),
+    "llvmlite": ("kernel/", "sim/"),
+    "click": ("cli/",),
+    "rich": ("cli/",),
+    "distributed": ("sweep/",),
+    "dask": ("sweep/",),
+    "yaml": ("robot/", "experiment/", "cli/completion.py"),
+    "tqdm": (),
+    "argparse": (),
 }
-"""Third-party package, or what else has its place -> the only files that may import it."""
+"""Package -> the beginnings of the names of the only files that may import it."""
 
 
 def unit_of(name: str) -> str:
@@ -172,15 +115,10 @@ def test_the_top_level_imports_nothing_when_imported() -> None:
 
 @pytest.mark.parametrize("name", ALL)
 def test_heavy_packages_stay_in_their_places(name: str) -> None:
-    """MuJoCo, matplotlib, pydantic, numba and the others are imported only by the files listed for them."""
+    """MuJoCo, matplotlib, pydantic, numba and the others are imported only where `HOMES` has a place for them."""
     for module, line in imports(TREES[name]):
         homes = HOMES.get(module.split(".")[0])
-        assert homes is None or name in homes, f"{name}:{line} imports {module}"
-
-
-def test_homes_are_not_stale() -> None:
-    """Every file listed for a package exists."""
-    assert set().union(*HOMES.values()) <= set(ALL)
+        assert homes is None or name.startswith(homes), f"{name}:{line} imports {module}"
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -28,8 +28,10 @@ def commands():
 
 
 @pytest.mark.parametrize("arguments", commands(), ids=" ".join)
-def test_every_command_parses(arguments):
-    """Each command of the README is one the command line knows."""
+def test_every_command_parses(arguments, tmp_path, monkeypatch):
+    """Each command of the README is one the command line knows, where the user's files are there."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my.yaml").touch()
     assert parsed(arguments)["command"] == arguments[0]
 
 

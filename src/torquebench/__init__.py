@@ -6,7 +6,7 @@ from typing import Any
 __version__ = "0.1.0.dev0"
 
 _HOMES = {
-    "check.law": ("check_law",),
+    "check": ("check_law",),
     "errors": ("ConfigError", "ResultError", "TorquebenchError"),
     "experiment.schema": ("Experiment",),
     "fuzzy.fis": ("Fis",),

@@ -1,5 +1,5 @@
 # written by scripts/public_names.py
-from torquebench.check.law import check_law as check_law
+from torquebench.check import check_law as check_law
 from torquebench.errors import ConfigError as ConfigError
 from torquebench.errors import ResultError as ResultError
 from torquebench.errors import TorquebenchError as TorquebenchError

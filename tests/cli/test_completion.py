@@ -16,7 +16,7 @@ from tests.command_line import COMMANDS, flags
 from torquebench.cli.app import app, main
 from torquebench.cli.compare import SideName
 from torquebench.cli.discover import Thing
-from torquebench.cli.legacy import SYSTEMS
+from torquebench.cli.fuzzy import SYSTEMS
 from torquebench.comparison import parse_side
 from torquebench.fuzzy import BUILTIN
 from torquebench.laws import law_names

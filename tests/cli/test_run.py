@@ -417,10 +417,10 @@ def test_interrupting_while_it_starts(name):
 
 
 WRAPPED = {
-    "as Python 3.11 does": "try:\n    raise Kind\nexcept BaseException as error:\n    raise RuntimeError('set_name') from error",
+    "as Python 3.11 does": "try:\n    raise Kind\nexcept BaseException as error:\n    raise RuntimeError from error",
     "while another is handled": "try:\n    raise Kind\nexcept BaseException:\n    raise ConfigError([])",
-    "twice": "try:\n    try:\n        raise Kind\n    except BaseException as error:\n        raise OSError from error\n"
-    "except OSError as error:\n    raise ValueError from error",
+    "twice": "try:\n    try:\n        raise Kind\n    except BaseException as error:\n"
+    "        raise OSError from error\nexcept OSError as error:\n    raise ValueError from error",
 }
 
 

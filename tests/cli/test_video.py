@@ -11,7 +11,7 @@ import pytest
 from tests.cli.conftest import QUICK
 from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
-from torquebench.video.settings import FPS
+from torquebench.video.job import FPS
 
 
 @pytest.fixture(scope="module")
@@ -254,7 +254,7 @@ def test_doctor_tells_what_there_is(command, monkeypatch):
 def test_doctor_names_what_to_install(command, monkeypatch):
     """Where nothing draws and there is no encoder, the packages are named; the status is 0 all the same."""
     from torquebench.cli import doctor
-    from torquebench.video.backends import Backend
+    from torquebench.video.opengl import Backend
 
     monkeypatch.setattr(doctor, "probe", lambda name: Backend(name, False, "cannot load it"))
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)

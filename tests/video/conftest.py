@@ -5,7 +5,7 @@ import os
 import pytest
 
 from torquebench.cli.app import main
-from torquebench.video.backends import probe
+from torquebench.video.opengl import probe
 
 CONFIG = """\
 name: film-test

@@ -1,4 +1,4 @@
-"""The frame of the command line: commands, shared options, mistakes as lines, exit statuses, ``--json``, signals."""
+"""The frame of the command line: its commands, mistakes as lines, exit statuses, ``--json``, signals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import functools
 import inspect
 import io
 import json
-import math
 import os
 import signal
 import sys
@@ -16,199 +15,66 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
 import click
-from click.shell_completion import CompletionItem, shell_complete
+from click.shell_completion import shell_complete
 
 import torquebench
+from torquebench.cli.parameters import Option, mistakes
 from torquebench.cli.terminal import Voice, complain, emit, speaking, voice
 from torquebench.errors import ConfigError, Problem, TorquebenchError, did_you_mean, nearest
 from torquebench.plain import plain
-from torquebench.shipped import config_keys, configs, find_config
+from torquebench.shipped import config_keys
 
 PROGRAM = "torquebench"
 ENVIRONMENT = "TORQUEBENCH"
 """Prefix of the environment variables that give options their defaults: TORQUEBENCH_RUN_OUT for ``run --out``."""
+
 BAD_INPUT, INTERNAL, INTERRUPTED, TERMINATED = 2, 3, 130, 143
 """Exit statuses of commands that ended early; one that did not returns 0, or 1 where something did not hold."""
 
 COMMANDS = {
-    "Experiments": {"run": "legacy", "sweep": "legacy", "paper": "legacy", "boundary-layer": "legacy"},
-    "Look": {"report": "legacy", "video": "legacy", "view": "legacy"},
-    "Check": {"check": "check", "compare": "compare", "fuzzy": "legacy", "doctor": "doctor", "bench": "bench"},
+    "Experiments": {"run": "run", "sweep": "sweep", "paper": "legacy", "boundary-layer": "legacy"},
+    "Look": {"report": "report", "video": "video", "view": "view"},
+    "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
     "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
 }
 """Heading in the help -> command -> the module of this package that has it, under the command's name."""
-COMMON = {"--quiet", "--verbose", "--json", "--help"}
-"""Options that every command has."""
 
-
-def mistakes(context: click.Context) -> list[Problem]:
-    """Return the list of what is wrong with a command's arguments so far."""
-    found: list[Problem] = context.meta.setdefault("torquebench.mistakes", [])
-    return found
-
-
-class _Collected(click.Parameter):
-    """A parameter whose bad value does not hide the mistakes in other ones."""
-
-    def handle_parse_result(self, ctx: click.Context, opts: Any, args: list[str]) -> tuple[Any, list[str]]:
-        """Convert the value; note what is wrong with it."""
-        try:
-            return super().handle_parse_result(ctx, opts, args)
-        except ConfigError as error:
-            mistakes(ctx).extend(error.problems)
-        except click.UsageError as error:
-            mistakes(ctx).append(Problem(self._place(ctx), "", self._message(ctx, error)))
-        return None, args
-
-    def _place(self, ctx: click.Context) -> str:
-        name = self.human_readable_name if isinstance(self, click.Argument) else max(self.opts, key=len)
-        if ctx.get_parameter_source(self.name or "") is not click.core.ParameterSource.ENVIRONMENT:
-            return name
-        return f"{name} (from {ctx.auto_envvar_prefix}_{(self.name or '').upper()})"
-
-    def _message(self, ctx: click.Context, error: click.UsageError) -> str:
-        if isinstance(error, click.MissingParameter):
-            return f"missing: wanted {getattr(self, 'help', None) or 'a value'}"
-        return error.message
-
-
-class Option(_Collected, click.Option):
-    """An option of a command."""
-
-
-class Argument(_Collected, click.Argument):
-    """An argument of a command."""
-
-
-option = functools.partial(click.option, cls=Option)
-argument = functools.partial(click.argument, cls=Argument)
-
-
-class Choice(click.Choice[str]):
-    """One of some words; a wrong one is answered with the nearest."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the word."""
-        if value not in self.choices:
-            self.fail(f"got '{value}'{did_you_mean(value, self.choices)}", param, ctx)
-        return str(value)
-
-
-class Number(click.ParamType[float]):
-    """A number in a range."""
-
-    name = "number"
-
-    def __init__(self, cast: type[int] | type[float], low: float, high: float | None = None) -> None:
-        """Take numbers from `low` to `high`, whole ones if `cast` is int."""
-        self.cast, self.low, self.high = cast, low, high
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number."""
-        what = "a whole number" if self.cast is int else "a number"
-        span = f"{what}, {self.low} or more" if self.high is None else f"{what}, {self.low} to {self.high}"
-        try:
-            number = self.cast(value)
-        except ValueError:
-            number = math.nan
-        if not (math.isfinite(number) and self.low <= number <= (math.inf if self.high is None else self.high)):
-            self.fail(f"got '{value}', wanted {span}", param, ctx)
-        return number
-
-
-class Words(click.ParamType[list[str]]):
-    """Names separated by commas."""
-
-    name = "names"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[str]:
-        """Return the names."""
-        return value if isinstance(value, list) else str(value).split(",")
-
-
-class File(click.Path):
-    """A file or folder; completion offers those with one of some endings, or folders alone."""
-
-    def __init__(self, *endings: str, folders: bool = False) -> None:
-        """Offer files that end in one of `endings`, all without any; no files if only `folders` are wanted."""
-        super().__init__(path_type=Path)
-        self.endings, self.folders = endings, folders
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return paths that begin as typed, folders with a slash."""
-        folder, _, begun = incomplete.rpartition("/")
-        base = Path(f"{folder}/" if "/" in incomplete else ".")
-        found = []
-        with contextlib.suppress(OSError):
-            for path in sorted(base.iterdir()):
-                hidden = path.name.startswith(".") and not begun.startswith(".")
-                wanted = not self.folders and (not self.endings or path.name.endswith(self.endings))
-                if path.name.startswith(begun) and not hidden and (path.is_dir() or wanted):
-                    shown = (f"{folder}/" if "/" in incomplete else "") + path.name
-                    found.append(CompletionItem(shown + "/" * path.is_dir()))
-        return found
-
-
-class Config(File):
-    """A config: a YAML file, or the name of one that comes with the package."""
-
-    def __init__(self) -> None:
-        """Offer YAML files and shipped configs."""
-        super().__init__(".yaml", ".yml")
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return its path; that there is none is said before anything large is imported."""
-        return find_config(str(value))
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return names of shipped configs, and files."""
-        names = [CompletionItem(name) for name in configs() if name.startswith(incomplete)]
-        return names + super().shell_complete(ctx, param, incomplete)
+SHARED = {
+    "quiet": (["-q", "--quiet"], "errors and nothing else; the exit status says the rest"),
+    "verbose": (["-v", "--verbose"], "say more: the traceback of an error"),
+    "as_json": (["--json"], "print one JSON document and nothing else"),
+}
+"""What every command has, besides ``--help``: field of `Voice` -> option and help."""
+HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+"""How click makes the help."""
 
 
 class Command(click.Command):
-    """A command: its mistakes come all at once, and it has ``--quiet``, ``--json``, ``--verbose`` and an example."""
+    """A command: its mistakes come all at once, it has the options of `SHARED`, and its help ends with an example."""
 
-    def __init__(self, *args: Any, example: str = "", **more: Any) -> None:
-        """Add the options that all commands have.
+    def __init__(self, name: str | None, *, example: str = "", **more: Any) -> None:
+        """Add the shared options.
 
         Args:
-            *args: As of click.
-            example: The last line of its help.
-            **more: As of click.
+            *args: For click.
+            name: Its name.
+            example: The last line of the help.
+            **more: For click.
         """
-        more["context_settings"] = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
-        super().__init__(*args, **more)
+        super().__init__(name, context_settings=HELP, **more)
         self.example = example
-        self.params += [
-            Option(
-                ["-q", "--quiet"],
-                is_flag=True,
-                expose_value=False,
-                callback=_into_voice("quiet"),
-                help="errors and nothing else; the exit status says the rest",
-            ),
-            Option(
-                ["-v", "--verbose"],
-                is_flag=True,
-                expose_value=False,
-                callback=_into_voice("verbose"),
-                help="more: the traceback of an error",
-            ),
-            Option(
-                ["--json"],
-                is_flag=True,
-                expose_value=False,
-                callback=_into_voice("as_json"),
-                help="print one JSON document and nothing else",
-            ),
-        ]
+        for field, (flags, text) in SHARED.items():
+            keep = functools.partial(_keep, field)
+            self.params.append(Option(flags, is_flag=True, expose_value=False, callback=keep, help=text))
+        for param in self.params:
+            if isinstance(param, click.Option):
+                flag = max(param.opts, key=len).lstrip("-")
+                param.envvar = f"{ENVIRONMENT}_{name}_{flag}".replace("-", "_").upper()
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments.
@@ -243,24 +109,21 @@ class Command(click.Command):
         formatter.write_paragraph()
         self.format_usage(ctx, formatter)
         self.format_arguments(ctx, formatter)
-        shown = [
-            (param, param.get_help_record(ctx)) for param in self.get_params(ctx) if isinstance(param, click.Option)
-        ]
-        own = [record for param, record in shown if record and not COMMON & set(param.opts)]
-        common = [record for param, record in shown if record and COMMON & set(param.opts)]
-        for title, records in (("Options", own), ("Options of every command", common)):
+        options = [param for param in self.get_params(ctx) if isinstance(param, click.Option)]
+        own, shared = list[tuple[str, str]](), list[tuple[str, str]]()
+        for param in options:
+            if record := param.get_help_record(ctx):
+                (own if param.expose_value and not param.is_eager else shared).append(record)
+        for title, records in (("Options", own), ("Options of every command", shared)):
             if records:
                 with formatter.section(title):
                     formatter.write_dl(records)
         formatter.write(f"\nExample: {self.example}\n")
 
 
-def _into_voice(name: str) -> Callable[[click.Context, click.Parameter, bool], None]:
-    def keep(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
-        if not context.resilient_parsing:
-            setattr(voice(), name, bool(value))
-
-    return keep
+def _keep(name: str, context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if not context.resilient_parsing:
+        setattr(voice(), name, bool(value))
 
 
 command = functools.partial(click.command, cls=Command)
@@ -392,7 +255,7 @@ class Commands(click.Group):
         click.Command.format_options(self, ctx, formatter)
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(cls=Commands, context_settings=HELP)
 @click.version_option(torquebench.__version__, "-V", "--version", prog_name=PROGRAM, message="%(prog)s %(version)s")
 def app() -> None:
     """Compare torque laws for robot arms on a plant that an analytic model agrees with to round-off.
@@ -401,35 +264,6 @@ def app() -> None:
     written; 3 disk or internal error; 130 interrupted; 143 terminated. Defaults of options come from the environment:
     TORQUEBENCH_RUN_OUT is that of run --out.
     """
-
-
-out_folder = functools.partial(option, "-o", "--out", type=File(folders=True), metavar="DIR")
-out_file = functools.partial(option, "-o", "--out", type=File(), metavar="FILE")
-plugins = option(
-    "-p",
-    "--plugin",
-    type=File(".py"),
-    multiple=True,
-    metavar="FILE",
-    help="Python file that registers laws of your own with @controller; may be given several times",
-)
-workers = functools.partial(option, "-j", "--workers", metavar="N", type=Number(int, 1, 4096))
-
-
-def check_out(path: Path | None) -> None:
-    """Refuse a file that cannot be written.
-
-    Raises:
-        ConfigError: it is a folder, or its own folder is not there or must not be written to.
-    """
-    if path is None:
-        return
-    if path.is_dir():
-        raise ConfigError([Problem("--out", "", f"{path} is a folder, wanted a file")])
-    if not path.parent.is_dir():
-        raise ConfigError([Problem("--out", "", f"{path.parent} is not a folder")])
-    if not os.access(path.parent, os.W_OK):
-        raise ConfigError([Problem("--out", "", f"{path.parent} must not be written to")])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -453,7 +287,7 @@ def _run(words: list[str]) -> int:
     """Run a line and return its exit status."""
     try:
         with without_opengl() as wish, terminable():
-            context = app.make_context(PROGRAM, words, auto_envvar_prefix=ENVIRONMENT, obj=wish)
+            context = app.make_context(PROGRAM, words, obj=wish)
             with context:
                 return int(app.invoke(context) or 0)
     except click.exceptions.Exit as ended:  # help or version, which are no document
@@ -528,8 +362,6 @@ def guarded(work: Callable[[], int], ending: Ending) -> int:
         sys.stdout = None  # nobody reads it any more; the interpreter must not complain when it closes it
         return INTERNAL
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  the last resort: one line, and where to look
-        if voice().verbose:
-            complain("".join(traceback.format_exception(error)).rstrip())
         return _ended(error, ending)
 
 
@@ -546,6 +378,8 @@ def _ended(error: BaseException, ending: Ending) -> int:
         for problem in error.problems:
             complain(str(problem))
         return BAD_INPUT
+    if voice().verbose:
+        complain("".join(traceback.format_exception(error)).rstrip())
     if isinstance(error, TorquebenchError | OSError):
         ending.error = str(error)
         complain(f"torquebench: {error}")

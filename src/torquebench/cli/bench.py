@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import sys
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import Any
 
-from torquebench.cli.app import Number, command, option
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Number, option
 from torquebench.cli.terminal import progress_bar, say, table, tell
-
-if TYPE_CHECKING:
-    from torquebench.bench.timing import Row
+from torquebench.errors import ConfigError, Problem
+from torquebench.shipped import data_root
 
 QUICK = (4.0, 3)
 FULL = (10.0, 15)
@@ -27,24 +29,19 @@ def bench(markdown: bool, quick: bool, rounds: int | None, threads: int) -> int:
 
     The closed loop, MuJoCo's open loop and other ways to write the same are timed in turn, many times.
     """
-    from torquebench.bench.loops import closed_loops
-    from torquebench.bench.parts import parts
-    from torquebench.bench.peers import peers
-    from torquebench.bench.timing import measure
-
+    benchmarks = load_benchmarks()
     duration, usual = QUICK if quick else FULL
     rounds = rounds or usual
     with progress_bar(0, "case", "setting up (compiles on first use)") as bar:
-        cases = closed_loops(duration, threads) + parts()
-        others, left_out = peers()
-        cases += others
-        bar.total = sum(min(case.most, rounds) + 1 for case in cases)
+
+        def start(total: int) -> None:
+            bar.total = total
 
         def report(name: str) -> None:
             bar.describe(name)
             bar.update(1)
 
-        rows = measure(cases, rounds, report)
+        rows, left_out = benchmarks.run(duration, rounds, threads, start, report)
     tell(rows=[asdict(row) for row in rows], rounds=rounds, left_out=left_out)
     if markdown:
         say(as_markdown(rows), fold=False)
@@ -57,13 +54,30 @@ def bench(markdown: bool, quick: bool, rounds: int | None, threads: int) -> int:
     return 0
 
 
-def cells(row: Row) -> list[str]:
+def load_benchmarks() -> Any:
+    """Return the package ``benchmarks`` of the checkout.
+
+    Raises:
+        ConfigError: there is none, as where torquebench was installed from a wheel.
+    """
+    file = data_root() / "benchmarks" / "__init__.py"
+    if "benchmarks" not in sys.modules:
+        spec = importlib.util.spec_from_file_location("benchmarks", file, submodule_search_locations=[str(file.parent)])
+        if not file.is_file() or spec is None or spec.loader is None:
+            why = f"no folder {file.parent}: benchmarks come with the repository and the sdist, not with a wheel"
+            raise ConfigError([Problem("bench", "", f"{why}; run it in a checkout")])
+        sys.modules["benchmarks"] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules["benchmarks"])
+    return sys.modules["benchmarks"]
+
+
+def cells(row: Any) -> list[str]:
     """Return a row of the table."""
     ratio = "" if row.ratio is None else _short(row.ratio)
     return [row.name, str(row.threads), _short(row.value), row.unit, ratio, row.against]
 
 
-def as_markdown(rows: list[Row]) -> str:
+def as_markdown(rows: list[Any]) -> str:
     """Return the table as Markdown, with what each row is."""
     lines = ["| case | threads | speed | against | ratio | what |", "|---|---|---|---|---|---|"]
     for row in rows:

@@ -5,25 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from torquebench.cli.app import File, argument, command, option
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, argument, option
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean
 
 if TYPE_CHECKING:
-    from torquebench.check.report import Report
+    from torquebench.check import Report
 
 
 @command(example="torquebench check my_law.py")
 @argument("file", type=File(".py"), help="Python file of laws, as for --plugin")
 @option("--law", metavar="NAME", help="the only law of the file to try (default: all)")
 def check(file: Path, law: str | None) -> int:
-    """Test your own laws: do they keep what the loop relies on, and can they be compiled?
+    """Test laws of your own: can the loop rely on them?
 
-    Every law that FILE registers with @controller is tried, on two arms and on both paths. The exit status is 0 when
-    everything held, else 1.
+    Every law that FILE registers with @controller is tried, on two arms and on both paths; whether it can be
+    compiled is said too. The exit status is 0 when everything held, else 1.
     """
-    from torquebench.check.driving import silence
-    from torquebench.check.law import check_law
+    from torquebench.check import check_law
+    from torquebench.check_cases import silence
     from torquebench.laws.plugin import load_plugin
 
     with silence():
@@ -47,7 +48,7 @@ def check(file: Path, law: str | None) -> int:
 
 def _text(report: Report) -> str:
     """Return a law's table, the places that keep it from being compiled, and the verdict."""
-    from torquebench.check.report import FAIL, PASS
+    from torquebench.check import FAIL, PASS
 
     tones = {PASS: good, FAIL: bad}
     rows = [[check.name, tones.get(check.verdict, str)(check.verdict), check.detail] for check in report.checks]

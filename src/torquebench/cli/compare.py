@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from torquebench.cli.app import File, Number, argument, command, option
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, Number, argument, option
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
-    from rich.text import Text
-
     from torquebench.comparison import Row, Side
 
 SIDES = ("mujoco:puma560", "mujoco:two-link", "analytic:two-link", "analytic:puma560")
@@ -93,7 +92,7 @@ class Milliseconds(Number):
     help="also compare closed loops of this length on both plants (default: none)",
 )
 def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], tolerance: float, rollout: float) -> int:
-    """Compare two models or plants: where do they differ, and in which term?
+    """Show where two models or plants differ, and in which term.
 
     The exit status is 0 when every compared quantity agrees, else 1.
     """
@@ -160,7 +159,7 @@ def _sides(first: str, second: str) -> tuple[Side, Side]:
     return sides[0], sides[1]
 
 
-def _cells(row: Row) -> list[str | Text]:
+def _cells(row: Row) -> list[object]:
     limit = f"{row.limit:.0e} {'rad' if row.measure == 'absolute' else 'rel.'}"
     gaps = [f"{row.absolute:.2e}", row.unit, f"{row.relative:.2e}", row.where]
     return [row.term, *gaps, limit, good("yes") if row.agrees else bad("NO")]

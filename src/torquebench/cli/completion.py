@@ -10,7 +10,6 @@ from pathlib import Path
 import click
 from click.shell_completion import (
     BashComplete,
-    CompletionItem,
     FishComplete,
     ZshComplete,
     add_completion_class,
@@ -18,7 +17,8 @@ from click.shell_completion import (
     split_arg_string,
 )
 
-from torquebench.cli.app import ENVIRONMENT, PROGRAM, Choice, app, argument, command, option
+from torquebench.cli.app import ENVIRONMENT, PROGRAM, app, command
+from torquebench.cli.parameters import Choice, argument, option
 from torquebench.cli.terminal import say, tell
 from torquebench.errors import ConfigError, Problem
 from torquebench.shipped import config_keys, find_config
@@ -81,7 +81,10 @@ for _shell in (ZshComplete, FishComplete):
 @argument("shell", type=Choice(SHELLS), help="bash, zsh or fish")
 @option("--install", is_flag=True, help="write the script to where the shell looks for it")
 def completion(shell: str, install: bool) -> int:
-    """Print a script that completes commands, options and values in a shell."""
+    """Let a shell complete commands, options and values.
+
+    The script that does is printed, or installed.
+    """
     found = get_completion_class(shell)
     if found is None:
         raise ConfigError([Problem("SHELL", "", f"got '{shell}'")])
@@ -102,14 +105,14 @@ def completion(shell: str, install: bool) -> int:
     return 0
 
 
-def complete_setting(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Return the keys for ``--set`` that begin as typed: those of any config, and those of the one on the line."""
+def keys_for(context: click.Context) -> list[str]:
+    """Return the keys for ``--set``: those of any config, and those of the one that is on the line already."""
     keys = list(config_keys())
     # click leaves an unfinished line's arguments unread
     for word in [context.params.get("config"), *context.args]:
         with contextlib.suppress(ConfigError):
             keys += _keys_in(find_config(str(word))) if word else []
-    return [CompletionItem(f"{key}=") for key in dict.fromkeys(keys) if key.startswith(typed)]
+    return list(dict.fromkeys(keys))
 
 
 def _keys_in(config: Path) -> list[str]:

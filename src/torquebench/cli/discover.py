@@ -11,7 +11,8 @@ import click
 from click.shell_completion import CompletionItem
 
 import torquebench
-from torquebench.cli.app import argument, command, plugins
+from torquebench.cli.app import command
+from torquebench.cli.parameters import argument, plugins
 from torquebench.cli.terminal import say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean
 from torquebench.shipped import configs as shipped_configs
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 @command(example="torquebench laws")
 @plugins
 def laws(plugin: Sequence[Path]) -> int:
-    """List the torque laws that a config can name, one line each."""
+    """List the torque laws that a config can name."""
     from torquebench.laws import find_law, law_names
     from torquebench.laws.plugin import load_plugin
 
@@ -39,7 +40,10 @@ def laws(plugin: Sequence[Path]) -> int:
 
 @command(example="torquebench configs")
 def configs() -> int:
-    """List the experiments that come with the package; `run` and `sweep` take their names."""
+    """List the experiments that come with the package.
+
+    `run` and `sweep` take their names.
+    """
     found = shipped_configs()
     texts = {name: first_line(path) for name, path in found.items()}
     sweeps = [name for name, path in found.items() if "\nsweep:" in path.read_text(encoding="utf-8")]
@@ -70,7 +74,10 @@ class Thing(click.ParamType[str]):
 @argument("name", type=Thing(), help="a law, or a config that comes with the package")
 @plugins
 def show(name: str, plugin: Sequence[Path]) -> int:
-    """Explain a law: what it computes, its gains and options, and lines to copy; or print a config."""
+    """Explain a law, or print a shipped config.
+
+    Of a law: what it computes, its gains and options, and lines for a config.
+    """
     if name in shipped_configs() or name.endswith((".yaml", ".yml")):
         return _show_config(find_config(name))
     from torquebench.laws import find_law, law_names

@@ -20,9 +20,10 @@ MORE_PACKAGES = ("scipy", "scikit-fuzzy", "jinja2", "click", "rich", "pandas", "
 @command(example="torquebench doctor")
 @click.pass_obj
 def doctor(gl: str | None) -> int:
-    """Show versions, what can draw films here, threads, caches, and what to install.
+    """Show what this machine has, and what to install.
 
-    Everything that depends on the machine is tried. The exit status is 0 whatever is found.
+    These are versions, what can draw films, threads and caches. Everything that depends on the machine is tried. The
+    exit status is 0 whatever is found.
     """
     found = findings(gl)
     tell(**found)
@@ -54,8 +55,8 @@ def findings(gl: str | None) -> dict[str, Any]:
     """
     from torquebench.experiment.store import PACKAGES, machine
     from torquebench.kernel.cache import cache_folder
-    from torquebench.video.backends import STICK, advice, candidates, probe
     from torquebench.video.encode import ffmpeg_program
+    from torquebench.video.opengl import STICK, advice, candidates, probe
 
     tried, names = [], candidates(gl)
     with progress_bar(len(names), "back end", "trying what draws") as bar:

@@ -147,7 +147,7 @@ def bad(text: str) -> Text:
 
 def table(
     header: Sequence[str],
-    rows: Sequence[Sequence[str | Text]],
+    rows: Sequence[Sequence[object]],
     left: int = 1,
     keys: int = 1,
     prose: bool = False,
@@ -159,7 +159,7 @@ def table(
 
     Args:
         header: Titles of the columns.
-        rows: Their cells; `good` and `bad` make coloured ones.
+        rows: Their cells, text; `good` and `bad` make coloured ones.
         left: How many columns, from the first, are left-aligned; the others are right-aligned.
         keys: How many columns, from the first, name the row.
         prose: Whether the last column is text that may be broken over several lines.
@@ -179,7 +179,7 @@ def table(
 
 
 def _part(
-    header: Sequence[str], rows: Sequence[Sequence[str | Text]], columns: Sequence[int], left: int, limit: int | None
+    header: Sequence[str], rows: Sequence[Sequence[object]], columns: Sequence[int], left: int, limit: int | None
 ) -> str:
     """Return some columns of a table."""
     from rich.console import Console
@@ -189,7 +189,7 @@ def _part(
     grid = Table.grid(padding=(0, 2))
     for i in columns:
         grid.add_column(justify="left" if i < left else "right", overflow="fold")
-    lines = [[row[i] if isinstance(row[i], Text) else Text(str(row[i])) for i in columns] for row in rows]
+    lines = [[cell if isinstance(cell := row[i], Text) else Text(str(cell)) for i in columns] for row in rows]
     rest = None if limit is None else limit - sum(max(len(x[k]) for x in lines) + 2 for k in range(len(columns) - 1))
     rules = ["-" * max(len(header[i]), *(len(x[k]) for x in lines), 0) for k, i in enumerate(columns)]
     if rest is not None and rest > 0:
@@ -205,7 +205,7 @@ def _part(
         force_terminal=colour,
         no_color=False,
         legacy_windows=False,
-        _environ={},
+        force_jupyter=False,
     )
     with console.capture() as capture:
         console.print(grid)
@@ -254,10 +254,6 @@ class Bar:
         """Say what is being done."""
         if self._progress is not None and self._task is not None:
             self._progress.update(self._task, description=text)
-
-    def set_description_str(self, text: str, refresh: bool = True) -> None:
-        """Say what is being done."""
-        self.describe(text)
 
 
 _PROGRESS: list[Progress] = []

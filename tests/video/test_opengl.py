@@ -1,4 +1,4 @@
-"""What draws is found by trying, in processes that may die or hang; the choice and its reason are told."""
+"""What draws is found by trying, in processes that may die or hang; the choice has a reason in words."""
 
 import sys
 import textwrap
@@ -6,9 +6,18 @@ import textwrap
 import pytest
 
 from torquebench.errors import VideoError
-from torquebench.video import backends
-from torquebench.video.backends import Backend, advice, candidates, probe, reason, usable
-from torquebench.video.child import environment, run_module
+from torquebench.video import opengl
+from torquebench.video.opengl import (
+    Backend,
+    advice,
+    candidates,
+    drawing_backends,
+    environment,
+    probe,
+    probe_window,
+    reason,
+    run_module,
+)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +48,7 @@ def draws(monkeypatch):
             tried.append(name)
             return Backend(name, name in names, "" if name in names else f"cannot load lib{name}.so", "soft")
 
-        monkeypatch.setattr(backends, "probe", trial)
+        monkeypatch.setattr(opengl, "probe", trial)
         return tried
 
     monkeypatch.setattr(sys, "platform", "linux")
@@ -49,19 +58,19 @@ def draws(monkeypatch):
 def test_the_first_that_draws_is_taken_and_no_more_are_tried(draws):
     """EGL draws: OSMesa is not asked. OSMesa is next where EGL does not, with EGL's reason."""
     tried = draws("egl", "osmesa")
-    chosen, failed = next(usable(None))
+    chosen, failed = next(drawing_backends(None))
     assert (chosen.name, failed, tried) == ("egl", (), ["egl"])
     draws("osmesa")
-    chosen, failed = next(usable(None))
+    chosen, failed = next(drawing_backends(None))
     assert chosen.name == "osmesa"
     assert reason(chosen, failed, None) == "the first that draws (egl: cannot load libegl.so)"
-    assert reason(*next(usable("osmesa")), "osmesa") == "MUJOCO_GL=osmesa"
+    assert reason(*next(drawing_backends("osmesa")), "osmesa") == "MUJOCO_GL=osmesa"
 
 
 def test_nothing_draws_gives_the_stick_figure_and_what_to_install(draws):
     """All candidates' reasons are in the reason, and the packages of EGL and OSMesa in the advice."""
     draws()
-    chosen, failed = next(usable("glfw"))
+    chosen, failed = next(drawing_backends("glfw"))
     assert chosen.name == "stick"
     text = reason(chosen, failed, "glfw")
     assert all(f"{name}: cannot load" in text for name in ("glfw", "egl", "osmesa"))
@@ -73,7 +82,7 @@ def test_nothing_draws_gives_the_stick_figure_and_what_to_install(draws):
 def test_no_opengl_on_request_is_the_stick_figure_without_advice(draws):
     """MUJOCO_GL=off: nothing is tried, the reason is the wish."""
     tried = draws("egl")
-    chosen, failed = next(usable("off"))
+    chosen, failed = next(drawing_backends("off"))
     assert (chosen.name, failed, tried) == ("stick", (), [])
     assert reason(chosen, failed, "off") == "MUJOCO_GL=off asks for no OpenGL"
     assert advice(failed) == ""
@@ -88,6 +97,16 @@ def test_a_back_end_that_cannot_draw_is_found_out_and_says_why(name, monkeypatch
     assert not found.ok
     assert found.why
     assert "\n" not in found.why
+
+
+def test_a_window_without_a_display_is_found_out(monkeypatch):
+    """Neither DISPLAY nor WAYLAND_DISPLAY, or one that nothing answers to: no window, a reason, and nothing dies."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert "neither DISPLAY nor WAYLAND_DISPLAY is set" in probe_window()
+    monkeypatch.setenv("DISPLAY", ":9437")
+    assert "\n" not in probe_window()
+    assert probe_window()
 
 
 def test_a_process_of_its_own_has_its_own_opengl(monkeypatch):

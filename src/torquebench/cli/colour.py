@@ -1,5 +1,0 @@
-"""Coloured cells."""
-
-from torquebench.cli.terminal import bad, good
-
-__all__ = ["bad", "good"]

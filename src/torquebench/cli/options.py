@@ -1,5 +1,0 @@
-"""What other files take from here until they are converted."""
-
-from torquebench.cli.app import check_out
-
-__all__ = ["check_out"]
