@@ -94,9 +94,7 @@ def reported(tmp_path_factory):
     (folder / "config.yaml").write_text(FIGURES)
     with pytest.MonkeyPatch.context() as patch:
         whole = style.figure_bytes  # PNGs take half the time and are not looked at here
-        patch.setattr(
-            "torquebench.analysis.figures.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b""
-        )
+        patch.setattr("torquebench.analysis.style.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b"")
         assert main(["run", str(folder / "config.yaml"), "--out", str(folder / "one")]) == 0
     shutil.copytree(folder / "one", folder / "two")
     runs = [str(folder / "one"), str(folder / "two")]
