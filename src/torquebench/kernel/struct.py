@@ -85,7 +85,7 @@ def names(cls: type[Any]) -> tuple[str, ...]:
 
 
 def is_structure(kind: Any) -> bool:
-    """Whether a class is a structure's."""
+    """True if a class describes a structure: a `Structure` or a NamedTuple."""
     return isinstance(kind, type) and (issubclass(kind, Structure) or hasattr(kind, "_fields"))
 
 
@@ -166,7 +166,7 @@ class Structure:
 
     @cached_property
     def address(self) -> int:
-        """Address of the table, for compiled code; made when it is first asked for."""
+        """Address of the table, for compiled code; built on first use."""
         table = np.array(words(self), dtype=np.int64)
         object.__setattr__(self, "_table", table)  # kept alive
         return int(table.ctypes.data)
@@ -185,7 +185,7 @@ class StructureType(types.Type):  # type: ignore[misc]
 
     @property
     def key(self) -> Any:
-        """What makes two types the same."""
+        """Types with equal keys are the same type."""
         return self.cls
 
 

@@ -126,7 +126,7 @@ belief_at = at(Model)
 law_function: Any = None
 gains_class: Any = Nothing
 memory_class: Any = Nothing
-"""What `adapter` names; each law has an adapter of its own, which means something else by them."""
+"""Placeholders for the names in `adapter`; each law's copy of it binds them to that law."""
 
 
 def adapter(
@@ -142,7 +142,7 @@ def adapter(
     memory: int,
     tau: int,
 ) -> int:
-    """Call a law with what lies at some addresses; arguments as of `LAW_SIGNATURE`."""
+    """Call a law on the data at the given addresses; arguments as in `LAW_SIGNATURE`."""
     try:
         law_function(
             structure(gains_class, gains),
@@ -299,7 +299,7 @@ class NativeRun:
         self.setup, self._plant = setup, plant
         self._tables = gains or Table(setup.gains), Table(setup.memory)
         self.detail = ""
-        """What went wrong, when something did."""
+        """Reason of a failure; empty if there was none."""
         job.call[:] = [
             native_law(setup.law).address,
             self._tables[0].address,
@@ -312,7 +312,7 @@ class NativeRun:
         self._loop = compiled_loop().ctypes
 
     def restart(self, plant: NativePlant) -> None:
-        """Make the run anew, on the same arrays, without the payload that the plant may have taken up."""
+        """Prepare to run again on the same arrays, without a payload taken up before."""
         self.detail, self._plant = "", plant
         self.setup.job.call[5] = plant.structure.address
 
