@@ -10,10 +10,10 @@ import time
 
 import pytest
 
-from torquebench.analysis.sides import parse_side
 from torquebench.cli import words
 from torquebench.cli.completion import commands_of
 from torquebench.cli.main import main, parser
+from torquebench.comparison import parse_side
 from torquebench.fuzzy import BUILTIN
 from torquebench.robot.library import data_root
 from torquebench.video.settings import QUALITIES

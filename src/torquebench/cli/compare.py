@@ -6,18 +6,10 @@ import argparse
 import math
 from dataclasses import asdict
 
-from torquebench.analysis.compare import (
-    LOOPS,
-    Row,
-    compare_links,
-    compare_rollouts,
-    compare_terms,
-    random_states,
-    slightly_wrong,
-)
-from torquebench.analysis.sides import Side, parse_side
+from torquebench import comparison
 from torquebench.cli.colour import bad, good
 from torquebench.cli.terminal import progress_bar, say, table, tell
+from torquebench.comparison import LOOPS, Row, Side, parse_side
 from torquebench.errors import ConfigError, Problem
 
 
@@ -40,17 +32,21 @@ def compare(options: argparse.Namespace) -> int:
             raise ConfigError(
                 [Problem("--frozen-joints", "", f"{max(options.frozen_joints)} is beyond the {n} joints")]
             )
-        states = random_states(n, options.states, options.seed, [j - 1 for j in options.frozen_joints])
-        rows = compare_terms(a.dynamics, b.dynamics, states, options.tolerance)
-        if a.links is not None and b.links is not None:
-            rows += compare_links(a.links, b.links, options.tolerance)
 
         def report(loop: str) -> None:
             bar.set_description_str(loop, refresh=False)
             bar.update(1)
 
-        if options.rollout > 0:
-            rows += compare_rollouts(a, b, slightly_wrong(a, b), options.rollout, progress=report)
+        rows = comparison.compare(
+            a,
+            b,
+            states=options.states,
+            seed=options.seed,
+            tolerance=options.tolerance,
+            frozen=[j - 1 for j in options.frozen_joints],
+            rollout=options.rollout,
+            progress=report,
+        )
     agree = all(row.agrees for row in rows)
     tell(
         a=a.label,

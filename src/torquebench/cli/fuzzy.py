@@ -41,8 +41,8 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
     folder = claim_folder(out, f"fuzzy-{label}")
     tell(directory=folder, systems={key: facts(system) for key, system in prepared.items()})
     say("\n\n".join(description(system) for system in prepared.values()))
-    from torquebench.analysis.figures import figure_bytes
-    from torquebench.analysis.fuzzy_figures import system_figures
+    from torquebench.report.figures.fuzzy import system_figures
+    from torquebench.report.figures.style import figure_bytes
 
     with progress_bar(6 * len(prepared), "figure", "drawing") as bar:
         for key, system in prepared.items():

@@ -115,7 +115,7 @@ def serve_page(footage: Footage, speed: float, port: int, open_browser: bool) ->
         ConfigError: the port is taken.
         KeyboardInterrupt: always, in the end.
     """
-    from torquebench.analysis.style import COLOURS
+    from torquebench.report.figures.style import COLOURS
 
     runs = [load_trajectory(shot.trajectory) for shot in footage.shots]
     replay = replay_json(footage, runs, COLOURS, speed)

@@ -78,8 +78,8 @@ def drawn(
         found: What its metrics depend on.
         progress: Told each file when it is drawn.
     """
-    from torquebench.analysis.style import figure_bytes
-    from torquebench.analysis.sweep_figures import sweep_figures
+    from torquebench.report.figures.style import figure_bytes
+    from torquebench.report.figures.sweep import sweep_figures
 
     said = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
     pages = sweep_figures(table, info.name, said, found, slides=info.slides)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.colors import to_rgb
 
-from torquebench.analysis import style
 from torquebench.kernel import Array, IntArray
+from torquebench.report.figures import style
 from torquebench.sim.trajectory import Trajectory
 from torquebench.video.job import APART
 from torquebench.video.layout import NOTE, Box, Layout, layout

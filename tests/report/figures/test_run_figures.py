@@ -11,9 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from torquebench.analysis.figures import figure_bytes, make_figures
 from torquebench.errors import ResultError
 from torquebench.metrics import compute_metrics
+from torquebench.report.figures.run_view import draw_figures, run_view
+from torquebench.report.figures.style import figure_bytes
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 T = 0.001
@@ -65,7 +66,7 @@ def draw(runs: dict[str, Trajectory], n: int, **changes: object) -> dict[str, Fi
         "metrics_from": 0.5,
         "control_period": T,
     } | changes
-    return make_figures(runs, **arguments)  # type: ignore[arg-type]
+    return draw_figures(run_view(runs, **arguments))  # type: ignore[arg-type]
 
 
 def panel(fig: Figure, label: str) -> Axes:
@@ -269,9 +270,9 @@ def test_bad_input_is_refused() -> None:
 
 
 def test_no_interactive_plotting_and_a_light_package() -> None:
-    """`torquebench.analysis` loads no matplotlib; the figures load no pyplot."""
+    """`torquebench.report.figures` loads no matplotlib; the figures load no pyplot."""
     code = (
-        "import sys, torquebench.analysis; assert 'matplotlib' not in sys.modules;"
-        "import torquebench.analysis.figures; assert 'matplotlib.pyplot' not in sys.modules"
+        "import sys, torquebench.report.figures; assert 'matplotlib' not in sys.modules;"
+        "import torquebench.report.figures.signals; assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

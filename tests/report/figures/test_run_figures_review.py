@@ -9,10 +9,10 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from tests.analysis.test_figures import PAGES, T, diverged, draw, legend_texts, make, panel
-from torquebench.analysis.figures import figure_bytes
+from tests.report.figures.test_run_figures import PAGES, T, diverged, draw, legend_texts, make, panel
 from torquebench.errors import ResultError
 from torquebench.metrics import Metrics, compute_metrics
+from torquebench.report.figures.style import figure_bytes
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 

@@ -9,14 +9,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, new_page
-from torquebench.analysis.sweep_parts import TURNS, Scale, key_label, key_values, law_name, metric_scale, value_text
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import finish_page, new_page
+from torquebench.report.figures.sweep_labels import (
+    TURNS,
+    Scale,
+    key_label,
+    key_values,
+    law_name,
+    metric_scale,
+    value_text,
+)
 from torquebench.sweep.summary import level
 from torquebench.sweep.table import Rows, Table, rows_by
 
 
-def course_page(
+def draw_lines(
     table: Table, key: str, metrics: Sequence[str], title: str, subtitle: str, slides: Sequence[bool] = TURNS
 ) -> Figure:
     """Draw geometric means over the draws, and over all other keys, with 95 % intervals; a panel for each metric.

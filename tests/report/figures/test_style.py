@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from torquebench.analysis.style import COLOURS, DASHES, band_maxima, choose_unit, decimate, isolated_peaks, limits
+from torquebench.report.figures.style import COLOURS, DASHES, band_maxima, choose_unit, decimate, isolated_peaks, limits
 
 
 @settings(max_examples=50, deadline=None)

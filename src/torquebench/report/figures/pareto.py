@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 
-from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, new_page
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import finish_page, new_page
 from torquebench.statistics import Ratio
 
 
@@ -33,7 +33,7 @@ class Spot(NamedTuple):
 PHI = "its phi [rad/s]"
 
 
-def front_page(
+def draw_pareto(
     spots: Sequence[Spot],
     title: str,
     subtitle: str,

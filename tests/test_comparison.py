@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from torquebench import AnalyticPlant, Puma560, RobotModel, load_model
-from torquebench.analysis.compare import ROLLOUT_TOLERANCE, Row, compare_rollouts, compare_terms, random_states
-from torquebench.analysis.sides import Side, parse_side
+from torquebench.comparison import (
+    ROLLOUT_TOLERANCE,
+    Row,
+    Side,
+    compare_rollouts,
+    compare_terms,
+    parse_side,
+    random_states,
+)
 from torquebench.robot.flat_model import own_copy
 from torquebench.sim.plants.mujoco import MujocoModel
 

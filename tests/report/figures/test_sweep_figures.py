@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from tests.sweep.tables import made
-from torquebench.analysis import style
-from torquebench.analysis.effects_page import effects_page
-from torquebench.analysis.style import figure_bytes, fit_scale
-from torquebench.analysis.sweep_figures import slug, sweep_figures
-from torquebench.analysis.sweep_front import front_of
 from torquebench.kernel import Array
+from torquebench.report.figures import style
+from torquebench.report.figures.pareto_front import front_of
+from torquebench.report.figures.sensitivity import draw_sensitivity
+from torquebench.report.figures.style import figure_bytes, fit_scale
+from torquebench.report.figures.sweep import slug, sweep_figures
 from torquebench.statistics import paired_ratio
 from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
@@ -168,7 +168,7 @@ def test_effects_are_drawn_with_their_intervals() -> None:
         Sensitivity("a", "rmse", (0,), 40, 2, effects(np.array([0.8, -0.5, 0.1])), ""),
         Sensitivity("b", "rmse", (0,), 40, 0, None, "it is the same in every draw"),
     ]
-    figure = effects_page(found, "t", "")
+    figure = draw_sensitivity(found, "t", "")
     (ax,) = figure.axes
     bars = [line for line in ax.get_lines() if line.get_linestyle() == "-" and line.get_marker() == "None"]
     assert [tuple(np.round(np.ravel(bar.get_xdata()), 9)) for bar in bars] == [(0.6, 1.0), (-0.7, -0.3), (-0.1, 0.3)]

@@ -13,10 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.mlab import GaussianKDE
 from matplotlib.patches import Patch, Rectangle
 
-from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, new_page
-from torquebench.analysis.sweep_parts import TURNS, Scale, law_name, metric_scale, scaled
 from torquebench.kernel import Array
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import finish_page, new_page
+from torquebench.report.figures.sweep_labels import TURNS, Scale, law_name, metric_scale, scaled
 from torquebench.sweep.table import Rows, Table, rows_by
 
 MOST_POINTS = 400
@@ -29,7 +29,7 @@ _TURN = 0.6180339887498949
 """Golden ratio: multiples of it fill an interval evenly, so that points are scattered without random numbers."""
 
 
-def spread_page(
+def draw_violins(
     table: Table, metrics: Sequence[str], title: str, subtitle: str, slides: Sequence[bool] = TURNS
 ) -> Figure:
     """Draw a panel for each metric: for each law density, quartiles, range and points of all its completed runs.

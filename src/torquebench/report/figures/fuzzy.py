@@ -13,12 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from torquebench.analysis import style
-from torquebench.analysis.overlay import SHADE
-from torquebench.analysis.page import finish_page, new_page
 from torquebench.fuzzy import Functions, Prepared, Variable
 from torquebench.fuzzy.inference import fill_memberships
 from torquebench.kernel import Array
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.fuzzy_rules import draw_rules
+from torquebench.report.figures.layout import finish_page, new_page
+from torquebench.report.figures.run_view import SHADE, RunView
 
 DIVERGING = LinearSegmentedColormap.from_list("output", ["#0072B2", "#FFFFFF", "#D55E00"])
 SCALES = {"too small": 0.25, "right": 1.0, "too large": 4.0}
@@ -26,6 +28,16 @@ SCALES = {"too small": 0.25, "right": 1.0, "too large": 4.0}
 
 _SAMPLES = 801
 _REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": (0, (4.0, 2.5))}
+
+
+@figure("fuzzy", title="Fuzzy systems", order=70)
+def draw_fuzzy(x: RunView) -> dict[str, Figure]:
+    """Draw the fuzzy systems in use, and which of their rules fired in each run."""
+    pages = {f"{name}-{rest}": page for name, one in x.fuzzy.items() for rest, page in system_figures(one).items()}
+    for name, fired in x.fired.items():
+        title = f"{x.title}: rules of {fired.system} that fired under {name}"
+        pages[f"{name}-rules"] = draw_rules(x.fuzzy[fired.system], fired.shares, x.joint_names, title, x.subtitle)
+    return pages
 
 
 def system_figures(prepared: Prepared) -> dict[str, Figure]:

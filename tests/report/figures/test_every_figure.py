@@ -13,23 +13,20 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from tests.analysis.colour_vision import SIGHT, difference, lab
-from tests.analysis.test_figures import diverged, make
-from tests.analysis.test_fuzzy_figures import SYSTEMS
-from tests.analysis.test_sweep_figures import TABLE, effects
+from tests.report.figures.colour_vision import SIGHT, difference, lab
+from tests.report.figures.test_fuzzy_figures import SYSTEMS
+from tests.report.figures.test_run_figures import diverged, make
+from tests.report.figures.test_sweep_figures import TABLE, effects
 from tests.source_tree import FILES, TREES
-from torquebench.analysis.certificate_figure import certificate_figure
-from torquebench.analysis.effects_page import effects_page
-from torquebench.analysis.figures import make_figures
-from torquebench.analysis.front_page import Spot, front_page
-from torquebench.analysis.fuzzy_figures import system_figures
-from torquebench.analysis.fuzzy_rules import firing_figure
-from torquebench.analysis.page import PAGE_WIDTH
-from torquebench.analysis.paper_pages import comparison_page
-from torquebench.analysis.style import COLOURS, DASHES
-from torquebench.analysis.sweep_figures import sweep_figures
 from torquebench.certificates import Certificate
 from torquebench.fuzzy import prepare
+from torquebench.report.figures.layout import PAGE_WIDTH
+from torquebench.report.figures.paper_pages import comparison_page
+from torquebench.report.figures.pareto import Spot, draw_pareto
+from torquebench.report.figures.run_view import FiredRules, draw_figures, run_view
+from torquebench.report.figures.sensitivity import draw_sensitivity
+from torquebench.report.figures.style import COLOURS, DASHES
+from torquebench.report.figures.sweep import sweep_figures
 from torquebench.statistics import Ratio
 from torquebench.sweep.sensitivity import Sensitivity
 
@@ -41,15 +38,20 @@ SMALLEST = 6.0
 APART = 10.0
 """Least CIEDE2000 difference: about ten times what can just be seen side by side, as lines are thin and apart."""
 HOMES = {
-    "analysis/certificate_figure.py",
-    "analysis/figures.py",
-    "analysis/front_page.py",
-    "analysis/fuzzy_figures.py",
-    "analysis/fuzzy_rules.py",
-    "analysis/paper_pages.py",
+    f"report/figures/{name}.py"
+    for name in (
+        "certificates",
+        "pareto",
+        "fuzzy",
+        "fuzzy_rules",
+        "paper_pages",
+        "signals",
+        "spectrum",
+        "torque",
+    )
 }
 """Files whose figures are drawn below."""
-SWEEPS = {f"analysis/{name}_page.py" for name in ("course", "effects", "map", "spread")}
+SWEEPS = {f"report/figures/{name}.py" for name in ("heatmap", "lines", "sensitivity", "violins")}
 """Files of a sweep's figures, whose axes `test_sweep_figures` reads: some are words."""
 
 
@@ -81,18 +83,28 @@ def draw_all() -> dict[str, Figure]:
     names = [f"joint {i + 1}" for i in range(N)]
     common = {"joint_names": names, "tau_max": np.full(N, 20.0), "metrics_from": 0.5, "control_period": 0.001}
     bands = {"calm": np.full(N, 0.05)}
-    found = make_figures(runs, title="t", subtitle="s", bands=bands, slides=(False, True), **common)  # type: ignore[arg-type]
-    found["certificates"] = certificate_figure({"smc": certificate()}, "t", "s", list(runs))
+    systems = {system.name: prepare(system) for system in (SYSTEMS[0], SYSTEMS[-1])}  # two inputs; one, and functions
+    fired = {}
+    for name, prepared in systems.items():
+        sizes = [len(variable.names) for variable in prepared.system.inputs]
+        shares = np.random.default_rng(1).random((N, sizes[0], sizes[-1] if len(sizes) > 1 else 1))
+        fired[name] = FiredRules(name, shares)
+    view = run_view(
+        runs,
+        title="t",
+        subtitle="s",
+        bands=bands,
+        slides=(False, True),
+        certificates={"smc": certificate()},
+        fuzzy=systems,
+        fired=fired,
+        **common,  # type: ignore[arg-type]
+    )
+    found = draw_figures(view)
     ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0), 0) for k in range(1, 9)]
     spots = [Spot(f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
-    found["front"] = front_page(spots, "t", "s")
+    found["front"] = draw_pareto(spots, "t", "s")
     found["paper"] = comparison_page({k: runs[k] for k in ("smc", "calm")}, {}, "t", "s", **common)  # type: ignore[arg-type]
-    for system in (SYSTEMS[0], SYSTEMS[-1]):  # two inputs and terms; one input and functions
-        prepared = prepare(system)
-        found |= {f"{system.name}-{key}": fig for key, fig in system_figures(prepared).items()}
-        sizes = [len(variable.names) for variable in system.inputs]
-        shares = np.random.default_rng(1).random((N, sizes[0], sizes[-1] if len(sizes) > 1 else 1))
-        found[f"{system.name}-rules"] = firing_figure(prepared, shares, names, "t", "s")
     return found
 
 
@@ -106,7 +118,7 @@ def every() -> dict[str, Figure]:
 def swept() -> dict[str, Figure]:
     """Every kind of a sweep's figures."""
     told = [Sensitivity("a", "rmse", (0,), 40, 2, effects(np.array([0.8, -0.5, 0.1])), "")]
-    return sweep_figures(TABLE, "t", "s") | {"effects": effects_page(told, "t", "s")}
+    return sweep_figures(TABLE, "t", "s") | {"effects": draw_sensitivity(told, "t", "s")}
 
 
 def test_every_kind_is_here() -> None:
@@ -114,8 +126,8 @@ def test_every_kind_is_here() -> None:
     makers = {
         name
         for name, tree in TREES.items()
-        if name.startswith("analysis/")
-        and name != "analysis/page.py"
+        if name.startswith("report/figures/")
+        and name != "report/figures/layout.py"
         and any(isinstance(node, ast.Name) and node.id in ("new_page", "panel_grid") for node in ast.walk(tree))
     }
     assert makers == HOMES | SWEEPS

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from torquebench.analysis.front_page import Spot
-from torquebench.analysis.sweep_parts import key_label, key_values, law_name, value_text
+from torquebench.report.figures.pareto import Spot
+from torquebench.report.figures.sweep_labels import key_label, key_values, law_name, value_text
 from torquebench.statistics import Ratio, undominated
 from torquebench.sweep.summary import level
 from torquebench.sweep.table import (

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from torquebench.analysis.course_page import course_page
-from torquebench.analysis.effects_page import effects_page
-from torquebench.analysis.front_page import front_page
-from torquebench.analysis.map_page import map_page
-from torquebench.analysis.spread_page import spread_page
-from torquebench.analysis.sweep_front import front_of
-from torquebench.analysis.sweep_parts import TURNS, key_values
 from torquebench.experiment.units import joint_units
 from torquebench.metrics import METRICS
+from torquebench.report.figures.heatmap import draw_heatmap
+from torquebench.report.figures.lines import draw_lines
+from torquebench.report.figures.pareto import draw_pareto
+from torquebench.report.figures.pareto_front import front_of
+from torquebench.report.figures.sensitivity import draw_sensitivity
+from torquebench.report.figures.sweep_labels import TURNS, key_values
+from torquebench.report.figures.violins import draw_violins
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.table import Table, check_table, grid_keys, metric_keys
 
@@ -61,17 +61,17 @@ def sweep_figures(
     keys = [key for key in grid_keys(table) if len(key_values(table, key)) > 1]
     figures: dict[str, Figure] = {}
     if shown:
-        figures["spread"] = spread_page(table, shown, f"{title}: all runs", subtitle.rstrip(), slides)
+        figures["spread"] = draw_violins(table, shown, f"{title}: all runs", subtitle.rstrip(), slides)
         for key in keys[:MOST_COURSES]:
-            figures[f"over-{slug(key)}"] = course_page(table, key, shown, f"{title}: over {key}", over, slides)
+            figures[f"over-{slug(key)}"] = draw_lines(table, key, shown, f"{title}: over {key}", over, slides)
     if len(keys) > 1:
         for metric in shown:
             heading = f"{title}: {METRICS[metric].title} over {keys[0]} and {keys[1]}"
-            figures[f"map-{metric}"] = map_page(table, (keys[0], keys[1]), metric, heading, cells, slides)
+            figures[f"map-{metric}"] = draw_heatmap(table, (keys[0], keys[1]), metric, heading, cells, slides)
     front = front_of(table)
     if len(front.spots) > 1:
         heading = f"{title}: error against chattering"
-        figures["front"] = front_page(
+        figures["front"] = draw_pareto(
             front.spots,
             heading,
             worst,
@@ -85,7 +85,7 @@ def sweep_figures(
         told = [one for one in found if one.metric == metric and one.effects is not None]
         if any(effect.matters for one in told if one.effects for effect in one.effects.effects):
             heading = f"{title}: what the {METRICS[metric].title} depends on"
-            figures[f"effects-{metric}"] = effects_page(told, heading, strengths)
+            figures[f"effects-{metric}"] = draw_sensitivity(told, heading, strengths)
     return figures
 
 

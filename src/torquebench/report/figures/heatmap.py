@@ -12,10 +12,10 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, new_page, printable
-from torquebench.analysis.sweep_parts import TURNS, key_label, key_values, metric_scale, scaled, value_text
 from torquebench.kernel import Array
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import finish_page, new_page, printable
+from torquebench.report.figures.sweep_labels import TURNS, key_label, key_values, metric_scale, scaled, value_text
 from torquebench.sweep.table import Table, completed, rows_by
 
 COLUMNS = 3
@@ -25,7 +25,7 @@ _MAP = colormaps["cividis"]
 """Rises evenly in lightness, and looks alike to the colour-blind."""
 
 
-def map_page(
+def draw_heatmap(
     table: Table, keys: tuple[str, str], metric: str, title: str, subtitle: str, slides: Sequence[bool] = TURNS
 ) -> Figure:
     """Draw the geometric mean of a metric over the draws, and over all other keys, in each cell; failures in brackets.

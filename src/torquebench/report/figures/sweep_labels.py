@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from torquebench.analysis import style
-from torquebench.analysis.page import printable
 from torquebench.experiment.units import joint_units, unit_of
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import printable
 from torquebench.sweep.table import Rows, Table, completed, finished
 
 

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, new_page, printable
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import finish_page, new_page, printable
 from torquebench.sweep.effects import strongest
 from torquebench.sweep.sensitivity import Sensitivity
 
@@ -19,7 +19,7 @@ MOST = 8
 COLUMNS = 3
 
 
-def effects_page(found: Sequence[Sensitivity], title: str, subtitle: str) -> Figure:
+def draw_sensitivity(found: Sequence[Sensitivity], title: str, subtitle: str) -> Figure:
     """Draw the effects on one metric, a panel for each law.
 
     Args:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from torquebench import references
-from torquebench.analysis.sides import Dynamics, Side
+from torquebench.errors import ConfigError, ModelError, Problem, did_you_mean
 from torquebench.kernel import Array
-from torquebench.robot.flat_model import own_copy
-from torquebench.robot.robot_model import RobotModel
+from torquebench.robot import RobotModel, load_model
+from torquebench.robot.flat_model import STRUCTURES, own_copy
+from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
@@ -28,6 +31,110 @@ LOOPS = len(ROLLOUT_LAWS) * len(ROLLOUT_MOTIONS)
 """Number of closed loops on each side."""
 SPEED, ACCELERATION = 3.0, 5.0
 """Random states: |qd| [rad/s] and |qdd| [rad/s^2] up to these, positions over the full circle."""
+ENGINES = ("mujoco", "analytic")
+
+
+class Dynamics(Protocol):
+    """Terms of the dynamics, each for a batch of states (N, n)."""
+
+    n: int
+    joint_names: tuple[str, ...]
+
+    def mass_matrix(self, q: npt.ArrayLike) -> Array:
+        """M(q), (N, n, n) [kg m^2]."""
+        ...
+
+    def bias_forces(self, q: npt.ArrayLike, qd: npt.ArrayLike) -> Array:
+        """N(q, qd), (N, n) [N m]."""
+        ...
+
+    def gravity(self, q: npt.ArrayLike) -> Array:
+        """g(q), (N, n) [N m]."""
+        ...
+
+    def inverse_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, qdd: npt.ArrayLike) -> Array:
+        """Torque for the acceleration `qdd`, (N, n) [N m]."""
+        ...
+
+    def forward_kinematics(self, q: npt.ArrayLike) -> Array:
+        """Pose of the tool, (N, 4, 4) [-, m]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One side of a comparison."""
+
+    label: str
+    """As the user wrote it."""
+    engine: str
+    """``mujoco`` or ``analytic``."""
+    source: str
+    """Model name or path of an MJCF file."""
+    dynamics: Any
+    """Terms of the dynamics; see `Dynamics`."""
+    links: RobotModel | None
+    """Link parameters behind it; None for closed forms, which have none."""
+
+    def plant(self, timestep: float) -> Plant:
+        """Return this side as a plant, RK4."""
+        if self.engine == "mujoco":
+            from torquebench.sim.plants.mujoco import MujocoPlant
+
+            return MujocoPlant(self.source, timestep)
+        from torquebench.sim.plants.analytic import AnalyticPlant
+
+        return AnalyticPlant(self.dynamics, timestep)
+
+
+def parse_side(text: str, argument: str) -> Side:
+    """Read ``mujoco:MODEL``, ``analytic:MODEL[:STRUCTURE[:CONSTANTS]]`` or ``FILE.xml``.
+
+    Args:
+        text: What the user wrote.
+        argument: Name of the argument, for messages.
+
+    Raises:
+        ConfigError: it is none of these, or the model cannot be used.
+    """
+    engine, _, rest = text.partition(":")
+    if text.endswith(".xml"):
+        engine, rest = ("mujoco", text) if engine not in ENGINES else (engine, rest)
+    try:
+        if engine == "mujoco":
+            return _mujoco_side(text, rest)
+        if engine == "analytic":
+            source, *more = rest.split(":")
+            if len(more) > 2:
+                raise ModelError("too many parts, wanted analytic:MODEL[:STRUCTURE[:CONSTANTS]]")
+            if more and more[0] not in STRUCTURES:
+                raise ModelError(f"unknown structure '{more[0]}'{did_you_mean(more[0], STRUCTURES)}")
+            model = load_model(source, *more)
+            exact = not more or more[0] == "exact"
+            return Side(text, engine, source, model, model if exact else None)
+        raise ModelError(
+            f"unknown engine '{engine}', wanted mujoco:MODEL, analytic:MODEL[:STRUCTURE[:CONSTANTS]] or FILE.xml"
+            + did_you_mean(engine, ENGINES)
+        )
+    except (ModelError, ValueError) as error:
+        message = str(error).removeprefix(f"{source_of(text)}: ")
+        raise ConfigError([Problem(argument, text, message)]) from error
+
+
+def source_of(text: str) -> str:
+    """Return the model's name or file in a side's text."""
+    engine, _, rest = text.partition(":")
+    return rest.split(":")[0] if engine in ENGINES else text
+
+
+def _mujoco_side(text: str, source: str) -> Side:
+    from torquebench.robot import mjcf
+    from torquebench.robot.library import mjcf_path
+    from torquebench.sim.plants.mujoco import MujocoModel
+
+    compiled = mjcf.compile_mjcf(mjcf_path(source))
+    links = RobotModel(source, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, source))
+    return Side(text, "mujoco", source, MujocoModel(source), links)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +158,36 @@ class Row:
     def agrees(self) -> bool:
         """Whether the difference is within the limit; NaN is not."""
         return bool(getattr(self, self.measure) <= self.limit)
+
+
+def compare(
+    a: Side,
+    b: Side,
+    *,
+    states: int = 1000,
+    seed: int = 0,
+    tolerance: float = 1e-6,
+    frozen: Sequence[int] = (),
+    rollout: float = 0.0,
+    progress: Callable[[str], None] = lambda loop: None,
+) -> list[Row]:
+    """Compare two models or plants: every term of the dynamics, link parameters, and closed loops if asked for.
+
+    Args:
+        a, b: The two sides, with the same joints; see `parse_side`.
+        states: Number of random states.
+        seed: Seed of the states.
+        tolerance: Relative difference that counts as agreement.
+        frozen: Joints, counted from 0, at zero position and speed.
+        rollout: Length of the closed loops [s]; 0 for none.
+        progress: Called with the name of each closed loop before it runs.
+    """
+    rows = compare_terms(a.dynamics, b.dynamics, random_states(a.dynamics.n, states, seed, frozen), tolerance)
+    if a.links is not None and b.links is not None:
+        rows += compare_links(a.links, b.links, tolerance)
+    if rollout > 0:
+        rows += compare_rollouts(a, b, slightly_wrong(a, b), rollout, progress=progress)
+    return rows
 
 
 def random_states(n: int, count: int, seed: int, frozen: Sequence[int] = ()) -> tuple[Array, Array, Array]:

@@ -1,8 +1,9 @@
-"""The figure of the rules that fired in a run: the rule table of each joint."""
+"""Which rules of a law's fuzzy system fired in a run: their shares, and the rule table of each joint."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,20 +11,53 @@ from matplotlib.colors import LinearSegmentedColormap, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from torquebench.analysis import style
-from torquebench.analysis.page import finish_page, panel_grid
-from torquebench.fuzzy import FuzzySystem, Prepared
+from torquebench.errors import ResultError
+from torquebench.fuzzy import Fis, FuzzySystem, Prepared
+from torquebench.fuzzy.inference import fill_activations
 from torquebench.kernel import Array
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import finish_page, panel_grid
+from torquebench.sim.trajectory import Trajectory
 
 SEQUENTIAL = LinearSegmentedColormap.from_list("share", ["#FFFFFF", "#0072B2", "#00263D"])
 
 
-def firing_figure(prepared: Prepared, shares: Array, joint_names: Sequence[str], title: str, subtitle: str) -> Figure:
+def rule_shares(gains: Any, fis: Fis, inputs: Callable[..., tuple[float, float]] | None, run: Trajectory) -> Array:
+    """Return how much each rule took part in a run, (n, n1, n2); of each joint the shares add up to 1.
+
+    A rule's share is the mean over the control instants of its activation over the sum of all rules' activations.
+    Where no rule fires, or the state is not finite, no rule gets anything.
+
+    Args:
+        gains: The gains the law received.
+        fis: The fuzzy system in it.
+        inputs: The law's own scaling of the system's inputs, `Rules.inputs`.
+        run: The run; the inputs follow from what the law measured.
+
+    Raises:
+        ResultError: the law does not say how it scales the inputs.
+    """
+    if inputs is None:
+        raise ResultError("the law's Rules do not say how it scales the inputs of its fuzzy system")
+    e: Array = run.q_ref - run.q_meas
+    de: Array = run.qd_ref - run.qd_meas
+    shares = np.zeros((run.q.shape[1], *fis.rules.shape))
+    fired: Array = np.zeros(fis.rules.shape)
+    columns = 1 if fis.inputs == 1 else fired.shape[1]
+    for k, i in np.argwhere(np.isfinite(e) & np.isfinite(de)).tolist():
+        fill_activations(fis, *inputs(gains, i, float(e[k, i]), float(de[k, i])), fired)
+        total = fired[:, :columns].sum()
+        if total > 0.0:
+            shares[i] += fired / (total * len(e))
+    return shares
+
+
+def draw_rules(prepared: Prepared, shares: Array, joint_names: Sequence[str], title: str, subtitle: str) -> Figure:
     """Draw how much each rule took part in a run: a panel with the rule table for each joint.
 
     Args:
         prepared: The system.
-        shares: Share of each rule in the firing of all, see `firing.rule_shares`, (n, n1, n2).
+        shares: Share of each rule in the firing of all, see `rule_shares`, (n, n1, n2).
         joint_names: One for each joint, n of them.
         title, subtitle: Heading of the page.
     """
