@@ -162,7 +162,7 @@ class Vector(np.ndarray[Any, Any]):
     __getitem__ = np.ndarray.item  # type: ignore[assignment]
 
 
-class Table(np.ndarray[Any, Any]):
+class Matrix(np.ndarray[Any, Any]):
     """An array of more dimensions; its rows are vectors of Python's numbers."""
 
     __slots__ = ()
@@ -176,13 +176,13 @@ def python_numbers(value: Any) -> Any:
     """Return an array, or a structure of arrays, as views whose elements read as Python numbers."""
     kind = type(value)
     if kind is np.ndarray:
-        return value.view(Vector if value.ndim == 1 else Table)
+        return value.view(Vector if value.ndim == 1 else Matrix)
     if kind is float or kind is int:
         return value
     if isinstance(value, Structure):
         return _structure(value)
     if isinstance(value, np.ndarray):
-        return value.view(Vector if value.ndim == 1 else Table)
+        return value.view(Vector if value.ndim == 1 else Matrix)
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, tuple) and hasattr(value, "_fields"):

@@ -22,10 +22,10 @@ from numba import types
 from numba.extending import register_jitable
 
 from torquebench.kernel import Array, IntArray
-from torquebench.kernel.struct import Structure, at, vector
+from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.robot.mjcf import features
 from torquebench.sim.friction import NONE, Resistance, resist
-from torquebench.sim.native import STEP_SIGNATURE, native
+from torquebench.sim.native import STEP_SIGNATURE, compile_native
 from torquebench.sim.plants import NativeError
 
 _STATE = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_QVEL)
@@ -244,7 +244,7 @@ def runge_kutta(arm: Stepped, start: Array, middle: Array, end: Array) -> None:
         arm.warmstart[i] = arm.qdd[i]  # where constraints start from in the next step
 
 
-stepped_at = at(Stepped)
+stepped_at = structure_at(Stepped)
 
 
 @lru_cache(maxsize=1)
@@ -278,7 +278,7 @@ def compiled_step() -> Any:
                 mj_step(arm.m, arm.d)
         return 0
 
-    return native(STEP_SIGNATURE, step)
+    return compile_native(STEP_SIGNATURE, step)
 
 
 PROOF_STEPS = 20
