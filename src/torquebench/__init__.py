@@ -28,7 +28,7 @@ _HOMES = {
     "Trial": "torquebench.sim.simulate",
     "Workers": "torquebench.sim.simulate",
     "bias_forces": "torquebench.robot.dynamics",
-    "check_law": "torquebench.check.law",
+    "check_law": "torquebench.check",
     "controller": "torquebench.laws",
     "find_law": "torquebench.laws",
     "gravity": "torquebench.robot.dynamics",
@@ -85,7 +85,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from torquebench.check.law import check_law
+    from torquebench.check import check_law
     from torquebench.fuzzy.fis import Fis
     from torquebench.fuzzy.inference import infer
     from torquebench.fuzzy.system import FuzzySystem

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from torquebench.check.driving import silence
-from torquebench.check.law import check_law
-from torquebench.check.report import FAIL, PASS, Report
+from torquebench.check import FAIL, PASS, Report, check_law
+from torquebench.check_cases import silence
 from torquebench.cli.colour import bad, good
 from torquebench.cli.terminal import broken, progress_bar, say, table, tell, width
 from torquebench.errors import ConfigError, Problem, did_you_mean

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from torquebench.dialect import keeps_dialect
 from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure
 from torquebench.laws import Law
-from torquebench.laws.dialect import keeps_dialect
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
 from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED, closed_loop

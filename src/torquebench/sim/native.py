@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from functools import lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -15,10 +14,10 @@ from numba.core.ccallback import CFunc
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic, register_jitable
 
+from torquebench.dialect import compiler_message, complaints
 from torquebench.kernel import is_foreign
 from torquebench.kernel.cache import KernelCache, without_collection
 from torquebench.kernel.struct import WORD, Table, at, is_structure, layout, structure, vector
-from torquebench.laws.dialect import complaints
 from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
@@ -263,17 +262,8 @@ def law_obstacle(law: Law) -> str:
     try:
         native_law(law)
     except (NumbaError, TypeError) as error:
-        return f"law '{law.name}' cannot be compiled: {_short(error)}"
+        return f"law '{law.name}' cannot be compiled: {compiler_message(error, law.function)}"
     return ""
-
-
-def _short(error: Exception) -> str:
-    """Return what is wrong, in one line: numba's texts are long and name addresses."""
-    text = str(error)
-    found = re.search(
-        r"Unknown attribute '\w+'|Cannot unify [^\n]*|Variable '[\w.]+' [^\n]*|No implementation[^\n]*", text
-    )
-    return " ".join(re.sub(r" at 0x[0-9a-f]+", "", found.group() if found else text.split("\n")[0]).split())
 
 
 @lru_cache(maxsize=256)

@@ -16,7 +16,7 @@ from torquebench.kernel import Array
 from torquebench.report.figures import style
 from torquebench.report.figures.layout import finish_page, new_page, printable
 from torquebench.report.figures.sweep_labels import TURNS, key_label, key_values, metric_scale, scaled, value_text
-from torquebench.sweep.columns import Table, completed, rows_by
+from torquebench.sweep.table import Table, completed, rows_by
 
 COLUMNS = 3
 LEAST_HEIGHT = 2.4

@@ -20,8 +20,8 @@ from torquebench.report.figures.sweep_labels import (
     metric_scale,
     value_text,
 )
-from torquebench.sweep.columns import Rows, Table, rows_by
-from torquebench.sweep.reduce import level
+from torquebench.sweep.summary import level
+from torquebench.sweep.table import Rows, Table, rows_by
 
 
 def draw_lines(

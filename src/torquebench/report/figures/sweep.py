@@ -15,8 +15,8 @@ from torquebench.report.figures.pareto_front import front_of
 from torquebench.report.figures.sensitivity import draw_sensitivity
 from torquebench.report.figures.sweep_labels import TURNS, key_values
 from torquebench.report.figures.violins import draw_violins
-from torquebench.sweep.columns import Table, checked, grid_keys, metric_keys
 from torquebench.sweep.sensitivity import Sensitivity
+from torquebench.sweep.table import Table, check_table, grid_keys, metric_keys
 
 SHOWN = ("rmse", "hf")
 """Metrics that figures show: error against chattering."""
@@ -48,7 +48,7 @@ def sweep_figures(
     Raises:
         ResultError: it is no sweep's table.
     """
-    checked(table)
+    check_table(table)
     subtitle = f"{subtitle}\n" if subtitle else ""
     over = f"{subtitle}geometric means over draws and all other keys, bars: 95 % intervals over draws"
     cells = f"{subtitle}geometric means over draws and all other keys of the runs that completed, (n): n failed"

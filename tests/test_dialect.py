@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from numba.core import config
 
-from tests.laws.dialect_cases import BAD, GOOD, HEAD, LINE
+from tests.dialect_cases import BAD, GOOD, HEAD, LINE
 from tests.user_files import load
-from torquebench.laws.dialect import Complaint, complaints
+from torquebench.dialect import Complaint, complaints
 from torquebench.laws.law import LAWS, Law, find_law
+from torquebench.sim.native import law_obstacle
 
 
 @pytest.fixture(autouse=True)
@@ -87,10 +89,10 @@ def test_another_signature_is_found(signature: str, what: str, tmp_path: Path) -
     ("old", "new", "what", "cure"),
     [
         ("    k: Array\n", "    k: float\n", "Gains.k is annotated float", "annotate it Array, from torquebench"),
-        ("    k: Array\n", "    k: np.ndarray\n", "Gains.k is annotated <class 'numpy.ndarray'>", "annotate it Array"),
+        ("    k: Array\n", "    k: np.ndarray\n", "Gains.k is annotated ndarray", "annotate it Array"),
         ("    k: Array\n", "    k: Annotated[Array, 2]\n", "Gains.k is annotated", "annotate it Array"),
         ("    work: Array\n", "    work: int\n", "Memory.work is annotated int", "annotate it Array"),
-        ("    work: Array\n", "    work: list\n", "Memory.work is annotated <class 'list'>", "annotate it Array"),
+        ("    work: Array\n", "    work: list\n", "Memory.work is annotated list", "annotate it Array"),
     ],
 )
 def test_gains_and_memory_that_compiled_code_cannot_receive(
@@ -109,40 +111,68 @@ def law_of(function: Any, gains: Any = None) -> Law:
     return Law("made", function, gains or find_law("pd").gains_type, None, {}, {})
 
 
-def test_a_number_around_the_law_is_a_constant_and_anything_else_is_not(tmp_path: Path) -> None:
-    """A closure over a number that is never given another value is fine; over a list, or over a counter, it is not."""
+def test_what_is_around_the_law_is_no_constant(tmp_path: Path) -> None:
+    """A law made by another function names nothing of that function's: neither a number, which may change, nor more."""
     text = """
-def make(limit, seen, other):
-    count = 0
-    for step in range(2):
-        pass
-    def fine(gains, model, t, q, qd, ref, memory, tau):
+def make(limit, seen):
+    def reading(gains, model, t, q, qd, ref, memory, tau):
         tau[0] = limit
     def listing(gains, model, t, q, qd, ref, memory, tau):
         tau[0] = seen[0]
-    def looping(gains, model, t, q, qd, ref, memory, tau):
-        tau[0] = step
-    def counting(gains, model, t, q, qd, ref, memory, tau):
-        tau[0] = count
-    def more():
-        nonlocal count
-        count += 1
-    def resetting(gains, model, t, q, qd, ref, memory, tau):
-        tau[0] = other
-    other = other + 1.0
-    return fine, listing, looping, counting, resetting
+    return reading, listing
 """
-    fine, listing, looping, counting, resetting = load(tmp_path, text).make(2.0, [1.0], 3.0)
-    assert complaints(law_of(fine)) == []
-    for function, what in (
-        (listing, "seen, a list"),
-        (looping, "step, which changes"),
-        (counting, "count, which changes"),
-        (resetting, "other, which changes"),
-    ):
+    for function, name in zip(load(tmp_path, text).make(2.0, [1.0]), ("limit", "seen"), strict=True):
         (found,) = complaints(law_of(function))
-        assert found.what.startswith(what)
+        assert found.what == f"{name}, of the function around it"
         assert found.line == function.__code__.co_firstlineno + 1
+
+
+@pytest.mark.parametrize(
+    "again",
+    ["LIMIT = 4.0", "for LIMIT in range(3):\n    pass", "LIMIT += 1.0", "def f():\n    global LIMIT\n    LIMIT = 2.0"],
+)
+def test_a_constant_that_the_file_gives_another_value_is_none(again: str, tmp_path: Path) -> None:
+    """Compiled code takes the value of a constant once."""
+    head = HEAD.replace("LIMIT = 3.0\n", f"LIMIT = 3.0\n{again}\n")
+    assert [c.what for c in read(tmp_path, "tau[0] = LIMIT", head)] == ["LIMIT, which changes"]
+
+
+def test_a_number_of_another_file_is_imported_by_name(tmp_path: Path) -> None:
+    """A law is compiled again when a number that it names changes, which is seen in its own file only."""
+    other = load(tmp_path, "LIMIT = 3.0\n")
+    head = HEAD.replace("LIMIT = 3.0", f"import {other.__name__} as numbers\nfrom {other.__name__} import LIMIT")
+    assert [c.what for c in read(tmp_path, "tau[0] = numbers.LIMIT", head)] == [
+        "numbers.LIMIT, a number of another file"
+    ]
+    LAWS._items.pop("user-law")
+    assert read(tmp_path, "tau[0] = LIMIT * math.pi + np.pi", head) == []
+
+
+COMPILER = {
+    "tau[0] = sat(memory.s)": "an array where a number is wanted",
+    "tau[0] = q": "an array where a number is wanted",
+    "tau[0] = abs(q)": "an array where a number is wanted",
+    "tau[0] = math.sin(ref.q)": "an array where a number is wanted",
+    "tau[0] = model.rotation[0]": "an array where a number is wanted",
+    "row = model.rotation[0]\nrow = row + row": "an array where a number is wanted",
+    "tau[0] = gains.lamb[0]": "Unknown attribute 'lamb'",
+    "tau[0] = q[0, 0]": "an array where a number is wanted",
+    "fill(q)": "Cannot bind",
+    "x = gains if t > 1.0 else memory": "Cannot unify",
+}
+
+
+@pytest.mark.parametrize("body", COMPILER)
+@pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
+def test_the_compiler_refuses_the_rest(body: str, tmp_path: Path) -> None:
+    """What a whitelist cannot see, types and attributes, the compiler does; its message is one line, with the place."""
+    assert read(tmp_path, body) == []
+    reason = law_obstacle(find_law("user-law"))
+    line = body.count("\n")
+    assert reason.startswith(f"law 'user-law' cannot be compiled: line {LINE + line}: {body.splitlines()[line]}: ")
+    assert COMPILER[body] in reason
+    assert len(reason.splitlines()) == 1
+    assert "0x" not in reason
 
 
 def test_what_cannot_be_read_is_a_complaint() -> None:

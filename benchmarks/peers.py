@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from torquebench.bench.loops import HEADLINE, experiment_of
-from torquebench.bench.timing import Case
-from torquebench.kernel import Array
-from torquebench.robot import RobotModel
+from benchmarks.loops import HEADLINE, PERIOD, trial_of
+from benchmarks.timing import Case
+from torquebench import Array, MujocoPlant, Puma560, Reference
 from torquebench.robot.library import mjcf_path
-from torquebench.sim.plants import Plant
 
 NAIVE_STEPS = 2
 """Steps of the naive loop in one call: each takes a large part of a second."""
@@ -34,16 +32,17 @@ class NaiveLoop:
     """
 
     def __init__(self, with_fuzzy: bool) -> None:
-        experiment, loop = experiment_of(duration=10.0)
-        gains = loop.controllers[0].gains
-        self._plant: Plant = loop.plant
-        self._model: RobotModel = loop.model
-        self._reference = loop.reference
+        trial = trial_of(10.0)
+        gains = trial.controller.gains
+        self._plant = MujocoPlant("puma560", PERIOD, "euler")
+        self._model = trial.model
+        self._reference = reference_of(10.0)
         self._lam, self._gd, self._phi, self._kv = gains.lam, gains.gd, gains.phi, gains.kv
         self._K, self._KF = gains.k * self._plant.tau_max, gains.kf * self._plant.tau_max
-        self._KI, self._scale = gains.ki * loop.model.flat.inertia_scale, loop.model.flat.inertia_scale
+        self._scale = trial.model.flat.inertia_scale
+        self._KI = gains.ki * self._scale
         self._fuzzy = [fuzzy_controller() for _ in range(6)] if with_fuzzy else []
-        self._T, self._last = experiment.run.control_period, experiment.n_steps
+        self._T, self._last = PERIOD, len(self._reference.q)
         self._start()
 
     def _start(self) -> None:
@@ -70,6 +69,13 @@ class NaiveLoop:
             tau = tau + self._KF * np.array([f(x[i], y[i]) for i, f in enumerate(self._fuzzy)])
         self._integral += self._T * e
         return tau
+
+
+def reference_of(duration: float) -> Reference:
+    """Return the benchmark's desired motion at each control instant, (N, 6)."""
+    reference: Any = trial_of(duration).reference
+    sampled: Reference = reference(PERIOD * np.arange(round(duration / PERIOD)))
+    return sampled
 
 
 def fuzzy_controller() -> Callable[[float, float], float]:
@@ -141,15 +147,12 @@ def pinocchio_loop(pin: Any) -> Case | str:
     """Return computed torque by ``rnea`` on a plant by ``aba`` and Euler's method, in a Python loop; or why not."""
     model = pin.buildModelFromMJCF(str(mjcf_path("puma560")))
     data = model.createData()
-    _, loop = experiment_of(duration=1.0)
-    from torquebench.robot import Puma560
-
     exact = Puma560()
     q, qd, qdd = np.random.default_rng(0).normal(size=(3, 6))
     ours, theirs = exact.inverse_dynamics(q, qd, qdd), pin.rnea(model, data, q, qd, qdd)
     if not np.allclose(ours, theirs, rtol=PIN_TOLERANCE, atol=PIN_TOLERANCE):
         return f"reads another arm from the MJCF (inverse dynamics differ by {np.abs(ours - theirs).max():.2g} N m)"
-    reference, T = loop.reference, 0.001
+    reference, T = reference_of(1.0), PERIOD
 
     def run() -> None:
         q, qd = np.zeros(6), np.zeros(6)
@@ -166,8 +169,7 @@ def pinocchio_loop(pin: Any) -> Case | str:
 def toolbox_loop(toolbox: Any) -> Case | str:
     """Return computed torque by ``rne`` on a plant by ``accel`` and Euler's method with the toolbox's own PUMA."""
     arm = toolbox.models.DH.Puma560()
-    _, loop = experiment_of(duration=1.0)
-    reference, T, steps = loop.reference, 0.001, 100
+    reference, T, steps = reference_of(1.0), PERIOD, 100
 
     def run() -> None:
         q, qd = np.zeros(6), np.zeros(6)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 
+import numba
 import numpy as np
 
-from torquebench.bench.loops import experiment_of
-from torquebench.bench.timing import Case
+from benchmarks.loops import PERIOD, trial_of
+from benchmarks.timing import Case
+from torquebench import Array, Fis, MujocoPlant, infer
 from torquebench.errors import ResultError
-from torquebench.fuzzy import Fis
-from torquebench.fuzzy.inference import infer
-from torquebench.kernel import Array, kernel
 from torquebench.kernel.struct import Structure
-from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.plants.mujoco_native import Stepped, compiled_step
 
 STEPS = 10_000
@@ -27,7 +25,7 @@ class System(Structure):
     fis: Fis
 
 
-@kernel
+@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
 def infer_all(system: System, inputs: Array, outputs: Array, calls: int) -> None:
     """Evaluate `system` for six joints, `calls` times, at the rows of `inputs` (N, 2, 6); `outputs` (6,) adds up."""
     for k in range(calls):
@@ -40,7 +38,7 @@ def parts() -> list[Case]:
     """Return the lean step beside ``mj_step``, both driven from compiled code, and the inference of six joints."""
     cases = []
     for integrator in ("euler", "rk4"):
-        plant = MujocoPlant("puma560", 0.001, integrator)
+        plant = MujocoPlant("puma560", PERIOD, integrator)
         lean = plant.native().structure
         if not (isinstance(lean, Stepped) and lean.lean):
             raise ResultError("the lean step is not in use here, so there is nothing to compare")
@@ -56,8 +54,7 @@ def parts() -> list[Case]:
                 step(arm.address, torque.ctypes.data, STEPS, 0)
 
             cases.append(Case(name, run, STEPS, against, note="one physics step called from compiled code"))
-    _, loop = experiment_of(duration=1.0)
-    system = System(loop.controllers[0].gains.fis)
+    system = System(trial_of(1.0).controller.gains.fis)
     inputs, outputs = np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 2, 6)), np.zeros(6)
     cases.append(
         Case(

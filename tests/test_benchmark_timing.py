@@ -6,8 +6,8 @@ from itertools import count
 
 import pytest
 
-from torquebench.bench import timing
-from torquebench.bench.timing import Case, measure
+from benchmarks import timing
+from benchmarks.timing import Case, measure
 
 
 class Clock:
