@@ -15,7 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from tests.arms import pack
-from torquebench import AnalyticPlant, Puma560, find_law, law_names, simulate
+from tests.sampled import simulate_sampled
+from torquebench import AnalyticPlant, Puma560, find_law, law_names
 from torquebench.fuzzy import Functions, builtin_system, prepare
 from torquebench.fuzzy.inference import fill_activations
 from torquebench.kernel import Array, kernel
@@ -123,7 +124,7 @@ def closed_loop(name: str, law: str, throw: float = 0.0) -> str:
     gains = {key: GAINS[key] for key, gain in find_law(law).gains.items() if gain.acts(plain)}
     d = np.zeros((300, 6))
     d[20] = throw
-    run = simulate(
+    run = simulate_sampled(
         AnalyticPlant(plant), pack(law, 6, **gains), belief, TARGET, duration=0.3, disturbance=d, throw=False
     )
     return run.digest()

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from torquebench import AnalyticPlant, Controller, Puma560, find_law, load_model, simulate
+from tests.sampled import simulate_sampled
+from torquebench import AnalyticPlant, Controller, Puma560, find_law, load_model
 from torquebench.certificates import SlidingLaw, certify, coriolis_force, required_gain
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
@@ -29,7 +30,7 @@ def run_of(reference: Any, k: float = K, duration: float = 1.0, switching: str =
     arm, law = load_model("two-link"), find_law("smc")
     gains = {"lam": 10.0, "k": k} | ({"phi": PHI} if switching == "saturation" else {})
     packed = law.pack_gains(2, gains, {"equivalent_control": True, "switching": switching})
-    return simulate(AnalyticPlant(arm), Controller("c", law, packed), arm, reference, duration=duration, **more)
+    return simulate_sampled(AnalyticPlant(arm), Controller("c", law, packed), arm, reference, duration=duration, **more)
 
 
 def law_of(k: float = K, phi: float | None = None) -> SlidingLaw:

@@ -16,22 +16,21 @@ from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
     ("errors", "plain"),
-    ("kernel_cache",),
+    ("registry",),
     ("kernel",),
-    ("packing",),
-    ("packing_types",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
-    ("dialect",),
     ("laws",),
+    ("dialect",),
     ("sim",),
+    ("check_cases",),
     ("check",),
-    ("measures", "statistics"),
-    ("metrics", "certificates"),
+    ("metrics", "statistics"),
+    ("certificates",),
     ("experiment",),
     ("sweep",),
     ("analysis",),
-    ("bench", "report", "video"),
+    ("report", "video"),
     ("paper", "view"),
     ("cli",),
     ("__main__",),
@@ -40,86 +39,34 @@ LAYERS = (
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 
 HOMES = {
-    "mujoco": {
-        "robot/mjcf.py",
-        "robot/mjcf_links.py",
-        "sim/lean_arm.py",
-        "sim/mujoco_library.py",
-        "sim/mujoco_plant.py",
-        "bench/loops.py",
-        "video/opengl.py",
-        "video/render.py",
-        "video/scene.py",
-        "video/stage.py",
-        "view/arm.py",
-        "view/window.py",
-    },
-    "glfw": {"video/opengl.py"},
-    "OpenGL": {"video/opengl.py"},
-    "imageio_ffmpeg": {"video/encode.py"},
-    "subprocess": {"video/encode.py", "video/opengl.py"},
-    "PIL": {"video/encode.py", "video/overlay.py", "video/paint.py", "video/render.py", "video/stage.py"},
-    "matplotlib": {
-        "analysis/certificate_figure.py",
-        "analysis/course_page.py",
-        "analysis/effects_page.py",
-        "analysis/figures.py",
-        "analysis/front_page.py",
-        "analysis/fuzzy_figures.py",
-        "analysis/fuzzy_rules.py",
-        "analysis/map_page.py",
-        "analysis/overlay.py",
-        "analysis/page.py",
-        "analysis/paper_pages.py",
-        "analysis/spread_page.py",
-        "analysis/style.py",
-        "analysis/sweep_figures.py",
-        "cli/certificates.py",
-        "cli/fuzzy.py",
-    },
-    "jinja2": {"report/render.py"},
-    "scipy": {"statistics.py", "sweep/effects.py", "paper/checks.py"},
-    "skfuzzy": {"fuzzy/oracle.py", "bench/peers.py"},
-    "pydantic": {name for name in ALL if name.startswith("experiment/")},
-    "pydantic_core": {name for name in ALL if name.startswith("experiment/")},
-    "numba": {
-        "check/paths.py",
-        "kernel.py",
-        "kernel_cache.py",
-        "packing_types.py",
-        "sim/checked_math.py",
-        "sim/closed_loop.py",
-        "sim/mujoco_library.py",
-        "sim/mujoco_step.py",
-        "sim/native_calls.py",
-        "sim/native_law.py",
-        "sim/native_loop.py",
-        "sim/native_path.py",
-    },
-    "llvmlite": {"packing_types.py", "sim/mujoco_library.py", "sim/native_calls.py"},
-    "tqdm": {"cli/terminal.py"},
-    "distributed": {"sweep/cluster.py"},
-    "dask": {"sweep/cluster.py"},
-    "yaml": {"robot/links.py", "robot/puma560/constants.py", "experiment/yaml_tree.py", "experiment/dump.py"},
-    "argparse": {
-        "cli/bench.py",
-        "cli/boundary_layer.py",
-        "cli/compare.py",
-        "cli/completion.py",
-        "cli/main.py",
-        "cli/options.py",
-        "cli/paper.py",
-        "cli/run.py",
-        "cli/sweep.py",
-        "cli/video.py",
-        "cli/view.py",
-    },
+    "mujoco": ("robot/mjcf", "sim/plants/", "video/", "view/"),
+    "glfw": ("video/", "view/"),
+    "OpenGL": ("video/",),
+    "imageio_ffmpeg": ("video/",),
+    "PIL": ("video/",),
+    "subprocess": ("video/",),
+    "matplotlib": ("analysis/", "report/", "video/", "cli/"),
+    "jinja2": ("report/",),
+    "scipy": ("statistics.py", "sweep/", "paper/"),
+    "skfuzzy": ("fuzzy/",),
+    "pydantic": ("experiment/", "sweep/"),
+    "pydantic_core": ("experiment/", "sweep/"),
+    "pandas": ("experiment/", "sweep/", "report/"),
+    "numba": ("kernel/", "dialect.py", "check.py", "sim/"),
+    "llvmlite": ("kernel/", "sim/"),
+    "click": ("cli/",),
+    "rich": ("cli/",),
+    "tqdm": ("cli/",),
+    "distributed": ("sweep/",),
+    "dask": ("sweep/",),
+    "yaml": ("robot/", "experiment/"),
+    "argparse": ("cli/",),
 }
-"""Third-party package, or what else has its place -> the only files that may import it."""
+"""Package -> the beginnings of the names of the only files that may import it."""
 
 
 def unit_of(name: str) -> str:
-    """Return the layer unit of a file (``sim/loop.py`` -> ``sim``) or of a dotted name (``torquebench.sim.loop``)."""
+    """Return the layer unit of a file (``sim/job.py`` -> ``sim``) or of a dotted name (``torquebench.sim.job``)."""
     return name.removeprefix("torquebench.").replace("/", ".").removesuffix(".py").split(".")[0]
 
 
@@ -164,15 +111,10 @@ def test_the_top_level_imports_nothing_when_imported() -> None:
 
 @pytest.mark.parametrize("name", ALL)
 def test_heavy_packages_stay_in_their_places(name: str) -> None:
-    """MuJoCo, matplotlib, pydantic, numba and the others are imported only by the files listed for them."""
+    """MuJoCo, matplotlib, pydantic, numba and the others are imported only where `HOMES` has a place for them."""
     for module, line in imports(TREES[name]):
         homes = HOMES.get(module.split(".")[0])
-        assert homes is None or name in homes, f"{name}:{line} imports {module}"
-
-
-def test_homes_are_not_stale() -> None:
-    """Every file listed for a package exists."""
-    assert set().union(*HOMES.values()) <= set(ALL)
+        assert homes is None or name.startswith(homes), f"{name}:{line} imports {module}"
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -12,12 +12,11 @@ from tests.source_tree import ALL, FILES, SOURCE, TREES, imports
 OUTER = (
     "experiment/",
     "analysis/",
-    "bench/",
-    "check/",
+    "check",
     "cli/",
     "sweep/",
     "view/",
-    "kernel_cache.py",
+    "kernel/cache.py",
     "__init__.py",
     "__main__.py",
 )

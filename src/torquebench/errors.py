@@ -21,6 +21,10 @@ class ControllerError(TorquebenchError):
     """A control law is unknown, registered wrongly, or was given gains it cannot use."""
 
 
+class RegistryError(TorquebenchError):
+    """A metric, figure or other registered thing is unknown, or was registered wrongly."""
+
+
 class Finding(NamedTuple):
     """Something noteworthy about a fuzzy system."""
 

@@ -217,7 +217,7 @@ def test_spectrum_reads_the_amplitude_of_a_sinusoid() -> None:
 def test_headline_metrics_stand_in_the_legend() -> None:
     """RMSE on the error page, HF on the torque page, from the metrics handed in."""
     run = make(1, 5.0)
-    metrics = compute_metrics(run, tau_max=np.array([20.0]), metrics_from=0.5, control_period=T, reference_kind="sine")
+    metrics = compute_metrics(run, tau_max=np.array([20.0]), metrics_from=0.5, control_period=T, step_like=False)
     figures = draw({"a": run}, 1, metrics={"a": metrics})
     assert legend_texts(figures["error"])[0] == "a (RMSE 7.07 mrad)"  # 10 mrad / sqrt 2
     assert legend_texts(figures["torque"])[0] == "a (HF 17.7 %)"  # 25 % / sqrt 2

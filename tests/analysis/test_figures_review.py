@@ -25,7 +25,7 @@ def alternating(samples: int = 1500, tau: float = 5.0) -> Trajectory:
 def measured(run: Trajectory) -> Metrics:
     """Metrics of a run with this file's limits and window."""
     n = run.q.shape[1]
-    return compute_metrics(run, tau_max=np.full(n, 20.0), metrics_from=0.5, control_period=T, reference_kind="sine")
+    return compute_metrics(run, tau_max=np.full(n, 20.0), metrics_from=0.5, control_period=T, step_like=False)
 
 
 def markers(ax: Axes) -> list[Line2D]:

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import benchmarks
+from benchmarks.timing import Row
 from tests.cli.conftest import QUICK
 from tests.cli.test_check import GOOD
 from tests.experiment.bad_configs import BAD
-from torquebench.bench.timing import Row
-from torquebench.check import paths
+from torquebench import check
 from torquebench.cli import boundary_layer
 from torquebench.cli.document import plain
 from torquebench.cli.main import main, parser
@@ -131,8 +132,8 @@ def test_check(tmp_path, monkeypatch, document):
     """As before, within the envelope."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
-    monkeypatch.setattr(paths, "SCALES", (1.0,))
-    monkeypatch.setattr(paths, "DURATION", 0.02)
+    monkeypatch.setattr(check, "SCALES", (1.0,))
+    monkeypatch.setattr(check, "DURATION", 0.02)
     (tmp_path / "laws.py").write_text(GOOD)
     data, _ = document("check", "laws.py")
     assert data["held"]
@@ -152,10 +153,7 @@ def test_boundary_layer(tmp_path, monkeypatch, document):
 def test_bench(tmp_path, monkeypatch, document, command):
     """--json prints the rows, --json FILE writes the same rows and prints the table."""
     row = Row("case", 1234.5678, "steps/s", "", None, (1.0, 2.0), 1, 3, "what it is")
-    monkeypatch.setattr("torquebench.bench.loops.closed_loops", lambda *_: [])
-    monkeypatch.setattr("torquebench.bench.parts.parts", list)
-    monkeypatch.setattr("torquebench.bench.peers.peers", lambda: ([], ["one that is not here"]))
-    monkeypatch.setattr("torquebench.bench.timing.measure", lambda *_: [row])
+    monkeypatch.setattr(benchmarks, "run", lambda *_: ([row], ["one that is not here"]))
     data, err = document("bench", "--quick")
     status, out, _ = command("bench", "--quick", "--json", tmp_path / "rows.json")
     assert status == 0

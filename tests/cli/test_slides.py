@@ -76,7 +76,7 @@ def test_errors_in_mrad_and_in_mm(rail, command):
 )
 def test_joints_of_two_kinds_have_no_headline_in_common(slides, unit, value):
     """A mean over rad and m is no number."""
-    info = next(info for info in METRICS if info.key == "rmse")
+    info = METRICS["rmse"]
     assert _value(info, Metric(0.5, (0.5, 0.5), 2), slides) == {"unit": unit, "value": value}
 
 

@@ -83,7 +83,7 @@ def test_a_sweep_tells_its_work_runs_and_stores_its_table(small, command):
     assert manifest["outcomes"] == {"band": {"COMPLETED": 36}, "sign": {"COMPLETED": 36}}
     table = table_of("s")
     keys = ["plant.payload.mass", "controllers.*.gains.phi", "controllers.*.gains.lam"]
-    metrics = [info.key for info in METRICS]
+    metrics = [info.key for info in METRICS.values()]
     assert list(table) == ["index", "case", "draw", "controller", "outcome", "failed_at", *keys, *metrics]
     assert table["index"].tolist() == list(range(72))
     assert table["controller"].tolist() == ["band", "sign"] * 36
@@ -116,7 +116,7 @@ def test_a_row_run_alone_has_the_metrics_of_the_table(swept, command):
         (name,) = json.loads(Path(f"r{index}/metrics.json").read_text())["controllers"]
         found = json.loads(Path(f"r{index}/metrics.json").read_text())["controllers"][name]
         assert name == table["controller"][index]
-        for info in METRICS:
+        for info in METRICS.values():
             value = found[info.key]["value"]
             assert np.float64(math.nan if value is None else value).tobytes() == table[info.key][index].tobytes()
         again = command("run", f"r{index}/experiment.yaml", "--out", f"again{index}", "--no-figures")
@@ -333,7 +333,7 @@ def test_a_sweep_whose_runs_all_fail_ends_with_outcomes(small, command):
     assert set(table["outcome"]) == {"DIVERGED"}
     assert status == 1
     assert "controller 'band': 12 diverged; the file expects: completed" in err
-    assert all(np.all(np.isnan(table[info.key])) for info in METRICS)
+    assert all(np.all(np.isnan(table[info.key])) for info in METRICS.values())
     assert np.all(table["failed_at"] == 0)  # the push acts from the first instant
     assert out.splitlines()[-4].split()[:4] == ["band", "12", "0", "-"]
     assert command("sweep", small, "--out", "t", *shaken, *expected, *THREADS)[0] == 0
@@ -452,7 +452,7 @@ def test_what_the_table_says_is_written_and_made_again_in_the_same_bytes(small, 
         assert law["figures"]["rmse"]["median"] == pytest.approx(float(np.median(own)), rel=1e-12)
     page = Path("s/report.html").read_text()
     assert not re.search(r"(src|href)=.https?:", page)
-    assert page.count("<svg") == len(list(Path("s/figures").glob("*.svg")))
+    assert page.count("<figure><img") == len(list(Path("s/figures").glob("*.svg")))
     before = {name: Path("s", name).read_bytes() for name in [*told, "manifest.json"]}
     Path("s/report.html").write_bytes(b"spoilt")
     assert command("report", "s")[0] == 2

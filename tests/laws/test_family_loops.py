@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 import yaml
 
+from tests.sampled import simulate_sampled
 from torquebench.kernel import Array
-from torquebench.measures import chattering_index
+from torquebench.metrics.chattering import chattering_index
 from torquebench.references import ReferenceSource, quintic, sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import data_root
 from torquebench.sim.chain import CHAINS
-from torquebench.sim.loop import Controller, simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 ARMS = ("puma560", "two-link")
@@ -62,7 +64,7 @@ def run(
         law, n, {**listed["gains"], **(gains or {})}, own | (options or {}), fuzzy=listed.get("fuzzy")
     )
     noise = CHAINS[chain].position_sigma * np.random.default_rng(7).standard_normal((steps, n))
-    return simulate(
+    return simulate_sampled(
         plant(arm),
         controller,
         belief(arm),

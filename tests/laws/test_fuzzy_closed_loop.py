@@ -14,7 +14,7 @@ from torquebench import AnalyticPlant, Puma560, simulate
 from torquebench.fuzzy import Rule, builtin_system, prepare
 from torquebench.kernel import Array
 from torquebench.references import sine
-from torquebench.sim.loop import Controller
+from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Trajectory
 
 LAW = "fuzzy-linear-band-smc"

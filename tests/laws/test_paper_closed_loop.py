@@ -12,13 +12,14 @@ import pytest
 from tests.arms import pack, slider, still
 from tests.laws.forms import Options, acting, default_form
 from torquebench.kernel import Array
-from torquebench.measures import chattering_index, torques
+from torquebench.metrics.chattering import chattering_index
+from torquebench.metrics.torque import measure_torques
 from torquebench.references import sine, step
 from torquebench.robot import Puma560, load_model
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import Plant
+from torquebench.sim.plants import Plant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 ARMS = ("puma560", "two-link")
@@ -85,8 +86,8 @@ def test_the_literal_equivalent_control_rings_at_full_torque(arm: str) -> None:
     ringing, workable = follow(arm, "smc", **LITERAL), follow(arm, "smc")
     limits = np.asarray(plant_of(arm).tau_max)
     assert chattering(arm, ringing) > 70.0
-    assert np.mean(torques(ringing.tau, 0.001, limits).saturation_fraction) > 0.5
-    assert np.max(torques(workable.tau, 0.001, limits).saturation_fraction) == 0.0
+    assert np.mean(measure_torques(ringing.tau, 0.001, limits).saturation_fraction) > 0.5
+    assert np.max(measure_torques(workable.tau, 0.001, limits).saturation_fraction) == 0.0
     assert rmse(ringing) > 4.0 * rmse(workable)
 
 

@@ -13,18 +13,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tests.sampled import simulate_sampled
 from torquebench.fuzzy import BUILTIN, DEFAULT
 from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
 from torquebench.references import ReferenceSource, quintic, ramp, sine, step
 from torquebench.robot import Puma560, RobotModel, load_model
 from torquebench.robot.payload import Payload
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.friction import Friction
-from torquebench.sim.loop import Controller, simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Trajectory
 
 GAIN = {"1/s": 15.0, "1": 0.3, "rad/s": 0.5, "1/s^3": 200.0, "rad": 0.2, "rad s": 0.1, "1/s^2": 100.0, "rad/s^2": 100.0}
@@ -178,7 +179,7 @@ class Case(NamedTuple):
         n, period = plant.n, self.substeps * plant.timestep
         noise, disturbance = signals(n, n_steps) if noisy else (None, None)
         target: ReferenceSource = REFERENCES[self.reference](n)
-        return simulate(
+        return simulate_sampled(
             plant,
             self.variant.controller(n),
             belief_of(self.plant),

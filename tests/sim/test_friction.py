@@ -14,6 +14,7 @@ import pytest
 
 from tests.arms import pack, slider
 from tests.errata.independent import Arm
+from tests.sampled import simulate_sampled
 from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
 from tests.sim.protocol import HOME, REFERENCES, differing_bytes
 from tests.sim.test_native_lag import control
@@ -21,12 +22,11 @@ from tests.sim.test_native_refused import anything
 from torquebench.kernel import Array
 from torquebench.references import sine
 from torquebench.robot import Puma560
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.friction import STABLE, Friction
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoModel, MujocoPlant
-from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
 from torquebench.sim.trajectory import Trajectory
 
 VISCOUS = (5.8, 9.3, 4.0, 0.36, 0.36, 0.22)
@@ -162,7 +162,7 @@ def rubbing(
 ) -> Trajectory:
     """Return a run of PD on a plant."""
     n, period = plant.n, substeps * plant.timestep
-    return simulate(
+    return simulate_sampled(
         plant,
         pack("pd", n, lam=8, kv=12),
         anything(n),
@@ -241,7 +241,7 @@ def test_the_protocols_friction_is_stable_at_a_millisecond(integrator: str, figu
     figure(f"fastest decay of the PUMA's friction x 1 ms, {integrator}", 0.001 * fastest, f"<= {STABLE[integrator]}")
     assert 0.001 * fastest <= STABLE[integrator]
     assert 0.001 * np.max(steep / np.min(np.diagonal(M, axis1=1, axis2=2), axis=0)) <= 0.001 * fastest
-    run = simulate(
+    run = simulate_sampled(
         plants(PUMA, integrator=integrator)["analytic"],
         pack("pd-gravity", 6, lam=10, kv=20),
         Puma560(),

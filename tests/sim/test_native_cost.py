@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.sampled import sampled_trial
 from tests.sim.protocol import CONDITIONS, HOME, REFERENCES, Variant, belief_of, plant_of
 from torquebench.references import Reference
-from torquebench.sim.batch import Trial, simulate_many
+from torquebench.sim.session import SampledTrial
+from torquebench.sim.simulate import simulate_many
 
 N_STEPS = 1000
 STATM = Path("/proc/self/statm")
@@ -24,14 +26,14 @@ def resident() -> float:
     return int(STATM.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def rollouts(plant: str, count: int) -> Iterator[Trial]:
+def rollouts(plant: str, count: int) -> Iterator[SampledTrial]:
     """Yield that many trials of 1,000 instants; each starts elsewhere and has a disturbance of its own."""
     n, chain = plant_of(plant).n, CONDITIONS["slow"].chain
     controller = Variant("linear-band-smc", (("equivalent_control", True),), None).controller(n)
     reference: Reference = REFERENCES["sine"](n)(np.arange(N_STEPS) * 0.001)
     for i in range(count):
         rng = np.random.default_rng(i)
-        yield Trial(
+        yield sampled_trial(
             controller,
             belief_of(plant),
             reference,

@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from tests.sampled import simulate_sampled
 from tests.sim import faulty_laws
 from tests.sim.protocol import CONDITIONS, HOME, PLANTS, REFERENCES, belief_of, differing_bytes, plant_of, signals
 from torquebench.kernel import Array
-from torquebench.sim.loop import Controller, simulate
-from torquebench.sim.plant import INTEGRATORS, Plant
+from torquebench.sim.plants import INTEGRATORS, Plant
+from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory
 
 N_STEPS = 40
@@ -80,7 +81,7 @@ class Fault(NamedTuple):
             controller = faulty_laws.controller(function, n, time, self.joint, self.size)
         if self.kind == "bad state":
             plant = Spoilt(plant, self.at if strikes else N_STEPS, self.joint, math.copysign(math.inf, self.size))
-        return simulate(
+        return simulate_sampled(
             plant,
             controller,
             belief_of(self.plant),

@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 
 from tests.arms import pack
+from tests.sampled import simulate_sampled
 from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
 from tests.sim.protocol import HOME, REFERENCES, differing_bytes
 from tests.sim.test_native_refused import anything
 from torquebench.kernel import Array
 from torquebench.references import sine
 from torquebench.robot import Puma560
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import CHAINS, Chain
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.trajectory import Trajectory
 
 N_STEPS = 150
@@ -61,7 +61,7 @@ def lagging_run(plant: MujocoPlant, substeps: int, path: Any) -> tuple[Trajector
     """Return a run whose actuators lag, with a disturbance after the lag, and the disturbance."""
     n = plant.n
     disturbance = np.random.default_rng(9).normal(size=(N_STEPS, n))
-    run = simulate(
+    run = simulate_sampled(
         plant,
         pack("pd", n, lam=8, kv=12),
         anything(n),
@@ -144,7 +144,7 @@ def test_both_plants_agree_under_lag(chain: str, integrator: str, figure: Any) -
     arm, q = Puma560(), []
     for plant in (MujocoPlant("puma560", 0.001, integrator), AnalyticPlant(arm, 0.001, integrator)):
         for path in ("python", "native"):
-            run = simulate(
+            run = simulate_sampled(
                 plant,
                 pack("linear-band-smc", 6, lam=10, k=0.3, phi=0.3, kv=20),
                 Puma560("corrected", "printed"),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.arms import pack
+from tests.sampled import simulate_sampled
 from tests.sim import loops
 from tests.sim.loops import TARGET, arm, go
 from tests.sim.protocol import PLANTS, Case, cases, differing_bytes, variants
@@ -19,9 +20,9 @@ from torquebench.kernel import Array
 from torquebench.laws import law_names
 from torquebench.laws.law import Law
 from torquebench.references import Reference
-from torquebench.robot.model import Model
-from torquebench.sim.loop import Controller, simulate
-from torquebench.sim.native_path import NativeRun
+from torquebench.robot.flat_model import Model
+from torquebench.sim.native import NativeRun
+from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Outcome
 
 STRIDE = 37
@@ -86,7 +87,7 @@ def test_a_run_in_pieces_is_the_same_run(condition: str, at_once: int, monkeypat
         told: list[int] = []
         with monkeypatch.context() as patch:
             patch.setattr(NativeRun, "longest", at_once * case.substeps)
-            patch.setattr("tests.sim.protocol.simulate", partial(simulate, progress=told.append))
+            patch.setattr("tests.sim.protocol.simulate_sampled", partial(simulate_sampled, progress=told.append))
             assert case.run(50, "native").digest() == whole.digest()
         assert told == [min(k, 50) - 1 for k in range(at_once, 50 + at_once, at_once)]
 

@@ -13,18 +13,17 @@ import numpy as np
 import pytest
 
 from tests.arms import chain, pack
+from tests.sampled import sampled_trial, simulate_sampled
 from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
 from tests.sim.protocol import differing_bytes
 from tests.sim.test_native_lean import stepper
 from torquebench.references import sine
 from torquebench.robot import RobotModel
-from torquebench.sim import lean_arm
-from torquebench.sim.batch import Trial, simulate_many
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.friction import NONE
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import INTEGRATORS, NativePlant
+from torquebench.sim.plants import INTEGRATORS, NativePlant, mujoco_native
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.simulate import simulate_many
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 HARMLESS = {"a mocap body", "a motor's armature"}
@@ -40,7 +39,7 @@ def anything(n: int) -> RobotModel:
 def run_of(plant: MujocoPlant, path: Any, actuators: Chain = IDEAL) -> Trajectory:
     """Return 0.15 s of PD control, started away from home so that limits and contacts are met."""
     n = plant.n
-    return simulate(
+    return simulate_sampled(
         plant,
         pack("pd", n, lam=8, kv=12),
         anything(n),
@@ -81,7 +80,7 @@ def test_the_refusals_are_needed(name: str, tmp_path: Path) -> None:
     """Forced upon such an arm, the lean step gives other bytes, so that each arm here has what it is named for."""
     plant = plant_from(REFUSED[name](), tmp_path)
     native = plant.native()
-    forced = native._replace(structure=lean_arm._stepped(plant._m, plant._d, NONE, True))
+    forced = native._replace(structure=mujoco_native._stepped(plant._m, plant._d, NONE, True))
     assert (steps(plant, native) == steps(plant, forced)) == (name in HARMLESS)
 
 
@@ -89,7 +88,7 @@ def test_the_refusals_are_needed(name: str, tmp_path: Path) -> None:
 def test_the_proof_alone_refuses_them(name: str, tmp_path: Path) -> None:
     """The proof on the arm at hand notices, without the list of features, whatever acts in its few steps."""
     plant = plant_from(REFUSED[name](), tmp_path)
-    assert not lean_arm._lean_is_equal(plant._m)
+    assert not mujoco_native._lean_is_equal(plant._m)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -132,7 +131,7 @@ def test_a_refused_arm_that_diverges_ends_at_its_step(
     for at in range(5, 25):
         push = np.zeros((50, 3))
         push[at, at % 3] = (1e300, -1e12, 1.7e308)[at % 3]
-        pushes.append(Trial(pack("pd", 3, lam=8, kv=12), anything(3), sine(0.8, 2.0), 0.05, disturbance=push))
+        pushes.append(sampled_trial(pack("pd", 3, lam=8, kv=12), anything(3), sine(0.8, 2.0), 0.05, disturbance=push))
     runs = {
         (path, workers): list(simulate_many(plant, pushes, workers=workers, path=path))  # type: ignore[arg-type]
         for path, workers in (("python", 1), ("native", 1), ("native", 4))
@@ -164,7 +163,7 @@ def test_a_lean_step_that_is_wrong_by_an_ulp_is_not_used(
     wrong: str, integrator: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The proof fails, the whole of `mj_step` is used instead, and the run is the readable path's to the byte."""
-    real = lean_arm._stepped
+    real = mujoco_native._stepped
     plant = MujocoPlant("puma560", 0.001, integrator)
     plant._m.dof_damping[:] = 0.5 + 0.1 * np.arange(6)
     assert plant.replica().native().structure.lean  # type: ignore[attr-defined]
@@ -173,7 +172,7 @@ def test_a_lean_step_that_is_wrong_by_an_ulp_is_not_used(
         arm = real(m, d, friction, lean)
         return replace(arm, **WRONG[wrong](arm)) if lean else arm
 
-    monkeypatch.setattr(lean_arm, "_stepped", spoilt)
+    monkeypatch.setattr(mujoco_native, "_stepped", spoilt)
     if (wrong, integrator) == ("sparsity", "rk4"):
         return  # only Euler's implicit damping uses it
     assert not plant.native().structure.lean  # type: ignore[attr-defined]

@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 
 from tests.arms import pack
+from tests.sampled import sampled_trial
 from tests.sim import faulty_laws
 from tests.sim.protocol import CONDITIONS, HOME, REFERENCES, belief_of, plant_of, signals, variants
-from torquebench.sim.batch import AHEAD, Trial, Workers, simulate_many
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.session import SampledTrial, Session
+from torquebench.sim.simulate import AHEAD, Workers, simulate_many
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,7 +29,7 @@ WORKERS = (1, 2, 4, 8)
 LONGEST = 300
 
 
-def trials(plant: str, count: int = 32) -> list[Trial]:
+def trials(plant: str, count: int = 32) -> list[SampledTrial]:
     """Return trials of laws of all kinds and every chain; each fifth has a faulty law, each seventh a huge push."""
     n, every, found = plant_of(plant).n, variants(), []
     for i in range(count):
@@ -41,7 +42,7 @@ def trials(plant: str, count: int = 32) -> list[Trial]:
             push[40 + i, i % n] = 1e300
         chain, noisy, *_ = list(CONDITIONS.values())[i % len(CONDITIONS)]
         found.append(
-            Trial(
+            sampled_trial(
                 controller,
                 belief_of(plant),
                 list(REFERENCES.values())[i % 4](n),
@@ -55,21 +56,9 @@ def trials(plant: str, count: int = 32) -> list[Trial]:
     return found
 
 
-def alone(plant: str, trial: Trial, path: Any = "auto") -> Trajectory:
+def alone(plant: str, trial: SampledTrial, path: Any = "auto") -> Trajectory:
     """Run one trial on a plant of its own, without `simulate_many`."""
-    return simulate(
-        plant_of(plant).replica(),
-        trial.controller,
-        trial.model,
-        trial.reference,
-        duration=trial.duration,
-        chain=trial.chain,
-        position_noise=trial.position_noise,
-        disturbance=trial.disturbance,
-        initial_q=trial.initial_q,
-        path=path,
-        throw=False,
-    )
+    return Session().run(plant_of(plant).replica(), trial, path)
 
 
 @pytest.mark.parametrize("path", ["native", "python"])
@@ -172,7 +161,7 @@ def test_stopping_early_stops_everything(workers: int) -> None:
     taken: list[int] = []
     chosen = trials("mujoco two-link", 8)
 
-    def endless() -> Iterator[Trial]:
+    def endless() -> Iterator[SampledTrial]:
         for i in itertools.count():
             taken.append(i)
             yield chosen[i % len(chosen)]
@@ -194,9 +183,9 @@ def test_stopping_early_stops_everything(workers: int) -> None:
 def test_a_trial_that_does_not_fit_raises_in_its_turn(workers: int) -> None:
     """The results before it come first; then its ValueError; a source of trials that fails does so likewise."""
     good = trials("analytic two-link", 6)
-    bad = Trial(pack("pd", 3, lam=8, kv=12), good[0].model, good[0].reference, 0.1)
+    bad = sampled_trial(pack("pd", 3, lam=8, kv=12), good[0].model, good[0].reference, 0.1)
 
-    def failing() -> Iterator[Trial]:
+    def failing() -> Iterator[SampledTrial]:
         yield from good
         raise LookupError("no more draws")
 
@@ -244,7 +233,7 @@ def test_no_trials_no_results() -> None:
 FIRST_OF_ALL = """
 from tests.sim.protocol import plant_of
 from tests.sim.test_native_threads import trials
-from torquebench.sim.batch import simulate_many
+from torquebench.sim.simulate import simulate_many
 for run in simulate_many(plant_of("mujoco two-link"), trials("mujoco two-link", 16), workers=8, path="native"):
     print(run.digest())
 """

@@ -13,6 +13,7 @@ import pytest
 
 from tests.arms import pack
 from tests.errata.independent import Arm
+from tests.sampled import simulate_sampled
 from tests.sim import faulty_laws
 from tests.sim.arm_files import LEAN, REFUSED, plant_from
 from tests.sim.protocol import HOME, REFERENCES, differing_bytes
@@ -24,13 +25,12 @@ from torquebench.robot import Puma560, RobotModel
 from torquebench.robot.mjcf import compile_mjcf
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload, carrying
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.batch import Trial, simulate_many
 from torquebench.sim.chain import CHAINS
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.native_path import NativeRun
-from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.native import NativeRun
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.simulate import Trial, simulate_many
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 HERE = (0.04, -0.07, 0.11)
@@ -180,7 +180,7 @@ def plants(payload: Payload | None, integrator: str = "rk4") -> dict[str, Mujoco
 
 def run_of(plant: Any, duration: float = 0.4, path: Any = "native", **options: Any) -> Trajectory:
     """Return a run of the linear band on the sine from HOME."""
-    return simulate(
+    return simulate_sampled(
         plant,
         LAW,
         Puma560("corrected", "printed"),
@@ -249,8 +249,9 @@ def test_the_lean_step_is_proven_on_both_models(tmp_path: Path) -> None:
     file.write_text(REFUSED["a spring"]())
     plant = MujocoPlant(file, payload=Payload(2.0, 0.1))
     assert not plant.native().loaded.lean  # type: ignore[union-attr]
+    law = pack("pd", 3, lam=8, kv=12)
     runs = [
-        simulate(plant, pack("pd", 3, lam=8, kv=12), anything(3), REFERENCES["sine"](3), duration=0.2, path=path)  # type: ignore[arg-type]
+        simulate_sampled(plant, law, anything(3), REFERENCES["sine"](3), duration=0.2, path=path)  # type: ignore[arg-type]
         for path in ("native", "python")
     ]
     assert differing_bytes(*runs) == 0
@@ -269,7 +270,7 @@ def test_failures_are_at_their_own_step(engine: str, path: Any) -> None:
         push = np.zeros((100, 6))
         push[at, joint] = 1e300
         for law, disturbance, outcome in ((controller, None, Outcome.BAD_TORQUE), (LAW, push, Outcome.DIVERGED)):
-            run = simulate(
+            run = simulate_sampled(
                 plant,
                 law,
                 Puma560(),
@@ -302,7 +303,7 @@ def test_the_weight_is_felt_at_once_and_the_law_knows_nothing() -> None:
     """
     payload, q = Payload(2.0, 0.05), np.array(HOME)
     loaded, bare = by_pinocchio(payload), by_pinocchio(None)
-    run = simulate(
+    run = simulate_sampled(
         AnalyticPlant(Puma560(), payload=payload),
         pack("pd-gravity", 6, lam=1e-3, kv=1e-3),
         Puma560(),

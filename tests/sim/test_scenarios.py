@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -13,13 +14,13 @@ from tests.arms import pack, slider, still
 from tests.experiment.examples import parse
 from tests.sim.loops import go
 from tests.sim.protocol import differing_bytes
+from tests.sim.test_simulate import Noise
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment, trial_of
 from torquebench.robot import Puma560
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.batch import simulate_many
 from torquebench.sim.chain import Chain
-from torquebench.sim.loop import simulate
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.simulate import simulate, simulate_many
 
 SIGMA = "[5.06, 16.59, 3.30, 0.54, 0.62, 0.81]"
 BASE = """\
@@ -258,7 +259,8 @@ def test_scenarios_work_from_python_alone() -> None:
         loop.reference,
         duration=4.0,
         chain=tb.CHAINS["slow"],
-        position_noise=loop.position_noise,
-        disturbance=loop.disturbance,
+        disturbances=[Noise(np.array(json.loads(SIGMA)), 0.01)],
+        seed=experiment.run.seed,
+        draw=experiment.run.draw,
     )
     assert differing_bytes(run, wanted) == 0

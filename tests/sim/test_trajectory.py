@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from tests.arms import pack, pendulum, still
+from tests.sampled import simulate_sampled
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import simulate
+from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory, load_trajectory
 
 
@@ -23,7 +23,7 @@ def short_run(disturbance: float = 0.0) -> Trajectory:
     """Return 20 ms of a PID run, whose integral is an extra channel; it fails at step 9 when `disturbance` is huge."""
     arm, d = pendulum(), np.zeros((20, 1))
     d[9] = disturbance
-    return simulate(
+    return simulate_sampled(
         AnalyticPlant(arm),
         pack("pid", 1, lam=10, kv=20, ki=50),
         arm,

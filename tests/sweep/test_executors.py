@@ -64,8 +64,8 @@ def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Table]) -> No
         assert rows["controller"][index] == name
         assert rows["outcome"][index] == "COMPLETED"
         assert math.isnan(rows["failed_at"][index])
-        for info in METRICS:
-            value = getattr(metrics, info.key).value
+        for info in METRICS.values():
+            value = metrics[info.key].value
             stored = rows[info.key][index]
             assert np.float64(math.nan if value is None else value).tobytes() == stored.tobytes()
 
@@ -81,7 +81,7 @@ def test_failed_and_refused_runs_have_outcomes_and_no_metrics() -> None:
     assert set(ended) == {"REFUSED", "DIVERGED"}
     failed = table["outcome"] != "COMPLETED"
     assert np.all(np.isnan(table["failed_at"]) == ~failed)
-    assert all(np.all(np.isnan(table[info.key][failed])) for info in METRICS)
+    assert all(np.all(np.isnan(table[info.key][failed])) for info in METRICS.values())
 
 
 def test_closing_the_iterator_stops_the_rest() -> None:

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from torquebench.errors import VideoError
-from torquebench.laws.base import law_names
+from torquebench.laws.law import law_names
 from torquebench.sim.trajectory import Outcome, Trajectory
 from torquebench.video.job import SEPARATOR, Shot
 from torquebench.video.layout import layout, timeline

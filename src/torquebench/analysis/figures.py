@@ -28,8 +28,8 @@ from torquebench.analysis.page import level_lines, new_page, panel_grid, printab
 from torquebench.analysis.style import figure_bytes
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
-from torquebench.measures import HF_FROM_HZ
 from torquebench.metrics import Metrics
+from torquebench.metrics.chattering import HF_FROM_HZ
 from torquebench.sim.trajectory import Trajectory
 
 __all__ = ["figure_bytes", "make_figures"]

@@ -16,8 +16,9 @@ from matplotlib.patches import Patch
 from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, level_lines, printable, write_note
 from torquebench.kernel import Array
-from torquebench.measures import hann_spectrum, torques
-from torquebench.metrics import Metrics
+from torquebench.metrics import METRICS, Metrics
+from torquebench.metrics.chattering import hann_spectrum
+from torquebench.metrics.torque import measure_torques
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 CHATTERING = 20.0
@@ -76,7 +77,7 @@ class Comparison:
     def headline(self, run: Run, key: str, text: Callable[[float], str]) -> str:
         """Return the run's headline metric for the legend, or nothing where it has none."""
         metrics = self.metrics.get(run.name)
-        value = None if metrics is None else getattr(metrics, key).value
+        value = None if metrics is None else metrics[key].value
         return "" if value is None else f" ({text(value)})"
 
     def finish(self, fig: Figure, note: Callable[[Run], str], *others: Artist) -> Figure:
@@ -118,7 +119,7 @@ def looks(runs: Mapping[str, Trajectory], tau_max: Array, control_period: float)
 
 def _restlessness(tau: Array, tau_max: Array, control_period: float) -> float:
     finite = tau[np.isfinite(tau).all(axis=1)]
-    return float(np.mean(torques(finite, control_period, tau_max).total_variation)) if len(finite) > 1 else 0.0
+    return float(np.mean(measure_torques(finite, control_period, tau_max).total_variation)) if len(finite) > 1 else 0.0
 
 
 def draw(ax: Axes, x: Comparison, signals: Mapping[str, Array], thin: bool, more: Sequence[Array] = ()) -> None:
@@ -203,7 +204,7 @@ def rmse_note(x: Comparison, run: Run) -> str:
     texts = []
     for unit in dict.fromkeys(kinds):
         errors = [e for e, kind in zip(metrics.rmse.per_joint, kinds, strict=True) if kind == unit and e is not None]
-        rmse = 1e3 * float(np.sqrt(np.mean(np.square(errors))))
+        rmse = 1e3 * METRICS["rmse"].over(np.array(errors))
         texts.append(f"{rmse:.3g} {unit}" if rmse < 999.5 else f"{rmse:.0f} {unit}")
     return f" (RMSE {', '.join(texts)})"
 

@@ -14,7 +14,8 @@ from torquebench.analysis.spread_page import spread_page
 from torquebench.analysis.sweep_front import front_of
 from torquebench.analysis.sweep_parts import TURNS, key_values
 from torquebench.experiment.units import joint_units
-from torquebench.sweep.columns import INFO, Table, checked, grid_keys, metric_keys
+from torquebench.metrics import METRICS
+from torquebench.sweep.columns import Table, checked, grid_keys, metric_keys
 from torquebench.sweep.sensitivity import Sensitivity
 
 SHOWN = ("rmse", "hf")
@@ -65,7 +66,7 @@ def sweep_figures(
             figures[f"over-{slug(key)}"] = course_page(table, key, shown, f"{title}: over {key}", over, slides)
     if len(keys) > 1:
         for metric in shown:
-            heading = f"{title}: {INFO[metric].title} over {keys[0]} and {keys[1]}"
+            heading = f"{title}: {METRICS[metric].title} over {keys[0]} and {keys[1]}"
             figures[f"map-{metric}"] = map_page(table, (keys[0], keys[1]), metric, heading, cells, slides)
     front = front_of(table)
     if len(front.spots) > 1:
@@ -83,7 +84,7 @@ def sweep_figures(
     for metric in metrics:
         told = [one for one in found if one.metric == metric and one.effects is not None]
         if any(effect.matters for one in told if one.effects for effect in one.effects.effects):
-            heading = f"{title}: what the {INFO[metric].title} depends on"
+            heading = f"{title}: what the {METRICS[metric].title} depends on"
             figures[f"effects-{metric}"] = effects_page(told, heading, strengths)
     return figures
 

@@ -11,7 +11,8 @@ from torquebench.analysis import style
 from torquebench.analysis.page import printable
 from torquebench.experiment.units import joint_units, unit_of
 from torquebench.kernel import Array
-from torquebench.sweep.columns import INFO, Rows, Table, completed, finished
+from torquebench.metrics import METRICS
+from torquebench.sweep.columns import Rows, Table, completed, finished
 
 
 class Scale(NamedTuple):
@@ -35,7 +36,7 @@ def metric_scale(table: Table, key: str, slides: Sequence[bool] = TURNS) -> Scal
         key: The metric.
         slides: Of each joint, whether it slides: errors are in m then, or, where only some do, in rad and m.
     """
-    info = INFO[key]
+    info = METRICS[key]
     values = finished(table, np.arange(len(table["index"])), key)
     known = np.abs(values[np.isfinite(values)])
     unit = style.metric_unit(info, float(np.median(known)) if known.size else 0.0)

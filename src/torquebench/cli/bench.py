@@ -1,16 +1,19 @@
-"""``torquebench bench``: speed against peers, as ratios within one run."""
+"""``torquebench bench``: speed against peers, measured by the folder ``benchmarks`` of a checkout."""
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-from torquebench.bench.timing import Row
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.store import atomic_write, json_bytes
+from torquebench.robot.library import data_root
 
 QUICK = (4.0, 3)
 FULL = (10.0, 15)
@@ -27,24 +30,19 @@ def bench(options: argparse.Namespace) -> int:
         ConfigError: bad arguments.
     """
     _check(options)
-    from torquebench.bench.loops import closed_loops
-    from torquebench.bench.parts import parts
-    from torquebench.bench.peers import peers
-    from torquebench.bench.timing import measure
-
+    benchmarks = load_benchmarks()
     duration, rounds = QUICK if options.quick else FULL
     rounds = options.rounds or rounds
     with progress_bar(0, "case", "setting up (compiles on first use)") as bar:
-        cases = closed_loops(duration, options.threads) + parts()
-        others, left_out = peers()
-        cases += others
-        bar.total = sum(min(case.most, rounds) + 1 for case in cases)
+
+        def start(total: int) -> None:
+            bar.total = total
 
         def report(name: str) -> None:
             bar.set_description_str(name, refresh=False)
             bar.update(1)
 
-        rows = measure(cases, rounds, report)
+        rows, left_out = benchmarks.run(duration, rounds, options.threads, start, report)
     tell(rows=[asdict(row) for row in rows], rounds=rounds, left_out=left_out)
     if options.markdown:
         say(markdown(rows), fold=False)
@@ -60,13 +58,30 @@ def bench(options: argparse.Namespace) -> int:
     return 0
 
 
-def cells(row: Row) -> list[str]:
+def load_benchmarks() -> Any:
+    """Return the package ``benchmarks`` of the checkout.
+
+    Raises:
+        ConfigError: there is none, as where torquebench was installed from a wheel.
+    """
+    file = data_root() / "benchmarks" / "__init__.py"
+    if "benchmarks" not in sys.modules:
+        spec = importlib.util.spec_from_file_location("benchmarks", file, submodule_search_locations=[str(file.parent)])
+        if not file.is_file() or spec is None or spec.loader is None:
+            why = f"no folder {file.parent}: benchmarks come with the repository and the sdist, not with a wheel"
+            raise ConfigError([Problem("bench", "", f"{why}; run it in a checkout")])
+        sys.modules["benchmarks"] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules["benchmarks"])
+    return sys.modules["benchmarks"]
+
+
+def cells(row: Any) -> list[str]:
     """Return a row of the table."""
     ratio = "" if row.ratio is None else _short(row.ratio)
     return [row.name, str(row.threads), _short(row.value), row.unit, ratio, row.against]
 
 
-def markdown(rows: list[Row]) -> str:
+def markdown(rows: list[Any]) -> str:
     """Return the table as Markdown, with what each row is."""
     lines = ["| case | threads | speed | against | ratio | what |", "|---|---|---|---|---|---|"]
     for row in rows:

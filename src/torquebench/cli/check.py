@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from torquebench.check.driving import silence
-from torquebench.check.law import check_law
-from torquebench.check.report import FAIL, PASS, Report
+from torquebench.check import FAIL, PASS, Report, check_law
+from torquebench.check_cases import silence
 from torquebench.cli.colour import bad, good
 from torquebench.cli.terminal import broken, progress_bar, say, table, tell, width
 from torquebench.errors import ConfigError, Problem, did_you_mean
@@ -28,6 +27,8 @@ def check(file: Path, law: str | None) -> int:
     """
     with silence():
         names = load_plugin(file, "FILE")
+    if not names:
+        raise ConfigError([Problem("FILE", str(file), "registers no law (wanted a function with @controller)")])
     if law is not None and law not in names:
         raise ConfigError([Problem("--law", "", f"{file} registers no law '{law}'{did_you_mean(law, names)}")])
     names = names if law is None else (law,)

@@ -21,13 +21,14 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.bodies import draw_factors, perturbed
 from torquebench.robot.payload import Payload
+from torquebench.robot.perturbation import draw_factors, perturbed
 from torquebench.robot.puma560.mismatch import mismatched, with_factors, within_tolerances
 from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.friction import Friction, SteepError
-from torquebench.sim.loop import Controller, control_instants
-from torquebench.sim.plant import Plant
+from torquebench.sim.plants import Plant
+from torquebench.sim.session import Controller
+from torquebench.sim.signals import control_instants, encoder_noise
 
 PLANTS = 8
 """Plants that a `Builder` keeps: each has MuJoCo's working memory, about 1 MB."""
@@ -211,12 +212,12 @@ def build_plant(experiment: schema.Experiment) -> Plant:
     friction = None if rub is None else Friction(rub.viscous, rub.coulomb, rub.speed)
     try:
         if isinstance(keys, schema.AnalyticPlant):
-            from torquebench.sim.analytic_plant import AnalyticPlant
+            from torquebench.sim.plants.analytic import AnalyticPlant
 
             truth = load_model(keys.model, keys.structure, keys.constants)
             truth = truth if factors is None else perturbed(truth, factors)
             return AnalyticPlant(truth, keys.timestep, keys.integrator, payload=payload, friction=friction)
-        from torquebench.sim.mujoco_plant import MujocoPlant
+        from torquebench.sim.plants.mujoco import MujocoPlant
 
         return MujocoPlant(
             keys.model, keys.timestep, keys.integrator, payload=payload, friction=friction, factors=factors
@@ -271,13 +272,8 @@ def build_chain(keys: str | ChainKeys) -> Chain:
 
 def build_position_noise(experiment: schema.Experiment) -> Array | None:
     """Draw the noise of the chain's encoders, (N, n) [rad]; None when they have none."""
-    sigma, run = build_chain(experiment.chain).position_sigma, experiment.run
-    if sigma == 0.0:
-        return None
-    rng = generator(run.seed, run.draw, Stream.POSITION_NOISE)
-    noise: Array = rng.standard_normal((experiment.n_steps, experiment.n))
-    noise *= sigma
-    return noise
+    chain, run = build_chain(experiment.chain), experiment.run
+    return encoder_noise(chain, experiment.n, experiment.n_steps, run.seed, run.draw)
 
 
 def build_disturbance(experiment: schema.Experiment) -> Array | None:

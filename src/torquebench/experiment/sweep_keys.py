@@ -10,7 +10,7 @@ from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.load import SWEEP
 from torquebench.experiment.overrides import split_key
 from torquebench.experiment.sections import as_mapping, check_fields, check_value
-from torquebench.experiment.sweep_schema import MAX_KEYS, MAX_VALUES, Distribution, Normal, Range, Sweep, Worst
+from torquebench.experiment.sweep_schema import MAX_KEYS, MAX_VALUES, Distribution, Normal, Range, Sweep, worst_model
 from torquebench.experiment.sweep_values import Axis, Random, SweepKeys, Value, between, in_tables
 from torquebench.experiment.values import shown
 
@@ -68,8 +68,9 @@ class _Reader:
             hint = near if "did you mean" in near else ""
             self._document.add(path, f"got {shown(raw)}, wanted none, all, or a mapping such as {{worst: 3}}{hint}")
             return BROKEN
-        values = check_fields(self._document, path, raw, Worst)
-        return Worst(**values) if set(values) == set(Worst.model_fields) else BROKEN
+        model = worst_model()
+        values = check_fields(self._document, path, raw, model)
+        return model(**values) if set(values) == set(model.model_fields) else BROKEN
 
     def _keys(self, path: KeyPath, raw: Any) -> list[tuple[str, Any]]:
         """Return the keys that are ones, with what is written for each."""

@@ -13,7 +13,7 @@ from torquebench.metrics import METRICS
 MAX_DRAWS = 10_000_000
 MAX_VALUES = 10_000
 MAX_KEYS = 64
-MetricName: TypeAlias = Literal[tuple(info.key for info in METRICS)]  # type: ignore[valid-type]  # a computed tuple
+MetricName: TypeAlias = Literal[METRICS.names()]  # type: ignore[valid-type]  # a computed tuple
 Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Values: TypeAlias = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=MAX_VALUES)]
 Named: TypeAlias = Annotated[dict[str, Any], Field(min_length=1, max_length=MAX_VALUES)]
@@ -51,6 +51,12 @@ class Worst(Keys):
 
     worst: int = Field(ge=1, le=10_000, description="Number of runs of each controller [1].")
     by: MetricName = Field("rmse", description="Metric that is compared.")
+
+
+def worst_model() -> type[Worst]:
+    """Return `Worst` with the names of every metric there is now, those of plug-in files among them."""
+    by: Any = (Literal[METRICS.names()], Worst.model_fields["by"])  # a computed tuple
+    return create_model("Worst", __base__=Worst, by=by)
 
 
 class Sweep(Keys):

@@ -1,4 +1,4 @@
-"""Loading a user's file of laws: only from the command line, never from a config."""
+"""Loading a user's file of laws, metrics or figures: only from the command line, never from a config."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from torquebench.errors import ConfigError, ControllerError, Problem, did_you_mean_path
-from torquebench.laws.base import law_names
+from torquebench.errors import ConfigError, ControllerError, Problem, RegistryError, did_you_mean_path
+from torquebench.laws.law import law_names
+from torquebench.registry import registered_by
 
 PYTHON = r"\.py"
 """What a plug-in's name ends in, a regular expression."""
 
 
 def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
-    """Run a Python file that registers laws with `@controller`, and return the names it added.
+    """Run a Python file that registers laws, metrics or figures, and return the names of the laws it added.
 
     Args:
         path: The file; its code runs with the user's rights.
         where: Argument of the command that names it, for messages.
 
     Raises:
-        ConfigError: the file cannot be read, raises, or registers no law.
+        ConfigError: the file cannot be read, raises, or registers nothing.
     """
-    before = set(law_names())
+    before, name = set(law_names()), f"torquebench_plugin_{path.stem.replace('-', '_')}"
     try:
-        name = f"torquebench_plugin_{path.stem.replace('-', '_')}"
         spec = importlib.util.spec_from_file_location(name, path)
         if not path.exists():
             raise ControllerError(f"no such file{did_you_mean_path(path, PYTHON)}")
@@ -35,9 +35,11 @@ def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
         sys.modules[name] = module
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # a user's file may raise anything: bad input, not an internal error
-        message = f"{type(error).__name__}: {error}" if not isinstance(error, ControllerError) else str(error)
+        own = isinstance(error, ControllerError | RegistryError)
+        message = str(error) if own else f"{type(error).__name__}: {error}"
         raise ConfigError([Problem(where, str(path), message)]) from error
     added = tuple(sorted(set(law_names()) - before))
-    if not added:
-        raise ConfigError([Problem(where, str(path), "registers no law (wanted a function with @controller)")])
+    if not registered_by(name):
+        message = "registers no law, metric or figure (wanted a function with @controller, @metric or @figure)"
+        raise ConfigError([Problem(where, str(path), message)])
     return added

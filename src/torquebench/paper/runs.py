@@ -17,7 +17,8 @@ from torquebench.experiment.schema import Controller, Experiment
 from torquebench.paper.records import METRICS, Record, Records
 from torquebench.paper.shares import fuzzy_share
 from torquebench.paper.workload import FEW_DRAWS, NOMINAL, PLANTS, UNCERTAIN, Block, blocks, experiment_of
-from torquebench.sim.batch import Trial, Workers
+from torquebench.sim.session import SampledTrial
+from torquebench.sim.simulate import Workers
 from torquebench.sim.trajectory import Trajectory
 
 CERTIFIED = ("conventional", "linear-band", "proposed-l", "proposed-m", "proposed-l-model", "proposed-m-model")
@@ -108,7 +109,7 @@ def draws_of(
     """
     order: deque[tuple[Controller, int, tuple[Experiment, Loop]]] = deque()
 
-    def trials() -> Iterator[Trial]:
+    def trials() -> Iterator[SampledTrial]:
         for draw in range(draws):
             here = experiment.model_copy(update={"run": experiment.run.model_copy(update={"draw": draw})})
             there = redrawn(here, loop)
@@ -127,7 +128,7 @@ def _record(
     values: dict[str, float | None] = {}
     if run.completed:
         metrics = metrics_of(experiment, loop, keys, run)
-        values = {key: getattr(metrics, key).value for key in METRICS}
+        values = {key: metrics[key].value for key in METRICS}
         drawn = block.condition == UNCERTAIN and block.chain == "ideal"
         judged = plant == ("mujoco" if block.draws == 1 else "analytic")  # the runs that verdicts rest on: see Records
         if judged and draw < FEW_DRAWS and (block.condition == NOMINAL or (drawn and keys.name in CERTIFIED)):

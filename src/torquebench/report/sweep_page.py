@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from torquebench.metrics import METRICS
 from torquebench.report.render import Picture, render
 from torquebench.report.sweep_tables import (
     SHOWN,
@@ -18,7 +19,7 @@ from torquebench.report.sweep_tables import (
     silent_text,
 )
 from torquebench.report.tables import headlines
-from torquebench.sweep.columns import INFO, Table
+from torquebench.sweep.columns import Table
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Group, Summary, summarise
 
@@ -127,7 +128,7 @@ def by_case(summary: Summary) -> dict[int, list[Group]]:
 
 
 def _heading(metric: str) -> str:
-    return _sentence(INFO[metric].title)
+    return _sentence(METRICS[metric].title)
 
 
 def _sentence(text: str) -> str:
@@ -142,5 +143,5 @@ def picture(name: str, svg: bytes) -> Picture:
         svg: SVG document.
     """
     kind, _, rest = name.partition("-")
-    subject = INFO[rest].title if rest in INFO else rest.replace("-", " ")
-    return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg.decode(), CAPTIONS.get(kind, ""))
+    subject = METRICS[rest].title if rest in METRICS else rest.replace("-", " ")
+    return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg, CAPTIONS.get(kind, ""))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from torquebench.report.tables import headlines, number
+from torquebench.metrics import METRICS
+from torquebench.report.tables import number
 from torquebench.statistics import Ratio, Share
 from torquebench.sweep.effects import ranked
 from torquebench.sweep.reduce import TAIL, Figure
@@ -14,8 +15,6 @@ from torquebench.sweep.summary import Group, Overall, Summary
 
 SHOWN = ("rmse", "hf")
 """Metrics that tables tell more of than the mean."""
-NAMES = {key: title.split(" [")[0] for key, (title, _) in headlines((False,), steps=True).items()}
-"""Short names of the metrics, without units."""
 Titles = Mapping[str, tuple[str, float]]
 """Title with unit and scale of each metric, as of `headlines`."""
 Cells = tuple[list[str], list[list[str]]]
@@ -144,7 +143,17 @@ def effects_table(found: Sequence[Sensitivity]) -> Cells:
             share = "one at a time" if explained is None else f"{100 * max(explained, 0.0):.0f} % explained"
             cases = ", ".join(map(str, one.cases))
             order = ", ".join(ranked(effects))
-            rows.append([one.controller, NAMES[one.metric], cases, str(one.draws), order, "; ".join(named), share])
+            rows.append(
+                [
+                    one.controller,
+                    METRICS[one.metric].short_title,
+                    cases,
+                    str(one.draws),
+                    order,
+                    "; ".join(named),
+                    share,
+                ]
+            )
     header = ["controller", "metric", "cases", "draws", "what matters", "how [95 %, all at once]", "without products"]
     return header, rows
 
@@ -160,7 +169,7 @@ def silent_text(found: Sequence[Sensitivity]) -> str:
         else:
             count = len(one.effects.effects)
             reason = f"none of {count} and of their {one.effects.pairs} products shows in {one.draws} draws"
-        reasons.setdefault(reason, []).append(f"{NAMES[one.metric]} of {one.controller}")
+        reasons.setdefault(reason, []).append(f"{METRICS[one.metric].short_title} of {one.controller}")
     return "; ".join(f"{', '.join(dict.fromkeys(names))}: {reason}" for reason, names in reasons.items())
 
 

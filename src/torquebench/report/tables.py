@@ -2,44 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from torquebench.certificates import Certificate
-from torquebench.experiment.run import ExperimentResult
+from torquebench.experiment.run import ExperimentResult, is_step_like
 from torquebench.experiment.units import joint_units
-from torquebench.kernel import Array
 from torquebench.laws import find_law
-from torquebench.metrics import Metric, MetricInfo
+from torquebench.metrics import METRICS, Metric, MetricInfo
 
-ERRORS: dict[str, tuple[str, Callable[[Array], np.floating[Any]]]] = {
-    "rmse": ("RMSE", lambda errors: np.sqrt(np.mean(np.square(errors)))),
-    "max_error": ("max", np.max),
-    "steady_state_error": ("steady", np.max),
-}
-"""Headline metrics in rad, or in m of joints that slide: title, and how the joints of one kind make one number."""
-COLUMNS = {
-    "hf": ("HF [%]", 1.0),
-    "total_variation": ("TV [1/s]", 1.0),
-    "effort": ("effort", 1.0),
-    "saturation_fraction": ("saturated [%]", 100.0),
-}
-"""The other headline metrics: title with unit, and by how much the SI value is multiplied."""
-STEP_COLUMNS = {"rise_time": ("rise [s]", 1.0), "overshoot": ("over [%]", 1.0), "settling_time": ("settle [s]", 1.0)}
-"""Those that only a step has."""
+
+def columns(steps: bool) -> list[MetricInfo]:
+    """Return the metrics that have a column in tables of headlines; those that only a step has come last.
+
+    Args:
+        steps: Whether to have those too.
+    """
+    shown = [info for info in METRICS.values() if info.column]
+    return [info for info in shown if not info.steps_only] + [info for info in shown if steps and info.steps_only]
+
+
+def heading(info: MetricInfo, slides: Sequence[bool]) -> str:
+    """Return the title of a metric's column, with its unit.
+
+    Args:
+        info: The metric.
+        slides: Of each joint, whether it slides; where only some do, an error is in thousandths of rad and m alike.
+    """
+    unit = joint_units(info.shown_unit, slides) if info.is_angle else info.shown_unit
+    return info.column if unit == "1" else f"{info.column} [{unit}]"
 
 
 def headlines(slides: Sequence[bool], steps: bool = False) -> dict[str, tuple[str, float]]:
-    """Return title with unit and scale of each headline metric whose joints make one number together.
+    """Return title with unit and scale of each metric that has a column, whose joints make one number together.
 
     Args:
-        slides: Of each joint, whether it slides; where only some do, an error is in thousandths of rad and m alike.
+        slides: Of each joint, whether it slides.
         steps: Whether to have those that only a step has.
     """
-    errors = {key: (f"{title} [{joint_units('mrad', slides)}]", 1e3) for key, (title, _) in ERRORS.items()}
-    return errors | COLUMNS | (STEP_COLUMNS if steps else {})
+    return {info.key: (heading(info, slides), info.scale) for info in columns(steps)}
 
 
 def outcome_text(result: ExperimentResult, name: str) -> str:
@@ -57,33 +59,40 @@ def headline_table(result: ExperimentResult) -> tuple[list[str], list[list[str]]
 
     Errors have a column in mrad for the joints that turn, and one in mm for those that slide.
     """
-    step = result.experiment.reference.kind in ("step", "quintic")
-    columns = COLUMNS | (STEP_COLUMNS if step else {})
-    units = {"mm" if slides else "mrad": slides for slides in sorted(set(result.slides))}
+    both = sorted(set(result.slides))
+    shown = [
+        (info, slides)
+        for info in columns(is_step_like(result.experiment))
+        for slides in (both if info.is_angle else both[:1])
+    ]
     rows = []
     for keys in result.experiment.controllers:
         cells = [keys.name, keys.law, outcome_text(result, keys.name)]
         metrics = result.metrics.get(keys.name)
-        for key, (_, reduce) in ERRORS.items():
-            for slides in units.values():
-                value = None if metrics is None else _of_kind(getattr(metrics, key), result.slides, slides, reduce)
-                cells.append(number(value, 1e3))
-        for key, (_, scale) in columns.items():
-            cells.append("-" if metrics is None else number(getattr(metrics, key).value, scale))
+        for info, slides in shown:
+            value = None
+            if metrics is not None:
+                own = metrics[info.key]
+                value = joined(info, own, result.slides, slides) if info.is_angle else own.value
+            cells.append(number(value, info.scale))
         rows.append(cells)
-    errors = [f"{title} [{unit}]" for title, _ in ERRORS.values() for unit in units]
-    return ["controller", "law", "outcome", *errors, *(title for title, _ in columns.values())], rows
+    return ["controller", "law", "outcome", *(heading(info, (slides,)) for info, slides in shown)], rows
 
 
-def _of_kind(
-    metric: Metric, kinds: Sequence[bool], slides: bool, reduce: Callable[[Array], np.floating[Any]]
-) -> float | None:
-    """Return one number for the joints that slide, or for those that turn; None where one of them has none."""
+def joined(info: MetricInfo, metric: Metric, kinds: Sequence[bool], slides: bool) -> float | None:
+    """Return the headline of the joints that slide, or of those that turn; None where one of them has none.
+
+    Args:
+        info: The metric.
+        metric: Its values.
+        kinds: Of each joint, whether it slides.
+        slides: Which joints.
+    """
     if all(kind == slides for kind in kinds):
         return metric.value
     own = [value for value, kind in zip(metric.per_joint, kinds, strict=True) if kind == slides]
     known = [value for value in own if value is not None]
-    return float(reduce(np.array(known))) if len(known) == len(own) else None
+    return info.over(np.array(known)) if len(known) == len(own) else None
 
 
 def number(value: float | None, scale: float = 1.0) -> str:
@@ -110,7 +119,7 @@ def by_joint(result: ExperimentResult) -> list[dict[str, Any]]:
 
 def _value(info: MetricInfo, metric: Metric, slides: Sequence[bool]) -> dict[str, str]:
     """Return unit and headline; joints that turn and joints that slide have no headline in common."""
-    if not info.unit.startswith("rad") or not any(slides):
+    if not info.is_angle or not any(slides):
         return {"unit": info.unit, "value": number(metric.value)}
     unit = info.unit.replace("rad", "m")
     return (
@@ -127,19 +136,13 @@ def _cells(metric: Metric) -> list[str]:
     return [number(value) for value in metric.per_joint]
 
 
-def certificate_rows(result: ExperimentResult, proofs: Mapping[str, Certificate]) -> list[list[str]]:
-    """Return a row for each controller with certificates.
-
-    Args:
-        result: The experiment's runs.
-        proofs: Controller name -> certificates.
-    """
+def certificate_rows(result: ExperimentResult) -> list[list[str]]:
+    """Return a row for each controller with certificates."""
     rows = []
-    for name, found in proofs.items():
-        facts = found.to_json()
+    for name, facts in result.certified.items():
         worst = facts["worst_margin"]
         force = "N" if result.slides[worst["joint"] - 1] else "N m"
-        where = f"{result.loop.joint_names[worst['joint'] - 1]}, t = {worst['t']:.4g} s"
+        where = f"{result.joints.names[worst['joint'] - 1]}, t = {worst['t']:.4g} s"
         rows.append(
             [
                 name,

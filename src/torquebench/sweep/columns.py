@@ -19,8 +19,6 @@ Rows: TypeAlias = NDArray[np.intp]
 
 FIXED = ("index", "case", "draw", "controller", "outcome", "failed_at")
 """Columns that every table has; those of varied keys and of metrics follow."""
-INFO = {info.key: info for info in METRICS}
-"""Metric by the name of its column."""
 
 
 def checked(table: Table) -> Table:
@@ -40,7 +38,7 @@ def checked(table: Table) -> Table:
 
 def varied_keys(table: Table) -> tuple[str, ...]:
     """Return the experiment's keys that the sweep varies, in the table's order."""
-    return tuple(name for name in table if name not in FIXED and name not in INFO)
+    return tuple(name for name in table if name not in FIXED and name not in METRICS)
 
 
 def grid_keys(table: Table) -> tuple[str, ...]:
@@ -59,7 +57,7 @@ def _like_the_last(column: NDArray[Any]) -> NDArray[np.bool_]:
 
 def metric_keys(table: Table) -> tuple[str, ...]:
     """Return the metrics that have a value in some row, in the table's order."""
-    return tuple(name for name in table if name in INFO and bool(np.any(np.isfinite(table[name]))))
+    return tuple(name for name in table if name in METRICS and bool(np.any(np.isfinite(table[name]))))
 
 
 def controllers(table: Table) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ def empty_columns(plan: Plan, rows: int) -> dict[str, npt.NDArray[Any]]:
     kinds: dict[str, Any] = dict(zip(FIXED, own, strict=True))
     kinds |= {key: floats for key in (*(axis.key for axis in plan.keys.axes), *(r.key for r in plan.keys.random))}
     kinds |= {axis.key: _text([_word(value) for value in axis.values]) for axis in _axes(plan) if not axis.numeric}
-    kinds |= {info.key: floats for info in METRICS}
+    kinds |= dict.fromkeys(METRICS.names(), floats)
     return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
 
 

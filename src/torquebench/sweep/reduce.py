@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torquebench.kernel import Array
+from torquebench.metrics import METRICS
 from torquebench.statistics import Ratio, cvar, geometric_mean, paired_ratio
-from torquebench.sweep.columns import INFO, Rows, Table, finished
+from torquebench.sweep.columns import Rows, Table, finished
 
 TAIL = 0.1
 """Share of the runs that CVaR is the mean of [1]."""
@@ -43,7 +44,7 @@ def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure 
     known = np.isfinite(values)
     if not known.any():
         return None
-    own, rising = values[known], INFO[key].better == "lower"
+    own, rising = values[known], METRICS[key].better == "lower"
     at = rows[known][np.argmax(own) if rising else np.argmin(own)]
     return Figure(
         len(own),

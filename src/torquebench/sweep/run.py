@@ -18,8 +18,6 @@ from torquebench.sweep.shards import Shards
 from torquebench.sweep.store import TRAJECTORIES, Stored
 from torquebench.sweep.work import Task, Worker, keep
 
-HIGHER = frozenset(info.key for info in METRICS if info.better == "higher")
-
 
 class State(NamedTuple):
     """How far a sweep is."""
@@ -118,7 +116,8 @@ def worst_rows(stored: Stored, kept: Worst) -> list[int]:
         read_column(stored, "failed_at"),
         read_column(stored, kept.by),
     )
-    badness = np.where(np.isnan(value), np.inf, -value if kept.by in HIGHER else value)
+    higher = METRICS[kept.by].better == "higher"
+    badness = np.where(np.isnan(value), np.inf, -value if higher else value)
     early = np.where(np.isnan(failed_at), np.inf, failed_at)
     order = np.lexsort((np.arange(len(value)), -badness, early))
     order = order[read_column(stored, "outcome")[order] != REFUSED]

@@ -17,15 +17,11 @@ from torquebench.experiment.store import atomic_write
 from torquebench.kernel import Array
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS, headlines
-from torquebench.sim.again import Again
-from torquebench.sim.batch import run_trial
+from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.columns import Table
 from torquebench.sweep.form import REFUSED, empty_columns, values_of
 from torquebench.sweep.plan import Plan, Source, pairs_of
-
-UNDEFINED = np.full(len(METRICS), math.nan)
-"""Metrics of a run that has none."""
 
 
 class Ended(NamedTuple):
@@ -63,7 +59,7 @@ class Worker:
 
     def __init__(self, plan: Plan) -> None:
         self._plan, self._build = plan, Builder()
-        self._again = [Again() for _ in plan.controllers]
+        self._sessions = [Session(overwrite=True) for _ in plan.controllers]
 
     def table(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
         """Run the rows of a shard and return their table.
@@ -95,7 +91,7 @@ class Worker:
                 if task.trajectories is not None and ended.run is not None:
                     keep(task.trajectories, pair * count + at % count, plan.controllers[at % count], ended.run)
                 at += 1
-        columns |= {info.key: metrics[:, i].copy() for i, info in enumerate(METRICS)}
+        columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names())}
         return columns
 
     def pair(self, case: int, draw: int) -> Iterator[Ended]:
@@ -105,20 +101,20 @@ class Worker:
             case: The case.
             draw: The draw.
         """
-        experiment = self._plan.experiment(case, draw)
+        experiment, undefined = self._plan.experiment(case, draw), np.full(len(METRICS), math.nan)
         try:
             loop = self._build(experiment)
         except (ConfigError, ModelError):
             # the draw, not the file, is at fault: every case has been built before
-            yield from (Ended(REFUSED, 0.0, UNDEFINED, None) for _ in experiment.controllers)
+            yield from (Ended(REFUSED, 0.0, undefined, None) for _ in experiment.controllers)
             return
-        for keys, controller, again in zip(experiment.controllers, loop.controllers, self._again, strict=True):
-            run = run_trial(loop.plant, trial_of(experiment, loop, controller), again=again)
+        for keys, controller, session in zip(experiment.controllers, loop.controllers, self._sessions, strict=True):
+            run = session.run(loop.plant, trial_of(experiment, loop, controller))
             if run.completed:
                 metrics = headlines(joints_of(experiment, loop, keys, run))
                 yield Ended(run.outcome.name, math.nan, metrics, run)
             else:
-                yield Ended(run.outcome.name, float(run.failed_at or 0), UNDEFINED, run)
+                yield Ended(run.outcome.name, float(run.failed_at or 0), undefined, run)
 
 
 def keep(folder: Path, index: int, controller: str, run: Trajectory) -> None:

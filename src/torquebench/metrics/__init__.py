@@ -1,0 +1,41 @@
+"""Figures of merit of one completed run, one family a file; each metric declares itself with `@metric`."""
+
+from __future__ import annotations
+
+from torquebench.metrics.declare import METRICS, MetricInfo, metric
+from torquebench.metrics.record import JointRecord, shared
+
+# isort: off
+# the order of tables
+from torquebench.metrics import errors, step_response, chattering, torque, band
+
+# isort: on
+from torquebench.metrics.values import (
+    Metric,
+    Metrics,
+    PerJoint,
+    compute_metrics,
+    from_joints,
+    headlines,
+    per_joint,
+)
+
+__all__ = [
+    "METRICS",
+    "JointRecord",
+    "Metric",
+    "MetricInfo",
+    "Metrics",
+    "PerJoint",
+    "band",
+    "chattering",
+    "compute_metrics",
+    "errors",
+    "from_joints",
+    "headlines",
+    "metric",
+    "per_joint",
+    "shared",
+    "step_response",
+    "torque",
+]

@@ -1,0 +1,138 @@
+"""How a metric declares itself: the `@metric` decorator, and the registry of all metrics in the order of tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, TypeVar
+
+import numpy as np
+
+from torquebench.errors import RegistryError
+from torquebench.kernel import Array
+from torquebench.metrics.record import JointRecord
+from torquebench.registry import SNAKE, Registry
+
+OverJoints: TypeAlias = Literal["mean", "worst", "rms"]
+Formula: TypeAlias = Callable[[JointRecord], Array]
+_F = TypeVar("_F", bound=Formula)
+
+_IN_WORDS: dict[str, str] = {"mean": "mean of joints", "worst": "worst joint", "rms": "all joints and samples"}
+
+
+@dataclass(frozen=True, slots=True)
+class MetricInfo:
+    """What a metric declares of itself; see `metric`."""
+
+    key: str
+    title: str
+    meaning: str
+    unit: str
+    formula: Formula
+    better: Literal["lower", "higher"]
+    over_joints: OverJoints
+    steps_only: bool
+    column: str
+    shown_unit: str
+    scale: float
+
+    @property
+    def headline(self) -> str:
+        """How the joints make one number, in words."""
+        return _IN_WORDS[self.over_joints]
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether joints that turn have it in rad and joints that slide in m."""
+        return self.unit.startswith("rad")
+
+    @property
+    def short_title(self) -> str:
+        """Title where there is little room: that of its column, if it has one."""
+        return self.column or self.title
+
+    def over(self, values: Array) -> float:
+        """Return the headline of values of joints, (n,)."""
+        return float(reduce_joints(values, self.over_joints, self.better))
+
+
+def reduce_joints(values: Array, over_joints: str, better: str) -> Array:
+    """Make one number of a metric's joints: the only place where that is done.
+
+    Args:
+        values: Values of the joints along the last axis, (..., n), n at least 1.
+        over_joints: ``mean``, ``worst`` or ``rms``.
+        better: Which values are better, ``lower`` or ``higher``: the worst are the others.
+
+    Returns:
+        (...,), NaN where a joint has no value.
+    """
+    n = values.shape[-1]
+    if over_joints == "worst":
+        worst = np.maximum if better == "lower" else np.minimum
+        return np.asarray(worst.reduce(values, axis=-1))
+    if over_joints == "rms":
+        return np.asarray(np.sqrt(np.add.reduce(values * values, axis=-1) / n))
+    return np.asarray(np.add.reduce(values, axis=-1) / n)
+
+
+METRICS: Registry[MetricInfo] = Registry("metric", SNAKE)
+"""Every metric, in the order of tables: those of this package, then those of plug-in files."""
+
+
+def metric(
+    key: str,
+    *,
+    title: str,
+    unit: str,
+    meaning: str = "",
+    better: Literal["lower", "higher"] = "lower",
+    over_joints: OverJoints = "mean",
+    steps_only: bool = False,
+    column: str | None = None,
+    shown_as: tuple[str, float] | None = None,
+) -> Callable[[_F], _F]:
+    """Register a metric: a function of one completed run that returns a value for each joint, (n,), NaN for none.
+
+    Args:
+        key: Name in ``metrics.json``, in a sweep's table and for `sweep.keep.by`: lower case with underscores.
+        title: Name in figures and lists.
+        unit: SI unit; ``1`` for a pure number. One that begins with ``rad`` is in m for joints that slide.
+        meaning: Definition in words; the first line of the function's docstring by default.
+        better: Which values are better.
+        over_joints: How the joints make one number, the headline: their mean, the worst of them, or the root of
+            the mean square.
+        steps_only: Whether only a reference that is like a step has it; only joints that have a step count then.
+        column: Title of its column in tables of headlines; the title by default, empty for no column.
+        shown_as: Unit in that column, and by how much the SI value is multiplied; the SI unit by default, for rad
+            thousandths of it.
+
+    Raises:
+        RegistryError: the key is taken or not of that form, or an argument is not one of the words it may be.
+    """
+    if better not in ("lower", "higher") or over_joints not in _IN_WORDS:
+        raise RegistryError(
+            f"metric '{key}': got better={better!r}, over_joints={over_joints!r}, wanted better 'lower' or 'higher' "
+            f"and over_joints 'mean', 'worst' or 'rms'"
+        )
+    shown_unit, scale = shown_as or ((f"m{unit}", 1e3) if unit.startswith("rad") else (unit, 1.0))
+
+    def register(formula: _F) -> _F:
+        words = meaning or (formula.__doc__ or title).strip().splitlines()[0].rstrip(".")
+        info = MetricInfo(
+            key=key,
+            title=title,
+            meaning=words,
+            unit=unit,
+            formula=formula,
+            better=better,
+            over_joints=over_joints,
+            steps_only=steps_only,
+            column=title if column is None else column,
+            shown_unit=shown_unit,
+            scale=scale,
+        )
+        METRICS.register(key, info, maker=formula)
+        return formula
+
+    return register

@@ -1,0 +1,71 @@
+"""What a metric is computed from: one completed run, with the window and the limits that metrics use."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from torquebench.kernel import Array
+from torquebench.sim.trajectory import Trajectory
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointRecord:
+    """One completed run as metrics see it; signals (N, n) are those at the control instants of the whole run."""
+
+    trajectory: Trajectory
+    """Every signal of the run."""
+    e: Array
+    """Tracking error q_ref - q of the true position, (N, n) [rad]."""
+    tau_max: Array
+    """Torque limit of each joint, (n,) [N m]."""
+    control_period: float
+    """Time between control instants [s]."""
+    window: slice
+    """Samples with t >= `run.metrics_from`: `run.e[run.window]` is the error in the metrics' window."""
+    phi: Array | None
+    """Half-width of the law's boundary layer, (n,) [rad/s]; None for a law without one."""
+    _shared: dict[Callable[..., Any], Any] = field(default_factory=dict)
+
+    @property
+    def t(self) -> Array:
+        """Control instants, (N,) [s]."""
+        return self.trajectory.t
+
+    @property
+    def q(self) -> Array:
+        """True position, (N, n) [rad]."""
+        return self.trajectory.q
+
+    @property
+    def q_ref(self) -> Array:
+        """Desired position, (N, n) [rad]."""
+        return self.trajectory.q_ref
+
+    @property
+    def tau(self) -> Array:
+        """Torque after clipping, (N, n) [N m]."""
+        return self.trajectory.tau
+
+    @property
+    def s(self) -> Array:
+        """Sliding variable of the law, (N, n) [rad/s]; NaN for a law without one."""
+        return self.trajectory.s
+
+
+def shared(compute: Callable[[JointRecord], T]) -> Callable[[JointRecord], T]:
+    """Compute something once for each run, for several metrics that follow from one pass over its samples."""
+
+    @functools.wraps(compute)
+    def cached(run: JointRecord) -> T:
+        kept = run._shared
+        if compute not in kept:
+            kept[compute] = compute(run)
+        result: T = kept[compute]
+        return result
+
+    return cached

@@ -1,0 +1,212 @@
+"""From a completed run to its metrics: every metric by joint, and the headline of each.
+
+Source of every definition: docs/definitions.md, "Metrics". This module chooses the windows, keeps undefined values
+visible, and reduces each metric to its headline. Errors are those of the true position.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from torquebench.errors import ResultError
+from torquebench.kernel import Array
+from torquebench.metrics.declare import METRICS, MetricInfo, reduce_joints
+from torquebench.metrics.record import JointRecord
+from torquebench.metrics.step_response import response_of
+from torquebench.sim.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One metric of one run; `value` is None when any counted joint has none: survivors are not averaged."""
+
+    value: float | None
+    per_joint: tuple[float | None, ...]
+    counted: int
+    """Joints that enter the headline; a joint without a step, say, is not counted."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain numbers, None where undefined; `defined` is how many counted joints have a value."""
+        defined = sum(x is not None for x in self.per_joint)
+        return {
+            "value": self.value,
+            "per_joint": list(self.per_joint),
+            "counted": self.counted,
+            "defined": defined,
+        }
+
+
+class Metrics:
+    """Every metric of one completed run, in SI units: ``metrics.rmse`` or ``metrics["rmse"]``.
+
+    Args:
+        values: Key -> metric, in the order of tables.
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, values: Mapping[str, Metric]) -> None:
+        self._values = dict(values)
+
+    def __getitem__(self, key: str) -> Metric:
+        METRICS.find(key)  # names the nearest key where there is none
+        return self._values[key]
+
+    def __getattr__(self, key: str) -> Metric:
+        if key.startswith("_") or key not in self._values:
+            raise AttributeError(f"no metric '{key}'")
+        return self._values[key]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._values]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Metrics) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(tuple(self._values.items()))
+
+    def __repr__(self) -> str:
+        return f"<Metrics {', '.join(f'{key}={one.value}' for key, one in self._values.items())}>"
+
+    def items(self) -> tuple[tuple[MetricInfo, Metric], ...]:
+        """Return (description, metric) pairs in table order."""
+        return tuple((METRICS[key], one) for key, one in self._values.items())
+
+    def to_json(self) -> dict[str, dict[str, Any]]:
+        """Return a JSON-ready mapping from key to `Metric.to_json`, in table order; it never holds NaN."""
+        return {key: one.to_json() for key, one in self._values.items()}
+
+
+class PerJoint(NamedTuple):
+    """Every metric of every joint, before it is reduced to its headline."""
+
+    values: Array
+    """A row for each of `METRICS`, (len(METRICS), n); NaN where undefined."""
+    stepped: npt.NDArray[np.bool_]
+    """Joints that have a step, (n,): only these count in metrics that only a step has."""
+
+
+def headlines(joints: PerJoint) -> Array:
+    """Return the headline of each of `METRICS`, (len(METRICS),); NaN where a joint that counts has no value.
+
+    Args:
+        joints: The metrics of the joints.
+    """
+    values, stepped = joints
+    reduced = np.full(len(values), np.nan)
+    alike: dict[tuple[str, str, bool], list[int]] = {}
+    for row, info in enumerate(METRICS.values()):
+        alike.setdefault((info.over_joints, info.better, info.steps_only), []).append(row)
+    for (over_joints, better, steps_only), rows in alike.items():
+        counted = values[rows] if not steps_only else np.ascontiguousarray(values[rows][:, stepped])
+        if counted.shape[1] > 0:
+            reduced[rows] = reduce_joints(counted, over_joints, better)
+    reduced[~np.isfinite(reduced)] = np.nan
+    return reduced
+
+
+def from_joints(joints: PerJoint) -> Metrics:
+    """Return metrics in the form that is stored and shown."""
+    n, steps = joints.values.shape[1], int(np.count_nonzero(joints.stepped))
+    rows = zip(METRICS.values(), headlines(joints).tolist(), joints.values.tolist(), strict=True)
+    return Metrics(
+        {
+            info.key: Metric(_known(value), tuple([_known(x) for x in row]), steps if info.steps_only else n)
+            for info, value, row in rows
+        }
+    )
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def compute_metrics(
+    trajectory: Trajectory,
+    *,
+    tau_max: Array,
+    metrics_from: float,
+    control_period: float,
+    step_like: bool,
+    phi: Array | float | None = None,
+) -> Metrics:
+    """Compute every metric of a completed run; arguments as of `per_joint`."""
+    joints = per_joint(
+        trajectory,
+        tau_max=tau_max,
+        metrics_from=metrics_from,
+        control_period=control_period,
+        step_like=step_like,
+        phi=phi,
+    )
+    return from_joints(joints)
+
+
+def per_joint(
+    trajectory: Trajectory,
+    *,
+    tau_max: Array,
+    metrics_from: float,
+    control_period: float,
+    step_like: bool,
+    phi: Array | float | None = None,
+) -> PerJoint:
+    """Compute every metric of a completed run, joint by joint.
+
+    RMSE, maximum error, torque metrics and time in band use the samples with t >= `metrics_from`; the
+    steady-state error the last 0.5 s; IAE, ITAE and the step response the whole run.
+
+    Args:
+        trajectory: The run.
+        tau_max: Torque limit of each joint, (n,) [N m]; positive.
+        metrics_from: Start of the metrics' window [s].
+        control_period: Time between control instants [s].
+        step_like: Whether the reference goes from one position to another and stays there, so that rise time,
+            overshoot and settling time mean something.
+        phi: Half-width of the law's boundary layer, scalar or (n,) [rad/s]; None when it has none.
+
+    Raises:
+        ResultError: the run did not complete, or its window holds fewer than two samples, or a limit is not
+            a positive number, or a metric of a plug-in does not return one number for each joint.
+    """
+    if not trajectory.completed:
+        raise ResultError(f"a run that did not complete has no metrics ({trajectory.outcome.value})")
+    t, n = trajectory.t, trajectory.q.shape[1]
+    limit = np.asarray(tau_max, dtype=np.float64)
+    if limit.shape != (n,) or not all(0.0 < x < math.inf for x in limit.tolist()):
+        raise ResultError(f"torque limits {limit.tolist()}: wanted {n} positive numbers")
+    # t >= metrics_from, whichever way k T was rounded
+    first = int(np.searchsorted(t, metrics_from - 1e-6 * control_period, side="right"))
+    if len(t) - first < 2:
+        raise ResultError(f"the metrics' window from {metrics_from:g} s holds fewer than two samples")
+    run = JointRecord(
+        trajectory,
+        e=trajectory.q_ref - trajectory.q,
+        tau_max=limit,
+        control_period=control_period,
+        window=slice(first, len(t)),
+        phi=None if phi is None else np.full(n, phi, dtype=np.float64),
+    )
+    values = np.full((len(METRICS), n), np.nan)
+    for row, info in enumerate(METRICS.values()):
+        if step_like or not info.steps_only:
+            values[row] = _checked(info, run, n)
+    return PerJoint(values, response_of(run).counted if step_like else np.zeros(n, dtype=bool))
+
+
+def _checked(info: MetricInfo, run: JointRecord, n: int) -> Array:
+    """Return one metric of each joint; a metric of a user's that raises or returns anything else is refused."""
+    try:
+        found = np.asarray(info.formula(run), dtype=np.float64)
+    except Exception as error:  # a user's function may raise anything
+        raise ResultError(f"metric '{info.key}': {type(error).__name__}: {error}") from error
+    if found.shape != (n,):
+        raise ResultError(f"metric '{info.key}' returned shape {found.shape}, wanted ({n},): a number for each joint")
+    return found

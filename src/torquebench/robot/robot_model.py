@@ -1,0 +1,195 @@
+"""Analytic models of arms for users: checked shapes, leading batch axes, one method per term of the dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from torquebench.kernel import Array, kernel
+from torquebench.robot import dynamics
+from torquebench.robot.flat_model import Model
+from torquebench.robot.rigid_body import place_frames
+
+
+@kernel
+def _each_mass_matrix(model: Model, q: Array, out: Array) -> None:
+    for i in range(len(q)):
+        dynamics.mass_matrix(model, q[i], out[i])
+
+
+@kernel
+def _each_gravity(model: Model, q: Array, out: Array) -> None:
+    for i in range(len(q)):
+        dynamics.gravity(model, q[i], out[i])
+
+
+@kernel
+def _each_bias(model: Model, q: Array, qd: Array, out: Array) -> None:
+    for i in range(len(q)):
+        dynamics.bias_forces(model, q[i], qd[i], out[i])
+
+
+@kernel
+def _each_inverse(model: Model, q: Array, qd: Array, qdd: Array, out: Array) -> None:
+    for i in range(len(q)):
+        dynamics.inverse_dynamics(model, q[i], qd[i], qdd[i], out[i])
+
+
+@kernel
+def _each_forward(model: Model, q: Array, qd: Array, tau: Array, out: Array) -> None:
+    for i in range(len(q)):
+        dynamics.forward_dynamics(model, q[i], qd[i], tau[i], out[i])
+
+
+@kernel
+def _each_products(model: Model, q: Array, b: Array, C: Array) -> None:
+    for i in range(len(q)):
+        dynamics.velocity_products(model, q[i], b[i], C[i])
+
+
+@kernel
+def _each_pose(model: Model, q: Array, out: Array) -> None:
+    for i in range(len(q)):
+        tool_pose(model, q[i], out[i])
+
+
+class RobotModel:
+    """Analytic model of a serial arm; every method takes (n,) or (..., n) arrays and returns new arrays.
+
+    Frames: joint angles as in the model's files, base frame z up. One object must not be used by two threads.
+
+    Attributes:
+        name: Name of the model.
+        joint_names: Names of the joints, base first.
+        flat: What the kernels and laws receive.
+    """
+
+    def __init__(self, name: str, joint_names: tuple[str, ...], flat: Model) -> None:
+        self.name = name
+        self.joint_names = joint_names
+        self.flat = flat
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}, {self.n} joints>"
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.flat.armature)
+
+    def mass_matrix(self, q: npt.ArrayLike) -> Array:
+        """Mass matrix M(q), armature included, (..., n, n) [kg m^2].
+
+        Args:
+            q: Joint position, (..., n) [rad].
+
+        Raises:
+            ValueError: the last axis is not n long, or a value is not finite; so in every method.
+        """
+        return self._map(_each_mass_matrix, (self.n, self.n), q=q)
+
+    def coriolis(self, q: npt.ArrayLike) -> Array:
+        """Coriolis matrix b(q) of (26), (..., n, n(n-1)/2) [kg m^2], columns 12, 13, .., 1n, 23, .. as in (32).
+
+        Args:
+            q: Joint position, (..., n) [rad].
+        """
+        return self._products(q)[0]
+
+    def centrifugal(self, q: npt.ArrayLike) -> Array:
+        """Centrifugal matrix C(q) of (26), (..., n, n) [kg m^2].
+
+        Args:
+            q: Joint position, (..., n) [rad].
+        """
+        return self._products(q)[1]
+
+    def gravity(self, q: npt.ArrayLike) -> Array:
+        """Torque g(q) that holds the arm still, (..., n) [N m].
+
+        Args:
+            q: Joint position, (..., n) [rad].
+        """
+        return self._map(_each_gravity, (self.n,), q=q)
+
+    def bias_forces(self, q: npt.ArrayLike, qd: npt.ArrayLike) -> Array:
+        """Torque N(q, qd) for zero acceleration: Coriolis, centrifugal and gravity, (25), (..., n) [N m].
+
+        Args:
+            q: Joint position, (..., n) [rad].
+            qd: Joint velocity, (..., n) [rad/s].
+        """
+        return self._map(_each_bias, (self.n,), q=q, qd=qd)
+
+    def inverse_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, qdd: npt.ArrayLike) -> Array:
+        """Torque M(q) qdd + N(q, qd) that produces the acceleration `qdd`, (27), (..., n) [N m].
+
+        Args:
+            q: Joint position, (..., n) [rad].
+            qd: Joint velocity, (..., n) [rad/s].
+            qdd: Joint acceleration, (..., n) [rad/s^2].
+        """
+        return self._map(_each_inverse, (self.n,), q=q, qd=qd, qdd=qdd)
+
+    def forward_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, tau: npt.ArrayLike) -> Array:
+        """Acceleration M(q)^-1 (tau - N(q, qd)), (30), (..., n) [rad/s^2].
+
+        Args:
+            q: Joint position, (..., n) [rad].
+            qd: Joint velocity, (..., n) [rad/s].
+            tau: Joint torque, (..., n) [N m].
+        """
+        return self._map(_each_forward, (self.n,), q=q, qd=qd, tau=tau)
+
+    def forward_kinematics(self, q: npt.ArrayLike) -> Array:
+        """Pose of the tool frame in the base frame, homogeneous, (..., 4, 4) [-, m].
+
+        Args:
+            q: Joint position, (..., n) [rad].
+        """
+        return self._map(_each_pose, (4, 4), q=q)
+
+    def _products(self, q: npt.ArrayLike) -> tuple[Array, Array]:
+        (flat,), lead = self._checked(q=q)
+        b = np.empty((len(flat), self.n, self.n * (self.n - 1) // 2))
+        C = np.empty((len(flat), self.n, self.n))
+        _each_products(self.flat, flat, b, C)
+        return b.reshape(*lead, *b.shape[1:]), C.reshape(*lead, *C.shape[1:])
+
+    def _map(self, function: Callable[..., None], shape: tuple[int, ...], **arguments: Any) -> Array:
+        flat, lead = self._checked(**arguments)
+        out = np.empty((len(flat[0]), *shape))
+        function(self.flat, *flat, out)
+        return out.reshape(*lead, *shape)
+
+    def _checked(self, **arguments: Any) -> tuple[list[Array], tuple[int, ...]]:
+        arrays = {name: np.asarray(value, dtype=np.float64) for name, value in arguments.items()}
+        for name, array in arrays.items():
+            if array.ndim < 1 or array.shape[-1] != self.n:
+                raise ValueError(f"{name} has shape {array.shape}, wanted (..., {self.n})")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{name} has values that are not finite")
+        lead = np.broadcast_shapes(*(array.shape[:-1] for array in arrays.values()))
+        flat = [np.ascontiguousarray(np.broadcast_to(a, (*lead, self.n))).reshape(-1, self.n) for a in arrays.values()]
+        return flat, lead
+
+
+@kernel
+def tool_pose(model: Model, q: Array, T: Array) -> None:
+    """Fill `T` (4, 4) with the tool frame in the base frame at joint position `q` (n,): rotation and origin [m]."""
+    place_frames(model, q)
+    n = len(q)
+    for r in range(4):
+        for c in range(4):
+            T[r, c] = 1.0 if r == c else 0.0
+    for i in range(n + 1):
+        R = model.scratch.rotation[i] if i < n else model.tool_rotation
+        p = model.scratch.offset[i] if i < n else model.tool_offset
+        for r in range(3):
+            x, y, z = T[r, 0], T[r, 1], T[r, 2]
+            T[r, 3] += x * p[0] + y * p[1] + z * p[2]
+            for c in range(3):
+                T[r, c] = x * R[0, c] + y * R[1, c] + z * R[2, c]

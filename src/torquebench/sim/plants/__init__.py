@@ -1,0 +1,149 @@
+"""What the loop asks of a plant: the protocol, and the timing every plant shares."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, Protocol
+
+from torquebench.errors import TorquebenchError
+from torquebench.kernel import Array
+from torquebench.kernel.struct import Structure
+from torquebench.robot.payload import Payload
+
+INTEGRATORS = ("rk4", "euler")
+"""Classical Runge-Kutta of order 4, and semi-implicit Euler (velocity first)."""
+
+
+class Plant(Protocol):
+    """The truth: a robot whose joints are driven by torques held constant between control instants."""
+
+    n: int
+    """Number of joints."""
+    timestep: float
+    """Integration step [s]."""
+    tau_max: Array
+    """Torque limits of the actuators, (n,) [N m]."""
+
+    def reset(self, q: Array, qd: Array) -> None:
+        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,)."""
+        ...
+
+    def state(self) -> tuple[Array, Array]:
+        """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
+        ...
+
+    def step(self, tau: Array, substeps: int) -> None:
+        """Integrate `substeps` time steps; never resets itself.
+
+        Args:
+            tau: Joint torque [N m]: constant, (n,), or at the start, in the middle and at the end of each time step,
+                (3, n), as a lagging actuator gives it. Euler's method uses the first row.
+            substeps: Number of time steps.
+        """
+        ...
+
+    def replica(self) -> Plant:
+        """Return another plant of the same arm that shares nothing it writes to, for another thread."""
+        ...
+
+
+class Carrier(Plant, Protocol):
+    """A plant that takes up a payload in the middle of a run; `simulate` tells it when. Others need none of this."""
+
+    payload: Payload | None
+    """What it takes up."""
+
+    def attach(self) -> None:
+        """Go on with the payload, from the same position and velocity; `reset` takes it away again."""
+        ...
+
+
+class NativeError(TorquebenchError):
+    """A plant has no native form here; the message says why."""
+
+
+class NativePlant(NamedTuple):
+    """What the compiled loop needs of a plant, from its method ``native()``; a plant without one is not compiled."""
+
+    step: int
+    """Address of a native function (structure, torque (3, n), substeps, varying) -> 0."""
+    structure: Structure
+    """What that function works on; kept alive by whoever holds this."""
+    q: Array
+    """The plant's own position, which the function moves on, (n,) [rad]."""
+    qd: Array
+    """The plant's own velocity, likewise, (n,) [rad/s]."""
+    loaded: Structure | None = None
+    """What the function works on once the payload is taken up in the middle of a run; with the same `q` and `qd`."""
+
+
+def check_own(plant: Plant, known: type[Any]) -> None:
+    """Refuse the native form of a plant whose methods may not be those that form stands for.
+
+    Raises:
+        NativeError: `plant` is an instance of a subclass of `known`.
+    """
+    if type(plant) is not known:
+        raise NativeError(f"the plant is a {type(plant).__name__}; only a {known.__name__} itself has a native form")
+
+
+def attached_at(plant: Plant, control_period: float, n_steps: int) -> int:
+    """Return the control instant at which a plant takes up its payload; 0 when it has none, or has it from the start.
+
+    Args:
+        plant: The plant; its attribute ``payload`` is asked for, where it has one.
+        control_period: Time between control instants [s].
+        n_steps: Number of control instants.
+
+    Raises:
+        ValueError: the time is not one of a control instant of the run.
+    """
+    payload: Payload | None = getattr(plant, "payload", None)
+    if payload is None or payload.at == 0.0:
+        return 0
+    k = substeps_per_period(payload.at, control_period, ("the payload's time", "control_period"))
+    if k >= n_steps:
+        raise ValueError(f"the payload is taken up at {payload.at:g} s, wanted a time before the end of the run")
+    return k
+
+
+def stages(tau: Array) -> tuple[Array, Array, Array]:
+    """Return the torque at the start, in the middle and at the end of a time step, from what `Plant.step` takes."""
+    return (tau, tau, tau) if tau.ndim == 1 else (tau[0], tau[1], tau[2])
+
+
+def check_scheme(timestep: float, integrator: str) -> None:
+    """Refuse a time step or an integrator no plant can use.
+
+    Raises:
+        ValueError: the time step is not finite and positive, or the integrator is unknown.
+    """
+    substeps_per_period(timestep, timestep, ("timestep", "timestep"))
+    if integrator not in INTEGRATORS:
+        raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
+
+
+def substeps_per_period(
+    control_period: float, timestep: float, names: tuple[str, str] = ("control_period", "timestep")
+) -> int:
+    """Return how many time steps make one control period.
+
+    Args:
+        control_period: Time between control instants [s].
+        timestep: Integration step [s].
+        names: What the caller calls the two, for messages.
+
+    Raises:
+        ValueError: either is not finite and positive, or the ratio is not a whole number.
+    """
+    for name, value in zip(names, (control_period, timestep), strict=True):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value}, wanted a finite positive number of seconds")
+    ratio = control_period / timestep
+    whole = round(ratio)
+    if whole < 1 or abs(ratio - whole) > 1e-9 * ratio:
+        raise ValueError(
+            f"{names[0]} {control_period} s is not a whole multiple of {names[1]} {timestep} s "
+            f"(nearest: {max(whole, 1) * timestep:.12g} s)"
+        )
+    return whole

@@ -1,0 +1,243 @@
+"""The arm in MuJoCo, and MuJoCo's own terms of the dynamics for comparison."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from torquebench.errors import ModelError
+from torquebench.kernel import Array
+from torquebench.robot.library import mjcf_path
+from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
+from torquebench.robot.mjcf_links import links_of, with_links
+from torquebench.robot.payload import Payload, add_payload
+from torquebench.robot.perturbation import scaled
+from torquebench.sim.friction import NONE, Friction, check_stable, poses, resist
+from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
+
+_CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
+
+
+def _quiet(message: str) -> None:
+    """Receive MuJoCo's warnings so that no MUJOCO_LOG.TXT is written; the loop checks the state itself."""
+
+
+def load_mujoco(source: str | Path) -> Any:
+    """Compile a model for stepping: joints must be hinges or slides, and a bad state must not reset itself.
+
+    Raises:
+        ModelError: no such model, it does not compile, or it has other joints.
+    """
+    m = compile_mjcf(mjcf_path(source))
+    if m.nq != m.nv or m.nv == 0:
+        raise ModelError(f"{source}: wanted hinge and slide joints only, at least one")
+    torque_limits(m, str(source))  # refuses actuators that would act by themselves
+    m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    m.opt.enableflags = 0  # sleeping bodies freeze in mid-air; discrete inverse dynamics is another quantity
+    return m
+
+
+def mass_matrices(m: Any, q: Array) -> Array:
+    """Return MuJoCo's mass matrix, armature included, (N, n, n) [kg m^2], at positions `q` (N, n) [rad]."""
+    d, out = mujoco.MjData(m), np.zeros((len(q), m.nv, m.nv))
+    for i, position in enumerate(q):
+        d.qpos[:] = position
+        mujoco.mj_forward(m, d)
+        mujoco.mj_fullM(m, d, out[i])
+    return out
+
+
+class MujocoPlant:
+    """A plant stepped by MuJoCo; follows the `Plant` protocol.
+
+    Torque enters as ``qfrc_applied``, so that disturbances beyond an actuator's range act in full; the model's
+    own actuators stay at zero.
+
+    Args:
+        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+        timestep: Integration step [s]; overrides the file's.
+        integrator: ``rk4`` or ``euler``; overrides the file's.
+        payload: What the last joint's link takes up, at the start or in the middle of a run.
+        friction: Friction of the joints, beside what the model has of its own.
+        factors: What the links' parameters are multiplied by, (n, 8): see `scaled`; None for the links as they are.
+
+    Raises:
+        ModelError: the model cannot be used as a plant, or cannot carry the payload.
+        ValueError: the time step is not finite and positive, the integrator is unknown, or the friction does not fit
+            them.
+    """
+
+    def __init__(
+        self,
+        source: str | Path,
+        timestep: float = 0.001,
+        integrator: str = "rk4",
+        *,
+        payload: Payload | None = None,
+        friction: Friction | None = None,
+        factors: Array | None = None,
+    ) -> None:
+        check_scheme(timestep, integrator)
+        mujoco.set_mju_user_warning(_quiet)
+        self._m = load_mujoco(source)
+        self._m.opt.timestep = timestep
+        self._m.opt.integrator = _CODES[integrator]
+        if factors is not None:
+            self._m = with_links(self._m, scaled(links_of(self._m), factors))
+        self.payload, self.friction = payload, friction
+        self._resistance = NONE if friction is None else friction.of_joints(int(self._m.nv))
+        if friction is not None:
+            check_stable(self._resistance, mass_matrices(self._m, poses(int(self._m.nv))), timestep, integrator)
+        self._loaded: Any = None
+        if payload is not None:
+            self._loaded = with_links(self._m, add_payload(links_of(self._m), payload))
+            if payload.at == 0.0:
+                self._m, self._loaded = self._loaded, None
+        self._now = self._m
+        self._d = mujoco.MjData(self._m)
+        self._native: NativePlant | None = None
+        self._lean: tuple[bool, bool] | None = None
+        self.n = int(self._m.nv)
+        self.timestep = timestep
+        self.tau_max = torque_limits(self._m, str(source))
+        self.joint_names = tuple(joint_names(self._m))
+
+    def reset(self, q: Array, qd: Array) -> None:
+        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
+        self._now = self._m
+        mujoco.mj_resetData(self._m, self._d)
+        self._d.qpos[:], self._d.qvel[:] = q, qd
+
+    def attach(self) -> None:
+        """Go on with the payload; see `Carrier`."""
+        self._now = self._m if self._loaded is None else self._loaded
+
+    def state(self) -> tuple[Array, Array]:
+        """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
+        return self._d.qpos.copy(), self._d.qvel.copy()
+
+    def step(self, tau: Array, substeps: int) -> None:
+        """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`."""
+        start, middle, end = stages(tau)
+        rough, rk4 = self.friction is not None, self._m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        if rk4 and (rough or tau.ndim == 2):
+            for _ in range(substeps):
+                self._runge_kutta(start, middle, end)
+        elif rough:
+            for _ in range(substeps):
+                self._apply(start)
+                mujoco.mj_step(self._now, self._d)
+        else:
+            self._d.qfrc_applied[:] = start
+            mujoco.mj_step(self._now, self._d, substeps)
+
+    def _apply(self, torque: Array) -> None:
+        """Have `torque` (n,) [N m] act on the joints, less the friction at their velocity."""
+        self._d.qfrc_applied[:] = torque
+        if self.friction is not None:
+            resist(self._resistance, self._d.qvel, self._d.qfrc_applied, self._d.qfrc_applied)
+
+    def _runge_kutta(self, start: Array, middle: Array, end: Array) -> None:
+        """One step as ``mj_step`` makes it, but with the torque of each stage's own time."""
+        d, h = self._d, self.timestep
+        q, qd = d.qpos.copy(), d.qvel.copy()
+        velocity, acceleration = np.zeros(self.n), np.zeros(self.n)
+        stages_of = ((start, 0.5, 1.0 / 6.0), (middle, 0.5, 1.0 / 3.0), (middle, 1.0, 1.0 / 3.0), (end, 0.0, 1.0 / 6.0))
+        for torque, ahead, weight in stages_of:
+            self._apply(torque)
+            mujoco.mj_forward(self._now, d)
+            velocity += d.qvel * weight
+            acceleration += d.qacc * weight
+            at = d.qvel.copy()
+            d.qpos[:], d.qvel[:] = q + h * (ahead * at), qd + h * (ahead * d.qacc)
+        d.qpos[:], d.qvel[:] = q + h * velocity, qd + h * acceleration
+        d.qacc_warmstart[:] = d.qacc  # where constraints start from in the next step
+
+    def native(self) -> NativePlant:
+        """Return what the compiled loop needs; see `NativePlant`.
+
+        Raises:
+            NativeError: MuJoCo's library cannot be called from compiled code, or this is a subclass, whose own
+                methods the compiled loop would pass over.
+        """
+        check_own(self, MujocoPlant)
+        if self._native is None:
+            from torquebench.sim.plants.mujoco_native import compiled_step, native_arm
+
+            lean = self._lean or (None, None)
+            arm = native_arm(self._m, self._d, self._resistance, lean[0])
+            loaded = None
+            if self._loaded is not None:
+                loaded = native_arm(self._loaded, self._d, self._resistance, lean[1])
+            self._lean = arm.lean, loaded is not None and loaded.lean
+            self._native = NativePlant(compiled_step().address, arm, self._d.qpos, self._d.qvel, loaded)
+        return self._native
+
+    def replica(self) -> MujocoPlant:
+        """Return another plant of the same arm, for another thread."""
+        twin = copy.copy(self)
+        twin._m = twin._now = copy.copy(self._m)
+        twin._loaded = copy.copy(self._loaded)
+        twin._d = mujoco.MjData(twin._m)
+        twin._native = None
+        return twin
+
+
+class MujocoModel:
+    """MuJoCo's terms of the dynamics under the method names of `RobotModel`, each computed by MuJoCo alone.
+
+    Args:
+        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+    """
+
+    def __init__(self, source: str | Path) -> None:
+        self._m = load_mujoco(source)
+        self._d = mujoco.MjData(self._m)
+        self.name = str(source)
+        self.n = int(self._m.nv)
+        self.joint_names = tuple(joint_names(self._m))
+
+    def mass_matrix(self, q: npt.ArrayLike) -> Array:
+        """Mass matrix, armature included, (N, n, n) [kg m^2], at positions `q` (N, n) [rad]."""
+        return mass_matrices(self._m, np.asarray(q, dtype=np.float64))
+
+    def bias_forces(self, q: npt.ArrayLike, qd: npt.ArrayLike) -> Array:
+        """Coriolis, centrifugal and gravity torque ``qfrc_bias``, (N, n) [N m]."""
+        out = []
+        for position, velocity in zip(np.asarray(q), np.asarray(qd), strict=True):
+            self._forward(position, velocity)
+            out.append(self._d.qfrc_bias.copy())
+        return np.array(out)
+
+    def gravity(self, q: npt.ArrayLike) -> Array:
+        """Torque that holds the arm still, (N, n) [N m]: ``qfrc_bias`` at rest."""
+        return self.bias_forces(q, np.zeros_like(np.asarray(q, dtype=np.float64)))
+
+    def inverse_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, qdd: npt.ArrayLike) -> Array:
+        """Torque that produces the acceleration `qdd` (N, n) [rad/s^2], by ``mj_inverse``, (N, n) [N m]."""
+        out = []
+        for position, velocity, acceleration in zip(np.asarray(q), np.asarray(qd), np.asarray(qdd), strict=True):
+            self._forward(position, velocity)
+            self._d.qacc[:] = acceleration
+            mujoco.mj_inverse(self._m, self._d)
+            out.append(self._d.qfrc_inverse.copy())
+        return np.array(out)
+
+    def forward_kinematics(self, q: npt.ArrayLike) -> Array:
+        """Pose of the tool in the world, (N, 4, 4) [-, m]; see `tool_frame`."""
+        out = np.tile(np.eye(4), (len(np.asarray(q)), 1, 1))
+        for i, position in enumerate(np.asarray(q)):
+            self._d.qpos[:] = position
+            mujoco.mj_kinematics(self._m, self._d)
+            rotation, origin = tool_frame(self._m, self._d, self.name)
+            out[i, :3, :3], out[i, :3, 3] = rotation.reshape(3, 3), origin
+        return out
+
+    def _forward(self, q: Array, qd: Array) -> None:
+        self._d.qpos[:], self._d.qvel[:] = q, qd
+        mujoco.mj_forward(self._m, self._d)
