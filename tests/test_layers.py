@@ -17,7 +17,8 @@ from tests.source_tree import ALL, TREES, imports
 LAYERS = (
     ("errors", "plain"),
     ("shipped",),
-    ("registry",),
+    ("registry", "timing"),
+    ("keys",),
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
@@ -30,9 +31,8 @@ LAYERS = (
     ("certificates",),
     ("experiment",),
     ("sweep",),
-    ("analysis",),
-    ("report", "video"),
-    ("results",),
+    ("report",),
+    ("video", "results"),
     ("sweeps",),
     ("view",),
     ("cli",),
@@ -48,7 +48,7 @@ HOMES = {
     "imageio_ffmpeg": ("video/",),
     "PIL": ("video/",),
     "subprocess": ("video/",),
-    "matplotlib": ("analysis/", "report/", "results.py", "sweeps.py"),
+    "matplotlib": ("report/", "video/", "results.py", "sweeps.py"),
     "jinja2": ("report/",),
     "scipy": ("statistics.py", "sweep/"),
     "skfuzzy": ("fuzzy/",),
@@ -155,8 +155,6 @@ def is_described_elsewhere(node: ast.AST) -> bool:
 
 
 TERSE = {
-    "as_mapping",
-    "check_value",
     "decimate",
     "draw",
     "fill_bias",

@@ -54,7 +54,9 @@ def failed(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(LAWS, "_items", dict(LAWS._items))
         broken = {"name": "broken", "law": "fails-at", "gains": {"at": 0.2}}
-        yield tb.run_experiment(QUICK | {"controllers": [*QUICK["controllers"], broken]}, plugins=[file])
+        result = tb.run_experiment(QUICK | {"controllers": [*QUICK["controllers"], broken]}, plugins=[file])
+        result.save(file.parent / "saved", figures=False)
+        yield result
 
 
 def test_a_result_saved_from_python_is_what_the_command_leaves(result, tmp_path, monkeypatch):
@@ -112,6 +114,9 @@ def test_a_failed_run_has_an_outcome_and_no_metrics(failed):
     assert failed.outcomes["broken"] is tb.Outcome.BAD_TORQUE
     assert "broken" not in failed.joint_metrics.index
     assert len(failed.trajectory_frame("broken")) == 201
+    again = tb.load_result(failed.folder, plugins=failed.plugins)
+    assert again.to_dataframe().equals(table)
+    assert check_run(failed.folder)["plugins"].keys() == {"law.py"}
 
 
 def test_a_trajectory_is_a_frame_with_names_and_units(result):
@@ -179,3 +184,22 @@ def test_progress_is_reported():
     tb.run_experiment(QUICK, progress=lambda *told: seen.append(told))
     assert seen[-1] == ("band", 1200, 1200)
     assert all(done <= whole == 1200 for _, done, whole in seen)
+
+
+def test_a_plugin_can_be_edited_and_used_again(tmp_path, monkeypatch):
+    """The second run has the law as the file has it now; a file that fails leaves the law that there was."""
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
+    law = LAW.replace("fails-at", "edited")
+    broken = {"name": "broken", "law": "edited", "gains": {"at": 0.2}}
+    config, file = QUICK | {"controllers": [broken]}, tmp_path / "edited.py"
+    for value in ("0.0", "1.50", "2.250"):
+        file.write_text(law.replace("tau[i] = 0.0 if", f"tau[i] = {value} if"))
+        result = tb.run_experiment(config, plugins=[file], path="python")
+        assert result.trajectories["broken"].tau[0, 0] == float(value)
+    file.write_text("raise RuntimeError")
+    with pytest.raises(ConfigError, match="RuntimeError"):
+        tb.run_experiment(config, plugins=[file])
+    assert tb.find_law("edited")
+    file.write_text(law + law)
+    with pytest.raises(ConfigError, match="already registered"):
+        tb.run_experiment(config, plugins=[file])

@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from torquebench.analysis import style
-from torquebench.analysis.page import new_page, printable
-from torquebench.analysis.run_view import REFERENCE, draw, run_view
-from torquebench.analysis.signals import rmse_note
-from torquebench.analysis.torque import draw_zoom, zoom_window
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
 from torquebench.metrics import Metrics
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import new_page, printable
+from torquebench.report.figures.run_view import REFERENCE, draw, run_view
+from torquebench.report.figures.signals import rmse_note
+from torquebench.report.figures.torque import draw_zoom, zoom_window
 from torquebench.sim.trajectory import Trajectory
 
 

@@ -1,4 +1,4 @@
-"""Two models or plants side by side: which term differs, by how much, on which joint."""
+"""Compare two models or plants: which term differs, by how much, on which joint."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def parse_side(text: str, argument: str) -> Side:
 
 
 def source_of(text: str) -> str:
-    """Return the model's name or file in a side's text."""
+    """Name or file of the model in a side's text."""
     engine, _, rest = text.partition(":")
     return rest.split(":")[0] if engine in ENGINES else text
 

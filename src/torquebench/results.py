@@ -13,14 +13,14 @@ from torquebench.comparison import parse_side
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
 from torquebench.experiment.change import edits_of, tree_of
+from torquebench.experiment.config import load_experiment as load_file
+from torquebench.experiment.config import parse_experiment
 from torquebench.experiment.dump import dump_tree
 from torquebench.experiment.folder import read_result, write_experiment, write_trajectory
-from torquebench.experiment.load import load_experiment as load_file
-from torquebench.experiment.load import parse_experiment
+from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult, Joints, Progress
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import RunDirectory, atomic_write, claim_folder
-from torquebench.experiment.units import joint_units
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
 from torquebench.report.run import run_figures, stored_page, write_run

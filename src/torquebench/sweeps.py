@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.change import edits_of, tree_of
+from torquebench.experiment.config import SWEEP
 from torquebench.experiment.dump import dump_experiment, dump_tree
-from torquebench.experiment.load import SWEEP
 from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import read_bytes, read_document
 from torquebench.experiment.store import atomic_write
-from torquebench.experiment.yaml_source import read_bytes, read_document
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
 from torquebench.report.render import PAGE
@@ -228,7 +228,7 @@ class Sweep:
         Raises:
             ResultError: this sweep has no such figure.
         """
-        from torquebench.analysis.sweep_figures import sweep_figures
+        from torquebench.report.figures.sweep import sweep_figures
 
         info, found = info_of(self.stored), dependences(self.stored, self._table)
         figures = sweep_figures(self._table, info.name, info.workload, found, slides=info.slides)

@@ -8,6 +8,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+import torquebench
+
 FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 
@@ -24,8 +26,9 @@ def test_a_notebook_is_short_and_without_outputs(path):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs(path, tmp_path):
+def test_a_notebook_runs(path, tmp_path, monkeypatch):
     """Every cell, in order, in an empty folder; runs and sweeps are shown as tables, figures as pictures."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(torquebench.__file__).parents[1]))
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
     outputs = [output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", ())]

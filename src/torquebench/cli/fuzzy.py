@@ -47,11 +47,11 @@ def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Pat
 
     It is said how they are evaluated, and what is odd about them. A built-in system goes by its name.
     """
-    from torquebench.analysis.fuzzy import system_figures
-    from torquebench.analysis.style import figure_bytes
     from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
     from torquebench.fuzzy import prepare
     from torquebench.laws.plugin import load_plugin
+    from torquebench.report.figures.fuzzy import system_figures
+    from torquebench.report.figures.style import figure_bytes
 
     for file in plugin:
         load_plugin(file)
@@ -92,7 +92,7 @@ def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Pat
 def _systems(source: Path, name: str | None) -> tuple[str, Mapping[str, FuzzySystem]]:
     """Return what to call the result, and the systems to describe by name."""
     from torquebench.experiment import load_experiment
-    from torquebench.experiment.fuzzy_system import systems_of
+    from torquebench.experiment.build import systems_of
     from torquebench.fuzzy import builtin_system
 
     if str(source) in SYSTEMS and not source.exists():

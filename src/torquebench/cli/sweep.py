@@ -166,7 +166,7 @@ def _resume(options: Options, folder: Path) -> StoredSweep:
 
 def _source(options: Options) -> Source:
     """Return the file and the changes that the arguments name."""
-    from torquebench.experiment.yaml_source import read_bytes
+    from torquebench.experiment.source import read_bytes
     from torquebench.sweep.plan import Source
 
     path = options.config or Path()

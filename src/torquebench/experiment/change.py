@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.errors import ConfigError, Problem
+from torquebench.experiment.config import parse_experiment
 from torquebench.experiment.dump import dump_experiment
-from torquebench.experiment.load import parse_experiment
 from torquebench.experiment.schema import Experiment
 
 
