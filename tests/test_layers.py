@@ -31,7 +31,7 @@ LAYERS = (
     ("sweep",),
     ("analysis",),
     ("report", "video"),
-    ("paper", "view"),
+    ("view",),
     ("cli",),
     ("__main__",),
 )
@@ -47,7 +47,7 @@ HOMES = {
     "subprocess": ("video/",),
     "matplotlib": ("analysis/", "report/", "video/", "cli/"),
     "jinja2": ("report/",),
-    "scipy": ("statistics.py", "sweep/", "paper/"),
+    "scipy": ("statistics.py", "sweep/"),
     "skfuzzy": ("fuzzy/",),
     "pydantic": ("experiment/", "sweep/"),
     "pydantic_core": ("experiment/", "sweep/"),

@@ -39,7 +39,6 @@ def test_every_command_parses(arguments):
         "view",
         "doctor",
         "paper",
-        "boundary-layer",
         "report",
         "sweep",
         "completion",

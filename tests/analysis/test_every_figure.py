@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from paper.pages import comparison_page
 
 from tests.analysis.colour_vision import SIGHT, difference, lab
 from tests.analysis.test_figures import diverged, make
@@ -25,7 +26,6 @@ from torquebench.analysis.front_page import Spot, front_page
 from torquebench.analysis.fuzzy_figures import system_figures
 from torquebench.analysis.fuzzy_rules import firing_figure
 from torquebench.analysis.page import PAGE_WIDTH
-from torquebench.analysis.paper_pages import comparison_page
 from torquebench.analysis.style import COLOURS, DASHES
 from torquebench.analysis.sweep_figures import sweep_figures
 from torquebench.certificates import Certificate
@@ -46,7 +46,6 @@ HOMES = {
     "analysis/front_page.py",
     "analysis/fuzzy_figures.py",
     "analysis/fuzzy_rules.py",
-    "analysis/paper_pages.py",
 }
 """Files whose figures are drawn below."""
 SWEEPS = {f"analysis/{name}_page.py" for name in ("course", "effects", "map", "spread")}

@@ -19,7 +19,7 @@ from torquebench.robot.library import data_root
 from torquebench.video.settings import QUALITIES
 
 LINES = {
-    "torquebench bound": "boundary-layer",
+    "torquebench pap": "paper",
     "torquebench video --qual": "--quality",
     "torquebench video --quality pre": "pretty",
     "torquebench compare a mujoco:pu": "puma560",

@@ -22,8 +22,8 @@ DRAWS = 90
 
 
 def draws_of(override: str, draws: int = DRAWS) -> list[Experiment]:
-    """The boundary layer's experiment with another mismatch, in many draws."""
-    first = load_experiment(CONFIGS / "paper" / "boundary-layer.yaml", [override])
+    """An experiment with noise under some mismatch, in many draws."""
+    first = load_experiment(CONFIGS / "paper" / "fig9-noise.yaml", [override])
     runs = [first.run.model_copy(update={"draw": draw}) for draw in range(draws)]
     return [first.model_copy(update={"run": run}) for run in runs]
 
