@@ -15,6 +15,8 @@ LOST = 0.5
 """RMSE from which a run that completed has lost its reference, whose joints move by about 1 [rad]."""
 PLACE = ["reference", "chain", "condition", "controller"]
 """Columns that say where a run belongs; draw and plant tell its runs apart."""
+TEXTS = (*PLACE, "plant", "outcome")
+"""Columns that are not numbers."""
 JUDGED = ("eta", "outside", "rising", "fuzzy_share")
 """Columns of figures of the certificates and of the fuzzy part; NaN where they are not computed."""
 
@@ -96,7 +98,9 @@ class Runs:
     @classmethod
     def read(cls, path: Path) -> Runs:
         """Read what `to_csv` wrote."""
-        return cls(pd.read_csv(path, float_precision="round_trip"))
+        table = pd.read_csv(path, dtype=str, keep_default_na=False)
+        numbers = {key: [float(text or "nan") for text in table[key]] for key in table if key not in TEXTS}
+        return cls(table.assign(**numbers))
 
 
 def known(column: pd.Series) -> list[float | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from typing import Any, NamedTuple
 
@@ -104,6 +105,7 @@ def blocks(draws: int) -> list[Block]:
     return every
 
 
+@functools.cache
 def plan_of(block: Block, plant: str = "mujoco") -> Plan:
     """Return a block's sweep on one plant; its grid is the chains.
 

@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -88,9 +89,7 @@ def test_a_world_as_the_paper_says_is_judged_so() -> None:
         (figure_claims.conventional_is_faster, "proposed-m", "conventional-m"),
     ],
 )
-def test_exchanging_two_controllers_changes_the_verdict(
-    judge: Callable[[Runs], Claim], one: str, other: str
-) -> None:
+def test_exchanging_two_controllers_changes_the_verdict(judge: Callable[[Runs], Claim], one: str, other: str) -> None:
     """The runs of two controllers exchanged by name: a claim that held no longer does."""
     runs = made(praising)
     table = runs.table
@@ -195,12 +194,9 @@ def test_the_command_of_a_claim_runs_its_first_case() -> None:
     for claim in claims(made(praising)):
         reference, chain, condition = claim.cases[0].place
         own = load_experiment(data_root() / claim.config, claim.overrides)
-        found = [
-            block
-            for block in blocks(DRAWS)
-            if chain in block.chains and block.condition == condition and plan_of(block).first.reference.kind == reference
-        ]
-        studied = [plan_of(block).experiment(block.chains.index(chain), 0) for block in found]
+        found = [block for block in blocks(DRAWS) if chain in block.chains and block.condition == condition]
+        every = [plan_of(block).experiment(block.chains.index(chain), 0) for block in found]
+        studied = [experiment for experiment in every if experiment.reference.kind == reference]
         keys = {keys.name: keys for experiment in studied for keys in experiment.controllers}
         assert any(keys.get(c.name) == c for c in own.controllers), claim.claim
         same = replace(own, controllers=(), name="", description="")

@@ -18,6 +18,18 @@ from torquebench.experiment.store import check_run
 from torquebench.robot.library import data_root
 
 
+@pytest.fixture
+def command(capsys):
+    """Run the command line: (exit status, standard output, standard error)."""
+
+    def run(*arguments):
+        status = main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """The quick study: the folder of its results, and what it printed with --json."""

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from torquebench.report.figures.paper_pages import comparison_page
+from paper.pages import comparison_page
 
 from tests.report.figures.colour_vision import SIGHT, difference, lab
 from tests.report.figures.test_fuzzy_figures import SYSTEMS
@@ -44,7 +44,6 @@ HOMES = {
         "pareto",
         "fuzzy",
         "fuzzy_rules",
-        "paper_pages",
         "signals",
         "spectrum",
         "torque",
