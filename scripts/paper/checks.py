@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ def chattering_by_period() -> list[Chattering]:
             data_root() / "configs" / "paper" / "fig9-chattering.yaml", [step, f"run.control_period={period:g}"]
         )
         laws = tuple(keys for keys in experiment.controllers if keys.name == "conventional")
-        metrics = run_experiment(experiment.model_copy(update={"controllers": laws})).metrics["conventional"]
+        metrics = run_experiment(replace(experiment, controllers=laws)).metrics["conventional"]
         hf, variation = metrics.hf.value, metrics.total_variation.value
         found.append(Chattering(period, float("nan") if hf is None else hf, float(variation or 0.0)))
     return found
