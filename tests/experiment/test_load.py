@@ -15,9 +15,8 @@ from torquebench.errors import ConfigError, ControllerError
 from torquebench.experiment import as_vector, dump_experiment, experiment_json_schema, load_experiment
 from torquebench.experiment.controllers import OWN_KEYS
 from torquebench.kernel import Array
-from torquebench.laws import base
 from torquebench.laws.declare import RESERVED, Gain, Option
-from torquebench.laws.law import controller, find_law
+from torquebench.laws.law import LAWS, controller, find_law
 
 
 def test_every_key_arrives_where_it_belongs() -> None:
@@ -92,7 +91,7 @@ def test_metrics_start_depends_on_the_reference(kind: str, start: float) -> None
 def test_derived_numbers() -> None:
     """4 s at 2 ms are 2000 control instants of two 1 ms physics steps; 20 ms of hold are 10 of them."""
     x = parse(GOOD)
-    assert (x.n, x.n_steps, x.substeps, x.hold_steps(x.disturbances[0])) == (6, 2000, 2, 10)
+    assert (x.n, x.n_steps, x.substeps, x.disturbances[0].hold_steps(2000, 0.002)) == (6, 2000, 2, 10)
     tenth = parse(GOOD, "run.control_period=0.1", "plant.timestep=0.1", "run.duration=4.3", "disturbances=[]")
     assert (tenth.n_steps, tenth.substeps) == (43, 1)  # 4.3 / 0.1 is 42.99999999999999 in binary
 
@@ -154,7 +153,8 @@ class ClashingGains(NamedTuple):
 @pytest.fixture
 def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a test register laws that vanish with it."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    for part in ("_items", "_makers"):
+        monkeypatch.setattr(LAWS, part, dict(getattr(LAWS, part)))
 
 
 @pytest.mark.usefixtures("own_registry")

@@ -17,7 +17,7 @@ from tests.sampled import simulate_sampled
 from torquebench.fuzzy import BUILTIN, DEFAULT
 from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
-from torquebench.references import ReferenceSource, quintic, ramp, sine, step
+from torquebench.references import Quintic, Ramp, ReferenceSource, Sine, Step
 from torquebench.robot import Puma560, RobotModel, load_model
 from torquebench.robot.payload import Payload
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
@@ -99,10 +99,10 @@ ARMS: dict[str, tuple[Any, Any]] = {
 """Truth and belief by the plant's name; a MuJoCo plant has no analytic truth."""
 PLANTS = tuple(ARMS)
 REFERENCES = {
-    "sine": lambda n: sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0][:n], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0][:n]),
-    "step": lambda n: step([1.0, -0.8, 0.8, 0.6, 0.6, 0.6][:n], 0.2),
-    "ramp": lambda n: ramp([2.5, -1.5, 1.5, 1.5, 1.5, 1.5][:n], 3.0),
-    "quintic": lambda n: quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0][:n], 1.0),
+    "sine": lambda n: Sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0][:n], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0][:n]),
+    "step": lambda n: Step([1.0, -0.8, 0.8, 0.6, 0.6, 0.6][:n], 0.2),
+    "ramp": lambda n: Ramp([2.5, -1.5, 1.5, 1.5, 1.5, 1.5][:n], 3.0),
+    "quintic": lambda n: Quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0][:n], 1.0),
 }
 """The protocol's references for the first n joints."""
 

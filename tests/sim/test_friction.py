@@ -20,7 +20,7 @@ from tests.sim.protocol import HOME, REFERENCES, differing_bytes
 from tests.sim.test_native_lag import control
 from tests.sim.test_native_refused import anything
 from torquebench.kernel import Array
-from torquebench.references import sine
+from torquebench.references import Sine
 from torquebench.robot import Puma560
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.friction import STABLE, Friction
@@ -166,7 +166,7 @@ def rubbing(
         plant,
         pack("pd", n, lam=8, kv=12),
         anything(n),
-        sine(0.8, 2.0),
+        Sine(0.8, 2.0),
         duration=150 * period,
         control_period=period,
         chain=chain,

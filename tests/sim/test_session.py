@@ -8,7 +8,7 @@ import pytest
 from tests.arms import pack
 from tests.sampled import sampled_trial
 from torquebench.kernel import Array
-from torquebench.references import Reference, sine
+from torquebench.references import Reference, Sine
 from torquebench.robot import Puma560
 from torquebench.robot.payload import Payload
 from torquebench.robot.puma560.mismatch import mismatched
@@ -26,7 +26,7 @@ CONDITIONS = [CHAINS["ideal"], CHAINS["fast"], Chain("late", position_sigma=1e-4
 
 def fixed() -> Reference:
     """A motion that nobody can write to, as sweeps have it."""
-    found = sine(np.ones(6), np.ones(6))(np.arange(STEPS) * 0.001)
+    found = Sine(np.ones(6), np.ones(6))(np.arange(STEPS) * 0.001)
     for array in found:
         array.setflags(write=False)
     return found

@@ -14,7 +14,7 @@ from torquebench.check.paths import plant_of
 from torquebench.check.report import Cost
 from torquebench.kernel import Array
 from torquebench.laws import Law
-from torquebench.references import Reference, sine
+from torquebench.references import Reference, Sine
 from torquebench.robot.flat_model import own_copy
 from torquebench.sim.chain import IDEAL
 from torquebench.sim.interpreted import call_law
@@ -28,7 +28,7 @@ ROUNDS, CALLS = 9, 200
 def measure(law: Law) -> Cost:
     """Return what a call costs on each path, on six joints, at a state that stays."""
     t: Array = 0.001 * np.arange(CALLS, dtype=np.float64)
-    desired = sine(1.0, 0.5)(t)
+    desired = Sine(1.0, 0.5)(t)
     desired = Reference(*(np.repeat(x, arm("puma560").n, axis=1) for x in desired))
     plant: Any = plant_of("puma560", "analytic")
     compiled = not obstacle(plant, law)

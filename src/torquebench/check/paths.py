@@ -13,7 +13,7 @@ from numba.core import event
 from torquebench.check.cases import ARMS, arm, combinations, gains_of, label
 from torquebench.check.report import NOTE, Report
 from torquebench.laws import Law
-from torquebench.references import sine
+from torquebench.references import Sine
 from torquebench.sim.native import obstacle
 from torquebench.sim.plants import Plant
 from torquebench.sim.plants.analytic import AnalyticPlant
@@ -79,7 +79,7 @@ def check_loops(law: Law, report: Report) -> None:
 def _run(law: Law, name: str, engine: str, options: Mapping[str, str | bool], scale: float, path: Any) -> Trajectory:
     n = arm(name).n
     gains = law.pack_gains(n, gains_of(law, n, options, 3, scale), options)
-    target = sine(np.linspace(0.5, 1.0, n), np.linspace(0.5, 1.5, n))
+    target = Sine(tuple(np.linspace(0.5, 1.0, n)), tuple(np.linspace(0.5, 1.5, n)))
     return simulate(
         plant_of(name, engine),
         Controller(law.name, law, gains),

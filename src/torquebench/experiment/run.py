@@ -247,7 +247,7 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
 
 def is_step_like(experiment: Experiment) -> bool:
     """Whether the reference goes from one position to another and stays there: only then is there a step response."""
-    return experiment.reference.kind in ("step", "quintic")
+    return bool(experiment.reference.is_step_like)
 
 
 def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:

@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
-from torquebench.errors import Fault
+from torquebench.disturbances import DISTURBANCES
 from torquebench.experiment.controllers import LAWS, MAX_CONTROLLERS
 from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import SLUG, Ints, Many, ManyNamed, Named, OneOf, Text
-from torquebench.experiment.scenario_schema import (
-    BandLimitedNoise,
-    Chain,
-    Disturbance,
-    Friction,
-    Mismatch,
-    Payload,
-    Perturbation,
-    disturbance,
-)
+from torquebench.experiment.scenario_schema import Chain, Friction, Mismatch, Payload, Perturbation
 from torquebench.keys import Key, Kinds, Vector
+from torquebench.references import REFERENCES
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
-from torquebench.timing import Timing, whole_steps
+from torquebench.timing import whole_steps
 
 MAX_DISTURBANCES = 64
 LEAST_SIDE, LARGEST_SIDE = 160, 3840
@@ -35,7 +27,6 @@ MAX_SEED = 2**63 - 1
 StructureName: TypeAlias = Literal["exact", "corrected", "printed"]
 ConstantsName: TypeAlias = Literal["fitted", "printed"]
 plant = Kinds("plant", "engine")
-reference = Kinds("reference")
 CHAINS = ("ideal", "fast", "slow")
 
 
@@ -110,63 +101,6 @@ class Belief:
     mismatch: Annotated[Mismatch | None, Key("Errors put on purpose into the constants")] = None
 
 
-@reference("sine")
-@dataclass(frozen=True)
-class SineReference:
-    """Raised sine A/2 (1 - cos 2 pi f t), at rest at zero when it starts."""
-
-    kind: ClassVar[str]
-    metrics_from: ClassVar[float] = 1.0
-    amplitude: Annotated[Vector, Key("Peak-to-peak excursion A of each joint", "rad", ", in m for slide joints")]
-    frequency_hz: Annotated[Vector, Key("Frequency f of each joint", "Hz", at_least=0)]
-
-
-@reference("step")
-@dataclass(frozen=True)
-class StepReference:
-    """Zero, then a constant."""
-
-    kind: ClassVar[str]
-    metrics_from: ClassVar[float] = 2.0
-    target: Annotated[Vector, Key("Position of each joint after the step", "rad", ", in m for slide joints")]
-    at: Annotated[float, Key("Time of the step; less than run.duration", "s", at_least=0)]
-
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield a fault where the run ends before the step."""
-        if self.at >= timing.duration:
-            wanted = f"less than run.duration, {timing.duration:.12g} s: there would be no step"
-            yield Fault(("at",), got=f"{self.at:.12g} s", wanted=wanted)
-
-
-@reference("ramp")
-@dataclass(frozen=True)
-class RampReference:
-    """Constant speed from zero to the target, then held; a run may end before the target is reached."""
-
-    kind: ClassVar[str]
-    metrics_from: ClassVar[float] = 1.0
-    target: Annotated[Vector, Key("Final position of each joint", "rad", ", in m for slide joints")]
-    rise_time: Annotated[float, Key("Time from zero to the target", "s", above=0)]
-
-
-@reference("quintic")
-@dataclass(frozen=True)
-class QuinticReference:
-    """Minimum-jerk polynomial from zero to the target, then held."""
-
-    kind: ClassVar[str]
-    metrics_from: ClassVar[float] = 1.0
-    target: Annotated[Vector, Key("Final position of each joint", "rad", ", in m for slide joints")]
-    rise_time: Annotated[float, Key("Time from zero to the target, at most run.duration", "s", above=0)]
-
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield a fault where the run ends before the target is reached."""
-        if self.rise_time > timing.duration * (1.0 + 1e-9):
-            wanted = f"at most run.duration, {timing.duration:.12g} s"
-            reason = "the metrics of the motion would be measured against a target that is never reached"
-            yield Fault(("rise_time",), got=f"{self.rise_time:.12g} s", wanted=f"{wanted}: {reason}")
-
-
 @dataclass(frozen=True)
 class Run:
     """How long, how often, from where, and with which random numbers."""
@@ -230,7 +164,6 @@ class Video:
 
 
 Plant: TypeAlias = MujocoPlant | AnalyticPlant
-Reference: TypeAlias = SineReference | StepReference | RampReference | QuinticReference
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,9 +188,9 @@ class Experiment:
         ),
     ] = field(default_factory=dict)
     reference: Annotated[
-        Reference,
+        Any,
         Key("Desired motion; starts at zero whatever run.initial_q is"),
-        OneOf(reference, "Form of the desired motion."),
+        OneOf(REFERENCES, "Form of the desired motion."),
     ]
     chain: Annotated[
         str | Chain,
@@ -269,9 +202,9 @@ class Experiment:
         Named(CHAINS, Chain),
     ] = "ideal"
     disturbances: Annotated[
-        tuple[Disturbance, ...],
+        tuple[Any, ...],
         Key("What acts on the joints besides the law"),
-        Many("disturbances", 0, MAX_DISTURBANCES, OneOf(disturbance, "Form of the disturbance.")),
+        Many("disturbances", 0, MAX_DISTURBANCES, OneOf(DISTURBANCES, "Form of the disturbance.")),
     ] = ()
     run: Annotated[Run, Key("Length, sampling, start and randomness of the run")]
     video: Annotated[Video | None, Key("Film to make of the run; none if left out, {} for one as usual")] = None
@@ -295,10 +228,6 @@ class Experiment:
     def is_drawn(self) -> bool:
         """Whether anything in it is random."""
         noisy = self.chain in ("fast", "slow") or (isinstance(self.chain, Chain) and self.chain.encoder_noise > 0)
-        noisy |= any(isinstance(disturbance, BandLimitedNoise) for disturbance in self.disturbances)
+        noisy |= any(disturbance.is_random for disturbance in self.disturbances)
         mismatch = self.model.mismatch
         return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.constants is None)
-
-    def hold_steps(self, disturbance: BandLimitedNoise) -> int:
-        """Control periods for which one value of a disturbance lasts, at most the whole run."""
-        return whole_steps(min(disturbance.hold, self.run.duration), self.run.control_period)

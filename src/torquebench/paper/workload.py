@@ -4,19 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from torquebench.disturbances import BandLimitedNoise, Bias, Sinusoid
 from torquebench.experiment import load_experiment
-from torquebench.experiment.scenario_schema import (
-    BandLimitedNoise,
-    Bias,
-    Chain,
-    Disturbance,
-    Friction,
-    Mismatch,
-    Payload,
-    Sinusoid,
-)
+from torquebench.experiment.scenario_schema import Chain, Friction, Mismatch, Payload
 from torquebench.experiment.schema import Experiment
 from torquebench.robot.library import data_root
 from torquebench.sim.chain import CHAINS as CHAIN_NAMED
@@ -166,7 +158,7 @@ def exact_encoders(name: str) -> Chain:
     )
 
 
-_CHANGES: dict[str, Callable[[BandLimitedNoise], Disturbance]] = {
+_CHANGES: dict[str, Callable[[BandLimitedNoise], Any]] = {
     NOISE: lambda noise: noise,
     UNCERTAIN: lambda noise: noise,
     SLOW_NOISE: lambda noise: replace(noise, hold=0.1),
