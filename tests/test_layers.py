@@ -21,6 +21,7 @@ LAYERS = (
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
+    ("chain",),
     ("dialect",),
     ("laws",),
     ("sim",),

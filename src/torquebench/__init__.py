@@ -8,8 +8,8 @@ __version__ = "0.1.0.dev0"
 _HOMES = {
     "AnalyticPlant": "torquebench.sim.plants.analytic",
     "Array": "torquebench.kernel",
-    "CHAINS": "torquebench.sim.chain",
-    "Chain": "torquebench.sim.chain",
+    "CHAINS": "torquebench.chain",
+    "Chain": "torquebench.chain",
     "Controller": "torquebench.sim.session",
     "Fis": "torquebench.fuzzy.fis",
     "FixedRules": "torquebench.laws",
@@ -85,6 +85,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from torquebench.chain import CHAINS, Chain
     from torquebench.check.law import check_law
     from torquebench.fuzzy.fis import Fis
     from torquebench.fuzzy.inference import infer
@@ -95,7 +96,6 @@ if TYPE_CHECKING:
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
     from torquebench.robot.payload import Payload
-    from torquebench.sim.chain import CHAINS, Chain
     from torquebench.sim.friction import Friction
     from torquebench.sim.plants.analytic import AnalyticPlant
     from torquebench.sim.plants.mujoco import MujocoPlant

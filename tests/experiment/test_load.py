@@ -22,7 +22,7 @@ from torquebench.laws.law import LAWS, controller, find_law
 def test_every_key_arrives_where_it_belongs() -> None:
     """Each value of the fully written config is found under the attribute of the same name."""
     x = parse(GOOD)
-    assert (x.name, x.description, x.chain) == ("good", "every section, one key per line", "ideal")
+    assert (x.name, x.description, x.chain.name) == ("good", "every section, one key per line", "ideal")
     assert (x.plant.engine, x.plant.model, x.plant.timestep, x.plant.integrator) == (
         "mujoco",
         "puma560",
@@ -74,7 +74,7 @@ def test_defaults_are_the_documented_ones() -> None:
     assert x.plant.engine == "analytic"
     assert (x.plant.structure, x.plant.constants) == ("exact", "fitted")
     assert (x.model.structure, x.model.constants, x.model.mismatch) == ("exact", "fitted", None)
-    assert (x.controllers[0].expect, x.controllers[0].options, x.chain) == ("completed", {}, "ideal")
+    assert (x.controllers[0].expect, x.controllers[0].options, x.chain.name) == ("completed", {}, "ideal")
     assert (x.run.control_period, x.run.initial_q, x.run.seed, x.run.draw) == (0.001, "home", 0, 0)
     assert x.disturbances == ()
     (noise,) = parse(MINIMAL, "disturbances=[{kind: band-limited-noise, channel: torque, sigma: 1}]").disturbances

@@ -10,12 +10,12 @@ import pytest
 import yaml
 
 from tests.sampled import simulate_sampled
+from torquebench.chain import CHAINS
 from torquebench.kernel import Array
 from torquebench.metrics.chattering import chattering_index
 from torquebench.references import Quintic, ReferenceSource, Sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import data_root
-from torquebench.sim.chain import CHAINS
 from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
 from torquebench.sim.simulate import simulate
@@ -63,7 +63,7 @@ def run(
     controller = Controller.of(
         law, n, {**listed["gains"], **(gains or {})}, own | (options or {}), fuzzy=listed.get("fuzzy")
     )
-    noise = CHAINS[chain].position_sigma * np.random.default_rng(7).standard_normal((steps, n))
+    noise = CHAINS[chain].encoder_noise * np.random.default_rng(7).standard_normal((steps, n))
     return simulate_sampled(
         plant(arm),
         controller,

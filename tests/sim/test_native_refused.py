@@ -17,9 +17,9 @@ from tests.sampled import sampled_trial, simulate_sampled
 from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
 from tests.sim.protocol import differing_bytes
 from tests.sim.test_native_lean import stepper
+from torquebench.chain import CHAINS, IDEAL, Chain
 from torquebench.references import Sine
 from torquebench.robot import RobotModel
-from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.friction import NONE
 from torquebench.sim.plants import INTEGRATORS, NativePlant, mujoco_native
 from torquebench.sim.plants.mujoco import MujocoPlant

@@ -12,6 +12,7 @@ import pytest
 from tests.arms import pack
 from tests.experiment.examples import parse
 from tests.sampled import Torque
+from torquebench.chain import CHAINS, IDEAL, Chain
 from torquebench.disturbances import band_limited_noise, bias
 from torquebench.errors import SimulationError
 from torquebench.experiment.build import build
@@ -19,7 +20,6 @@ from torquebench.experiment.run import run_experiment
 from torquebench.kernel import Array
 from torquebench.references import Sine
 from torquebench.robot import Puma560
-from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.simulate import Trial, simulate, simulate_many
 from torquebench.sim.trajectory import Trajectory
@@ -84,7 +84,7 @@ def run(**options: Any) -> Trajectory:
 
 def test_a_chain_with_encoder_noise_is_noisy() -> None:
     """`chain=CHAINS["fast"]` alone: the measured position carries noise of the chain's size, the ideal one none."""
-    ideal, fast, noise = run(), run(chain=CHAINS["fast"]), Chain(position_sigma=1e-4)
+    ideal, fast, noise = run(), run(chain=CHAINS["fast"]), Chain(encoder_noise=1e-4)
     assert np.array_equal(ideal.q_meas, ideal.q)
     for noisy in (fast, run(chain=noise)):
         error = noisy.q_meas - noisy.q

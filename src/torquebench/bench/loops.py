@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from torquebench.bench.timing import Case
+from torquebench.chain import CHAINS
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
 from torquebench.experiment.build import Loop, build, build_disturbance, build_position_noise
@@ -126,7 +127,7 @@ def many(plant: Plant, trial: SampledTrial, threads: int) -> Callable[[], None]:
 def drawn(experiment: Experiment, loop: Loop) -> Callable[[], None]:
     """Return the work of one run under torque noise and encoder noise, their drawing included."""
     trial = trial_of(experiment, loop, loop.controllers[0])
-    noisy, session = replace(experiment, chain="fast"), Session()
+    noisy, session = replace(experiment, chain=CHAINS["fast"]), Session()
 
     def run() -> None:
         position, torque = build_position_noise(noisy), build_disturbance(experiment)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from torquebench.chain import IDEAL
 from torquebench.check.cases import arm, combinations, gains_of
 from torquebench.check.paths import plant_of
 from torquebench.check.report import Cost
@@ -16,7 +17,6 @@ from torquebench.kernel import Array
 from torquebench.laws import Law
 from torquebench.references import Reference, Sine
 from torquebench.robot.flat_model import own_copy
-from torquebench.sim.chain import IDEAL
 from torquebench.sim.interpreted import call_law
 from torquebench.sim.job import Setup, set_up
 from torquebench.sim.native import RUN_SIGNATURE, NativeRun, job_at, law_of, native, obstacle

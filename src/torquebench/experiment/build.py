@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -13,7 +11,6 @@ from torquebench.disturbances import Stream, generator
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.fuzzy_schema import fuzzy_system
-from torquebench.experiment.scenario_schema import Chain as ChainKeys
 from torquebench.experiment.scenario_schema import Mismatch
 from torquebench.fuzzy import BUILTIN, FuzzySystem, builtin_system
 from torquebench.kernel import Array
@@ -24,11 +21,10 @@ from torquebench.robot import RobotModel, load_model
 from torquebench.robot.payload import Payload
 from torquebench.robot.perturbation import draw_factors, perturbed
 from torquebench.robot.puma560.mismatch import mismatched, with_factors, within_tolerances
-from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.friction import Friction, SteepError
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
-from torquebench.sim.signals import control_instants, encoder_noise, total_torque
+from torquebench.sim.signals import control_instants, total_torque
 
 PLANTS = 8
 """Plants that a `Builder` keeps: each has MuJoCo's working memory, about 1 MB."""
@@ -256,26 +252,10 @@ def sampled(experiment: schema.Experiment) -> Reference:
     return samples
 
 
-@functools.lru_cache(maxsize=64)
-def build_chain(keys: str | ChainKeys) -> Chain:
-    """Return the sensors and actuators of a name, or of keys."""
-    if isinstance(keys, str):
-        return CHAINS[keys]
-    filtered = math.inf if keys.velocity_filter is None else keys.velocity_filter
-    return Chain(
-        "custom",
-        position_sigma=keys.encoder_noise,
-        velocity_rate=filtered if keys.velocity != "exact" else 0.0,
-        lag=keys.actuator_lag,
-        quantum=keys.quantisation,
-        delay=keys.delay,
-    )
-
-
 def build_position_noise(experiment: schema.Experiment) -> Array | None:
     """Draw the noise of the chain's encoders, (N, n) [rad]; None when they have none."""
-    chain, run = build_chain(experiment.chain), experiment.run
-    return encoder_noise(chain, experiment.n, experiment.n_steps, run.seed, run.draw)
+    run = experiment.run
+    return experiment.chain.noise(experiment.n, experiment.n_steps, run.seed, run.draw)
 
 
 def build_disturbance(experiment: schema.Experiment) -> Array | None:

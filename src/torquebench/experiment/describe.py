@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from torquebench.experiment.build import names_used, systems_of
-from torquebench.experiment.scenario_schema import Chain, Mismatch
+from torquebench.experiment.scenario_schema import Mismatch
 from torquebench.experiment.schema import AnalyticPlant, Experiment, slide_joints
 from torquebench.fuzzy import BUILTIN, Prepared, prepare
 from torquebench.fuzzy.lint import lint
@@ -66,18 +66,7 @@ def mismatch_text(experiment: Experiment) -> str:
 
 def chain_text(experiment: Experiment) -> str:
     """Return the chain's name, or its imperfections."""
-    chain = experiment.chain
-    if not isinstance(chain, Chain):
-        return chain
-    units = units_of(experiment)
-    parts = [f"noise {1e3 * chain.encoder_noise:g} {units.milli}"] * (chain.encoder_noise > 0)
-    parts += [f"encoder step {1e3 * chain.quantisation:g} {units.milli}"] * (chain.quantisation > 0)
-    if chain.velocity == "differentiated":
-        filtered = "" if chain.velocity_filter is None else f", filtered at {chain.velocity_filter:g} rad/s"
-        parts.append(f"velocity differentiated{filtered}")
-    parts += [f"delay {1e3 * chain.delay:g} ms"] * (chain.delay > 0)
-    parts += [f"actuator lag {1e3 * chain.actuator_lag:g} ms"] * (chain.actuator_lag > 0)
-    return f"({', '.join(parts)})" if parts else "ideal"
+    return experiment.chain.describe(units_of(experiment))
 
 
 def noise_text(experiment: Experiment) -> str:

@@ -110,7 +110,7 @@ class Group:
             default = ... if spec.required else spec.default
             info: dict[str, Any] = {"description": spec.key.text}
             if describes and dataclasses.is_dataclass(default):
-                info["json_schema_extra"] = {"default": {}}
+                info["json_schema_extra"] = {"default": getattr(default, "name", {})}
             if describes and isinstance(default, dict):
                 default = None
             fields[name] = spec.type(describes), Field(default, **info)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.certificates import Certificate
 from torquebench.disturbances import Stream
-from torquebench.experiment.build import Loop, build, build_chain, plant_factors
+from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
@@ -257,7 +257,7 @@ def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Samp
         loop.model,
         loop.reference,
         experiment.run.control_period,
-        build_chain(experiment.chain),
+        experiment.chain,
         loop.position_noise,
         loop.disturbance,
         loop.initial_q,

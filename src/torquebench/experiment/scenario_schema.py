@@ -13,60 +13,6 @@ from torquebench.timing import Timing, control_instant
 
 
 @dataclass(frozen=True)
-class Chain:
-    """Sensors and actuators, each imperfection by itself; the same on every joint."""
-
-    encoder_noise: Annotated[
-        float,
-        Key(
-            "Standard deviation of the noise added to each measured position at each control instant", "rad", at_least=0
-        ),
-    ] = 0.0
-    quantisation: Annotated[
-        float,
-        Key(
-            "Step of the encoders: the measured position, noise included, is rounded to a whole multiple of it; 0 for "
-            "none",
-            "rad",
-            at_least=0,
-        ),
-    ] = 0.0
-    velocity: Annotated[
-        Literal["exact", "differentiated"],
-        Key(
-            "Measured velocity: exact is the true one; differentiated is the change of the measured position since the "
-            "last control instant over run.control_period, zero at first"
-        ),
-    ] = "exact"
-    velocity_filter: Annotated[
-        float | None,
-        Key(
-            "Corner of a first-order filter through which the differentiated velocity passes; if left out there is "
-            "none",
-            "rad/s",
-            above=0,
-        ),
-    ] = None
-    delay: Annotated[
-        float,
-        Key(
-            "Time after which the law sees a measurement, less than run.duration and a whole multiple of "
-            "run.control_period; until then it sees that of t = 0",
-            "s",
-            at_least=0,
-        ),
-    ] = 0.0
-    actuator_lag: Annotated[float, Key("Time constant of the actuators; 0 for none", "s", at_least=0)] = 0.0
-
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield what does not fit within the chain, or the run."""
-        if self.velocity == "exact" and self.velocity_filter is not None:
-            text = "has no effect with velocity: exact (it belongs to velocity: differentiated)"
-            yield Fault(("velocity_filter",), text, at="key")
-        yield from control_instant(("delay",), self.delay, timing)
-
-
-@dataclass(frozen=True)
 class Payload:
     """A point mass on the last link, with a belief that knows nothing of it."""
 

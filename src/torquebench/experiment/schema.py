@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
+from torquebench.chain import CHAINS, Chain
 from torquebench.disturbances import DISTURBANCES
 from torquebench.experiment.controllers import LAWS, MAX_CONTROLLERS
 from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import SLUG, Ints, Many, ManyNamed, Named, OneOf, Text
-from torquebench.experiment.scenario_schema import Chain, Friction, Mismatch, Payload, Perturbation
+from torquebench.experiment.scenario_schema import Friction, Mismatch, Payload, Perturbation
 from torquebench.keys import Key, Kinds, Vector
 from torquebench.references import REFERENCES
 from torquebench.robot import load_model
@@ -27,7 +28,6 @@ MAX_SEED = 2**63 - 1
 StructureName: TypeAlias = Literal["exact", "corrected", "printed"]
 ConstantsName: TypeAlias = Literal["fitted", "printed"]
 plant = Kinds("plant", "engine")
-CHAINS = ("ideal", "fast", "slow")
 
 
 def joint_count(model_name: str) -> int:
@@ -193,14 +193,14 @@ class Experiment:
         OneOf(REFERENCES, "Form of the desired motion."),
     ]
     chain: Annotated[
-        str | Chain,
+        Chain,
         Key(
             "Sensors and actuators. ideal: exact and instantaneous; fast: position with noise of 0.1 mrad, velocity "
             "differentiated from it and filtered at 500 rad/s, actuators lagging by 2 ms; slow: the same noise, 200 "
             "rad/s, 8 ms; or each imperfection by itself"
         ),
         Named(CHAINS, Chain),
-    ] = "ideal"
+    ] = CHAINS["ideal"]
     disturbances: Annotated[
         tuple[Any, ...],
         Key("What acts on the joints besides the law"),
@@ -227,7 +227,6 @@ class Experiment:
     @property
     def is_drawn(self) -> bool:
         """Whether anything in it is random."""
-        noisy = self.chain in ("fast", "slow") or (isinstance(self.chain, Chain) and self.chain.encoder_noise > 0)
-        noisy |= any(disturbance.is_random for disturbance in self.disturbances)
+        noisy = self.chain.encoder_noise > 0 or any(disturbance.is_random for disturbance in self.disturbances)
         mismatch = self.model.mismatch
         return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.constants is None)
