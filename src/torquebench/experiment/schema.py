@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
@@ -230,3 +230,46 @@ class Experiment:
         noisy = self.chain.encoder_noise > 0 or any(disturbance.is_random for disturbance in self.disturbances)
         mismatch = self.model.mismatch
         return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.constants is None)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], overrides: Sequence[str] = ()) -> Experiment:
+        """Return the experiment of plain values, keys as in a file; lists may be tuples or arrays.
+
+        Args:
+            values: The sections.
+            overrides: Edits ``key=value`` made before the check.
+
+        Raises:
+            ConfigError: something in it is wrong; all mistakes at once.
+        """
+        from torquebench.experiment.config import check_experiment
+        from torquebench.experiment.source import apply_overrides, document_of
+
+        document = document_of(values)
+        apply_overrides(document, overrides)
+        return check_experiment(document)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, keys as in a file, every default filled in; `from_dict` gives an equal experiment."""
+        from torquebench.experiment.dump import plain
+
+        return plain(self)
+
+    def with_(self, changes: Mapping[str, Any] | None = None, **more: Any) -> Experiment:
+        """Return an experiment with other values for some keys, checked as a whole.
+
+        Args:
+            changes: Dotted key, as of ``--set``, -> its value: ``{"controllers.band.gains.phi": 0.1, "run.seed": 3}``.
+            more: Whole sections, or keys by keyword: ``with_(chain="fast", **{"run.duration": 2})``.
+
+        Raises:
+            ConfigError: something in it is wrong; all mistakes at once, each with its key.
+        """
+        from torquebench.experiment.config import check_experiment
+        from torquebench.experiment.dump import plain_values
+        from torquebench.experiment.source import document_of, set_key
+
+        document = document_of(self.to_dict())
+        for key, value in {**(changes or {}), **more}.items():
+            set_key(document, key, plain_values(value))
+        return check_experiment(document)
