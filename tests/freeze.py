@@ -66,7 +66,7 @@ def command(*words: str) -> None:
 
 def digests_of(name: str) -> dict[str, str]:
     """Return the digests of what one shipped config leaves, by the file's name."""
-    config = f"configs/{name}"
+    config = str(next(path for path in (ROOT / "configs" / name, ROOT / "benchmarks" / name) if path.is_file()))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
         if name in SWEEPS:
@@ -82,8 +82,9 @@ def digests_of(name: str) -> dict[str, str]:
 
 def names() -> Iterator[str]:
     """Yield the configs that are frozen: experiments without a sweep, and the sweeps of `SWEEPS`."""
-    for path in sorted((ROOT / "configs").rglob("*.yaml")):
-        name = str(path.relative_to(ROOT / "configs"))
+    folders = ROOT / "configs", ROOT / "benchmarks"
+    for path in (path for folder in folders for path in sorted(folder.rglob("*.yaml"))):
+        name = str(path.relative_to(ROOT / path.relative_to(ROOT).parts[0]))
         if name in SWEEPS or "\nsweep:" not in path.read_text():
             yield name
 

@@ -16,10 +16,8 @@ import pytest
 
 from tests.source_tree import TREES
 from tests.user_files import load
-from torquebench.dialect.names import is_kernel, plain
-from torquebench.dialect.rules import Rules
+from torquebench.dialect import is_kernel, plain, read_kernel, read_law
 from torquebench.laws import find_law, law_names
-from torquebench.laws.dialect import law_rules
 from torquebench.sim.closed_loop import closed_loop
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,7 +38,7 @@ def kernels() -> dict[str, FunctionType]:
     """Return every kernel of the package as a plain function, by ``module.name``."""
     found = {}
     for file, tree in TREES.items():
-        name = file.removesuffix(".py").replace("/", ".")
+        name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         if marked(tree, "kernel"):
             module = importlib.import_module(f"torquebench.{name}")
             mine = {k: plain(v) for k, v in vars(module).items() if is_kernel(v) and v.__module__ == module.__name__}
@@ -61,8 +59,8 @@ def test_the_checker_sees_the_kernels_and_the_laws() -> None:
         "kernel.sat",
         "robot.rigid_body.newton_euler",
         "robot.dynamics.forward_dynamics",
-        "sim.integration.rk4_steps",
-        "sim.integration.euler_steps",
+        "sim.plants.analytic.rk4_steps",
+        "sim.plants.analytic.euler_steps",
         "robot.puma560.closed_form.fill_bias",
         "fuzzy.inference.infer",
         "sim.closed_loop.measure",
@@ -77,25 +75,25 @@ def test_the_checker_sees_the_kernels_and_the_laws() -> None:
 @pytest.mark.parametrize("name", KERNELS)
 def test_kernels_keep_the_dialect(name: str) -> None:
     """Arithmetic, `math`, indexing, loops over range() and calls of kernels; nothing else."""
-    found = Rules().complaints(KERNELS[name])
+    found = read_kernel(KERNELS[name])
     assert [c for c in found if c.what != EXCUSED.get(name)] == []
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_laws_keep_the_dialect(name: str) -> None:
     """The same, and they write to nothing but tau, memory and the model's scratch space."""
-    assert law_rules(LAWS[name]).complaints(LAWS[name].function) == []  # type: ignore[arg-type]
+    assert read_law(LAWS[name]) == []  # type: ignore[arg-type]
 
 
 def test_the_loop_keeps_the_dialect() -> None:
     """The loop is no kernel, because it is handed law and plant as functions; else it is held to the same rules."""
-    assert Rules().complaints(closed_loop) == []
+    assert read_kernel(closed_loop) == []
 
 
 def found_in(tmp_path: Path, source: str, function: str = "bad") -> list[str]:
     """Return the complaints about a kernel of a file."""
     module = load(tmp_path, source)
-    return [str(c) for c in Rules().complaints(plain(getattr(module, function)))]
+    return [str(c) for c in read_kernel(plain(getattr(module, function)))]
 
 
 HEAD = """
@@ -191,9 +189,9 @@ def test_the_checker_catches(what: str, tmp_path: Path) -> None:
     text = HEAD + "    " + BAD[what] + "\n"
     module: Any = load(tmp_path, text)
     if what != "global statement":  # after which LIMIT is no constant for any other function either
-        assert Rules().complaints(plain(module.good)) == []
+        assert read_kernel(plain(module.good)) == []
     lines = range(HEAD.count("\n") + 1, text.count("\n") + 1)
-    found = Rules().complaints(plain(module.bad))
+    found = read_kernel(plain(module.bad))
     assert found
     assert all(c.line in lines and c.what and c.cure for c in found), found
 

@@ -16,22 +16,25 @@ from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
     ("errors", "plain"),
+    ("shipped",),
     ("registry", "timing"),
     ("keys",),
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
     ("chain",),
-    ("dialect",),
     ("laws",),
+    ("dialect",),
     ("sim",),
+    ("check_cases", "comparison"),
     ("check",),
     ("metrics", "statistics"),
     ("certificates",),
     ("experiment",),
     ("sweep",),
-    ("analysis",),
-    ("bench", "report", "video"),
+    ("report",),
+    ("video", "results"),
+    ("sweeps",),
     ("paper", "view"),
     ("cli",),
     ("__main__",),
@@ -40,80 +43,30 @@ LAYERS = (
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 
 HOMES = {
-    "mujoco": {
-        "robot/mjcf.py",
-        "robot/mjcf_links.py",
-        "sim/plants/mujoco.py",
-        "sim/plants/mujoco_native.py",
-        "bench/loops.py",
-        "video/lens.py",
-        "video/probe.py",
-        "video/render.py",
-        "video/scene.py",
-        "video/stage.py",
-        "video/stick.py",
-        "view/arm.py",
-        "view/window.py",
-    },
-    "glfw": {"view/display.py"},
-    "OpenGL": {"video/probe.py"},
-    "imageio_ffmpeg": {"video/encode.py"},
-    "subprocess": {"video/child.py", "video/encode.py"},
-    "matplotlib": {
-        "analysis/certificate_figure.py",
-        "analysis/course_page.py",
-        "analysis/effects_page.py",
-        "analysis/figures.py",
-        "analysis/front_page.py",
-        "analysis/fuzzy_figures.py",
-        "analysis/fuzzy_rules.py",
-        "analysis/map_page.py",
-        "analysis/overlay.py",
-        "analysis/page.py",
-        "analysis/paper_pages.py",
-        "analysis/spread_page.py",
-        "analysis/style.py",
-        "analysis/sweep_figures.py",
-        "report/run.py",
-        "video/overlay.py",
-        "video/stick.py",
-        "video/text.py",
-    },
-    "jinja2": {"report/render.py"},
-    "scipy": {"statistics.py", "sweep/effects.py", "paper/checks.py"},
-    "skfuzzy": {"fuzzy/oracle.py", "bench/peers.py"},
-    "pydantic": {name for name in ALL if name.startswith("experiment/")},
-    "pydantic_core": {name for name in ALL if name.startswith("experiment/")},
-    "numba": {
-        "check/paths.py",
-        "kernel/__init__.py",
-        "kernel/cache.py",
-        "kernel/struct.py",
-        "sim/checked_math.py",
-        "sim/closed_loop.py",
-        "sim/native.py",
-        "sim/plants/mujoco_native.py",
-    },
-    "llvmlite": {"kernel/struct.py", "sim/native.py", "sim/plants/mujoco_native.py"},
-    "tqdm": {"cli/terminal.py"},
-    "distributed": {"sweep/cluster.py"},
-    "dask": {"sweep/cluster.py"},
-    "yaml": {"robot/links.py", "robot/puma560/constants.py", "experiment/yaml_tree.py", "experiment/dump.py"},
-    "argparse": {
-        "cli/bench.py",
-        "cli/boundary_layer.py",
-        "cli/compare.py",
-        "cli/completion.py",
-        "cli/main.py",
-        "cli/options.py",
-        "cli/paper.py",
-        "cli/run.py",
-        "cli/sweep.py",
-        "cli/video.py",
-        "cli/view.py",
-    },
+    "mujoco": ("robot/mjcf", "sim/plants/", "video/", "view/"),
+    "glfw": ("video/", "view/"),
+    "OpenGL": ("video/",),
+    "imageio_ffmpeg": ("video/",),
+    "PIL": ("video/",),
+    "subprocess": ("video/",),
+    "matplotlib": ("report/", "video/", "results.py", "sweeps.py"),
+    "jinja2": ("report/",),
+    "scipy": ("statistics.py", "sweep/", "paper/"),
+    "skfuzzy": ("fuzzy/",),
+    "pydantic": ("experiment/", "sweep/"),
+    "pydantic_core": ("experiment/", "sweep/"),
+    "pandas": ("experiment/", "sweep/", "report/", "results.py", "sweeps.py"),
+    "numba": ("kernel/", "dialect.py", "check.py", "sim/"),
+    "llvmlite": ("kernel/", "sim/"),
+    "click": ("cli/",),
+    "rich": ("cli/",),
+    "distributed": ("sweep/",),
+    "dask": ("sweep/",),
+    "yaml": ("robot/", "experiment/", "cli/completion.py"),
+    "tqdm": (),
+    "argparse": (),
 }
-"""Third-party package, or what else has its place -> the only files that may import it."""
+"""Package -> the beginnings of the names of the only files that may import it."""
 
 
 def unit_of(name: str) -> str:
@@ -162,15 +115,10 @@ def test_the_top_level_imports_nothing_when_imported() -> None:
 
 @pytest.mark.parametrize("name", ALL)
 def test_heavy_packages_stay_in_their_places(name: str) -> None:
-    """MuJoCo, matplotlib, pydantic, numba and the others are imported only by the files listed for them."""
+    """MuJoCo, matplotlib, pydantic, numba and the others are imported only where `HOMES` has a place for them."""
     for module, line in imports(TREES[name]):
         homes = HOMES.get(module.split(".")[0])
-        assert homes is None or name in homes, f"{name}:{line} imports {module}"
-
-
-def test_homes_are_not_stale() -> None:
-    """Every file listed for a package exists."""
-    assert set().union(*HOMES.values()) <= set(ALL)
+        assert homes is None or name.startswith(homes), f"{name}:{line} imports {module}"
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -201,10 +149,10 @@ def is_overload(node: ast.FunctionDef) -> bool:
     return any(isinstance(d, ast.Name) and d.id == "overload" for d in node.decorator_list)
 
 
-def is_law(node: ast.AST) -> bool:
-    """Whether a function is a registered law; the arguments of all laws are described once, in `Law`."""
+def is_described_elsewhere(node: ast.AST) -> bool:
+    """Whether a function is a law, whose arguments `Law` describes, or a command, whose options have a help each."""
     calls = [d.func for d in getattr(node, "decorator_list", []) if isinstance(d, ast.Call)]
-    return any(isinstance(f, ast.Name) and f.id == "controller" for f in calls)
+    return any(isinstance(f, ast.Name) and f.id in ("controller", "command") for f in calls)
 
 
 TERSE = {
@@ -243,7 +191,7 @@ def undocumented(tree: ast.Module) -> list[str]:
         if not doc:
             found.append(f"{name}: no docstring")
             continue
-        if not isinstance(node, ast.FunctionDef) or is_law(node):
+        if not isinstance(node, ast.FunctionDef) or is_described_elsewhere(node):
             continue
         a = node.args
         parameters = [
@@ -285,7 +233,7 @@ def test_the_documentation_check_catches(text: str) -> None:
 
 
 HELP = """
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 try:
     main({arguments})
 except SystemExit:
@@ -313,6 +261,9 @@ print(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))
                 ["fuzzy", "--help"],
                 ["check", "--help"],
                 ["video", "--help"],
+                ["run", "no-such-file.yaml"],
+                ["fuzzy", "no-such-file.yaml"],
+                ["run", "fig9", "--duration", "2"],
                 ["completion", "bash"],
                 ["completion", "zsh", "--json"],
             )
@@ -327,6 +278,9 @@ print(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))
         "fuzzy help",
         "check help",
         "video help",
+        "missing config",
+        "missing config of fuzzy",
+        "mistyped option",
         "completion",
         "completion as JSON",
     ],
@@ -337,7 +291,10 @@ def test_help_and_import_are_light(statement: str) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     loaded = set(json.loads(done.stdout.splitlines()[-1]))
     assert "torquebench" in loaded
-    assert loaded & {"numba", "mujoco", "matplotlib", "pydantic", "numpy", "yaml", "skfuzzy", "dask"} == set()
+    assert (
+        loaded & {"numba", "mujoco", "matplotlib", "pydantic", "numpy", "yaml", "skfuzzy", "dask", "pandas", "rich"}
+        == set()
+    )
 
 
 def test_the_public_names_are_all_there() -> None:

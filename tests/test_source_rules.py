@@ -11,9 +11,8 @@ from tests.source_tree import ALL, FILES, SOURCE, TREES, imports
 
 OUTER = (
     "experiment/",
-    "analysis/",
-    "bench/",
-    "check/",
+    "report/",
+    "check",
     "cli/",
     "sweep/",
     "view/",

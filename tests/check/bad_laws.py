@@ -120,12 +120,12 @@ SIGNATURES = {
 }
 
 NOTES = {
-    "a power": (SPRING.replace("sat(memory.s[i])", "sat(memory.s[i]) ** 3  # here"), "operator **"),
+    "a power": (SPRING.replace("sat(memory.s[i])", "sat(memory.s[i]) ** 3  # here"), "** 3"),
     "numpy's exponential": (SPRING.replace("sat(memory.s[i])", "np.exp(-abs(memory.s[i]))  # here"), "np.exp()"),
     "an array returned": (
         "return gains.k * np.tanh(gains.lam * (ref.q - q) + ref.qd - qd)  # here",
         "a value is returned",
     ),
-    "a slice": ("tau[:] = gains.k * (gains.lam * (ref.q - q) + ref.qd - qd)  # here", "the slice tau[:]"),
-    "a helper": ("def f(x):  # here\n    return math.tanh(x)\n" + SPRING.replace("sat(", "f("), "a function within"),
+    "a slice": ("tau[:] = gains.k * (gains.lam * (ref.q - q) + ref.qd - qd)  # here", "tau[:]"),
+    "a helper": ("def f(x):  # here\n    return math.tanh(x)\n" + SPRING.replace("sat(", "f("), "def f(x)"),
 }

@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from torquebench.check import paths
-from torquebench.laws import base
+from torquebench import check
+from torquebench.laws.law import LAWS
 
 GOOD = '''"""A user's file."""
 
@@ -47,9 +47,9 @@ def bad(gains, model, t, q, qd, ref, memory, tau):
 def short(tmp_path, monkeypatch):
     """Run in an empty folder, with few and short loops, and forget the laws afterwards."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
-    monkeypatch.setattr(paths, "SCALES", (1.0,))
-    monkeypatch.setattr(paths, "DURATION", 0.02)
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
+    monkeypatch.setattr(check, "SCALES", (1.0,))
+    monkeypatch.setattr(check, "DURATION", 0.02)
 
 
 def write(tmp_path, text):
@@ -78,7 +78,7 @@ def test_a_law_outside_the_dialect(tmp_path, command):
     status, out, _ = command("check", write(tmp_path, GOOD + LOOSE), "--law", "loose")
     assert status == 0
     line = (GOOD + LOOSE)[: (GOOD + LOOSE).index("    tau[:]")].count("\n") + 1
-    assert f"laws.py:{line}: the slice tau[:]: loop over the elements" in out
+    assert f"laws.py:{line}: tau[:]: loop over the elements" in out
     assert f"laws.py:{line}: np.tanh(): write math.tanh(x)" in out
     assert re.search(r"^dialect +note  outside it in 3 places, listed below$", out, re.MULTILINE)
     assert out.splitlines()[-1] == "the contract holds, on the readable path only"

@@ -17,12 +17,11 @@ from numba import njit
 from tests.sim.loops import PLANTS, TARGET, arm, plant_of
 from tests.user_files import load
 from torquebench import Controller, Outcome, find_law, simulate
-from torquebench.dialect.names import MATH
-from torquebench.laws import Law, base
-from torquebench.laws.dialect import complaints
+from torquebench.dialect import MATH, complaints
+from torquebench.laws.law import LAWS, Law
 from torquebench.sim import checked_math, interpreted
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
-from torquebench.sim.interpreted import Table, Vector, python_numbers
+from torquebench.sim.interpreted import Matrix, Vector, python_numbers
 from torquebench.sim.job import set_up
 from torquebench.sim.native import NativeRun, native_law
 
@@ -150,7 +149,7 @@ BRANCHES
 @pytest.fixture(scope="module")
 def risky(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """The law, registered for the tests of this file only."""
-    before = dict(base._REGISTRY)
+    before = dict(LAWS._items)
     branches = "".join(
         f"            if gains.case == {k}:\n                y = 0.0 + ({c})\n" for k, c in enumerate(CASES)
     )
@@ -159,8 +158,8 @@ def risky(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     law = find_law("risky")
     assert [str(c) for c in complaints(law)] == []
     yield law
-    base._REGISTRY.clear()
-    base._REGISTRY.update(before)
+    LAWS._items.clear()
+    LAWS._items.update(before)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -216,7 +215,7 @@ def test_the_interpreted_call_tells_what_the_compiled_one_met(risky: Any, name: 
 
 def test_an_element_beyond_the_end_is_no_element(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiled, it raises instead of reading what lies behind the array; the interpreted call says which line."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     load(
         tmp_path,
         """
@@ -309,7 +308,7 @@ def test_elements_read_as_pythons_numbers() -> None:
     """Elements of vectors, tables, rows and structures; the arrays are the same memory, and writing reaches them."""
     array = np.arange(6.0).reshape(2, 3)
     table = python_numbers(array)
-    assert type(table) is Table
+    assert type(table) is Matrix
     assert type(table[1, 2]) is float
     assert type(table[0]) is Vector
     assert type(table[0][1]) is float
@@ -368,8 +367,8 @@ def edited(gains, model, t, q, qd, ref, memory, tau):
         ("100.0", "200.0", 211.0),
         ("LIMIT + part", "-LIMIT + part", 109.0),
     ):
-        monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
-        base._REGISTRY.pop("edited", None)
+        monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
+        LAWS._items.pop("edited", None)
         load(tmp_path, text.replace(old, new), "edited_file")
         law = find_law("edited")
         names.add(native_law(law)._pyfunc.__qualname__)

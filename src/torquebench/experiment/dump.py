@@ -60,7 +60,12 @@ def plain_values(item: Any) -> Any:
 
 def dump_experiment(experiment: Experiment) -> str:
     """Return the resolved experiment as YAML that loads to an equal experiment."""
-    return yaml.dump(plain(experiment), Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
+    return dump_tree(plain(experiment))
+
+
+def dump_tree(tree: Any) -> str:
+    """Return plain values as YAML that reads back equal."""
+    return yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
 
 
 def config_hash(experiment: Experiment) -> str:

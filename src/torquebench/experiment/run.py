@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.certificates import Certificate
 from torquebench.disturbances import Stream
+from torquebench.errors import ResultError
 from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.describe import conditions_text
@@ -93,7 +94,13 @@ class ExperimentResult:
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:
-        """Controller name -> its stability certificates over time, by the arm as it is now."""
+        """Controller name -> its stability certificates over time, from its run and the arm.
+
+        Raises:
+            ResultError: the files of the arm are no longer those of the run.
+        """
+        if self.arm_changed:
+            raise ResultError(f"the files of the arm '{self.experiment.plant.model}' have changed since the run")
         return certificates(self.experiment, self.loop, self.runs)
 
     @cached_property
@@ -130,7 +137,9 @@ class ExperimentResult:
 
     @property
     def scenario(self) -> dict[str, Any]:
-        """What was drawn for model and plant, and the step at which the payload was taken up; of a fresh run only."""
+        """What was drawn for model and plant, and the step at which the payload was taken up."""
+        if self.stored is not None:
+            return dict(self.stored.get("scenario", {}))
         experiment, flat, facts = self.experiment, self.loop.model.flat, dict[str, Any]()
         if experiment.model.mismatch is not None:
             if len(flat.constants):

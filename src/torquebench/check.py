@@ -1,0 +1,461 @@
+"""The contract test of a law: what the loop relies on, tried out on two arms and on both paths.
+
+Every ``check_...`` function adds what it found to a `Report`; `check_law` at the end says in which order.
+"""
+
+from __future__ import annotations
+
+import inspect
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.core import event
+
+from torquebench.chain import IDEAL
+from torquebench.check_cases import (
+    ARMS,
+    Case,
+    Driver,
+    Motion,
+    Options,
+    arm,
+    case,
+    cases,
+    combinations,
+    gains_of,
+    motions,
+    silence,
+)
+from torquebench.dialect import ARGUMENTS, FORM, INPUTS, STATE, Complaint, complaints, line_of
+from torquebench.kernel import Array
+from torquebench.laws import Law, find_law
+from torquebench.references import Reference, Sine
+from torquebench.robot.flat_model import own_copy
+from torquebench.sim.interpreted import call_law
+from torquebench.sim.job import set_up
+from torquebench.sim.native import RUN_SIGNATURE, NativeRun, compile_native, job_at, law_of, obstacle
+from torquebench.sim.plants import Plant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
+from torquebench.sim.trajectory import Outcome, Trajectory
+
+PASS, FAIL, NOTE = "pass", "FAIL", "note"
+"""Verdicts: held; did not hold; nothing to hold, but worth knowing."""
+FACTORS = (1.5, 0.5, 10.0, 0.1)
+"""By which a gain is multiplied to see whether it has an effect."""
+ENGINES = ("analytic", "mujoco")
+SCALES = (1.0, 0.1, 10.0)
+"""Sizes of gains in closed loops; the first counts as ordinary."""
+DURATION = 0.2
+"""Length of each closed loop [s]; 200 control instants."""
+ORDINARY = 100.0
+"""A failure at positions and speeds below this [rad, rad/s] is the law's, not that of gains that do not fit the arm."""
+ROUNDS, CALLS = 9, 200
+"""Rounds of timing, of whose times the median is taken, and calls in each."""
+PERIOD = 1000.0
+"""Control period to which costs are related [us]."""
+
+
+class Check(NamedTuple):
+    """One thing that was tried."""
+
+    name: str
+    verdict: str
+    """PASS, FAIL or NOTE."""
+    detail: str
+    """What was tried, or what went wrong and where."""
+
+
+class Cost(NamedTuple):
+    """Time that one call of the law takes, medians [us]."""
+
+    python: float
+    native: float | None
+    """None for a law that is not compiled."""
+
+
+@dataclass
+class Report:
+    """The result of a contract test: its checks in the order in which they were made."""
+
+    law: str
+    file: str
+    line: int
+    """Where the law stands."""
+    checks: list[Check] = field(default_factory=list)
+    complaints: list[Complaint] = field(default_factory=list)
+    """What keeps the law from being compiled."""
+    cost: Cost | None = None
+
+    @property
+    def held(self) -> bool:
+        """Whether everything held."""
+        return all(check.verdict != FAIL for check in self.checks)
+
+    def add(self, name: str, wrong: str, right: str, verdict: str = FAIL) -> None:
+        """Add a check.
+
+        Args:
+            name: Its name.
+            wrong: What was wrong; empty when it held.
+            right: What was tried.
+            verdict: FAIL or NOTE, for when something was wrong.
+        """
+        self.checks.append(Check(name, verdict if wrong else PASS, wrong or right))
+
+    def place(self, topic: str = "", lines: list[int] | None = None) -> str:
+        """Return where in the file the reason may lie, in brackets.
+
+        Args:
+            topic: Of the complaints whose lines are named, or else those of all complaints; empty for the law's line.
+            lines: Known better.
+        """
+        known = {c.line for c in self.complaints if c.topic == topic} or {c.line for c in self.complaints}
+        chosen = lines or (sorted(known)[:5] if topic else []) or [self.line]
+        return f" ({Path(self.file).name}, line{'s' if len(chosen) > 1 else ''} {', '.join(map(str, chosen))})"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report as plain data."""
+        return {
+            "law": self.law,
+            "file": self.file,
+            "line": self.line,
+            "held": self.held,
+            "checks": [check._asdict() for check in self.checks],
+            "complaints": [{"line": c.line, "what": c.what, "cure": c.cure} for c in self.complaints],
+            "cost_us": None if self.cost is None else self.cost._asdict(),
+        }
+
+    def __str__(self) -> str:
+        width = max((len(check.name) for check in self.checks), default=0)
+        rows = [f"{check.verdict}  {check.name:<{width}}  {check.detail}" for check in self.checks]
+        places = [f"{Path(self.file).name}:{c.line}: {c.what}: {c.cure}" for c in self.complaints]
+        return "\n".join([f"law '{self.law}' ({self.file}, line {self.line})", *rows, *places])
+
+
+def check_law(law: Law | str) -> Report:
+    """Try a law on two arms, with its options and positive gains, on both paths, and return what was found.
+
+    Args:
+        law: A registered law, or its name.
+
+    Raises:
+        ControllerError: no law has this name.
+    """
+    law = find_law(law) if isinstance(law, str) else law
+    code = getattr(getattr(law.function, "py_func", law.function), "__code__", None)
+    report = Report(law.name, getattr(code, "co_filename", "no file"), getattr(code, "co_firstlineno", 0))
+    report.complaints = complaints(law)
+    check_arguments(law, report)
+    if not report.held:
+        return report
+    with silence() as printed:
+        check_answers(law, report)
+        if report.held:
+            check_gains(law, report)
+            check_joints(law, report)
+        else:
+            report.add("effects", "gains and joints not tried: they show only in torques that are right", "", NOTE)
+        check_allocation(law, report)
+        check_dialect(report)
+        check_loops(law, report)
+        check_cost(law, report)
+    text = printed.getvalue()
+    quiet = Check(
+        "quiet", NOTE if text else PASS, f"prints: {text.splitlines()[0][:60]!r}" if text else "prints nothing"
+    )
+    report.checks.insert(-1, quiet)
+    return report
+
+
+def check_arguments(law: Law, report: Report) -> None:
+    """A law can be called with the arguments of a law."""
+    wrong = ""
+    try:
+        inspect.signature(law.function).bind(*ARGUMENTS)
+    except (TypeError, ValueError) as error:
+        wrong = f"{error}; wanted ({', '.join(ARGUMENTS)}) (line {report.line})"
+    report.add("arguments", wrong, "takes the arguments of a law")
+
+
+def check_answers(law: Law, report: Report) -> None:
+    """A law gives a finite torque for each joint, the same one every time; changes no input; hides no state."""
+    wrong, not_finite, repeat, state = "", "", "", ""
+    changed: list[str] = []
+    calls = 0
+    for draw in (1, 2):
+        for tried in cases(law, draw):
+            stretches = motions(arm(tried.arm).n, draw)
+            for motion in stretches:
+                answer = Driver(law, tried).drive(motion)
+                calls += len(motion.t)
+                changed += answer.changed
+                wrong = wrong or (f"{tried}, {answer.wrong}" if answer.wrong else "")
+                not_finite = not_finite or (f"{tried}, {answer.not_finite}" if answer.not_finite else "")
+                if not repeat and answer.bytes() != Driver(law, tried).drive(motion).bytes():
+                    repeat = f"{tried}: called again with the same arguments it gives another torque"
+            if not state and _remembers(law, tried, stretches[2], stretches[3]):
+                state = (
+                    f"{tried}: two of them called in turns disturb each other: it remembers more than its memory holds"
+                )
+    names = ", ".join(dict.fromkeys(changed))
+    number = f"{calls} calls on {' and '.join(ARMS)}"
+    untried = "" if not wrong else "not fully tried, for want of a torque"  # what was never computed cannot have passed
+
+    def add(name: str, problem: str, topic: str, right: str) -> None:
+        place = report.place(topic) if problem and ", line " not in problem else ""
+        report.add(name, problem + place or untried, right, FAIL if problem else NOTE)
+
+    report.add(
+        "torque",
+        wrong and wrong + ("" if ", line " in wrong else report.place(FORM)),
+        f"a number for each joint, {number}",
+    )
+    add("finite", not_finite, FORM, f"every torque and all of memory, {number}")
+    add("repeatable", repeat, STATE, "same arguments, same bytes")
+    report.add(
+        "inputs", names and f"writes to {names}{report.place(INPUTS)}", "gains, q, qd, ref and model are as they were"
+    )
+    add("state", state, STATE, "memory, zero at the start, is all that survives")
+
+
+def _remembers(law: Law, tried: Case, here: Motion, there: Motion) -> bool:
+    """Whether a law remembers more than its memory holds.
+
+    Two of them are called in turns, and their memory is put into other arrays at every instant; neither may notice.
+    """
+    other = case(law, tried.arm, tried.options, 11)
+    alone = [Driver(law, tried).drive(here), Driver(law, other).drive(there)]
+    drivers = [Driver(law, tried), Driver(law, other)]
+    together = [driver.answer() for driver in drivers]
+    for k in range(len(here.t)):
+        for driver, answer, motion in zip(drivers, together, (here, there), strict=True):
+            driver.memory = type(driver.memory)(*(x.copy() for x in driver.memory))
+            driver.call(motion, k, answer)
+    return any(a.bytes() != b.bytes() for a, b in zip(alone, together, strict=True))
+
+
+def check_gains(law: Law, report: Report) -> None:
+    """Each gain changes the torque on every joint under some choice of options, and so does each option."""
+    silent = {name: _silent_gain(law, name) for name in law.gains}
+    wrong = [f"'{name}' {where}" for name, where in silent.items() if where]
+    wrong += [f"option '{name}' makes no difference" for name in law.options if not _option_matters(law, name)]
+    lines = sorted({line_of(law.gains_type, name, law.function) for name in law.gains if silent[name]})
+    count = f"each of {len(law.gains)} gains and {len(law.options)} options changes the torque"
+    report.add("gains", "; ".join(wrong) + report.place(lines=lines) if wrong else "", count)
+
+
+def _silent_gain(law: Law, gain: str) -> str:
+    """Return where a gain has no effect under any choice of options; an empty text when it has one everywhere."""
+    for name in ARMS:
+        n = arm(name).n
+        used = [case(law, name, o) for o in combinations(law) if law.gain_problem(gain, True, o) is None]
+        silent = [j + 1 for j in range(n) if not any(_gain_matters(law, gain, j, tried) for tried in used)]
+        if silent:
+            joints = "" if len(silent) == n else f" on {name}'s joint {', '.join(map(str, silent))}"
+            return f"has no effect{joints}"
+    return ""
+
+
+def _gain_matters(law: Law, gain: str, joint: int, tried: Case) -> bool:
+    for motion in motions(arm(tried.arm).n)[::-1]:  # the lively ones first
+        base = _torque(law, tried, motion)
+        for factor in FACTORS:
+            changed = tried.gains[gain].copy()
+            changed[joint] *= factor
+            if _torque(law, replace(tried, gains={**tried.gains, gain: changed}), motion) != base:
+                return True
+    return False
+
+
+def _option_matters(law: Law, name: str) -> bool:
+    """Whether some value of an option gives another torque than its first."""
+    first, *others = law.options[name].values
+    for options in (o for o in combinations(law) if o[name] == first):
+        for other in others:
+            pair = case(law, "two-link", options), case(law, "two-link", {**options, name: other})
+            if any(_torque(law, pair[0], motion) != _torque(law, pair[1], motion) for motion in motions(2)):
+                return True
+    return not others
+
+
+def _torque(law: Law, tried: Case, motion: Motion) -> bytes:
+    return Driver(law, tried).drive(motion).tau.tobytes()
+
+
+def check_joints(law: Law, report: Report) -> None:
+    """Each joint's torque depends on what that joint does."""
+    idle = next((text for tried in cases(law) if (text := _idle_joint(law, tried))), "")
+    report.add("joints", idle and idle + report.place(), "each joint's torque follows that joint's own motion")
+
+
+def _idle_joint(law: Law, tried: Case) -> str:
+    n = arm(tried.arm).n
+    driven = np.zeros(n, dtype=bool)
+    for motion, other in zip(motions(n)[2:], motions(n, seed=1)[2:], strict=True):
+        base = Driver(law, tried).drive(motion).tau
+        for j in np.flatnonzero(~driven):
+            column = np.arange(n) == j
+            changed = Motion(motion.t, *(np.where(column, b, a) for a, b in zip(motion[1:], other[1:], strict=True)))
+            driven[j] = base[:, j].tobytes() != Driver(law, tried).drive(changed).tau[:, j].tobytes()
+    joint = int(np.argmin(driven)) + 1
+    return (
+        "" if np.all(driven) else f"{tried}: joint {joint}'s torque does not depend on that joint's state or reference"
+    )
+
+
+def check_allocation(law: Law, report: Report) -> None:
+    """A law fills the array it is given, and returns none."""
+    driver, motion = Driver(law, cases(law)[0]), motions(arm(ARMS[0]).n)[0]
+    rows = [x[0].copy() for x in motion[1:]]
+    function: Callable[..., Any] = law.function
+    try:
+        returned = function(
+            driver.gains, driver.belief, 0.0, *rows[:2], Reference(*rows[2:]), driver.memory, np.zeros(driver.n)
+        )
+    except (Exception, SystemExit, GeneratorExit):  # noqa: BLE001  which the check of torques reports
+        return
+    text = "" if returned is None else "returns an array, which is allocated at every call: fill tau[i] instead"
+    report.add("allocation", text, "fills tau in place", NOTE)
+
+
+def check_dialect(report: Report) -> None:
+    """A law keeps the dialect, and so can be compiled."""
+    count = len(report.complaints)
+    outside = f"outside it in {count} place{'s' if count > 1 else ''}, listed below" if count else ""
+    report.add("dialect", outside, "kept", NOTE)
+
+
+def check_loops(law: Law, report: Report) -> None:
+    """Closed loops run; compiled they give the same bytes as interpreted; and new gains do not compile them again."""
+    failed, differs, count = "", "", 0
+    reasons: dict[str, str] = {}
+    for name, engine, options, scale in _loops(law):
+        at = f"{engine} {Case(name, options, {})}, gains around {scale:g}"
+        run = _run(law, name, engine, options, scale, "python")
+        if not failed and _is_fault(run):
+            failed = f"{at}: t = {run.t[-1]:g} s: {run.detail}"
+        count += 1
+        reasons[engine] = obstacle(plant_of(name, engine), law)
+        if not reasons[engine]:
+            other = _run(law, name, engine, options, scale, "native")
+            differs = differs or ("" if other.digest() == run.digest() else f"{at}: {_difference(run, other)}")
+    place = "" if ", line " in failed else report.place()
+    report.add(
+        "loop", failed and failed + place, f"{count} closed loops of {DURATION:g} s on {' and '.join(ENGINES)} plants"
+    )
+    if any(reasons.values()) and not differs:
+        why = "outside the dialect" if report.complaints else next(filter(None, reasons.values()))
+        report.add("paths", f"readable path only: {why}", "", NOTE)
+        return
+    same = f"interpreted and compiled, {count} loops, 0 differing bytes"
+    report.add("paths", differs and differs + report.place(), same)
+    with event.install_recorder("numba:run_pass") as compiling:
+        _run(law, "puma560", "analytic", combinations(law)[-1], 3.0, "native")
+    again = f"new gains compiled it again{report.place()}" if compiling.buffer else ""
+    report.add("compiled once", again, "whatever the gains, options, arm and plant")
+
+
+@cache
+def plant_of(name: str, engine: str) -> Plant:
+    """Return an arm as a plant."""
+    return MujocoPlant(name) if engine == "mujoco" else AnalyticPlant(arm(name))
+
+
+def _loops(law: Law) -> Iterator[tuple[str, str, Options, float]]:
+    """Yield arm, engine, options and size of gains of each closed loop."""
+    for k, options in enumerate(combinations(law)):
+        for j, (name, engine) in enumerate((a, e) for a in ARMS for e in ENGINES):
+            for scale in SCALES if k == 0 else (SCALES[(j + k) % len(SCALES)],):
+                yield name, engine, options, scale
+
+
+def _run(law: Law, name: str, engine: str, options: Options, scale: float, path: Any) -> Trajectory:
+    n = arm(name).n
+    controller = Controller(law.name, law, law.pack_gains(n, gains_of(law, n, options, 3, scale), options))
+    target = Sine(tuple(np.linspace(0.5, 1.0, n)), tuple(np.linspace(0.5, 1.5, n)))
+    return simulate(plant_of(name, engine), controller, arm(name), target, duration=DURATION, path=path, throw=False)
+
+
+def _is_fault(run: Trajectory) -> bool:
+    if run.outcome is Outcome.BAD_TORQUE:
+        return bool(max(np.max(np.abs(run.q[-1])), np.max(np.abs(run.qd[-1]))) < ORDINARY)
+    return run.outcome is Outcome.CONTROLLER_ERROR
+
+
+def _difference(a: Trajectory, b: Trajectory) -> str:
+    """Return where two runs begin to differ."""
+    if a.outcome is not b.outcome or a.failed_at != b.failed_at:
+        return f"interpreted {a.outcome.name} after {len(a.t)} steps, compiled {b.outcome.name} after {len(b.t)}"
+    for k in range(len(a.t)):
+        for signal, x in a.arrays().items():
+            if x[k].tobytes() != b.arrays()[signal][k].tobytes():
+                return f"the paths differ from step {k} on, first in {signal}"
+    return "the paths differ"
+
+
+def check_cost(law: Law, report: Report) -> None:
+    """What a call costs on each path, on six joints, at a state that stays."""
+    options, plant = combinations(law)[0], plant_of(ARMS[0], "analytic")
+    n = arm(ARMS[0]).n
+    t: Array = 0.001 * np.arange(CALLS, dtype=np.float64)
+    desired = Reference(*(np.repeat(x, n, axis=1) for x in Sine(1.0, 0.5)(t)))
+    compiled: Any = None if obstacle(plant, law) else plant.native()  # type: ignore[attr-defined]
+    setup = set_up(
+        law,
+        law.pack_gains(n, gains_of(law, n, options, 1), options),
+        own_copy(arm(ARMS[0]).flat, control_period=0.001),
+        plant,
+        desired,
+        IDEAL,
+        control_period=0.001,
+        substeps=1,
+        position_noise=None,
+        disturbance=None,
+        native=compiled,
+    )
+    job = setup.job
+    job.measured_q[:] = desired.q[0] - 0.01
+    refs = [Reference(*(x[k] for x in desired)) for k in range(CALLS)]
+
+    def interpreted() -> None:
+        given = setup.law, setup.gains, setup.belief
+        for k in range(CALLS):
+            call_law(*given, k * job.control_period, job.measured_q, job.measured_qd, refs[k], setup.memory)
+
+    run = NativeRun(setup, compiled) if compiled else None  # holds what the job's addresses point to
+    report.cost = Cost(_timed(interpreted), _timed(lambda: _calls()(job.address, 0, CALLS)) if run else None)
+    costs = [f"{cost:.3g} us, {100.0 * cost / PERIOD:.2g} % of 1 ms" for cost in report.cost if cost is not None]
+    text = "a call on six joints: " + ", ".join(map(" ".join, zip(("interpreted", "compiled"), costs, strict=False)))
+    report.checks.append(Check("cost", NOTE, text))
+
+
+def _timed(calls: Callable[[], object]) -> float:
+    """Return the time of one of the CALLS that a function makes [us]."""
+    times = []
+    for _ in range(ROUNDS):
+        start = time.perf_counter()
+        calls()
+        times.append((time.perf_counter() - start) / CALLS * 1e6)
+    return statistics.median(times)
+
+
+@cache
+def _calls() -> Any:
+    """Return a native function (job, first, last) -> 0 that calls a job's law and nothing else."""
+
+    def repeat(address: int, first: int, last: int) -> int:
+        job = job_at(address)
+        for k in range(first, last):
+            law_of(job, k)
+        return 0
+
+    return compile_native(RUN_SIGNATURE, repeat).ctypes

@@ -1,0 +1,210 @@
+"""What `check_law` tries a law on: two arms, its options, drawn gains and stretches of motion; and what came of it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from torquebench.kernel import Array
+from torquebench.laws import Law
+from torquebench.references import Reference
+from torquebench.robot import Puma560, RobotModel, load_model
+from torquebench.robot.flat_model import own_copy
+from torquebench.sim.closed_loop import COMPLETED, RAISED
+from torquebench.sim.interpreted import call_law
+
+Options = Mapping[str, str | bool]
+ARMS = ("puma560", "two-link")
+"""Six joints and two, so that a law that counts on a number of joints is found."""
+COMBINATIONS = 24
+"""Combinations of options that are tried; where there are more, one option at a time is changed."""
+LENGTH = 10
+"""Control instants in a stretch of motion."""
+CONTROL_PERIOD = 0.002
+"""Control period [s] of the model that laws are given; not the default, so that a law that ignores it is seen."""
+
+
+@cache
+def arm(name: str) -> RobotModel:
+    """Return one of ARMS."""
+    return Puma560() if name == "puma560" else load_model(name)
+
+
+def combinations(law: Law) -> list[dict[str, str | bool]]:
+    """Return choices of the law's options, the defaults first."""
+    values = [option.values for option in law.options.values()]
+    choices = itertools.islice(itertools.product(*values), COMBINATIONS + 1)
+    every = [dict(zip(law.options, choice, strict=True)) for choice in choices]
+    if len(every) <= COMBINATIONS:
+        return every
+    return [every[0]] + [every[0] | {name: v} for name, o in law.options.items() for v in o.values[1:]]
+
+
+def gains_of(law: Law, n: int, options: Options, draw: int, scale: float = 1.0) -> dict[str, Array]:
+    """Draw positive gains, another for each joint.
+
+    Args:
+        law: The law.
+        n: Number of joints.
+        options: Choice of options; gains without effect under it are left out.
+        draw: Number of the draw; its gains are the same whatever the options.
+        scale: Middle of the gains.
+    """
+    gains = {}
+    for k, name in enumerate(law.gains):
+        drawn = scale * np.random.default_rng([draw, k]).uniform(0.5, 1.5, n)
+        if law.gain_problem(name, True, options) is None:
+            gains[name] = drawn
+    return gains
+
+
+class Motion(NamedTuple):
+    """What a law sees at some instants in a row: times (L,) [s] and the rest (L, n)."""
+
+    t: Array
+    q: Array
+    qd: Array
+    q_ref: Array
+    qd_ref: Array
+    qdd_ref: Array
+
+
+def motions(n: int, seed: int = 0) -> list[Motion]:
+    """Draw ordinary stretches of motion: at rest on the reference, as every run begins; near to it; far from it."""
+    rng = np.random.default_rng(seed)
+    t: Array = 0.001 * np.arange(LENGTH, dtype=np.float64)
+    found = [Motion(t, *([np.zeros((LENGTH, n))] * 5))]
+    for size, start in ((1e-3, 0.0), (1e-2, 0.5), (0.1, 1.0), (0.1, 7.3), (1.0, 2.0), (1.0, 60.0)):
+        phase, rate = rng.uniform(0.0, 6.3, n), rng.uniform(1.0, 3.0, n)
+        angle = rate * t[:, None] + phase
+        q_ref, qd_ref, qdd_ref = np.sin(angle), rate * np.cos(angle), -rate * rate * np.sin(angle)
+        e, de = size * rng.normal(size=(LENGTH, n)), 3.0 * size * rng.normal(size=(LENGTH, n))
+        found.append(Motion(t + start, q_ref - e, qd_ref - de, q_ref, qd_ref, qdd_ref))
+    return found
+
+
+@dataclass(frozen=True)
+class Case:
+    """An arm, a choice of options, and gains."""
+
+    arm: str
+    options: Options
+    gains: Mapping[str, Array]
+
+    def __str__(self) -> str:
+        return self.arm + "".join(f", {name}: {str(value).lower()}" for name, value in self.options.items())
+
+
+def case(law: Law, name: str, options: Options, draw: int = 1) -> Case:
+    """Return a case with drawn gains; arguments as of `gains_of`, `name` one of ARMS."""
+    return Case(name, options, gains_of(law, arm(name).n, options, draw))
+
+
+def cases(law: Law, draw: int = 1) -> list[Case]:
+    """Return every arm under every choice of options."""
+    return [case(law, name, options, draw) for name in ARMS for options in combinations(law)]
+
+
+@dataclass
+class Answer:
+    """What a law did in a stretch of motion."""
+
+    tau: Array
+    """Torque, (L, n) [N m]; NaN where there was none."""
+    memory: Array
+    """Memory after each call, (L, m, n)."""
+    wrong: str = ""
+    """First thing that was wrong with a call or with what it returned."""
+    not_finite: str = ""
+    """First torque or memory that was not a finite number."""
+    changed: tuple[str, ...] = ()
+    """Inputs that were changed."""
+
+    def bytes(self) -> bytes:
+        """Return torque and memory in bytes."""
+        return self.tau.tobytes() + self.memory.tobytes()
+
+
+class Driver:
+    """A law with gains, a belief and a memory of its own, ready to be called.
+
+    Args:
+        law: The law.
+        case: What it is tried on.
+    """
+
+    def __init__(self, law: Law, case: Case) -> None:
+        self.law, self.n = law, arm(case.arm).n
+        self.belief = replace(own_copy(arm(case.arm).flat), control_period=CONTROL_PERIOD)
+        self.gains = law.pack_gains(self.n, case.gains, case.options)
+        self.memory = law.new_memory(self.n)
+
+    def answer(self) -> Answer:
+        """Return an answer to be filled."""
+        return Answer(np.full((LENGTH, self.n), np.nan), np.zeros((LENGTH, len(self.memory), self.n)))
+
+    def drive(self, motion: Motion) -> Answer:
+        """Call the law at every instant of a stretch."""
+        answer = self.answer()
+        for k in range(LENGTH):
+            self.call(motion, k, answer)
+        return answer
+
+    def call(self, motion: Motion, k: int, answer: Answer) -> None:
+        """Call the law at instant k of a stretch and write down what it did."""
+        q, qd = motion.q[k].copy(), motion.qd[k].copy()
+        ref = Reference(motion.q_ref[k].copy(), motion.qd_ref[k].copy(), motion.qdd_ref[k].copy())
+        inputs = {"gains": self.gains, "model": self.belief, "q": q, "qd": qd, "ref": ref}
+        before = dict(_bytes(inputs))
+        tau, status, detail = call_law(self.law, self.gains, self.belief, float(motion.t[k]), q, qd, ref, self.memory)
+        changed = tuple(name for name, data in _bytes(inputs) if before.get(name) != data)
+        answer.changed = tuple(dict.fromkeys(answer.changed + changed))
+        at = f"t = {motion.t[k]:g} s: "
+        if status == COMPLETED:
+            answer.tau[k] = tau
+            for c, channel in enumerate(self.memory):
+                answer.memory[k, c] = channel if len(channel) else 0.0
+            detail = _not_finite(tau, self.memory)
+        if status in (COMPLETED, RAISED):
+            answer.not_finite = answer.not_finite or (at + detail if detail else "")
+        else:
+            answer.wrong = answer.wrong or at + detail
+
+
+def _not_finite(tau: Array, memory: Any) -> str:
+    bad = [name for name, x in memory._asdict().items() if not np.all(np.isfinite(x))]
+    if np.all(np.isfinite(tau)):
+        return f"memory.{bad[0]} is not finite" if bad else ""
+    joint = int(np.argmin(np.isfinite(tau)))
+    why = " (not written by the law, or not a number)" if np.isnan(tau[joint]) else ""
+    return f"joint {joint + 1}: tau = {tau[joint]}{why}"
+
+
+def _bytes(value: Any, name: str = "") -> Iterator[tuple[str, bytes]]:
+    """Yield every array and number in a structure by dotted name, scratch space left out."""
+    if isinstance(value, np.ndarray):
+        yield name, value.tobytes()
+    elif isinstance(value, dict):
+        for key, part in value.items():
+            yield from _bytes(part, f"{name}.{key}" if name else key)
+    elif hasattr(value, "_asdict"):
+        yield from _bytes(value._asdict(), name)
+    elif hasattr(value, "__dataclass_fields__"):
+        yield from _bytes({key: getattr(value, key) for key in value.__dataclass_fields__ if key != "scratch"}, name)
+    else:
+        yield name, repr(value).encode()
+
+
+@contextlib.contextmanager
+def silence() -> Iterator[io.StringIO]:
+    """Catch what a law prints."""
+    caught = io.StringIO()
+    with contextlib.redirect_stdout(caught), contextlib.redirect_stderr(caught):
+        yield caught
