@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from torquebench.analysis import style
-from torquebench.analysis.overlay import Comparison, draw, draw_zoom, looks, rmse_note, zoom_window
-from torquebench.analysis.page import new_page, printable
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
 from torquebench.metrics import Metrics
+from torquebench.report.figures import style
+from torquebench.report.figures.layout import new_page, printable
+from torquebench.report.figures.run_view import REFERENCE, draw, run_view
+from torquebench.report.figures.signals import rmse_note
+from torquebench.report.figures.torque import draw_zoom, zoom_window
 from torquebench.sim.trajectory import Trajectory
-
-_REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": (0, (4.0, 2.5)), "zorder": 3.0}
 
 
 def comparison_page(
@@ -46,19 +45,17 @@ def comparison_page(
         ResultError: there is no run, or the runs are too short to enlarge.
     """
     n = len(joint_names)
-    x = Comparison(
-        looks(runs, tau_max, control_period),
-        title,
-        subtitle,
-        joint_names,
-        tau_max,
-        metrics_from,
-        control_period,
-        metrics,
-        {},
-        (False,) * n,
+    x = run_view(
+        runs,
+        title=title,
+        subtitle=subtitle,
+        joint_names=joint_names,
+        tau_max=tau_max,
+        metrics_from=metrics_from,
+        control_period=control_period,
+        metrics=metrics,
     )
-    zoom = zoom_window(x) if runs else None
+    zoom = zoom_window(x)
     if zoom is None:
         raise ResultError("a page needs runs long enough to show a part of them enlarged")
     with style.journal_style():
@@ -73,7 +70,7 @@ def comparison_page(
             position, error, torque = (fig.add_subplot(grid[i, column]) for column in range(3))
             reference = x.longest.q_ref[:, i]
             draw(position, x, {run.name: run.data.q[:, i] for run in x.runs}, False, [reference])
-            position.plot(*style.decimate(x.longest.t, reference, x.bins), **_REFERENCE)
+            position.plot(*style.decimate(x.longest.t, reference, x.bins), **REFERENCE)
             position.set_ylabel(f"{printable(name)}\nposition [rad]")
             draw(error, x, {key: e[:, i] * unit.factor for key, e in errors.items()}, True)
             late = [e[run.data.t >= metrics_from, i] for run, e in zip(x.runs, errors.values(), strict=True)]
@@ -90,7 +87,7 @@ def comparison_page(
                 ax.set_title(text if i == 0 else "", loc="left", pad=3.0)
                 ax.set_xlabel("time [s]" if i == n - 1 else "")
                 ax.tick_params(labelbottom=i == n - 1)
-        return x.finish(fig, lambda run: rmse_note(x, run), Line2D([], [], label="reference", **_REFERENCE))
+        return x.finish(fig, lambda run: rmse_note(x, run), Line2D([], [], label="reference", **REFERENCE))
 
 
 def _span(zoom: tuple[float, float]) -> float:

@@ -14,9 +14,9 @@ from paper.runs_table import LOST, Runs
 from paper.study import Apart, Study
 from paper.verdicts import FAILS, HOLDS, ONLY_IF, Claim
 from paper.workload import CHAINS, NOISE, NOMINAL, RELATIVE
-from torquebench.analysis.style import figure_bytes
 from torquebench.experiment.describe import conditions_text, noise_text
 from torquebench.experiment.store import RunDirectory, json_bytes, machine, versions
+from torquebench.report.figures.style import figure_bytes
 from torquebench.report.render import PAGE, Picture, render
 from torquebench.report.tables import number
 

@@ -6,7 +6,7 @@ import functools
 import json
 from typing import Any, NamedTuple
 
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 from torquebench.sim.chain import CHAINS as CHAIN_NAMED
 from torquebench.sweep.plan import Plan, Source
 

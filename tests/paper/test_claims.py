@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from paper.workload import (
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
 from torquebench.metrics import METRICS
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 from torquebench.statistics import Ratio, paired_ratio
 
 DRAWS = 5
@@ -198,11 +199,10 @@ def test_the_command_of_a_claim_runs_its_first_case() -> None:
         studied = [experiment for experiment in every if experiment.reference.kind == reference]
         keys = {keys.name: keys for experiment in studied for keys in experiment.controllers}
         assert any(keys.get(c.name) == c for c in own.controllers), claim.claim
-        same = own.model_copy(update={"controllers": (), "name": "", "description": ""})
-        assert all(
-            experiment.model_copy(update={"controllers": (), "name": "", "description": ""}) == same
-            for experiment in studied
-        ), claim.claim
+        same = replace(own, controllers=(), name="", description="")
+        assert all(replace(experiment, controllers=(), name="", description="") == same for experiment in studied), (
+            claim.claim
+        )
 
 
 def test_a_claim_without_cases_is_no_claim() -> None:

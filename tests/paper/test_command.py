@@ -12,10 +12,10 @@ import pytest
 from paper.claims import claims
 from paper.runs_table import Runs
 
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.cli.paper import claims_table
 from torquebench.experiment.store import check_run
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 
 
 @pytest.fixture
@@ -156,7 +156,7 @@ def test_bad_arguments_write_nothing(tmp_path, command):
     """No threads: exit 2 and no folder."""
     status, _, err = command("paper", "--workers", "0", "--out", tmp_path / "out")
     assert status == 2
-    assert "--workers: 0: wanted at least 1" in err
+    assert "--workers: got 0, wanted" in err
     assert not (tmp_path / "out").exists()
 
 

@@ -2,44 +2,46 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from torquebench.cli.colour import bad, good
-from torquebench.cli.terminal import progress_bar, say, table, tell
+from torquebench.cli.app import command
+from torquebench.cli.parameters import option, out_folder
+from torquebench.cli.parameters import workers as workers_option
+from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
-from torquebench.experiment.store import RunDirectory, claim_folder
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 
 DRAWS = {"quick": 4, "full": 30}
 """Draws behind each interval, by size of the study."""
 TONES = {"holds": good, "fails": bad}
 
 
-def paper(options: argparse.Namespace) -> int:
-    """Run the study and write what came out; return 0.
+@command(example="torquebench paper --quick")
+@out_folder(help="folder for the results, new or empty (default: runs/paper-UTC)")
+@option("--quick", is_flag=True, help="few draws: for a look, and for continuous integration")
+@workers_option(help="threads (default: one per core)")
+def paper(out: Path | None, quick: bool, workers: int | None) -> int:
+    """Run the paper's Figs 9 to 11 and judge each of its claims.
 
-    Args:
-        options: Arguments of the command; see ``torquebench paper --help``.
-
-    Raises:
-        ConfigError: bad arguments, or the study is not there.
+    Everything that the claims rest on is run, on both plants. The study is not in the package: it needs a checkout.
     """
-    if options.workers < 1:
-        raise ConfigError([Problem("--workers", str(options.workers), "wanted at least 1")])
+    from torquebench.experiment.store import RunDirectory, claim_folder
+
     study, report = load_study("study"), load_study("report")
-    draws = DRAWS["quick" if options.quick else "full"]
-    directory = RunDirectory(claim_folder(options.out, "paper"))
+    draws = DRAWS["quick" if quick else "full"]
+    directory = RunDirectory(claim_folder(out, "paper"))
     with progress_bar(study.count_runs(draws), "run", "starting (compiles on first use)") as bar:
 
         def progress(what: str, runs: int = 0) -> None:
-            bar.set_description_str(what, refresh=False)
+            bar.describe(what)
             bar.update(runs)
 
-        found = study.run_study(draws, options.workers, progress)
+        found = study.run_study(draws, workers or os.cpu_count() or 1, progress)
         claims = report.write_study(found, directory, draws, progress)
     tell(
         directory=directory.folder,
