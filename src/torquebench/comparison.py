@@ -282,9 +282,9 @@ def compare_rollouts(
     n, rows = model.n, []
     odd = np.arange(n) % 2 == 1
     motions = (
-        references.sine(np.where(odd, -1.0, 1.2), 0.4 + 0.6 * (np.arange(1, n + 1) / n)),
-        references.step(np.where(odd, -0.8, 0.8), 0.2),
-        references.ramp(np.where(odd, -1.5, 1.5), 3.0),
+        references.Sine(tuple(np.where(odd, -1.0, 1.2)), tuple(0.4 + 0.6 * (np.arange(1, n + 1) / n))),
+        references.Step(tuple(np.where(odd, -0.8, 0.8)), 0.2),
+        references.Ramp(tuple(np.where(odd, -1.5, 1.5)), 3.0),
     )
     plant_a, plant_b = a.plant(timestep), b.plant(timestep)
     for title, law, gains in ROLLOUT_LAWS:
