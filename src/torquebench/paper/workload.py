@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 from torquebench.disturbances import BandLimitedNoise, Bias, Sinusoid
 from torquebench.experiment import load_experiment
-from torquebench.experiment.scenario_schema import Friction, Mismatch, Payload
 from torquebench.experiment.schema import Experiment
 from torquebench.robot.library import data_root
+from torquebench.robot.payload import Payload
+from torquebench.robot.puma560.mismatch import Mismatch
+from torquebench.sim.friction import Friction
 
 CHAINS = ("ideal", "fast", "slow")
 NOMINAL, NOISE, UNCERTAIN, MISMATCH = "nominal", "noise", "noise and a wrong model", "a wrong model"
