@@ -47,11 +47,11 @@ def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Pat
 
     It is said how they are evaluated, and what is odd about them. A built-in system goes by its name.
     """
-    from torquebench.analysis.fuzzy import system_figures
-    from torquebench.analysis.style import figure_bytes
     from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
     from torquebench.fuzzy import prepare
     from torquebench.laws.plugin import load_plugin
+    from torquebench.report.figures.fuzzy import system_figures
+    from torquebench.report.figures.style import figure_bytes
 
     for file in plugin:
         load_plugin(file)

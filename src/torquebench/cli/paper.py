@@ -86,9 +86,9 @@ def write_pages(study: Study, directory: RunDirectory) -> list[Picture]:
         study: What was run.
         directory: Where.
     """
-    from torquebench.analysis.paper_pages import comparison_page
-    from torquebench.analysis.style import figure_bytes
     from torquebench.experiment.run import metrics_of
+    from torquebench.report.figures.paper_pages import comparison_page
+    from torquebench.report.figures.style import figure_bytes
 
     pictures = []
     with progress_bar(2 * len(PAGES), "figure", "drawing") as bar:

@@ -81,7 +81,7 @@ def _show_window(footage: Footage, speed: float) -> bool:
 
 def _serve_page(footage: Footage, speed: float, port: int, open_browser: bool) -> None:
     """Serve the replay page, print its address, open the browser, and wait for an interrupt."""
-    from torquebench.analysis.style import COLOURS
+    from torquebench.report.figures.style import COLOURS
     from torquebench.sim.trajectory import load_trajectory
     from torquebench.view.replay import replay_json
     from torquebench.view.server import HOST, serve

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from torquebench.errors import ConfigError, ModelError, Problem, ResultError
+from torquebench.errors import ConfigError, ModelError, Problem, ResultError, did_you_mean
 from torquebench.experiment.build import build
 from torquebench.experiment.certify import flags
 from torquebench.experiment.config import load_experiment
@@ -225,9 +225,10 @@ def _metrics(folder: Path, n: int) -> dict[str, Metrics]:
             continue
         if any(len(metric.per_joint) != n for metric in values.values()):
             raise ResultError(f"{path}: '{name}' has metrics of another number of joints, wanted {n}")
-        if unknown := [key for key in values if key not in METRICS]:
+        for key in set(values) - set(METRICS.names()):
             raise ResultError(
-                f"{path}: has the metric '{unknown[0]}', which is not registered: wanted --plugin with its file"
+                f"{path}: unknown metric '{key}'{did_you_mean(key, METRICS.names())}; one of your own needs --plugin "
+                "FILE, the file that registers it"
             )
         metrics = {key: Metric(m.value, tuple(m.per_joint), m.counted) for key, m in values.items()}
         absent = Metric(None, (None,) * n, n)

@@ -12,7 +12,7 @@ from torquebench.laws.law import law_names
 from torquebench.registry import registered_by, registering_again
 
 PYTHON = r"\.py"
-"""What a plug-in's name ends in, a regular expression."""
+"""Ending of a plug-in's file name, a regular expression."""
 
 
 def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:

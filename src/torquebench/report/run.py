@@ -18,7 +18,7 @@ from torquebench.report.run_page import comparison_page, run_page
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from torquebench.analysis.run_view import FiredRules
+    from torquebench.report.figures.run_view import FiredRules
 
 FILM = "video.mp4"
 FORMATS: tuple[Literal["svg", "png"], ...] = ("svg", "png")
@@ -57,7 +57,7 @@ def figure_files(result: ExperimentResult, progress: Progress | None = None) -> 
         result: The run.
         progress: Told each file when it is drawn.
     """
-    from torquebench.analysis.style import figure_bytes
+    from torquebench.report.figures.style import figure_bytes
 
     figures = run_figures(result)
     whole, done = len(FORMATS) * len(figures), 0
@@ -76,7 +76,7 @@ def run_figures(result: ExperimentResult) -> dict[str, Figure]:
 
     Those of the stability certificates need the arm that was run, and are left out where its files have changed.
     """
-    from torquebench.analysis.run_view import draw_figures, run_view
+    from torquebench.report.figures.run_view import draw_figures, run_view
 
     experiment = result.experiment
     bands = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
@@ -101,8 +101,8 @@ def run_figures(result: ExperimentResult) -> dict[str, Figure]:
 
 def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
     """Return which rules of its fuzzy system fired in each run, by controller."""
-    from torquebench.analysis.fuzzy_rules import rule_shares
-    from torquebench.analysis.run_view import FiredRules
+    from torquebench.report.figures.fuzzy_rules import rule_shares
+    from torquebench.report.figures.run_view import FiredRules
 
     fired = {}
     for keys, controller in zip(result.experiment.controllers, build_controllers(result.experiment), strict=True):

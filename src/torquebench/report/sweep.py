@@ -78,7 +78,7 @@ def figures_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[
         table: Its table.
         found: What its metrics depend on.
     """
-    from torquebench.analysis.sweep_figures import sweep_figures
+    from torquebench.report.figures.sweep import sweep_figures
 
     subtitle = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
     return sweep_figures(table, info.name, subtitle, found, slides=info.slides)
@@ -91,7 +91,7 @@ def figure_files(figures: Mapping[str, Figure], progress: Progress | None = None
         figures: Name -> figure.
         progress: Told each file when it is drawn.
     """
-    from torquebench.analysis.style import figure_bytes
+    from torquebench.report.figures.style import figure_bytes
 
     for count, (name, figure) in enumerate(figures.items()):
         for i, fmt in enumerate(FORMATS):

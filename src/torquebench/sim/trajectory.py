@@ -1,4 +1,4 @@
-"""What a run leaves behind: its samples, its outcome, and how they are stored."""
+"""The result of a run: its samples and its outcome, in memory and on disk."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from torquebench.sim.job import Setup
 
 
 class Outcome(Enum):
-    """How a run ended; the value is what the user is told."""
+    """How a run ended; the value is the text shown to users."""
 
     COMPLETED = "completed"
     DIVERGED = "the plant state became non-finite or left the bounds"
@@ -66,7 +66,7 @@ class Trajectory:
     s: Array
     """Sliding variable as the law computed it [rad/s]; NaN for a law that has none."""
     tau_law: Array
-    """Torque asked by the law, before clipping [N m]."""
+    """Torque commanded by the law, before clipping [N m]."""
     tau: Array
     """Torque after clipping to the limits [N m]."""
     tau_applied: Array
@@ -75,7 +75,7 @@ class Trajectory:
     failed_at: int | None = None
     """Index of the control instant at which the run failed."""
     detail: str = ""
-    """What exactly failed: joint and value, or the exception's text."""
+    """Details of a failure: joint and value, or the exception's text."""
     extra: Mapping[str, Array] = field(default_factory=dict)
     """The law's remaining memory channels by name, each (N, n)."""
     path: str = ""
@@ -99,7 +99,7 @@ class Trajectory:
 
     @property
     def completed(self) -> bool:
-        """Whether the run reached its end."""
+        """True if the run reached its end."""
         return self.outcome is Outcome.COMPLETED
 
     def arrays(self) -> dict[str, Array]:

@@ -1,0 +1,96 @@
+"""Desired motion: what a law is given of it, how a kind is registered, and motions sampled by users.
+
+A kind is a frozen dataclass whose fields are its keys (see `Key`), with one method::
+
+    sample(t, n) -> Reference  # position, velocity and acceleration at each time, each (N, n)
+
+and, if it likes, ``check(timing)``, which yields a `Fault` for each key that does not fit the run. It may say by
+``metrics_from`` when the window for metrics opens where a config does not [s], and by ``is_step_like = True`` that rise
+time, overshoot and settling time have a meaning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from torquebench.errors import InconsistentReferenceError
+from torquebench.kernel import Array
+from torquebench.keys import Kinds, Vector, as_vector
+
+
+class Reference(NamedTuple):
+    """Desired motion; one sample (n,) inside a law, sampled arrays (N, n) outside."""
+
+    q: Array
+    """Desired joint position [rad or m]."""
+    qd: Array
+    """Desired joint velocity [rad/s or m/s]."""
+    qdd: Array
+    """Desired joint acceleration [rad/s^2 or m/s^2]."""
+
+
+ReferenceSource = Callable[[Array], Reference]
+"""A function from times (N,) [s] to the desired motion, arrays (N, n); (N, 1) stands for the same on every joint."""
+
+REFERENCES = Kinds("reference", defaults={"metrics_from": 1.0, "is_step_like": False})
+reference = REFERENCES
+"""Decorator of a class: ``@reference("lemniscate")``."""
+ROUNDING = 1e-9
+"""A control instant this close before an event counts as the event's [s]: k T is rounded."""
+
+
+def each_joint(value: Vector, n: int | None) -> Array:
+    """Return a number for each of `n` joints, (n,); of None, as many as there are."""
+    return np.atleast_1d(np.array(value, dtype=np.float64)) if n is None else as_vector(value, n)
+
+
+class Motion:
+    """A kind that may be called with times alone, as a `ReferenceSource`."""
+
+    def sample(self, t: Array, n: int | None = None) -> Reference:
+        """Return the desired motion of `n` joints at times (N,) [s]; None for as many as its keys have numbers."""
+        raise NotImplementedError
+
+    def __call__(self, t: Array) -> Reference:
+        """Return the desired motion at times (N,) [s]."""
+        return self.sample(t)
+
+
+def from_samples(t: Array, q: Array, qd: Array, qdd: Array) -> Reference:
+    """Accept a user's sampled motion after checking that its rates are the derivatives of its positions.
+
+    The change of `q` over two samples is compared with Simpson's integral of `qd`, and that of `qd` with the
+    integral of `qdd`. The allowance for a joint is 1 % of its own largest change, plus 1e-4 of any joint's, plus 1e-9.
+
+    Args:
+        t: Sample times, evenly spaced, (N,) [s].
+        q, qd, qdd: Desired position [rad], velocity [rad/s] and acceleration [rad/s^2]; each (N, n).
+
+    Raises:
+        InconsistentReferenceError: wrong shapes, uneven times, non-finite values, or rates that do not fit.
+    """
+    t, q, qd, qdd = (np.array(x, dtype=np.float64) for x in (t, q, qd, qdd))
+    if t.ndim != 1 or len(t) < 3 or q.ndim != 2 or not (len(t) == len(q) and q.shape == qd.shape == qdd.shape):
+        raise InconsistentReferenceError(
+            f"shapes t {t.shape}, q {q.shape}, qd {qd.shape}, qdd {qdd.shape}: wanted (N,) with N >= 3 and three (N, n)"
+        )
+    if not all(np.all(np.isfinite(x)) for x in (t, q, qd, qdd)):
+        raise InconsistentReferenceError("the reference has values that are not finite")
+    h = t[1] - t[0]
+    if h <= 0 or not np.allclose(np.diff(t), h, rtol=1e-6, atol=0):
+        raise InconsistentReferenceError("reference times must be evenly spaced and increasing")
+    for name, value, rate in (("qd", q, qd), ("qdd", qd, qdd)):
+        change = value[2:] - value[:-2]
+        integral = h / 3.0 * (rate[:-2] + 4.0 * rate[1:-1] + rate[2:])
+        gap = np.abs(change - integral)
+        allowed = 0.01 * np.max(np.abs(change), axis=0) + 1e-4 * np.max(np.abs(change)) + 1e-9
+        if np.any(gap > allowed):
+            k, joint = np.unravel_index(int(np.argmax(gap / allowed)), gap.shape)
+            raise InconsistentReferenceError(
+                f"{name} is not the derivative of {'q' if name == 'qd' else 'qd'}: at t = {t[k + 1]:g} s, joint "
+                f"{joint + 1}, the change is {change[k, joint]:.6g} but {name} integrates to {integral[k, joint]:.6g}"
+            )
+    return Reference(q, qd, qdd)
