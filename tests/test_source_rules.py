@@ -11,8 +11,9 @@ from tests.source_tree import ALL, FILES, SOURCE, TREES, imports
 
 OUTER = (
     "experiment/",
-    "analysis/",
-    "check",
+    "report/",
+    "check.py",
+    "check_cases.py",
     "cli/",
     "sweep/",
     "view/",

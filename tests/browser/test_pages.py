@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.video.films import camera_of_scene, pixel, tool_mark
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import add_to_run
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.sim.trajectory import load_trajectory

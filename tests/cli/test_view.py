@@ -15,7 +15,7 @@ import pytest
 
 from tests.cli.conftest import QUICK
 from torquebench.cli import view
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 
 ADDRESS = r"view: (http://127\.0\.0\.1:\d+/[\w-]{20,}/)\n"

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.video.opengl import probe
 
 CONFIG = """\

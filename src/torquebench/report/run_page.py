@@ -9,18 +9,9 @@ from typing import Any
 
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import ExperimentResult
+from torquebench.report.figures.declare import figure_title
 from torquebench.report.render import Picture, render
 from torquebench.report.tables import by_joint, certificate_rows, gain_rows, headline_table
-
-TITLES = {
-    "position": "Position",
-    "error": "Tracking error",
-    "torque": "Torque",
-    "sliding": "Sliding variable",
-    "spectrum": "Spectrum of the torque",
-    "certificates": "Stability certificates over time",
-}
-"""Headings of figures by file name."""
 
 
 def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes | None = None) -> bytes:
@@ -64,7 +55,7 @@ def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes
         config=dump_experiment(experiment),
         facts=json.dumps(result.facts, indent=2),
         video=None if film is None else base64.b64encode(film).decode(),
-        figures=[Picture(TITLES.get(name, name), svg) for name, svg in figures.items()],
+        figures=[Picture(figure_title(name), svg) for name, svg in figures.items()],
     )
 
 

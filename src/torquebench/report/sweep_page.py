@@ -19,9 +19,9 @@ from torquebench.report.sweep_tables import (
     silent_text,
 )
 from torquebench.report.tables import headlines
-from torquebench.sweep.columns import Table
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Group, Summary, summarise
+from torquebench.sweep.table import Table
 
 MOST_CASES = 64
 """Cases whose tables are shown."""
@@ -76,7 +76,7 @@ def sweep_page(
     Args:
         table: The sweep's table.
         info: What it is.
-        figures: Name, as `analysis.sweep_figures` has them, -> SVG document, in order.
+        figures: Name, as `figures.sweep` has them, -> SVG document, in order.
         found: What its metrics depend on; of those in `SHOWN` it is told.
         reference: Controller that the ratios are to; None for the first.
 

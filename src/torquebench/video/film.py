@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.errors import ConfigError, Problem, ResultError, VideoError, did_you_mean
+from torquebench.experiment.source import read_document
 from torquebench.experiment.store import EXPERIMENT, add_to_run, checksums, refuse_without_experiment
-from torquebench.experiment.yaml_source import read_document
 from torquebench.robot.library import mjcf_path
 from torquebench.sim.trajectory import load_trajectory
 from torquebench.video.encode import ffmpeg_program

@@ -98,7 +98,7 @@ def check_settings(settings: Settings, model: str) -> None:
         ConfigError: some are impossible; all of them are listed.
         ModelError: there is no such arm.
     """
-    from torquebench.experiment.values import LARGEST_SIDE, LEAST_SIDE  # slow to load, and not needed to draw
+    from torquebench.experiment.schema import LARGEST_SIDE, LEAST_SIDE  # slow to load, and not needed to draw
 
     problems = []
     if settings.quality not in QUALITIES:

@@ -9,8 +9,8 @@ from typing import NamedTuple, cast
 import numpy as np
 from PIL import Image, ImageColor
 
-from torquebench.analysis import style
 from torquebench.kernel import Array, IntArray
+from torquebench.report.figures import style
 from torquebench.sim.trajectory import Trajectory
 from torquebench.video.job import FPS, SEPARATOR, Shot
 from torquebench.video.layout import NOTE, Box, Layout, Timeline, layout, ranges

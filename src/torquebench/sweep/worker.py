@@ -1,0 +1,162 @@
+"""A sweep's worker: it runs the rows of a shard one after the other and fills their columns."""
+
+from __future__ import annotations
+
+import functools
+import math
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from torquebench.errors import ConfigError, ModelError
+from torquebench.experiment.build import Builder
+from torquebench.experiment.run import joints_of, trial_of
+from torquebench.experiment.store import atomic_write
+from torquebench.kernel import Array
+from torquebench.laws.plugin import load_plugin
+from torquebench.metrics import METRICS, headlines
+from torquebench.sim.session import Session
+from torquebench.sim.trajectory import Trajectory
+from torquebench.sweep.plan import Plan, Source, pairs_of
+from torquebench.sweep.table import REFUSED, Columns, empty_columns, key_values
+
+
+class Ended(NamedTuple):
+    """Outcome of one run."""
+
+    outcome: str
+    failed_at: float
+    """Control instant at which it failed; NaN when it did not."""
+    metrics: Array
+    """Headline of each of `METRICS`; NaN where undefined."""
+    run: Trajectory | None
+    """None of a run that could not be built."""
+
+
+class Stopped(Exception):
+    """A worker was told to stop before its shard was done."""
+
+
+class Task(NamedTuple):
+    """What a worker needs to know of a sweep; small and plain, so that it can be sent to another machine."""
+
+    source: Source
+    shard_size: int
+    """Number of (case, draw) pairs in a shard."""
+    trajectories: Path | None = None
+    """Folder for the trajectory of every run, shared by all workers; None for none."""
+
+
+class Worker:
+    """Runs shards, with its own plants and buffers; each thread needs its own.
+
+    Args:
+        plan: The sweep.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan, self._build = plan, Builder()
+        self._sessions = [Session(overwrite=True) for _ in plan.controllers]
+
+    def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Columns:
+        """Run the rows of a shard and return their columns.
+
+        Args:
+            task: The sweep.
+            shard: Number of the shard.
+            stop: Called before each pair; true to stop.
+
+        Raises:
+            Stopped: `stop` returned true.
+        """
+        plan, pairs = self._plan, pairs_of(task.shard_size, self._plan.pairs, shard)
+        count = len(plan.controllers)
+        columns, metrics = empty_columns(plan, len(pairs) * count), np.empty((len(pairs) * count, len(METRICS)))
+        outcome, failed_at = columns["outcome"], columns["failed_at"]
+        columns["index"][:] = np.arange(pairs.start * count, pairs.stop * count)
+        columns["case"][:], columns["draw"][:] = np.divmod(columns["index"] // count, plan.draws)
+        columns["controller"][:] = np.tile(plan.controllers, len(pairs))
+        at = 0
+        for pair in pairs:
+            if stop():
+                raise Stopped
+            case, draw = divmod(pair, plan.draws)
+            for key, values in key_values(plan, case, draw).items():
+                columns[key][at : at + count] = values
+            for ended in self.pair(case, draw):
+                outcome[at], failed_at[at], metrics[at] = ended.outcome, ended.failed_at, ended.metrics
+                if task.trajectories is not None and ended.run is not None:
+                    index, name = pair * count + at % count, plan.controllers[at % count]
+                    write_trajectory(task.trajectories, index, name, ended.run)
+                at += 1
+        columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names())}
+        return columns
+
+    def pair(self, case: int, draw: int) -> Iterator[Ended]:
+        """Run every controller of a case in a draw; a yielded trajectory lasts until the controller's next run.
+
+        Args:
+            case: The case.
+            draw: The draw.
+        """
+        experiment, undefined = self._plan.experiment(case, draw), np.full(len(METRICS), math.nan)
+        try:
+            loop = self._build(experiment)
+        except (ConfigError, ModelError):
+            # the draw is at fault, not the file: every case has been built before
+            yield from (Ended(REFUSED, 0.0, undefined, None) for _ in experiment.controllers)
+            return
+        for keys, controller, session in zip(experiment.controllers, loop.controllers, self._sessions, strict=True):
+            run = session.run(loop.plant, trial_of(experiment, loop, controller))
+            if run.completed:
+                metrics = headlines(joints_of(experiment, loop, keys, run))
+                yield Ended(run.outcome.name, math.nan, metrics, run)
+            else:
+                yield Ended(run.outcome.name, float(run.failed_at or 0), undefined, run)
+
+
+def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:
+    """Write the trajectory of a row atomically.
+
+    Args:
+        folder: The folder of trajectories.
+        index: Number of the row.
+        controller: Name of its controller.
+        run: The trajectory.
+    """
+    atomic_write(folder / f"{index}-{controller}.npz", run.to_bytes())
+
+
+_thread = threading.local()
+
+
+def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Columns:
+    """Run one shard in this thread, which keeps its worker for the sweep's next shard.
+
+    Args:
+        task: The sweep.
+        shard: Number of the shard.
+        stop: Called before each pair; true to stop.
+
+    Raises:
+        Stopped: `stop` returned true.
+        ConfigError: the sweep's file or a plug-in cannot be used here.
+    """
+    if getattr(_thread, "source", None) != task.source:
+        _thread.worker, _thread.source = Worker(Plan(task.source)), task.source
+    worker: Worker = _thread.worker
+    return worker.columns(task, shard, stop)
+
+
+@functools.cache
+def load_plugins(source: Source) -> None:
+    """Register the laws of a sweep's plug-ins in this process, once.
+
+    Raises:
+        ConfigError: one of them cannot be used.
+    """
+    for path in source.plugins:
+        load_plugin(path)
