@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.timing import Case
 from torquebench import CHAINS, AnalyticPlant, Controller, MujocoPlant, Puma560, Trajectory, Trial, Workers, simulate
 from torquebench.errors import ResultError
-from torquebench.references import sine
+from torquebench.references import Sine
 
 HEADLINE = "closed-loop-fuzzy-euler-mujoco"
 LAW = "fuzzy-linear-band-smc"
@@ -48,7 +48,7 @@ def trial_of(duration: float) -> Trial:
     """
     controller = Controller.of(LAW, 6, GAINS | {"gd": GD}, {"equivalent_control": True}, "fuzzy")
     model = Puma560("corrected", "printed")
-    return Trial(controller, model, sine(AMPLITUDE, FREQUENCY), duration, PERIOD)
+    return Trial(controller, model, Sine(AMPLITUDE, FREQUENCY), duration, PERIOD)
 
 
 def closed_loops(duration: float, most_threads: int) -> list[Case]:

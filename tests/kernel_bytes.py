@@ -20,7 +20,7 @@ from torquebench import AnalyticPlant, Puma560, find_law, law_names
 from torquebench.fuzzy import Functions, builtin_system, prepare
 from torquebench.fuzzy.inference import fill_activations
 from torquebench.kernel import Array, kernel
-from torquebench.references import Reference, sine
+from torquebench.references import Reference, Sine
 from torquebench.robot import RobotModel, dynamics
 
 STRUCTURES = {
@@ -28,7 +28,7 @@ STRUCTURES = {
     "corrected": lambda: Puma560("corrected", "printed"),
     "printed": lambda: Puma560("printed", "printed"),
 }
-TARGET = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
+TARGET = Sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
 GAINS = {
     "lam": 10.0,
     "k": 0.3,

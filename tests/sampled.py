@@ -9,10 +9,11 @@ import numpy as np
 from torquebench.kernel import Array
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel
-from torquebench.sim.plants import Plant, substeps_per_period
+from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory
+from torquebench.timing import substeps_per_period
 
 
 def sampled_trial(

@@ -17,7 +17,7 @@ from torquebench.experiment import load_experiment
 from torquebench.experiment.build import build
 from torquebench.experiment.certify import certificates, flags, sliding_law
 from torquebench.experiment.run import run_experiment
-from torquebench.references import sine, step
+from torquebench.references import Sine, Step
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 PERIOD = 0.001
@@ -53,7 +53,7 @@ def test_coriolis_force_makes_the_energy_balance(name: str) -> None:
 
 def test_the_rate_of_V_is_that_of_the_equation() -> None:
     """(109) is s' (M ds + C s): in the boundary layer, where all is smooth, to the control period's first order."""
-    run = run_of(sine([1.0, -1.0], [0.5, 0.7]), switching="saturation", initial_q=np.array([0.1, -0.1]))
+    run = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation", initial_q=np.array([0.1, -0.1]))
     arm = load_model("two-link")
     found = certify(run, arm, law_of(phi=PHI), PERIOD)
     e, de = run.q_ref - run.q, run.qd_ref - run.qd
@@ -72,19 +72,19 @@ def test_the_demand_is_the_disturbance_where_the_model_is_right() -> None:
     (98) has no C s in it, unlike (113); without a disturbance s stays so small that nothing is left.
     """
     push, arm = np.array([3.0, -2.0]), load_model("two-link")
-    run = run_of(sine([1.0, -1.0], [0.5, 0.7]), switching="saturation", disturbance=np.tile(push, (1000, 1)))
+    run = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation", disturbance=np.tile(push, (1000, 1)))
     found = certify(run, arm, law_of(phi=PHI), PERIOD)
     turning = coriolis_force(arm, run.q[:-1], run.qd[:-1], found.s)
     assert np.max(np.abs(turning)) > 0.2
     assert np.max(np.abs(found.demand - np.abs(turning - push))) < 0.05
-    calm = run_of(sine([1.0, -1.0], [0.5, 0.7]), switching="saturation")
+    calm = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation")
     assert np.max(certify(calm, arm, law_of(phi=PHI), PERIOD).demand) < 0.05
 
 
 def test_eta_is_the_margin_of_a_law_that_only_switches() -> None:
     """Outside its layer eta_i >= K_i less the demand where no torque is at its limit; equal where d opposes K fully."""
     push = np.array([3.0, -2.0])
-    run = run_of(step([0.3, -0.2], 0.1), disturbance=np.tile(push, (1000, 1)))
+    run = run_of(Step([0.3, -0.2], 0.1), disturbance=np.tile(push, (1000, 1)))
     found = certify(run, load_model("two-link"), law_of(), PERIOD)
     limit = np.asarray(AnalyticPlant(load_model("two-link")).tau_max)
     free = (np.abs(found.s) > found.layer) & (np.abs(run.tau[:-1]) < limit * (1.0 - 1e-9))
@@ -98,7 +98,7 @@ def test_eta_is_the_margin_of_a_law_that_only_switches() -> None:
 
 def test_the_layer_is_reached_within_its_bound() -> None:
     """After a step: within the bound, and (124) holds at every instant until the first joint is in its layer."""
-    run = run_of(step([0.6, -0.4], 0.1), duration=2.0)
+    run = run_of(Step([0.6, -0.4], 0.1), duration=2.0)
     found = certify(run, load_model("two-link"), law_of(), PERIOD)
     assert found.reaching_from == pytest.approx(0.1)
     assert 0.02 < found.reaching_time < found.reaching_bound < np.inf
@@ -133,7 +133,7 @@ def test_no_layer_is_reached_later_than_its_bound(config: str) -> None:
 def test_too_small_a_gain_has_no_bound() -> None:
     """A push larger than K: the margin is negative, and there is no bound on the reaching time."""
     push = np.tile([0.5 * float(AnalyticPlant(load_model("two-link")).tau_max[0]), 0.0], (1000, 1))
-    run = run_of(step([0.3, 0.3], 0.1), k=0.1, disturbance=push)
+    run = run_of(Step([0.3, 0.3], 0.1), k=0.1, disturbance=push)
     found = certify(run, load_model("two-link"), law_of(0.1), PERIOD)
     assert found.to_json()["worst_margin"]["value"] < 0.0
     assert found.to_json()["worst_margin"]["joint"] == 1
@@ -144,7 +144,7 @@ def test_the_gain_needed_is_what_the_model_leaves() -> None:
     """Without a model the peak of the inverse dynamics; with a perfect one the peak of the disturbance; exactly."""
     arm = Puma560()
     t = np.arange(0.0, 2.0, 0.01)
-    reference = sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0])(t)
+    reference = Sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0])(t)
     blind = SlidingLaw(np.full(6, 10.0), np.ones(6), None, None)
     torque = np.abs(arm.inverse_dynamics(*reference)).max(axis=0)
     assert required_gain(arm, blind, *reference, None) == pytest.approx(torque, rel=1e-12)
@@ -197,7 +197,7 @@ def test_forms_without_a_certificate() -> None:
 
 def test_a_failed_run_has_no_certificate() -> None:
     """As it has no metrics."""
-    run = replace(run_of(step([0.3, 0.3], 0.1), duration=0.2), outcome=Outcome.DIVERGED)
+    run = replace(run_of(Step([0.3, 0.3], 0.1), duration=0.2), outcome=Outcome.DIVERGED)
     with pytest.raises(ResultError, match="completed run"):
         certify(run, load_model("two-link"), law_of(), PERIOD)
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from torquebench.disturbances import Stream, band_limited_noise, bias, generator, sinusoid
+from torquebench.disturbances import Bias, Sinusoid, Stream, band_limited_noise, generator
 from torquebench.kernel import Array
 
 SIGMA = np.array([5.06, 16.59, 3.30, 0.54, 0.62, 0.81])
@@ -160,7 +160,8 @@ def test_streams_have_fixed_numbers() -> None:
 
 def test_a_bias_is_the_same_torque_always() -> None:
     """Each row is the vector itself."""
-    assert bias(SIGMA, 7).tolist() == [SIGMA.tolist()] * 7
+    rng = generator(0, 0, Stream.TORQUE_NOISE)
+    assert Bias(tuple(SIGMA)).sample(6, T * np.arange(7), T, rng).tolist() == [SIGMA.tolist()] * 7
 
 
 def test_a_sinusoid_of_whole_periods_has_its_rms_and_no_other_line() -> None:
@@ -169,7 +170,8 @@ def test_a_sinusoid_of_whole_periods_has_its_rms_and_no_other_line() -> None:
     1e-12 of the amplitude is the rounding of sin at arguments up to 63 rad, a few 1e-15, over 4000 samples.
     """
     f = np.array([1.0, 2.5, 0.5, 40.0, 125.0, 3.25])
-    d = sinusoid(SIGMA, f, T * np.arange(4000))
+    swing = Sinusoid(tuple(SIGMA), frequency_hz=tuple(f))
+    d = swing.sample(6, T * np.arange(4000), T, generator(0, 0, Stream.TORQUE_NOISE))
     assert np.sqrt(np.mean(d * d, axis=0)) == pytest.approx(SIGMA / math.sqrt(2.0), rel=1e-12)
     lines = np.fft.rfft(d, axis=0) / 2000.0
     wanted = np.zeros_like(lines)

@@ -100,7 +100,7 @@ HEAD = """
 import math
 import numpy as np
 from torquebench.kernel import Array, kernel, sat
-from torquebench.references import sine
+from torquebench.references import Sine
 from torquebench.robot import dynamics
 from torquebench.robot.dynamics import gravity
 from torquebench.robot.flat_model import EXACT, Model

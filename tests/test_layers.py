@@ -22,6 +22,7 @@ LAYERS = (
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
+    ("chain",),
     ("laws",),
     ("dialect",),
     ("sim",),

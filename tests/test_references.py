@@ -10,14 +10,14 @@ import pytest
 
 from torquebench.errors import InconsistentReferenceError
 from torquebench.kernel import Array
-from torquebench.references import Reference, ReferenceSource, from_samples, quintic, ramp, sine, step
+from torquebench.references import Quintic, Ramp, Reference, ReferenceSource, Sine, Step, from_samples
 
 A = np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0])
 HZ = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 STEP = np.array([1.0, -0.8, 0.8, 0.6, 0.6, 0.6])
 RAMP = np.array([2.5, -1.5, 1.5, 1.5, 1.5, 1.5])
 QUINTIC = np.array([1.5, -1.2, 1.0, 1.0, 1.0, 1.0])
-PROTOCOL = {"sine": sine(A, HZ), "step": step(STEP, 0.2), "ramp": ramp(RAMP, 3.0), "quintic": quintic(QUINTIC, 1.0)}
+PROTOCOL = {"sine": Sine(A, HZ), "step": Step(STEP, 0.2), "ramp": Ramp(RAMP, 3.0), "quintic": Quintic(QUINTIC, 1.0)}
 """The protocol's four references for the PUMA."""
 
 
@@ -101,7 +101,7 @@ def test_ramp_values() -> None:
 
 def test_quintic_values() -> None:
     """At x = 1/4, 1/2, 3/4: 53/512, 1/2, 459/512; top speed 15/8; acceleration 45/8, 0, -45/8; at rest at the end."""
-    q, qd, qdd = quintic(QUINTIC, 2.0)(np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.5]))
+    q, qd, qdd = Quintic(QUINTIC, 2.0)(np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.5]))
     assert q == pytest.approx(np.outer([0.0, 53 / 512, 0.5, 459 / 512, 1.0, 1.0], QUINTIC), rel=1e-14)
     # 30 x^2 (1 - x)^2 / 2 s and 60 x (1 - x)(1 - 2x) / 4 s^2
     assert qd == pytest.approx(np.outer([0.0, 135 / 256, 15 / 16, 135 / 256, 0.0, 0.0], QUINTIC), rel=1e-14)
@@ -117,7 +117,7 @@ def test_a_reference_is_a_function_of_time_alone(name: str) -> None:
         assert a[1234:1300].tobytes() == b.tobytes()
 
 
-SMOOTH = [("sine", PROTOCOL["sine"], 4.0), ("quintic", PROTOCOL["quintic"], 0.9), ("rest", step(STEP, 9.0), 1.0)]
+SMOOTH = [("sine", PROTOCOL["sine"], 4.0), ("quintic", PROTOCOL["quintic"], 0.9), ("rest", Step(STEP, 9.0), 1.0)]
 
 
 @pytest.mark.parametrize(("name", "source", "duration"), SMOOTH)
@@ -164,7 +164,7 @@ def test_inconsistent_samples_are_refused(what: str) -> None:
     """Each mistake is refused, by the name of the rate that does not fit; a 10 ms delay of 1 Hz is 6 %, beyond 1 %."""
     rate, spoil = WRONG[what]
     t = times(4.0, 0.01)
-    good = sine(np.array([1.2, -1.0]), np.array([0.75, 1.0]))(t)
+    good = Sine(np.array([1.2, -1.0]), np.array([0.75, 1.0]))(t)
     with pytest.raises(InconsistentReferenceError, match=f"^{rate} is not the derivative of .*joint [12]"):
         from_samples(t, *spoil(good))
 
@@ -222,7 +222,7 @@ def test_uneven_times_are_refused() -> None:
 def test_a_wrong_rate_of_a_joint_that_hardly_moves_is_refused() -> None:
     """Each joint is held to its own movement: a flipped sign of 4 mrad is found beside a swing of 1.2 rad."""
     t = np.arange(1000) * 0.001
-    true = sine(np.array([1.2, 0.004]), np.array([1.0, 1.0]))(t)
+    true = Sine(np.array([1.2, 0.004]), np.array([1.0, 1.0]))(t)
     from_samples(t, *true)
     flipped = true.qd * np.array([1.0, -1.0])
     with pytest.raises(InconsistentReferenceError, match="joint 2"):

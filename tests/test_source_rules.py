@@ -12,8 +12,7 @@ from tests.source_tree import ALL, FILES, SOURCE, TREES, imports
 OUTER = (
     "experiment/",
     "report/",
-    "check.py",
-    "check_cases.py",
+    "check",
     "cli/",
     "sweep/",
     "view/",

@@ -1,4 +1,6 @@
 # written by scripts/public_names.py
+from torquebench.chain import CHAINS as CHAINS
+from torquebench.chain import Chain as Chain
 from torquebench.check import check_law as check_law
 from torquebench.errors import ConfigError as ConfigError
 from torquebench.errors import ResultError as ResultError
@@ -18,11 +20,11 @@ from torquebench.laws import controller as controller
 from torquebench.laws import find_law as find_law
 from torquebench.laws import law_names as law_names
 from torquebench.laws.plugin import load_plugin as load_plugin
+from torquebench.references import Quintic as Quintic
+from torquebench.references import Ramp as Ramp
 from torquebench.references import Reference as Reference
-from torquebench.references import quintic as quintic
-from torquebench.references import ramp as ramp
-from torquebench.references import sine as sine
-from torquebench.references import step as step
+from torquebench.references import Sine as Sine
+from torquebench.references import Step as Step
 from torquebench.results import Result as Result
 from torquebench.results import compare as compare
 from torquebench.results import load_experiment as load_experiment
@@ -36,8 +38,6 @@ from torquebench.robot.dynamics import gravity as gravity
 from torquebench.robot.dynamics import inverse_dynamics as inverse_dynamics
 from torquebench.robot.dynamics import mass_matrix as mass_matrix
 from torquebench.robot.payload import Payload as Payload
-from torquebench.sim.chain import CHAINS as CHAINS
-from torquebench.sim.chain import Chain as Chain
 from torquebench.sim.friction import Friction as Friction
 from torquebench.sim.plants.analytic import AnalyticPlant as AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant as MujocoPlant

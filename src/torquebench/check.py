@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.core import event
 
+from torquebench.chain import IDEAL
 from torquebench.check_cases import (
     ARMS,
     Case,
@@ -34,9 +35,8 @@ from torquebench.check_cases import (
 from torquebench.dialect import ARGUMENTS, FORM, INPUTS, STATE, Complaint, complaints, line_of
 from torquebench.kernel import Array
 from torquebench.laws import Law, find_law
-from torquebench.references import Reference, sine
+from torquebench.references import Reference, Sine
 from torquebench.robot.flat_model import own_copy
-from torquebench.sim.chain import IDEAL
 from torquebench.sim.interpreted import call_law
 from torquebench.sim.job import set_up
 from torquebench.sim.native import RUN_SIGNATURE, NativeRun, compile_native, job_at, law_of, obstacle
@@ -381,7 +381,7 @@ def _loops(law: Law) -> Iterator[tuple[str, str, Options, float]]:
 def _run(law: Law, name: str, engine: str, options: Options, scale: float, path: Any) -> Trajectory:
     n = arm(name).n
     controller = Controller(law.name, law, law.pack_gains(n, gains_of(law, n, options, 3, scale), options))
-    target = sine(np.linspace(0.5, 1.0, n), np.linspace(0.5, 1.5, n))
+    target = Sine(tuple(np.linspace(0.5, 1.0, n)), tuple(np.linspace(0.5, 1.5, n)))
     return simulate(plant_of(name, engine), controller, arm(name), target, duration=DURATION, path=path, throw=False)
 
 
@@ -407,7 +407,7 @@ def check_cost(law: Law, report: Report) -> None:
     options, plant = combinations(law)[0], plant_of(ARMS[0], "analytic")
     n = arm(ARMS[0]).n
     t: Array = 0.001 * np.arange(CALLS, dtype=np.float64)
-    desired = Reference(*(np.repeat(x, n, axis=1) for x in sine(1.0, 0.5)(t)))
+    desired = Reference(*(np.repeat(x, n, axis=1) for x in Sine(1.0, 0.5)(t)))
     compiled: Any = None if obstacle(plant, law) else plant.native()  # type: ignore[attr-defined]
     setup = set_up(
         law,

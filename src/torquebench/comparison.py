@@ -1,4 +1,4 @@
-"""Two models or plants side by side: which term differs, by how much, on which joint."""
+"""Compare two models or plants: which term differs, by how much, on which joint."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def parse_side(text: str, argument: str) -> Side:
 
 
 def source_of(text: str) -> str:
-    """Return the model's name or file in a side's text."""
+    """Name or file of the model in a side's text."""
     engine, _, rest = text.partition(":")
     return rest.split(":")[0] if engine in ENGINES else text
 
@@ -282,9 +282,9 @@ def compare_rollouts(
     n, rows = model.n, []
     odd = np.arange(n) % 2 == 1
     motions = (
-        references.sine(np.where(odd, -1.0, 1.2), 0.4 + 0.6 * (np.arange(1, n + 1) / n)),
-        references.step(np.where(odd, -0.8, 0.8), 0.2),
-        references.ramp(np.where(odd, -1.5, 1.5), 3.0),
+        references.Sine(tuple(np.where(odd, -1.0, 1.2)), tuple(0.4 + 0.6 * (np.arange(1, n + 1) / n))),
+        references.Step(tuple(np.where(odd, -0.8, 0.8)), 0.2),
+        references.Ramp(tuple(np.where(odd, -1.5, 1.5)), 3.0),
     )
     plant_a, plant_b = a.plant(timestep), b.plant(timestep)
     for title, law, gains in ROLLOUT_LAWS:

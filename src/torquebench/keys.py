@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import types
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias, TypeVar, get_args, get_origin
 
@@ -140,17 +141,27 @@ def in_words(vector: Any) -> str:
     return " ".join(f"{x:g}" for x in (vector if isinstance(vector, tuple) else (vector,)))
 
 
+class Units(NamedTuple):
+    """How what acts on joints, and what is measured of them, is written: in N and m where they slide."""
+
+    torque: str
+    viscous: str
+    milli: str
+    what: str
+
+
 class Kinds(Registry[type]):
     """Kinds of one sort, of which a config names one. Calling it with a name gives the decorator of the kind's class.
 
     Args:
         noun: What one is called in messages.
         tag: The key by which configs name one; the attribute of a registered class that holds its name.
+        defaults: Class attributes that a kind has where it does not set them.
     """
 
-    def __init__(self, noun: str, tag: str = "kind") -> None:
+    def __init__(self, noun: str, tag: str = "kind", defaults: Mapping[str, Any] = types.MappingProxyType({})) -> None:
         super().__init__(noun)
-        self.tag = tag
+        self.tag, self._defaults = tag, defaults
 
     def __call__(self, name: str) -> Callable[[type[T]], type[T]]:
         """Return the decorator that registers a class under `name`.
@@ -161,7 +172,9 @@ class Kinds(Registry[type]):
 
         def register(cls: type[T]) -> type[T]:
             self.register(name, cls)
-            setattr(cls, self.tag, name)
+            for attribute, value in {self.tag: name, **self._defaults}.items():
+                if attribute == self.tag or not hasattr(cls, attribute):
+                    setattr(cls, attribute, value)
             cls.tag = self.tag  # type: ignore[attr-defined]
             return cls
 

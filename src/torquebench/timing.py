@@ -67,3 +67,29 @@ def control_instant(path: tuple[str | int, ...], time: float, timing: Timing) ->
     yield from wrong
     if not wrong and time >= timing.duration:
         yield Fault(path, got=f"{time:.12g} s", wanted=f"less than run.duration, {timing.duration:.12g} s")
+
+
+def substeps_per_period(
+    control_period: float, timestep: float, names: tuple[str, str] = ("control_period", "timestep")
+) -> int:
+    """Return how many time steps make one control period.
+
+    Args:
+        control_period: Time between control instants [s].
+        timestep: Integration step [s].
+        names: What the caller calls the two, for messages.
+
+    Raises:
+        ValueError: either is not finite and positive, or the ratio is not a whole number.
+    """
+    for name, value in zip(names, (control_period, timestep), strict=True):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value}, wanted a finite positive number of seconds")
+    ratio = control_period / timestep
+    whole = round(ratio)
+    if whole < 1 or abs(ratio - whole) > 1e-9 * ratio:
+        raise ValueError(
+            f"{names[0]} {control_period} s is not a whole multiple of {names[1]} {timestep} s "
+            f"(nearest: {max(whole, 1) * timestep:.12g} s)"
+        )
+    return whole

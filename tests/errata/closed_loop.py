@@ -11,7 +11,7 @@ import numpy as np
 import torquebench.laws.computed_torque  # noqa: F401  registers the law
 from torquebench.kernel import Array
 from torquebench.laws.law import find_law
-from torquebench.references import sine
+from torquebench.references import Sine
 from torquebench.robot.flat_model import scratch_for
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.robot.puma560.symbols import MISPRINTED
@@ -24,7 +24,7 @@ GAINS = {"lam": 10.0, "kv": 20.0, "ki": 0.0}
 DURATION = 4.0
 WINDOW = 1000
 """First sample of the window in which the error is averaged: t >= 1 s."""
-REFERENCE = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
+REFERENCE = Sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
 
 
 def belief(literal: tuple[str, ...], constants: str = "fitted") -> RobotModel:

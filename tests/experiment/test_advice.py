@@ -132,4 +132,12 @@ def test_hold_longer_than_the_run_lasts_the_run() -> None:
     """A disturbance held beyond the end counts as held to the end: 2000 instants, however long it is."""
     for hold in ("1e300", "8"):
         x = parse(GOOD, f"disturbances[0].hold={hold}")
-        assert x.hold_steps(x.disturbances[0]) == x.n_steps == 2000
+        assert x.disturbances[0].hold_steps(x.n_steps, x.run.control_period) == x.n_steps == 2000
+
+
+def test_a_typo_is_answered_with_the_key_beside_it() -> None:
+    """``vmodel`` meant model and not video; ``speed`` under run meant seed, though a film has a speed."""
+    (section,) = problems_of(GOOD.replace("\nmodel:", "\nvmodel:"))
+    assert (section.key, section.nearest) == ("vmodel", "model")
+    (key,) = problems_of(GOOD.replace("  seed: 7\n", "  speed: 7\n"))
+    assert (key.key, key.nearest) == ("run.speed", "seed")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.experiment.examples import MINIMAL, parse
-from torquebench.experiment.build import Loop, build, build_chain
+from torquebench.experiment.build import Loop, build
 from torquebench.experiment.run import run_experiment
 from torquebench.kernel import Array
 from torquebench.robot import load_model
@@ -308,15 +307,15 @@ def test_a_named_chain_is_its_mapping(name: str) -> None:
 def test_each_key_of_a_chain_is_its_own() -> None:
     """Noise, step, velocity, filter, delay and lag arrive where they belong; without a filter there is none."""
     text = "{encoder_noise: 0.1, quantisation: 0.2, velocity: differentiated, velocity_filter: 30, delay: 0.04}"
-    chain = build_chain(parse(MINIMAL, *TIMING, f"chain={text}", "chain.actuator_lag=0.05").chain)
-    assert (chain.position_sigma, chain.quantum, chain.velocity_rate, chain.delay, chain.lag) == (
+    chain = parse(MINIMAL, *TIMING, f"chain={text}", "chain.actuator_lag=0.05").chain
+    assert (chain.encoder_noise, chain.quantisation, chain.velocity_filter, chain.delay, chain.actuator_lag) == (
         0.1,
         0.2,
         30.0,
         0.04,
         0.05,
     )
-    rates = {"exact": 0.0, "differentiated": math.inf}
-    for velocity, rate in rates.items():
-        assert build_chain(parse(MINIMAL, f"chain={{velocity: {velocity}}}").chain).velocity_rate == rate
+    gains = {"exact": 0.0, "differentiated": 1.0}
+    for velocity, gain in gains.items():
+        assert parse(MINIMAL, f"chain={{velocity: {velocity}}}").chain.velocity_gain(0.001) == gain
     assert built("chain={quantisation: 0.1, delay: 0.004}").position_noise is None

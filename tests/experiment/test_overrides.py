@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from tests.experiment.examples import AMPLITUDE, DESCRIPTION, GOOD, MINIMAL, edited, parse
 from torquebench.errors import ConfigError
 from torquebench.experiment import config_hash
+from torquebench.experiment.source import read_document
+from torquebench.experiment.sweep_section import take_sweep
 
 OVERRIDES = [
     ("run.duration=2", "duration: 4", "duration: 2"),
@@ -83,3 +87,37 @@ def test_bad_override_is_reported_where_it_was_written(override: str, key: str, 
     assert problem.where.startswith("good.yaml:47:" if key == "run.metrics_from" else "--set ")
     assert str(problem).isprintable()
     assert len(str(problem)) < 400
+
+
+@pytest.mark.parametrize("depth", [33, 1_000, 30_000])
+def test_a_key_of_too_many_parts_is_refused_at_once(depth: int) -> None:
+    """However deep, on the command line, in a grid and in what is drawn: one line, and no time."""
+    key = ".".join(["a"] * depth)
+    start = time.perf_counter()
+    with pytest.raises(ConfigError) as caught:
+        parse(GOOD, f"{key}=1"[:65_536])
+    assert len(caught.value.problems) == 1
+    for section in ("grid: {? KEY : [1]}", "random: {? KEY : {uniform: [0, 1]}}"):
+        document = read_document(GOOD + f"sweep: {{{section}}}\n".replace("KEY", f'"{key}"'), "deep.yaml")
+        take_sweep(document)
+        assert [problem.text for _, problem in document.found] == ["is not a key"]
+    assert time.perf_counter() - start < 1.0
+    assert not parse(GOOD, "run.seed=1").run.seed - 1
+
+
+MISTAKES = {
+    "disturbances": GOOD.replace("disturbances:\n", "disturbances:\n" + "  - x\n" * 9_000),
+    "controllers": GOOD.replace("controllers:\n", "controllers:\n" + "  - {law: pdd, name: a}\n" * 2_000),
+    "keys": GOOD + "".join(f"key{i}: 1\n" for i in range(9_000)),
+    "long names": GOOD.replace("controllers:\n", "controllers:\n" + f"  - law: {'x' * 1_800}\n" * 500),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_many_mistakes_cost_little(name: str) -> None:
+    """Thousands of mistakes take a fraction of a second, and give a hundred lines at most."""
+    start = time.process_time()
+    with pytest.raises(ConfigError) as caught:
+        parse(MISTAKES[name])
+    assert time.process_time() - start < 1.0  # below 0.2 s on an idle machine
+    assert 0 < len(caught.value.problems) <= 101

@@ -10,7 +10,7 @@ import pytest
 
 from tests.arms import MGL, PENDULUM_INERTIA, pack, pendulum, slider, still, two_link, two_link_terms
 from torquebench.kernel import Array
-from torquebench.references import ReferenceSource, sine
+from torquebench.references import ReferenceSource, Sine
 from torquebench.robot import RobotModel
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.simulate import simulate
@@ -99,7 +99,7 @@ def test_computed_torque_tracks_with_a_perfect_model_from_rest() -> None:
     e'' + kv e' + lam kv e, step by step.
     """
     lam, kv, h = 10.0, 20.0, 0.001
-    target = sine(np.array([1.2, -1.0]), np.array([0.5, 0.6]))
+    target = Sine(np.array([1.2, -1.0]), np.array([0.5, 0.6]))
     motion = target(np.arange(0.0, 2.0, h))
     terms = [two_link_terms(q, qd) for q, qd in zip(motion.q, motion.qd, strict=True)]
     torque = np.array([M @ qdd + v + g for (M, v, g), qdd in zip(terms, motion.qdd, strict=True)])
@@ -211,7 +211,7 @@ def test_droop_in_the_band(law: str, options: dict[str, Any], slope: float) -> N
 
 def test_the_band_stops_the_chattering() -> None:
     """Sgn flips the torque by 2K every few periods once on the surface; the band never moves it that fast."""
-    target, T = sine(np.array([1.0]), np.array([0.5])), 0.001
+    target, T = Sine(np.array([1.0]), np.array([0.5])), 0.001
     sharp = run(pendulum(), "smc", target, 2.0, T=T, lam=10, k=0.3)
     banded = run(pendulum(), "linear-band-smc", target, 2.0, T=T, lam=10, k=0.3, phi=0.3, kv=20)
     jump_sharp, jump_banded = (np.abs(np.diff(r.tau[1000:, 0])) for r in (sharp, banded))

@@ -15,7 +15,7 @@ from tests.fuzzy.independent import exact_output
 from tests.laws.family_equations import EQUATIONS, NINE, TWENTY_FIVE, Joints, Rules, State, rules_of, sat
 from torquebench.kernel import Array
 from torquebench.laws import find_law
-from torquebench.references import Reference, sine
+from torquebench.references import Reference, Sine
 from torquebench.robot import Puma560, RobotModel, load_model
 from torquebench.robot.library import data_root
 from torquebench.sim.plants import Plant
@@ -366,7 +366,7 @@ def test_on_the_puma_each_leaves_the_error_that_its_equation_needs(law: str) -> 
     25 rules, whose stairs are wider.
     """
     duration, h = 2.0, 0.002
-    arm, target = Puma560(), sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
+    arm, target = Puma560(), Sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
     wanted = target(np.arange(0.0, duration, h))
     torque = arm.inverse_dynamics(wanted.q, wanted.qd, wanted.qdd)
     rules = grid_rules(5 if law == SUPERVISED else 7)

@@ -10,12 +10,12 @@ import pytest
 import yaml
 
 from tests.sampled import simulate_sampled
+from torquebench.chain import CHAINS
 from torquebench.kernel import Array
 from torquebench.metrics.chattering import chattering_index
-from torquebench.references import ReferenceSource, quintic, sine
+from torquebench.references import Quintic, ReferenceSource, Sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import data_root
-from torquebench.sim.chain import CHAINS
 from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
 from torquebench.sim.simulate import simulate
@@ -23,8 +23,8 @@ from torquebench.sim.trajectory import Trajectory
 
 ARMS = ("puma560", "two-link")
 MOTIONS: dict[str, ReferenceSource] = {
-    "puma560": sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0]),
-    "two-link": sine([1.0, -0.8], [0.5, 0.7]),
+    "puma560": Sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0]),
+    "two-link": Sine([1.0, -0.8], [0.5, 0.7]),
 }
 LISTED: dict[str, dict[str, Any]] = {
     c["law"]: c
@@ -63,7 +63,7 @@ def run(
     controller = Controller.of(
         law, n, {**listed["gains"], **(gains or {})}, own | (options or {}), fuzzy=listed.get("fuzzy")
     )
-    noise = CHAINS[chain].position_sigma * np.random.default_rng(7).standard_normal((steps, n))
+    noise = CHAINS[chain].encoder_noise * np.random.default_rng(7).standard_normal((steps, n))
     return simulate_sampled(
         plant(arm),
         controller,
@@ -127,7 +127,7 @@ def test_each_family_follows_through_real_sensors_and_actuators(law: str, chain:
     found = run("puma560", law, chain=chain)
     assert rmse(found) < 6e-3
     assert hf(found, "puma560") < 0.25 * hf(conventional("puma560", chain), "puma560")
-    at_rest = run("puma560", law, chain=chain, target=quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0], 1.0))
+    at_rest = run("puma560", law, chain=chain, target=Quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0], 1.0))
     assert rmse(at_rest) < 2e-3
 
 
@@ -192,7 +192,7 @@ def test_adaptation_reduces_the_error_from_period_to_period(arm: str) -> None:
     first, which begins at rest, have the error of a PD law.
     """
     n = plant(arm).n
-    periodic, gains = sine([0.6] * n, [1.0] * n), {"ki": 0.0}
+    periodic, gains = Sine([0.6] * n, [1.0] * n), {"ki": 0.0}
 
     def seconds(found: Trajectory) -> Array:
         return np.array([rmse(found, 1000 * k, 1000 * (k + 1)) for k in range(8)])

@@ -13,12 +13,12 @@ from tests.fuzzy.independent import exact_output
 from torquebench import AnalyticPlant, Puma560, simulate
 from torquebench.fuzzy import Rule, builtin_system, prepare
 from torquebench.kernel import Array
-from torquebench.references import sine
+from torquebench.references import Sine
 from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Trajectory
 
 LAW = "fuzzy-linear-band-smc"
-SINE = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
+SINE = Sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
 SET_M = {"lam": 20.0, "k": 0.3, "phi": 1.0, "kv": 60.0, "kf": 0.3, "gd": 4.0, "ki": 15000.0}
 """The recommended gains of the proposed law."""
 TARGET = np.array([0.4, -0.6])

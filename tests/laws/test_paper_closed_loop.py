@@ -14,7 +14,7 @@ from tests.laws.forms import Options, acting, default_form
 from torquebench.kernel import Array
 from torquebench.metrics.chattering import chattering_index
 from torquebench.metrics.torque import measure_torques
-from torquebench.references import sine, step
+from torquebench.references import Sine, Step
 from torquebench.robot import Puma560, load_model
 from torquebench.sim.plants import Plant
 from torquebench.sim.plants.analytic import AnalyticPlant
@@ -24,8 +24,8 @@ from torquebench.sim.trajectory import Trajectory
 
 ARMS = ("puma560", "two-link")
 SINE = {
-    "puma560": sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])),
-    "two-link": sine(np.array([1.0, -0.8]), np.array([0.5, 0.7])),
+    "puma560": Sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])),
+    "two-link": Sine(np.array([1.0, -0.8]), np.array([0.5, 0.7])),
 }
 TARGET = {"puma560": np.array([1.0, -0.8, 0.8, 0.6, 0.6, 0.6]), "two-link": np.array([1.0, -0.8])}
 SET_L = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0, "kf": 0.3, "gd": 1.0, "ki": 2000.0}
@@ -46,7 +46,7 @@ def follow(arm: str, law: str, reference: str = "sine", k: float = 0.3, **option
     form = default_form(law) | options
     gains = {name: {**SET_L, "k": k}[name] for name in acting(law, form)}
     belief = Puma560("corrected", "printed") if arm == "puma560" else load_model(arm)
-    target = SINE[arm] if reference == "sine" else step(TARGET[arm], 0.2)
+    target = SINE[arm] if reference == "sine" else Step(TARGET[arm], 0.2)
     return simulate(plant_of(arm), pack(law, plant_of(arm).n, form, **gains), belief, target, duration=4.0)
 
 

@@ -13,7 +13,7 @@ from tests.arms import PENDULUM_INERTIA, pack, pendulum, still
 from tests.fuzzy.independent import exact_output
 from torquebench import AnalyticPlant, MujocoPlant, simulate
 from torquebench.kernel import Array
-from torquebench.references import ReferenceSource, step
+from torquebench.references import ReferenceSource, Step
 from torquebench.robot import Puma560, RobotModel, load_model
 from torquebench.sim.trajectory import Trajectory
 
@@ -38,7 +38,7 @@ def belief_of(arm: str) -> RobotModel:
 
 def jump(n: int) -> ReferenceSource:
     """Return a step of the first n joints at 0.2 s."""
-    return step(STEP[:n], 0.2)
+    return Step(STEP[:n], 0.2)
 
 
 def home(n: int) -> ReferenceSource:

@@ -1,4 +1,4 @@
-"""A figure of one's own: a function in a plug-in file is drawn, written and put on the page like the others."""
+"""A figure of a user's own: one function in a plug-in file, drawn, written and on the page like the others."""
 
 import json
 from pathlib import Path

@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.sweep.tables import made
 from torquebench.report.sweep_page import SweepInfo, picture, sweep_page
-from torquebench.report.sweep_tables import effects_table, failures_table, markdown, overall_table, silent_text
+from torquebench.report.sweep_tables import effects_table, failures_table, overall_table, silent_text
 from torquebench.report.tables import headlines
 from torquebench.statistics import clopper_pearson
 from torquebench.sweep.effects import Effect, Effects
@@ -145,8 +145,3 @@ def test_headings_of_figures() -> None:
         "other": "Other",
     }
     assert {name: picture(name, b"<svg/>").title for name in names} == names
-
-
-def test_markdown() -> None:
-    """Columns of figures to the right, bars escaped."""
-    assert markdown(["a", "b"], [["x|y", "1"]]) == "| a | b |\n| --- | ---: |\n| x\\|y | 1 |\n"

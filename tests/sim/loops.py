@@ -10,7 +10,7 @@ import numpy as np
 from tests.sampled import simulate_sampled
 from torquebench.kernel import Array
 from torquebench.laws.law import Law
-from torquebench.references import Reference, sine
+from torquebench.references import Reference, Sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.sim.plants import Plant
 from torquebench.sim.plants.analytic import AnalyticPlant
@@ -19,7 +19,7 @@ from torquebench.sim.session import Controller
 from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
-TARGET = sine(np.array([1.0, -0.8]), np.array([0.5, 0.7]))
+TARGET = Sine(np.array([1.0, -0.8]), np.array([0.5, 0.7]))
 PLANTS = ("analytic", "mujoco")
 
 

@@ -6,7 +6,6 @@ Gains come from each law's own declaration, by unit, so that a law registered la
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
@@ -14,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tests.sampled import simulate_sampled
+from torquebench.chain import CHAINS, IDEAL, Chain
 from torquebench.fuzzy import BUILTIN, DEFAULT
 from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
-from torquebench.references import ReferenceSource, quintic, ramp, sine, step
+from torquebench.references import Quintic, Ramp, ReferenceSource, Sine, Step
 from torquebench.robot import Puma560, RobotModel, load_model
 from torquebench.robot.payload import Payload
-from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.friction import Friction
 from torquebench.sim.plants import INTEGRATORS
 from torquebench.sim.plants.analytic import AnalyticPlant
@@ -99,10 +98,10 @@ ARMS: dict[str, tuple[Any, Any]] = {
 """Truth and belief by the plant's name; a MuJoCo plant has no analytic truth."""
 PLANTS = tuple(ARMS)
 REFERENCES = {
-    "sine": lambda n: sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0][:n], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0][:n]),
-    "step": lambda n: step([1.0, -0.8, 0.8, 0.6, 0.6, 0.6][:n], 0.2),
-    "ramp": lambda n: ramp([2.5, -1.5, 1.5, 1.5, 1.5, 1.5][:n], 3.0),
-    "quintic": lambda n: quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0][:n], 1.0),
+    "sine": lambda n: Sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0][:n], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0][:n]),
+    "step": lambda n: Step([1.0, -0.8, 0.8, 0.6, 0.6, 0.6][:n], 0.2),
+    "ramp": lambda n: Ramp([2.5, -1.5, 1.5, 1.5, 1.5, 1.5][:n], 3.0),
+    "quintic": lambda n: Quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0][:n], 1.0),
 }
 """The protocol's references for the first n joints."""
 
@@ -117,6 +116,7 @@ class Condition(NamedTuple):
     friction: Friction | None = None
 
 
+LATE = Chain(velocity="differentiated", velocity_filter=300.0, quantisation=1e-4, delay=0.004, actuator_lag=0.003)
 LOAD, RUB = Payload(2.0, at=0.08), Friction(0.7, 0.9)
 """Taken up at a control instant of 1 ms and of 4 ms; friction for arms of any kind."""
 CONDITIONS = {
@@ -125,8 +125,8 @@ CONDITIONS = {
     "fast, noisy": Condition(CHAINS["fast"], True),
     "slow, noisy": Condition(CHAINS["slow"], True),
     "slow": Condition(CHAINS["slow"]),
-    "rounded and late": Condition(Chain(velocity_rate=math.inf, quantum=2e-4, delay=0.008)),
-    "late, noisy": Condition(Chain(velocity_rate=300.0, quantum=1e-4, delay=0.004, lag=0.003), True),
+    "rounded and late": Condition(Chain(velocity="differentiated", quantisation=2e-4, delay=0.008)),
+    "late, noisy": Condition(LATE, True),
     "payload": Condition(payload=LOAD),
     "friction": Condition(friction=RUB),
     "slow, noisy, payload and friction": Condition(CHAINS["slow"], True, LOAD, RUB),

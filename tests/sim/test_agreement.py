@@ -16,12 +16,12 @@ from torquebench.comparison import (
     parse_side,
     random_states,
 )
-from torquebench.references import ramp, sine, step
+from torquebench.references import Ramp, Sine, Step
 from torquebench.robot.library import model_folder
 
-SINE = sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
-STEP = step(np.array([1.0, -0.8, 0.8, 0.6, 0.6, 0.6]), 0.2)
-RAMP = ramp(np.array([2.5, -1.5, 1.5, 1.5, 1.5, 1.5]), 3.0)
+SINE = Sine(np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0]), np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0]))
+STEP = Step(np.array([1.0, -0.8, 0.8, 0.6, 0.6, 0.6]), 0.2)
+RAMP = Ramp(np.array([2.5, -1.5, 1.5, 1.5, 1.5, 1.5]), 3.0)
 REFERENCES = {"sine": SINE, "step": STEP, "ramp": RAMP}
 LAWS = {
     "sign": ("smc", {"lam": 10, "k": 0.3}, {"switching": "sign"}),
@@ -121,7 +121,7 @@ from torquebench.references import sine
 law = find_law("linear-band-smc")
 gains = law.pack_gains(6, {{"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20}}, {{}})
 run = simulate(AnalyticPlant(Puma560()), Controller("x", law, gains), Puma560("corrected", "printed"),
-               sine(np.ones(6), np.ones(6)), duration=0.2)
+               Sine(np.ones(6), np.ones(6)), duration=0.2)
 print(run.digest(), "mujoco" in sys.modules and sys.modules["mujoco"] is not None)
 """
     outputs = []

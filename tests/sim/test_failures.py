@@ -219,7 +219,7 @@ def test_a_law_that_rewrites_its_arguments_changes_neither_the_plant_nor_the_nex
                 array[...] = 7.0
         tau[:] = 0.0
 
-    motion = references.sine(np.full(6, 0.5), np.full(6, 0.5))
+    motion = references.Sine(np.full(6, 0.5), np.full(6, 0.5))
     honest = Controller("honest", law, gains)
     plant = AnalyticPlant(arm)
     before = simulate(plant, honest, arm, motion, duration=0.05).digest()
@@ -240,7 +240,7 @@ def test_what_a_raising_law_did_not_produce_is_nan() -> None:
     controller = Controller(
         "x", dataclasses.replace(law, function=raising), law.pack_gains(6, {"lam": 10, "k": 0.3}, {})
     )
-    motion = references.sine(np.full(6, 0.5), np.full(6, 0.5))
+    motion = references.Sine(np.full(6, 0.5), np.full(6, 0.5))
     run = simulate(AnalyticPlant(Puma560()), controller, Puma560(), motion, duration=0.05, throw=False)
     assert run.failed_at == 10
     assert np.all(np.isfinite(run.s[:10]))
@@ -281,7 +281,7 @@ def test_a_law_that_spoils_its_arrays_fails_its_run(spoil: Callable[[Any, Any], 
         return spoil(memory, tau)
 
     gains = law.pack_gains(6, {"lam": 10, "k": 0.3}, {})
-    motion = references.sine(0.5, 0.5)
+    motion = references.Sine(0.5, 0.5)
     controller = Controller("x", dataclasses.replace(law, function=spoiling), gains)
     run = simulate(AnalyticPlant(Puma560()), controller, Puma560(), motion, duration=0.05, throw=False)
     assert run.failed_at == 0

@@ -19,10 +19,10 @@ from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
 from tests.sim.protocol import HOME, REFERENCES, differing_bytes
 from tests.sim.test_native_lag import control
 from tests.sim.test_native_refused import anything
+from torquebench.chain import IDEAL, Chain
 from torquebench.kernel import Array
-from torquebench.references import sine
+from torquebench.references import Sine
 from torquebench.robot import Puma560
-from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.friction import STABLE, Friction
 from torquebench.sim.plants import INTEGRATORS
 from torquebench.sim.plants.analytic import AnalyticPlant
@@ -166,7 +166,7 @@ def rubbing(
         plant,
         pack("pd", n, lam=8, kv=12),
         anything(n),
-        sine(0.8, 2.0),
+        Sine(0.8, 2.0),
         duration=150 * period,
         control_period=period,
         chain=chain,
@@ -218,7 +218,9 @@ def test_both_paths_rub_alike(engine: str, lag: float, integrator: str) -> None:
     plant = plants(PUMA, integrator=integrator).get(engine) or AnalyticPlant(
         Puma560("corrected", "printed"), 0.001, integrator, friction=PUMA
     )
-    runs = [rubbing(p, 2, path, Chain(lag=lag)) for path in ("native", "python") for p in (plant, plant.replica())]
+    runs = [
+        rubbing(p, 2, path, Chain(actuator_lag=lag)) for path in ("native", "python") for p in (plant, plant.replica())
+    ]
     assert [differing_bytes(runs[0], run) for run in runs[1:]] == [0, 0, 0]
 
 

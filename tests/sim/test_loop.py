@@ -188,7 +188,7 @@ def test_plain_numbers_make_a_reference_for_every_joint() -> None:
     """A reference made from scalars or lists is the one made from arrays."""
     runs = []
     for amplitude, frequency in ((0.5, 2.0), ([0.5, 0.5], [2.0, 2.0]), (np.full(2, 0.5), np.full(2, 2.0))):
-        runs.append(go(plant_of("analytic"), spring, reference=references.sine(amplitude, frequency)).digest())
+        runs.append(go(plant_of("analytic"), spring, reference=references.Sine(amplitude, frequency)).digest())
     assert len(set(runs)) == 1
 
 

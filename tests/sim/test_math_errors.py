@@ -184,7 +184,7 @@ def test_the_interpreted_call_tells_what_the_compiled_one_met(risky: Any, name: 
     plant = plant_of(name)
     desired = TARGET(np.arange(20) * 0.001)
     native = plant.native()  # type: ignore[attr-defined]
-    from torquebench.sim.chain import IDEAL
+    from torquebench.chain import IDEAL
 
     setup = set_up(
         risky,

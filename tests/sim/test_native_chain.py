@@ -12,9 +12,9 @@ import pytest
 from tests.arms import slider, still
 from tests.sim.loops import arm, go, law_of, plant_of
 from tests.sim.protocol import CONDITIONS, PLANTS, REFERENCES, Case, variants
+from torquebench.chain import CHAINS, IDEAL, Chain
 from torquebench.kernel import Array
 from torquebench.references import Reference
-from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.closed_loop import actuate, inside, lag, measure
 from torquebench.sim.job import Job, set_up
 from torquebench.sim.plants import INTEGRATORS
@@ -55,7 +55,7 @@ def test_the_velocity_filter(rate: float, noisy: bool) -> None:
     A very fast filter is the backward difference itself.
     """
     noise = 1e-4 * np.random.default_rng(4).normal(size=(N_STEPS, 2)) if noisy else None
-    job = job_of(Chain(velocity_rate=rate), noise)
+    job = job_of(Chain(velocity="differentiated", velocity_filter=rate), noise)
     gain = 1.0 - math.exp(-rate * T)
     y, v = np.zeros(2), np.zeros(2)
     for k in range(N_STEPS):
@@ -73,7 +73,7 @@ def test_the_velocity_filter(rate: float, noisy: bool) -> None:
 
 def test_a_filter_settles_as_its_rate_says() -> None:
     """On a ramp of 1 rad/s, v_k = 1 - exp(-rate k T): 63 % after one time constant, the true speed in the end."""
-    job = job_of(Chain(velocity_rate=50.0))
+    job = job_of(Chain(velocity="differentiated", velocity_filter=50.0))
     for k in range(N_STEPS):
         job.q[:] = k * T
         measure(job, k)
@@ -120,7 +120,7 @@ def test_the_lag_is_the_exact_exponential(time_constant: float, figure: Any) -> 
     """
     rng = np.random.default_rng(6)
     disturbance = rng.normal(size=(N_STEPS, 2))
-    job = job_of(Chain(lag=time_constant), disturbance=disturbance)
+    job = job_of(Chain(actuator_lag=time_constant), disturbance=disturbance)
     limits, u, worst, h = np.array([80.0, 25.0]), np.zeros(2), 0.0, 0.001
     for k in range(N_STEPS):
         job.record_tau_law[k] = 60.0 * rng.normal(size=2)
@@ -184,7 +184,7 @@ def test_a_lag_is_seen_from_outside(lag_time: float) -> None:
         0.05,
         model=slider(),
         reference=still(np.zeros(1)),
-        chain=Chain(lag=lag_time),
+        chain=Chain(actuator_lag=lag_time),
     )
     # v(t) = F/m (t - lag (1 - exp(-t/lag)))
     wanted = 50.0 * (run.t - lag_time * -np.expm1(-run.t / lag_time))
@@ -229,7 +229,12 @@ def test_chains_without_effect_change_no_byte(plant: str, integrator: str) -> No
 def test_the_named_chains(name: str, sigma: float, rate: float, time_constant: float) -> None:
     """The protocol's three chains; decay over half a step, a step and on average, each against its own formula."""
     chain = CHAINS[name]
-    assert (chain.name, chain.position_sigma, chain.velocity_rate, chain.lag) == (name, sigma, rate, time_constant)
+    assert (chain.name, chain.encoder_noise, chain.velocity_filter or 0.0, chain.actuator_lag) == (
+        name,
+        sigma,
+        rate,
+        time_constant,
+    )
     decay = chain.decay(0.001, T)
     if time_constant == 0.0:
         assert decay.shape == (0,)

@@ -18,10 +18,10 @@ from tests.sampled import simulate_sampled
 from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
 from tests.sim.protocol import HOME, REFERENCES, differing_bytes
 from tests.sim.test_native_refused import anything
+from torquebench.chain import CHAINS, Chain
 from torquebench.kernel import Array
-from torquebench.references import sine
+from torquebench.references import Sine
 from torquebench.robot import Puma560
-from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.plants import INTEGRATORS
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant
@@ -65,10 +65,10 @@ def lagging_run(plant: MujocoPlant, substeps: int, path: Any) -> tuple[Trajector
         plant,
         pack("pd", n, lam=8, kv=12),
         anything(n),
-        sine(0.8, 2.0),
+        Sine(0.8, 2.0),
         duration=N_STEPS * substeps * plant.timestep,
         control_period=substeps * plant.timestep,
-        chain=Chain(lag=LAG),
+        chain=Chain(actuator_lag=LAG),
         disturbance=disturbance,
         initial_q=start_of(n)[0],
         path=path,

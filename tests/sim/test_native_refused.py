@@ -17,9 +17,9 @@ from tests.sampled import sampled_trial, simulate_sampled
 from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
 from tests.sim.protocol import differing_bytes
 from tests.sim.test_native_lean import stepper
-from torquebench.references import sine
+from torquebench.chain import CHAINS, IDEAL, Chain
+from torquebench.references import Sine
 from torquebench.robot import RobotModel
-from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.friction import NONE
 from torquebench.sim.plants import INTEGRATORS, NativePlant, mujoco_native
 from torquebench.sim.plants.mujoco import MujocoPlant
@@ -43,7 +43,7 @@ def run_of(plant: MujocoPlant, path: Any, actuators: Chain = IDEAL) -> Trajector
         plant,
         pack("pd", n, lam=8, kv=12),
         anything(n),
-        sine(0.8, 2.0),
+        Sine(0.8, 2.0),
         duration=0.15,
         chain=actuators,
         initial_q=start_of(n)[0],
@@ -131,7 +131,7 @@ def test_a_refused_arm_that_diverges_ends_at_its_step(
     for at in range(5, 25):
         push = np.zeros((50, 3))
         push[at, at % 3] = (1e300, -1e12, 1.7e308)[at % 3]
-        pushes.append(sampled_trial(pack("pd", 3, lam=8, kv=12), anything(3), sine(0.8, 2.0), 0.05, disturbance=push))
+        pushes.append(sampled_trial(pack("pd", 3, lam=8, kv=12), anything(3), Sine(0.8, 2.0), 0.05, disturbance=push))
     runs = {
         (path, workers): list(simulate_many(plant, pushes, workers=workers, path=path))  # type: ignore[arg-type]
         for path, workers in (("python", 1), ("native", 1), ("native", 4))

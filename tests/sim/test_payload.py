@@ -18,6 +18,7 @@ from tests.sim import faulty_laws
 from tests.sim.arm_files import LEAN, REFUSED, plant_from
 from tests.sim.protocol import HOME, REFERENCES, differing_bytes
 from tests.sim.test_native_refused import anything
+from torquebench.chain import CHAINS
 from torquebench.comparison import random_states
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
@@ -25,7 +26,6 @@ from torquebench.robot import Puma560, RobotModel
 from torquebench.robot.mjcf import compile_mjcf
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload, carrying
-from torquebench.sim.chain import CHAINS
 from torquebench.sim.native import NativeRun
 from torquebench.sim.plants import INTEGRATORS
 from torquebench.sim.plants.analytic import AnalyticPlant

@@ -15,10 +15,10 @@ from tests.experiment.examples import parse
 from tests.sim.loops import go
 from tests.sim.protocol import differing_bytes
 from tests.sim.test_simulate import Noise
+from torquebench.chain import Chain
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment, trial_of
 from torquebench.robot import Puma560
-from torquebench.sim.chain import Chain
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.simulate import simulate, simulate_many
 
@@ -236,7 +236,7 @@ def test_a_coarse_encoder_leaves_a_dead_zone() -> None:
             1.0,
             model=slider(2.0),
             reference=still(np.zeros(1)),
-            chain=Chain(quantum=quantum),
+            chain=Chain(quantisation=quantum),
             initial_q=np.array([start]),
         )
         if settles is None:

@@ -7,12 +7,12 @@ import pytest
 
 from tests.arms import pack
 from tests.sampled import sampled_trial
+from torquebench.chain import CHAINS, Chain
 from torquebench.kernel import Array
-from torquebench.references import Reference, sine
+from torquebench.references import Reference, Sine
 from torquebench.robot import Puma560
 from torquebench.robot.payload import Payload
 from torquebench.robot.puma560.mismatch import mismatched
-from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import PathName, SampledTrial, Session
@@ -21,12 +21,17 @@ from torquebench.sim.trajectory import Outcome
 STEPS = 60
 PATHS: tuple[PathName, ...] = ("native", "python")
 GAINS = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0}
-CONDITIONS = [CHAINS["ideal"], CHAINS["fast"], Chain("late", position_sigma=1e-4, delay=0.003), Chain(quantum=1e-3)]
+CONDITIONS = [
+    CHAINS["ideal"],
+    CHAINS["fast"],
+    Chain(encoder_noise=1e-4, delay=0.003, name="late"),
+    Chain(quantisation=1e-3),
+]
 
 
 def fixed() -> Reference:
     """A motion that nobody can write to, as sweeps have it."""
-    found = sine(np.ones(6), np.ones(6))(np.arange(STEPS) * 0.001)
+    found = Sine(np.ones(6), np.ones(6))(np.arange(STEPS) * 0.001)
     for array in found:
         array.setflags(write=False)
     return found

@@ -12,14 +12,14 @@ import pytest
 from tests.arms import pack
 from tests.experiment.examples import parse
 from tests.sampled import Torque
+from torquebench.chain import CHAINS, IDEAL, Chain
 from torquebench.disturbances import band_limited_noise, bias
 from torquebench.errors import SimulationError
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment
 from torquebench.kernel import Array
-from torquebench.references import sine
+from torquebench.references import Sine
 from torquebench.robot import Puma560
-from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.simulate import Trial, simulate, simulate_many
 from torquebench.sim.trajectory import Trajectory
@@ -77,14 +77,14 @@ def run(**options: Any) -> Trajectory:
         AnalyticPlant(Puma560()),
         pack("pd", 6, lam=8, kv=12),
         Puma560("corrected", "printed"),
-        sine(1.0, 1.0),
+        Sine(1.0, 1.0),
         **{"duration": 0.05, **options},
     )
 
 
 def test_a_chain_with_encoder_noise_is_noisy() -> None:
     """`chain=CHAINS["fast"]` alone: the measured position carries noise of the chain's size, the ideal one none."""
-    ideal, fast, noise = run(), run(chain=CHAINS["fast"]), Chain(position_sigma=1e-4)
+    ideal, fast, noise = run(), run(chain=CHAINS["fast"]), Chain(encoder_noise=1e-4)
     assert np.array_equal(ideal.q_meas, ideal.q)
     for noisy in (fast, run(chain=noise)):
         error = noisy.q_meas - noisy.q
@@ -107,7 +107,7 @@ def test_the_same_bytes_as_the_experiment(chain: str, disturbances: str, seed: i
     assert found.digest() == wanted.digest()
     loop = build(experiment)
     trial = Trial(
-        loop.controllers[0], loop.model, sine(1.0, 1.0), 0.6, 0.001, CHAINS[chain], objects, seed=seed, draw=draw
+        loop.controllers[0], loop.model, Sine(1.0, 1.0), 0.6, 0.001, CHAINS[chain], objects, seed=seed, draw=draw
     )
     many = simulate_many(loop.plant, [trial] * 3, workers=2, path=path)
     assert [x.digest() for x in many] == [wanted.digest()] * 3
@@ -126,7 +126,7 @@ def test_seed_and_draw_decide() -> None:
 def test_what_draws_nothing_changes_no_noise() -> None:
     """A disturbance without randomness, before or behind, leaves a noise its numbers; another noise gets others."""
     sampled = [
-        Trial(pack("pd", 6, lam=8, kv=12), Puma560(), sine(1.0, 1.0), 0.05, disturbances=each).sampled(6).disturbance
+        Trial(pack("pd", 6, lam=8, kv=12), Puma560(), Sine(1.0, 1.0), 0.05, disturbances=each).sampled(6).disturbance
         for each in (
             [Noise(1.0, 0.001)],
             [Constant(0.0), Noise(1.0, 0.001)],
@@ -169,7 +169,7 @@ def test_a_disturbance_of_another_shape_is_refused(bad: Array) -> None:
 
 def test_a_reference_that_does_not_last_as_long_as_the_run_is_refused() -> None:
     """A sampled motion of another length is neither cut nor stretched."""
-    samples = sine(np.ones(6), 1.0)(0.001 * np.arange(N_STEPS - 1))
+    samples = Sine(np.ones(6), 1.0)(0.001 * np.arange(N_STEPS - 1))
     trial = Trial(pack("pd", 6, lam=8, kv=12), Puma560(), samples, 0.05)
     with pytest.raises(ValueError, match=r"reference q has shape \(49, 6\), wanted \(50, 6\)"):
         trial.sampled(6)

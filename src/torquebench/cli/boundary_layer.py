@@ -72,13 +72,13 @@ def write_page(points: list[Point], best: list[Point], directory: RunDirectory, 
         directory: Where.
         subtitle: What was run.
     """
-    from torquebench.report.figures.pareto import Spot, draw_pareto
+    from torquebench.report.figures.pareto import Front, Spot, draw_pareto
     from torquebench.report.figures.style import figure_bytes
 
     spots = [
         Spot(f"k = {p.k:g}, lambda = {p.lam:g}", f"{p.phi:g}", p.rmse, p.hf, p in best)
         for p in sorted(points, key=lambda p: (p.lam, p.k, p.phi))
     ]
-    figure = draw_pareto(spots, "What a boundary layer costs", subtitle)
+    figure = draw_pareto(Front(tuple(spots), "its phi [rad/s]"), "What a boundary layer costs", subtitle)
     directory.write("figures/front.svg", figure_bytes(figure, "svg"))
     directory.write("figures/front.png", figure_bytes(figure, "png"))

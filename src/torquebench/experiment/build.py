@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-import functools
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench import references
-from torquebench.disturbances import Stream, band_limited_noise, bias, generator, sinusoid
+from torquebench.disturbances import Stream, generator
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.fuzzy_schema import fuzzy_system
-from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Mismatch, Sinusoid
-from torquebench.experiment.scenario_schema import Chain as ChainKeys
+from torquebench.experiment.scenario_schema import Mismatch
 from torquebench.fuzzy import BUILTIN, FuzzySystem, builtin_system
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
-from torquebench.references import Reference, ReferenceSource
+from torquebench.references import Reference
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.payload import Payload
 from torquebench.robot.perturbation import draw_factors, perturbed
 from torquebench.robot.puma560.mismatch import mismatched, with_factors, within_tolerances
-from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.friction import Friction, SteepError
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
-from torquebench.sim.signals import control_instants, encoder_noise
+from torquebench.sim.signals import control_instants, total_torque
 
 PLANTS = 8
 """Plants that a `Builder` keeps: each has MuJoCo's working memory, about 1 MB."""
@@ -99,7 +94,7 @@ class Builder:
         reference: Reference = self._kept(
             "reference",
             4,
-            lambda: sampled(build_reference(experiment.reference, n), experiment),
+            lambda: sampled(experiment),
             experiment.reference,
             n,
             experiment.n_steps,
@@ -242,27 +237,14 @@ def build_plant(experiment: schema.Experiment) -> Plant:
         raise ConfigError([Problem("", "plant.friction", str(error))]) from error
 
 
-def build_reference(keys: schema.Reference, n: int) -> ReferenceSource:
-    """Make the desired motion of `n` joints."""
-    match keys:
-        case schema.SineReference():
-            return references.sine(as_vector(keys.amplitude, n), as_vector(keys.frequency_hz, n))
-        case schema.StepReference():
-            return references.step(as_vector(keys.target, n), keys.at)
-        case schema.RampReference():
-            return references.ramp(as_vector(keys.target, n), keys.rise_time)
-        case schema.QuinticReference():
-            return references.quintic(as_vector(keys.target, n), keys.rise_time)
-
-
-def sampled(reference: ReferenceSource, experiment: schema.Experiment) -> Reference:
+def sampled(experiment: schema.Experiment) -> Reference:
     """Return the desired motion at every control instant.
 
     Raises:
         ConfigError: it is not finite there.
     """
     with np.errstate(all="ignore"):
-        samples = reference(instants(experiment))
+        samples: Reference = experiment.reference.sample(instants(experiment), experiment.n)
     for name, values in zip(("position", "velocity", "acceleration"), samples, strict=True):
         if not np.all(np.isfinite(values)):
             raise ConfigError([Problem("", "reference", f"its {name} is beyond what floating-point numbers can hold")])
@@ -270,51 +252,21 @@ def sampled(reference: ReferenceSource, experiment: schema.Experiment) -> Refere
     return samples
 
 
-@functools.lru_cache(maxsize=64)
-def build_chain(keys: str | ChainKeys) -> Chain:
-    """Return the sensors and actuators of a name, or of keys."""
-    if isinstance(keys, str):
-        return CHAINS[keys]
-    filtered = math.inf if keys.velocity_filter is None else keys.velocity_filter
-    return Chain(
-        "custom",
-        position_sigma=keys.encoder_noise,
-        velocity_rate=filtered if keys.velocity != "exact" else 0.0,
-        lag=keys.actuator_lag,
-        quantum=keys.quantisation,
-        delay=keys.delay,
-    )
-
-
 def build_position_noise(experiment: schema.Experiment) -> Array | None:
     """Draw the noise of the chain's encoders, (N, n) [rad]; None when they have none."""
-    chain, run = build_chain(experiment.chain), experiment.run
-    return encoder_noise(chain, experiment.n, experiment.n_steps, run.seed, run.draw)
+    run = experiment.run
+    return experiment.chain.noise(experiment.n, experiment.n_steps, run.seed, run.draw)
 
 
 def build_disturbance(experiment: schema.Experiment) -> Array | None:
     """Draw and add up the disturbances, (N, n) [N m]; None when there are none.
 
-    Only noises count in a noise's key, so that another disturbance beside them changes no noise.
+    Only those that draw count in the key of a random stream, so that another one beside them changes no noise.
     """
-    if not experiment.disturbances:
-        return None
-    n, run = experiment.n, experiment.run
-    total: Array | float = 0.0
-    noises = 0
-    for keys in experiment.disturbances:
-        match keys:
-            case BandLimitedNoise():
-                rng = generator(run.seed, run.draw, Stream.TORQUE_NOISE, noises)
-                noises += 1
-                sigma, hold = as_vector(keys.sigma, n), experiment.hold_steps(keys)
-                total = total + band_limited_noise(sigma, hold, experiment.n_steps, rng, keys.clip_sigma)
-            case Bias():
-                total = total + bias(as_vector(keys.value, n), experiment.n_steps)
-            case Sinusoid():
-                size = as_vector(keys.amplitude or 0.0, n) + math.sqrt(2.0) * as_vector(keys.rms or 0.0, n)
-                total = total + sinusoid(size, as_vector(keys.frequency_hz, n), instants(experiment))
-    return np.asarray(total)
+    run = experiment.run
+    return total_torque(
+        experiment.disturbances, experiment.n, experiment.n_steps, run.control_period, run.seed, run.draw
+    )
 
 
 def instants(experiment: schema.Experiment) -> Array:

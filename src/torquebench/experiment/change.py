@@ -1,4 +1,4 @@
-"""Experiments made from others and from Python's values: changed keys, mappings, arrays."""
+"""Python's values as a config takes them: changed keys, mappings, arrays."""
 
 from __future__ import annotations
 
@@ -8,22 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.errors import ConfigError, Problem
-from torquebench.experiment.config import parse_experiment
-from torquebench.experiment.dump import dump_experiment
-from torquebench.experiment.schema import Experiment
-
-
-def with_changes(experiment: Experiment, changes: Mapping[str, Any]) -> Experiment:
-    """Return an experiment with some keys changed.
-
-    Args:
-        experiment: The experiment.
-        changes: Dotted key, as for ``--set``, -> value: ``{"run.duration": 2, "controllers.band.gains.phi": 0.1}``.
-
-    Raises:
-        ConfigError: a key does not exist, or a value does not go with the rest.
-    """
-    return parse_experiment(dump_experiment(experiment), experiment.name, edits_of(changes))
 
 
 def edits_of(changes: Mapping[str, Any]) -> list[str]:

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from torquebench.experiment.build import names_used, systems_of
-from torquebench.experiment.scenario_schema import (
-    BandLimitedNoise,
-    Bias,
-    Chain,
-    Disturbance,
-    Mismatch,
-    Sinusoid,
-)
+from torquebench.experiment.scenario_schema import Mismatch
 from torquebench.experiment.schema import AnalyticPlant, Experiment, slide_joints
 from torquebench.fuzzy import BUILTIN, Prepared, prepare
 from torquebench.fuzzy.lint import lint
-from torquebench.keys import Vector
+from torquebench.keys import Units, in_words
 
 
 def conditions_text(experiment: Experiment) -> str:
@@ -35,15 +28,6 @@ def conditions_text(experiment: Experiment) -> str:
     )
 
 
-class Units(NamedTuple):
-    """How what acts on joints, and what is measured of them, is written."""
-
-    torque: str
-    viscous: str
-    milli: str
-    what: str
-
-
 TURN = Units("N m", "N m s/rad", "mrad", "torque")
 SLIDE = Units("N", "N s/m", "mm", "force")
 
@@ -60,11 +44,11 @@ def burden_text(experiment: Experiment) -> str:
     payload, friction, perturb = experiment.plant.payload, experiment.plant.friction, experiment.plant.perturb
     text = "" if perturb is None else f", links perturbed up to {100 * perturb.relative:g} %"
     if payload is not None:
-        place = f" at {_numbers(payload.offset)} m" if any(payload.offset) else ""
+        place = f" at {in_words(payload.offset)} m" if any(payload.offset) else ""
         text += f", payload {payload.mass:g} kg{place}" + (f" from {payload.at:g} s" if payload.at > 0 else "")
     if friction is not None:
-        text += f", friction viscous {_numbers(friction.viscous)} {units.viscous}"
-        text += f", Coulomb {_numbers(friction.coulomb)} {units.torque}"
+        text += f", friction viscous {in_words(friction.viscous)} {units.viscous}"
+        text += f", Coulomb {in_words(friction.coulomb)} {units.torque}"
     return text
 
 
@@ -82,40 +66,13 @@ def mismatch_text(experiment: Experiment) -> str:
 
 def chain_text(experiment: Experiment) -> str:
     """Return the chain's name, or its imperfections."""
-    chain = experiment.chain
-    if not isinstance(chain, Chain):
-        return chain
-    units = units_of(experiment)
-    parts = [f"noise {1e3 * chain.encoder_noise:g} {units.milli}"] * (chain.encoder_noise > 0)
-    parts += [f"encoder step {1e3 * chain.quantisation:g} {units.milli}"] * (chain.quantisation > 0)
-    if chain.velocity == "differentiated":
-        filtered = "" if chain.velocity_filter is None else f", filtered at {chain.velocity_filter:g} rad/s"
-        parts.append(f"velocity differentiated{filtered}")
-    parts += [f"delay {1e3 * chain.delay:g} ms"] * (chain.delay > 0)
-    parts += [f"actuator lag {1e3 * chain.actuator_lag:g} ms"] * (chain.actuator_lag > 0)
-    return f"({', '.join(parts)})" if parts else "ideal"
+    return experiment.chain.describe(units_of(experiment))
 
 
 def noise_text(experiment: Experiment) -> str:
     """Return the definition of every disturbance in words; it moves results more than the choice of law."""
     units = units_of(experiment)
-    return "; ".join(_disturbance_text(d, units) for d in experiment.disturbances) or "none"
-
-
-def _disturbance_text(disturbance: Disturbance, units: Units) -> str:
-    match disturbance:
-        case BandLimitedNoise(sigma=sigma, hold=hold, clip_sigma=clip):
-            held = f"{units.what} noise held {1e3 * hold:g} ms"
-            return f"{held}, Gaussian, sigma {_numbers(sigma)} {units.torque}, clipped at {clip:g} sigma"
-        case Bias(value=value):
-            return f"constant {units.what} {_numbers(value)} {units.torque}"
-        case Sinusoid(rms=rms, amplitude=amplitude, frequency_hz=frequency):
-            size = f"amplitude {_numbers(amplitude)}" if amplitude is not None else f"RMS {_numbers(rms or 0.0)}"
-            return f"sinusoidal {units.what}, {size} {units.torque}, {_numbers(frequency)} Hz"
-
-
-def _numbers(vector: Vector) -> str:
-    return " ".join(f"{x:g}" for x in (vector if isinstance(vector, tuple) else (vector,)))
+    return "; ".join(disturbance.describe(units) for disturbance in experiment.disturbances) or "none"
 
 
 def fuzzy_in_use(experiment: Experiment) -> dict[str, Prepared]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from torquebench.chain import CHAINS, Chain
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.yaml_tree import NUMBER
@@ -42,6 +43,8 @@ def plain_values(item: Any) -> Any:
         fuzzy = {} if item.fuzzy is None else {"fuzzy": item.fuzzy}
         common = {"name": item.name, "law": item.law}
         return {**common, **item.options, **fuzzy, "gains": plain_values(item.gains), "expect": item.expect}
+    if isinstance(item, Chain) and item.name in CHAINS and CHAINS[item.name] == item:
+        return item.name
     if isinstance(item, Mapping):
         return {key: plain_values(value) for key, value in item.items()}
     if isinstance(item, tuple | list):

@@ -110,7 +110,7 @@ class Group:
             default = ... if spec.required else spec.default
             info: dict[str, Any] = {"description": spec.key.text}
             if describes and dataclasses.is_dataclass(default):
-                info["json_schema_extra"] = {"default": {}}
+                info["json_schema_extra"] = {"default": getattr(default, "name", {})}
             if describes and isinstance(default, dict):
                 default = None
             fields[name] = spec.type(describes), Field(default, **info)
@@ -139,26 +139,26 @@ class Group:
 
 
 @functools.cache
-def group_of(cls: Any, tag: tuple[str, str, str] | None = None) -> Group:
+def group_of(kind: Any, tag: tuple[str, str, str] | None = None) -> Group:
     """Return the group of a class that declares its keys.
 
     Args:
-        cls: The class, a dataclass.
+        kind: The class, a dataclass.
         tag: Key, value and meaning of what tells it from others, where there are any.
     """
     fields = {} if tag is None else {tag[0]: _constant(tag[1], tag[2])}
-    for name, meaning in getattr(cls, "also", {}).items():
-        fields[name] = _constant(getattr(cls, name), meaning)
-    constants, declared = set(fields), declared_keys(cls)
+    for name, meaning in getattr(kind, "also", {}).items():
+        fields[name] = _constant(getattr(kind, name), meaning)
+    constants, declared = set(fields), declared_keys(kind)
     fields |= {one.name: spec_of(one) for one in declared}
     attributes = {one.name: one.attribute for one in declared}
 
     def make(values: dict[str, Any]) -> Any:
-        return cls(**{attributes[name]: value for name, value in values.items() if name not in constants})
+        return kind(**{attributes[name]: value for name, value in values.items() if name not in constants})
 
-    doc = " ".join((cls.__doc__ or "").partition("\n\n")[0].split())
-    extra = {"minProperties": 1, "maxProperties": 1} if getattr(cls, "one_of", False) else None
-    return Group(cls.__name__, doc, fields, make, extra=extra)
+    doc = " ".join((kind.__doc__ or "").partition("\n\n")[0].split())
+    extra = {"minProperties": 1, "maxProperties": 1} if getattr(kind, "one_of", False) else None
+    return Group(kind.__name__, doc, fields, make, extra=extra)
 
 
 def _constant(value: str, meaning: str) -> Spec:
@@ -174,6 +174,9 @@ class OneOf:
         meaning: What the tag is.
         more: Where further kinds may come from; ends the message about an unknown one.
     """
+
+    _unknown: tuple[list[Group], Group | None] = ([], None)
+    """The kinds that there were when `unknown` was asked last, and its answer."""
 
     def __init__(self, registry: Kinds, meaning: str, more: str = "") -> None:
         self.registry, self.meaning, self.more = registry, meaning, more
@@ -200,6 +203,8 @@ class OneOf:
     def unknown(self) -> Group:
         """Return the group of a kind that could not be told: what all have is checked, what some have is accepted."""
         groups = list(self.groups().values())
+        if self._unknown[0] == groups:
+            return self._unknown[1]  # type: ignore[return-value]
         fields: dict[str, Spec] = {}
         for group in groups:
             for name, spec in group.fields.items():
@@ -208,7 +213,8 @@ class OneOf:
         names = self.names()
         kind: Any = Literal[names]
         fields[self.tag] = Spec(Key(self.meaning.removesuffix(".")), lambda _: kind, choices=names)
-        return Group("unknown", "", fields, lambda values: None, noun=groups[0].noun)
+        self._unknown = groups, Group("unknown", "", fields, lambda values: None, noun=groups[0].noun)
+        return self._unknown[1]  # type: ignore[return-value]
 
     def validate(self, raw: Any, info: ValidationInfo | None = None) -> Any:
         """Return the object of raw values.
@@ -241,9 +247,16 @@ class Many:
 
     def type(self, describes: bool) -> Any:
         """Return the type for pydantic; see `Spec.type`."""
-        limits = Field(min_length=self.least or None, max_length=self.most, strict=False)
         item: Any = self.item.type(describes)
-        return Annotated[list[item] if describes else tuple[item, ...], limits]
+        if describes:
+            return Annotated[list[item], Field(min_length=self.least or None, max_length=self.most)]
+        return Annotated[tuple[item, ...], Field(min_length=self.least, strict=False), BeforeValidator(self._short)]
+
+    def _short(self, raw: Any) -> Any:
+        """Refuse more items than there may be before looking at any."""
+        if isinstance(raw, list | dict) and len(raw) > self.most:
+            raise refusal([Fault((), **self.fault(raw))], raw)
+        return raw
 
     def fault(self, raw: Any) -> dict[str, str]:
         """Return what was wanted instead of a value that is no such list."""
@@ -259,7 +272,9 @@ class ManyNamed(Many):
     def type(self, describes: bool) -> Any:
         """Return the type for pydantic; see `Spec.type`."""
         item: Any = self.item.type(describes)
-        extra: Any = {"additionalProperties": False} if describes else None
+        if not describes:
+            return Annotated[dict[Slug, item], BeforeValidator(self._short)]
+        extra: Any = {"additionalProperties": False}
         return Annotated[dict[Slug, item], Field(max_length=self.most, json_schema_extra=extra)]
 
     def fault(self, raw: Any) -> dict[str, str]:
@@ -274,12 +289,12 @@ class Named:
 
     Args:
         registry: What is registered.
-        cls: Class of what is registered, which declares the mapping's keys.
+        kind: Class of what is registered, which declares the mapping's keys.
     """
 
-    def __init__(self, registry: Any, cls: type[Any]) -> None:
-        described: Any = cls
-        self.registry, self.cls, self.node = registry, cls, group_of(described)
+    def __init__(self, registry: Any, kind: type[Any]) -> None:
+        described: Any = kind
+        self.registry, self.node = registry, group_of(described)
 
     @property
     def choices(self) -> tuple[str, ...]:

@@ -35,7 +35,8 @@ TAKEN = frozenset({"figures"})
 Items = Mapping[KeyPath, Any]
 """Where something is -> what it is."""
 Rule = Callable[..., Iterator[Fault]]
-RULES: list[Rule] = []
+RULES: list[tuple[Rule, tuple[str, ...]]] = []
+"""Each rule with the names of what it needs."""
 
 
 def rule(function: Rule) -> Rule:
@@ -44,7 +45,7 @@ def rule(function: Rule) -> Rule:
     There are the sections by their names, with `controllers`, `fuzzy` and `disturbances` as `Items`, those that are
     valid; `items`, all objects that have keys or rules of their own; `document`; `n`, the number of joints; `timing`.
     """
-    RULES.append(function)
+    RULES.append((function, tuple(inspect.signature(function).parameters)))
     return function
 
 
@@ -68,8 +69,7 @@ def check_rules(document: Document, parts: dict[str, Any]) -> None:
         whole = plant is None or not list(multiple_of((), run.control_period, "", plant.timestep))
         known["timing"] = Timing(run.duration, run.control_period, whole)
     known["items"] = dict(_items(parts))
-    for check in RULES:
-        needs = inspect.signature(check).parameters
+    for check, needs in RULES:
         if all(known.get(need) is not None for need in needs):
             for fault in check(**{need: known[need] for need in needs}):
                 document.add_fault(fault)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 from torquebench.certificates import Certificate
 from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
-from torquebench.experiment.build import Loop, build, build_chain, plant_factors
+from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
@@ -256,7 +256,7 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
 
 def is_step_like(experiment: Experiment) -> bool:
     """Whether the reference goes from one position to another and stays there: only then is there a step response."""
-    return experiment.reference.kind in ("step", "quintic")
+    return bool(experiment.reference.is_step_like)
 
 
 def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:
@@ -266,7 +266,7 @@ def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Samp
         loop.model,
         loop.reference,
         experiment.run.control_period,
-        build_chain(experiment.chain),
+        experiment.chain,
         loop.position_noise,
         loop.disturbance,
         loop.initial_q,

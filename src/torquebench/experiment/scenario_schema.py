@@ -7,65 +7,9 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from torquebench.errors import Fault
-from torquebench.keys import Key, Kinds, Vector
+from torquebench.keys import Key, Vector
 from torquebench.robot.puma560.symbols import CONSTANTS
-from torquebench.timing import Timing, control_instant, multiple_of
-
-disturbance = Kinds("disturbance")
-
-
-@dataclass(frozen=True)
-class Chain:
-    """Sensors and actuators, each imperfection by itself; the same on every joint."""
-
-    encoder_noise: Annotated[
-        float,
-        Key(
-            "Standard deviation of the noise added to each measured position at each control instant", "rad", at_least=0
-        ),
-    ] = 0.0
-    quantisation: Annotated[
-        float,
-        Key(
-            "Step of the encoders: the measured position, noise included, is rounded to a whole multiple of it; 0 for "
-            "none",
-            "rad",
-            at_least=0,
-        ),
-    ] = 0.0
-    velocity: Annotated[
-        Literal["exact", "differentiated"],
-        Key(
-            "Measured velocity: exact is the true one; differentiated is the change of the measured position since the "
-            "last control instant over run.control_period, zero at first"
-        ),
-    ] = "exact"
-    velocity_filter: Annotated[
-        float | None,
-        Key(
-            "Corner of a first-order filter through which the differentiated velocity passes; if left out there is "
-            "none",
-            "rad/s",
-            above=0,
-        ),
-    ] = None
-    delay: Annotated[
-        float,
-        Key(
-            "Time after which the law sees a measurement, less than run.duration and a whole multiple of "
-            "run.control_period; until then it sees that of t = 0",
-            "s",
-            at_least=0,
-        ),
-    ] = 0.0
-    actuator_lag: Annotated[float, Key("Time constant of the actuators; 0 for none", "s", at_least=0)] = 0.0
-
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield what does not fit within the chain, or the run."""
-        if self.velocity == "exact" and self.velocity_filter is not None:
-            text = "has no effect with velocity: exact (it belongs to velocity: differentiated)"
-            yield Fault(("velocity_filter",), text, at="key")
-        yield from control_instant(("delay",), self.delay, timing)
+from torquebench.timing import Timing, control_instant
 
 
 @dataclass(frozen=True)
@@ -190,67 +134,3 @@ class Mismatch:
             yield Fault((way,), f"{given[0]} is given already", wanted="one of the two", at="key")
         if self.constants == {}:
             yield Fault(("constants",), "no constant is given", wanted="at least one, such as g1: 1.3")
-
-
-class AnyDisturbance:
-    """What every disturbance has."""
-
-    kind: ClassVar[str]
-    channel: ClassVar[str] = "torque"
-    also: ClassVar = {"channel": "What it is added to: the joint torque, after saturation and actuator lag"}
-
-
-@disturbance("band-limited-noise")
-@dataclass(frozen=True)
-class BandLimitedNoise(AnyDisturbance):
-    """Gaussian torque, each value held for a while."""
-
-    sigma: Annotated[Vector, Key("Standard deviation before clipping", "N m", at_least=0)]
-    hold: Annotated[float, Key("Time each value lasts, a whole multiple of run.control_period", "s", above=0)] = 0.01
-    clip_sigma: Annotated[float, Key("Values are clipped at this many standard deviations", "1", above=0)] = 3.0
-
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield a fault where a value does not last whole control periods."""
-        if timing.whole:
-            period = ("run", "control_period")
-            yield from multiple_of(("hold",), self.hold, "run.control_period", timing.control_period, period)
-
-
-@disturbance("bias")
-@dataclass(frozen=True)
-class Bias(AnyDisturbance):
-    """Constant torque."""
-
-    value: Annotated[Vector, Key("Torque", "N m", ", in N for slide joints")]
-
-
-@disturbance("sinusoid")
-@dataclass(frozen=True)
-class Sinusoid(AnyDisturbance):
-    """Torque a sin(2 pi f t), held from each control instant to the next."""
-
-    amplitude: Annotated[Vector | None, Key("Amplitude a, unless rms gives it", "N m", ", in N for slide joints")] = (
-        None
-    )
-    rms: Annotated[
-        Vector | None,
-        Key("Root mean square of the torque, a/sqrt(2), unless amplitude is given", "N m", at_least=0),
-    ] = None
-    frequency_hz: Annotated[Vector, Key("Frequency f, less than half of 1/run.control_period", "Hz", above=0)] = 1.0
-
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield what does not fit: two sizes, none, or a frequency that cannot be sampled."""
-        if self.amplitude is None and self.rms is None:
-            yield Fault((), "missing: amplitude, or rms (size of the sinusoid [N m])")
-        elif self.amplitude is not None and self.rms is not None:
-            yield Fault(("rms",), "amplitude is given already", wanted="one of the two", at="key")
-        highest = max(self.frequency_hz) if isinstance(self.frequency_hz, tuple) else self.frequency_hz
-        most = 0.5 / timing.control_period
-        if highest >= most:
-            wanted = f"less than half of 1/run.control_period, {most:g} Hz"
-            period = ("run", "control_period")
-            yield Fault(("frequency_hz",), got=f"{highest:g} Hz", wanted=wanted, unless=period)
-
-
-Disturbance = BandLimitedNoise | Bias | Sinusoid
-ChainName = Literal["ideal", "fast", "slow"]

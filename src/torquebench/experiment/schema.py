@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
-from torquebench.errors import Fault
+from torquebench.chain import CHAINS, Chain
+from torquebench.disturbances import DISTURBANCES
 from torquebench.experiment.controllers import LAWS, MAX_CONTROLLERS
 from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import SLUG, Ints, Many, ManyNamed, Named, OneOf, Text
-from torquebench.experiment.scenario_schema import (
-    BandLimitedNoise,
-    Chain,
-    Disturbance,
-    Friction,
-    Mismatch,
-    Payload,
-    Perturbation,
-    disturbance,
-)
+from torquebench.experiment.scenario_schema import Friction, Mismatch, Payload, Perturbation
 from torquebench.keys import Key, Kinds, Vector
+from torquebench.references import REFERENCES
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
-from torquebench.timing import Timing, whole_steps
+from torquebench.timing import whole_steps
 
 MAX_DISTURBANCES = 64
 LEAST_SIDE, LARGEST_SIDE = 160, 3840
@@ -35,8 +28,6 @@ MAX_SEED = 2**63 - 1
 StructureName: TypeAlias = Literal["exact", "corrected", "printed"]
 ConstantsName: TypeAlias = Literal["fitted", "printed"]
 plant = Kinds("plant", "engine")
-reference = Kinds("reference")
-CHAINS = ("ideal", "fast", "slow")
 
 
 def joint_count(model_name: str) -> int:
@@ -110,63 +101,6 @@ class Belief:
     mismatch: Annotated[Mismatch | None, Key("Errors put on purpose into the constants")] = None
 
 
-@reference("sine")
-@dataclass(frozen=True)
-class SineReference:
-    """Raised sine A/2 (1 - cos 2 pi f t), at rest at zero when it starts."""
-
-    kind: ClassVar[str]
-    metrics_from: ClassVar[float] = 1.0
-    amplitude: Annotated[Vector, Key("Peak-to-peak excursion A of each joint", "rad", ", in m for slide joints")]
-    frequency_hz: Annotated[Vector, Key("Frequency f of each joint", "Hz", at_least=0)]
-
-
-@reference("step")
-@dataclass(frozen=True)
-class StepReference:
-    """Zero, then a constant."""
-
-    kind: ClassVar[str]
-    metrics_from: ClassVar[float] = 2.0
-    target: Annotated[Vector, Key("Position of each joint after the step", "rad", ", in m for slide joints")]
-    at: Annotated[float, Key("Time of the step; less than run.duration", "s", at_least=0)]
-
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield a fault where the run ends before the step."""
-        if self.at >= timing.duration:
-            wanted = f"less than run.duration, {timing.duration:.12g} s: there would be no step"
-            yield Fault(("at",), got=f"{self.at:.12g} s", wanted=wanted)
-
-
-@reference("ramp")
-@dataclass(frozen=True)
-class RampReference:
-    """Constant speed from zero to the target, then held; a run may end before the target is reached."""
-
-    kind: ClassVar[str]
-    metrics_from: ClassVar[float] = 1.0
-    target: Annotated[Vector, Key("Final position of each joint", "rad", ", in m for slide joints")]
-    rise_time: Annotated[float, Key("Time from zero to the target", "s", above=0)]
-
-
-@reference("quintic")
-@dataclass(frozen=True)
-class QuinticReference:
-    """Minimum-jerk polynomial from zero to the target, then held."""
-
-    kind: ClassVar[str]
-    metrics_from: ClassVar[float] = 1.0
-    target: Annotated[Vector, Key("Final position of each joint", "rad", ", in m for slide joints")]
-    rise_time: Annotated[float, Key("Time from zero to the target, at most run.duration", "s", above=0)]
-
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield a fault where the run ends before the target is reached."""
-        if self.rise_time > timing.duration * (1.0 + 1e-9):
-            wanted = f"at most run.duration, {timing.duration:.12g} s"
-            reason = "the metrics of the motion would be measured against a target that is never reached"
-            yield Fault(("rise_time",), got=f"{self.rise_time:.12g} s", wanted=f"{wanted}: {reason}")
-
-
 @dataclass(frozen=True)
 class Run:
     """How long, how often, from where, and with which random numbers."""
@@ -230,7 +164,6 @@ class Video:
 
 
 Plant: TypeAlias = MujocoPlant | AnalyticPlant
-Reference: TypeAlias = SineReference | StepReference | RampReference | QuinticReference
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,23 +188,23 @@ class Experiment:
         ),
     ] = field(default_factory=dict)
     reference: Annotated[
-        Reference,
+        Any,
         Key("Desired motion; starts at zero whatever run.initial_q is"),
-        OneOf(reference, "Form of the desired motion."),
+        OneOf(REFERENCES, "Form of the desired motion."),
     ]
     chain: Annotated[
-        str | Chain,
+        Chain,
         Key(
             "Sensors and actuators. ideal: exact and instantaneous; fast: position with noise of 0.1 mrad, velocity "
             "differentiated from it and filtered at 500 rad/s, actuators lagging by 2 ms; slow: the same noise, 200 "
             "rad/s, 8 ms; or each imperfection by itself"
         ),
         Named(CHAINS, Chain),
-    ] = "ideal"
+    ] = CHAINS["ideal"]
     disturbances: Annotated[
-        tuple[Disturbance, ...],
+        tuple[Any, ...],
         Key("What acts on the joints besides the law"),
-        Many("disturbances", 0, MAX_DISTURBANCES, OneOf(disturbance, "Form of the disturbance.")),
+        Many("disturbances", 0, MAX_DISTURBANCES, OneOf(DISTURBANCES, "Form of the disturbance.")),
     ] = ()
     run: Annotated[Run, Key("Length, sampling, start and randomness of the run")]
     video: Annotated[Video | None, Key("Film to make of the run; none if left out, {} for one as usual")] = None
@@ -294,24 +227,49 @@ class Experiment:
     @property
     def is_drawn(self) -> bool:
         """Whether anything in it is random."""
-        noisy = self.chain in ("fast", "slow") or (isinstance(self.chain, Chain) and self.chain.encoder_noise > 0)
-        noisy |= any(isinstance(disturbance, BandLimitedNoise) for disturbance in self.disturbances)
+        noisy = self.chain.encoder_noise > 0 or any(disturbance.is_random for disturbance in self.disturbances)
         mismatch = self.model.mismatch
         return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.constants is None)
 
-    def with_(self, changes: Mapping[str, Any]) -> Experiment:
-        """Return this experiment with some keys changed, checked again.
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], overrides: Sequence[str] = ()) -> Experiment:
+        """Return the experiment of plain values, keys as in a file; lists may be tuples or arrays.
 
         Args:
-            changes: Dotted key, as for ``--set``, -> value: ``{"run.duration": 2, "controllers.band.gains.phi": 0.1}``.
+            values: The sections.
+            overrides: Edits ``key=value`` made before the check.
 
         Raises:
-            ConfigError: a key does not exist, or a value does not go with the rest.
+            ConfigError: something in it is wrong; all mistakes at once.
         """
-        from torquebench.experiment.change import with_changes
+        from torquebench.experiment.config import check_experiment
+        from torquebench.experiment.source import apply_overrides, document_of
 
-        return with_changes(self, changes)
+        document = document_of(values)
+        apply_overrides(document, overrides)
+        return check_experiment(document)
 
-    def hold_steps(self, disturbance: BandLimitedNoise) -> int:
-        """Control periods for which one value of a disturbance lasts, at most the whole run."""
-        return whole_steps(min(disturbance.hold, self.run.duration), self.run.control_period)
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, keys as in a file, every default filled in; `from_dict` gives an equal experiment."""
+        from torquebench.experiment.dump import plain
+
+        return plain(self)
+
+    def with_(self, changes: Mapping[str, Any] | None = None, **more: Any) -> Experiment:
+        """Return an experiment with other values for some keys, checked as a whole.
+
+        Args:
+            changes: Dotted key, as of ``--set``, -> its value: ``{"controllers.band.gains.phi": 0.1, "run.seed": 3}``.
+            more: Whole sections, or keys by keyword: ``with_(chain="fast", **{"run.duration": 2})``.
+
+        Raises:
+            ConfigError: something in it is wrong; all mistakes at once, each with its key.
+        """
+        from torquebench.experiment.config import check_experiment
+        from torquebench.experiment.dump import plain_values
+        from torquebench.experiment.source import document_of, set_key
+
+        document = document_of(self.to_dict())
+        for key, value in {**(changes or {}), **more}.items():
+            set_key(document, key, plain_values(value))
+        return check_experiment(document)

@@ -218,7 +218,12 @@ def read_document(source: str | bytes, filename: str) -> Document:
 
 
 def document_of(values: Mapping[str, Any], filename: str = "") -> Document:
-    """Return a document of plain values, as from Python; lists may be tuples, and numbers numpy's."""
+    """Return a document of plain values, as from Python; lists may be tuples, and numbers numpy's.
+
+    Args:
+        values: What its root is to be.
+        filename: What to call it in messages, if anything.
+    """
     document = Document(filename)
     document.start = Place(0)
     document.root = _tree(values)
@@ -294,6 +299,15 @@ def assign(document: Document, parts: Sequence[str | int], value: Any, key_place
         elif last:
             node[index], node.places[index] = value, value_place
         node = node[index]
+
+
+def set_key(document: Document, key: str, value: Any) -> None:
+    """Set a dotted key to a plain value, as from Python; mistakes are recorded in the document."""
+    parts = split_key(key)
+    if parts is None:
+        document.add((key,), "is not a key", wanted="one such as run.duration or controllers[0].gains.k")
+    else:
+        assign(document, parts, _tree(value), Place(0), Place(0))
 
 
 def split_key(key: str) -> list[str | int] | None:

@@ -4,22 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from torquebench.disturbances import BandLimitedNoise, Bias, Sinusoid
 from torquebench.experiment import load_experiment
-from torquebench.experiment.scenario_schema import (
-    BandLimitedNoise,
-    Bias,
-    Chain,
-    Disturbance,
-    Friction,
-    Mismatch,
-    Payload,
-    Sinusoid,
-)
+from torquebench.experiment.scenario_schema import Friction, Mismatch, Payload
 from torquebench.experiment.schema import Experiment
 from torquebench.robot.library import data_root
-from torquebench.sim.chain import CHAINS as CHAIN_NAMED
 
 CHAINS = ("ideal", "fast", "slow")
 NOMINAL, NOISE, UNCERTAIN, MISMATCH = "nominal", "noise", "noise and a wrong model", "a wrong model"
@@ -149,24 +140,12 @@ def under(experiment: Experiment, condition: str) -> Experiment:
     error = Mismatch(relative=RELATIVE) if condition in (UNCERTAIN, MISMATCH, SLOW_NOISE, LIMIT_NOISE) else None
     plant = replace(experiment.plant, **_BURDENS.get(condition, {}))  # type: ignore[arg-type]
     belief = replace(experiment.model, mismatch=error)
-    if condition == EXACT and isinstance(chain, str):
-        chain = exact_encoders(chain)
+    if condition == EXACT and chain.name in CHAINS:  # without the encoders' noise
+        chain = replace(chain, encoder_noise=0.0, name="custom")
     return replace(experiment, plant=plant, model=belief, chain=chain, disturbances=disturbances)
 
 
-def exact_encoders(name: str) -> Chain:
-    """Return the chain of a name without its encoders' noise."""
-    known = CHAIN_NAMED[name]
-    return Chain(
-        velocity="differentiated",
-        velocity_filter=known.velocity_rate,
-        actuator_lag=known.lag,
-        delay=known.delay,
-        quantisation=known.quantum,
-    )
-
-
-_CHANGES: dict[str, Callable[[BandLimitedNoise], Disturbance]] = {
+_CHANGES: dict[str, Callable[[BandLimitedNoise], Any]] = {
     NOISE: lambda noise: noise,
     UNCERTAIN: lambda noise: noise,
     SLOW_NOISE: lambda noise: replace(noise, hold=0.1),

@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from torquebench.chain import Chain
 from torquebench.kernel import Array, IntArray
 from torquebench.kernel.struct import Structure
 from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
-from torquebench.sim.chain import Chain
 from torquebench.sim.plants import NativePlant, Plant
 
 
@@ -138,7 +138,7 @@ def set_up(
 
     decay = chain.decay(plant.timestep, control_period)
     delay = min(chain.delay_steps(control_period), n_steps)
-    measured = position_noise is not None or chain.velocity_rate > 0.0 or chain.quantum > 0.0 or delay > 0
+    measured = position_noise is not None or chain.velocity != "exact" or chain.quantisation > 0.0 or delay > 0
     acting = len(decay) > 0 or disturbance is not None
     # one block for all records: the operating system hands out its pages, which is slow, only once
     records = np.empty((4 + 2 * measured + acting + len(fields), n_steps, n))
@@ -158,7 +158,7 @@ def set_up(
         disturbance=none if disturbance is None else np.ascontiguousarray(disturbance, dtype=np.float64),
         position_noise=none if position_noise is None else np.ascontiguousarray(position_noise, dtype=np.float64),
         velocity_gain=chain.velocity_gain(control_period),
-        quantum=chain.quantum,
+        quantum=chain.quantisation,
         decay=decay,
         q=q,
         qd=qd,

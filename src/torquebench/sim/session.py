@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from torquebench.chain import IDEAL, Chain
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import FuzzySystem
 from torquebench.kernel import Array
@@ -20,14 +21,14 @@ from torquebench.laws import Law, find_law
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model, own_copy
 from torquebench.robot.robot_model import RobotModel
-from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import PythonRun
 from torquebench.sim.job import Setup, is_fixed, set_up
 from torquebench.sim.native import NativeRun, obstacle
-from torquebench.sim.plants import NativePlant, Plant, attached_at, substeps_per_period
+from torquebench.sim.plants import NativePlant, Plant, attached_at
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory, trajectory_of
+from torquebench.timing import substeps_per_period
 
 PathName = Literal["auto", "python", "native"]
 

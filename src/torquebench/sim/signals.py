@@ -1,4 +1,4 @@
-"""Signals that are drawn or sampled before a loop begins: encoder noise, and the torques that disturb the joints."""
+"""Signals that are sampled before a loop begins: control instants, and the torques that disturb the joints."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from torquebench.disturbances import Stream, generator
 from torquebench.kernel import Array
-from torquebench.sim.chain import Chain
 
 
 @runtime_checkable
@@ -35,22 +34,6 @@ def control_instants(n_steps: int, control_period: float) -> Array:
     t: Array = np.arange(n_steps, dtype=np.float64) * control_period
     t.setflags(write=False)
     return t
-
-
-def encoder_noise(chain: Chain, n: int, n_steps: int, seed: int, draw: int) -> Array | None:
-    """Draw the noise of a chain's encoders, (N, n) [rad]; None where they have none.
-
-    Args:
-        chain: Sensors and actuators.
-        n: Number of joints.
-        n_steps: Number of control instants N.
-        seed, draw: Key of the random stream; see `generator`.
-    """
-    if chain.position_sigma == 0.0:
-        return None
-    noise: Array = generator(seed, draw, Stream.POSITION_NOISE).standard_normal((n_steps, n))
-    noise *= chain.position_sigma
-    return noise
 
 
 def total_torque(

@@ -10,15 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from torquebench.chain import IDEAL, Chain
 from torquebench.errors import SimulationError
 from torquebench.kernel import Array
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot.robot_model import RobotModel
-from torquebench.sim.chain import IDEAL, Chain
-from torquebench.sim.plants import Plant, substeps_per_period
+from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session, check_path
-from torquebench.sim.signals import Disturbance, check_disturbances, control_instants, encoder_noise, total_torque
+from torquebench.sim.signals import Disturbance, check_disturbances, control_instants, total_torque
 from torquebench.sim.trajectory import Trajectory
+from torquebench.timing import substeps_per_period
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ class Trial:
             desired,
             self.control_period,
             self.chain,
-            encoder_noise(self.chain, n, n_steps, self.seed, self.draw),
+            self.chain.noise(n, n_steps, self.seed, self.draw),
             total_torque(disturbances, n, n_steps, self.control_period, self.seed, self.draw),
             self.initial_q,
         )

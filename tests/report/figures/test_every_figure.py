@@ -22,7 +22,7 @@ from torquebench.certificates import Certificate
 from torquebench.fuzzy import prepare
 from torquebench.report.figures.layout import PAGE_WIDTH
 from torquebench.report.figures.paper_pages import comparison_page
-from torquebench.report.figures.pareto import Spot, draw_pareto
+from torquebench.report.figures.pareto import Front, Spot, draw_pareto
 from torquebench.report.figures.run_view import FiredRules, draw_figures, run_view
 from torquebench.report.figures.sensitivity import draw_sensitivity
 from torquebench.report.figures.style import COLOURS, DASHES
@@ -103,7 +103,7 @@ def draw_all() -> dict[str, Figure]:
     found = draw_figures(view)
     ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0), 0) for k in range(1, 9)]
     spots = [Spot(f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
-    found["front"] = draw_pareto(spots, "t", "s")
+    found["front"] = draw_pareto(Front(tuple(spots), "its phi [rad/s]"), "t", "s")
     found["paper"] = comparison_page({k: runs[k] for k in ("smc", "calm")}, {}, "t", "s", **common)  # type: ignore[arg-type]
     return found
 

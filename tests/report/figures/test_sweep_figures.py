@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from tests.sweep.tables import made
 from torquebench.kernel import Array
 from torquebench.report.figures import style
-from torquebench.report.figures.pareto_front import front_of
+from torquebench.report.figures.pareto import front_of
 from torquebench.report.figures.sensitivity import draw_sensitivity
 from torquebench.report.figures.style import figure_bytes, fit_scale
 from torquebench.report.figures.sweep import slug, sweep_figures

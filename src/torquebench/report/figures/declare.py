@@ -1,4 +1,4 @@
-"""How a figure of a run declares itself: the `@figure` decorator, and the registry of all figures in page order."""
+"""The `@figure` decorator, and the registry of the figures of a run."""
 
 from __future__ import annotations
 
@@ -72,5 +72,5 @@ def figures_in_order() -> list[FigureInfo]:
 
 
 def figure_title(name: str) -> str:
-    """Return the heading of a figure by the name of its file; the name itself for one of several, or an unknown one."""
+    """Heading of the figure in a file; the file's own name where no single figure has that name."""
     return next((info.title for info in figures_in_order() if info.name == name), name)

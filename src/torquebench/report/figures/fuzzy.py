@@ -41,7 +41,7 @@ def draw_fuzzy(x: RunView) -> dict[str, Figure]:
 
 
 def system_figures(prepared: Prepared) -> dict[str, Figure]:
-    """Draw what a fuzzy system is: `membership` (the paper's Fig 7), `surface` and `scaling` (Fig 6)."""
+    """Draw a fuzzy system: `membership` (the paper's Fig 7), `surface` and `scaling` (Fig 6)."""
     with style.journal_style():
         return {"membership": _membership(prepared), "surface": _surface(prepared), "scaling": _scaling(prepared)}
 
@@ -108,13 +108,13 @@ def _terms(ax: Axes, variable: Variable, low: float, high: float) -> None:
 
 
 def _where_positive(degree: Array) -> Array:
-    """Return the degrees of one term without those that are zero, but for the feet."""
+    """Hide the zeros of a term's degrees, except where it starts and ends."""
     beside = np.pad(degree, 1)
     return np.where((degree > 0.0) | (beside[:-2] > 0.0) | (beside[2:] > 0.0), degree, np.nan)
 
 
 def _functions(ax: Axes, output: Functions) -> None:
-    """Draw constants where they are; write functions out, as their values depend on the inputs."""
+    """Draw output terms at their constants; write functions out, as their values depend on the inputs."""
     room = 0.05 * (output.high - output.low)
     values = [numbers[0] for _, numbers in output.coefficients]
     for k, (name, numbers) in enumerate(output.coefficients):
@@ -186,7 +186,7 @@ def _contours(fig: Figure, ax: Axes, prepared: Prepared, x: Array) -> None:
 
 
 def _scaling(prepared: Prepared) -> Figure:
-    """The same signal, reaching -1 to 1, met by the system through three scales: terms above, output below."""
+    """Draw the response to one signal, from -1 to 1, through three input scales: terms above, output below."""
     variable = prepared.system.inputs[0]
     signal = np.linspace(-1.0, 1.0, _SAMPLES)
     reach = max(1.0, float(np.max(np.abs(prepared.outputs(signal, 0.0 * signal)))))

@@ -1,4 +1,4 @@
-"""Which rules of a law's fuzzy system fired in a run: their shares, and the rule table of each joint."""
+"""Rules of a law's fuzzy system that fired in a run: their shares, and the rule table of each joint."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEQUENTIAL = LinearSegmentedColormap.from_list("share", ["#FFFFFF", "#0072B2", "
 
 
 def rule_shares(gains: Any, fis: Fis, inputs: Callable[..., tuple[float, float]] | None, run: Trajectory) -> Array:
-    """Return how much each rule took part in a run, (n, n1, n2); of each joint the shares add up to 1.
+    """Return the share of each rule in a run, (n, n1, n2); the shares of a joint add up to 1.
 
     A rule's share is the mean over the control instants of its activation over the sum of all rules' activations.
     Where no rule fires, or the state is not finite, no rule gets anything.

@@ -28,7 +28,7 @@ _MAP = colormaps["cividis"]
 def draw_heatmap(
     table: Table, keys: tuple[str, str], metric: str, title: str, subtitle: str, slides: Sequence[bool] = TURNS
 ) -> Figure:
-    """Draw the geometric mean of a metric over the draws, and over all other keys, in each cell; failures in brackets.
+    """Draw geometric means of a metric over draws and all other keys in each cell, failures in brackets.
 
     Laws that lack one of the keys have no map.
 
@@ -82,7 +82,7 @@ def draw_heatmap(
 
 
 def _centre(values: Array) -> float:
-    """Return the geometric mean of the finite values; 0 where one of them is 0, NaN without any."""
+    """Geometric mean of the finite values; 0 if one of them is 0, NaN if there are none."""
     known = values[np.isfinite(values)]
     if not len(known):
         return np.nan

@@ -99,7 +99,7 @@ def level_lines(ax: Axes, level: float, used: tuple[float, float], look: dict[st
 
 
 def write_note(ax: Axes, text: str) -> None:
-    """Write what is too far away to be drawn, in room made for it at the top."""
+    """Write a level that is outside the range of an axis at its top, in room made for it."""
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.25 * (high - low))
     ax.annotate(

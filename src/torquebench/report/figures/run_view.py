@@ -1,4 +1,4 @@
-"""One experiment's runs as figures see them: controllers over one another, each with its own look on every page."""
+"""The runs of one experiment as its figures show them: each controller has the same look on every page."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Run(NamedTuple):
 
 
 class FiredRules(NamedTuple):
-    """How much each rule of a law's fuzzy system took part in a run."""
+    """Shares of the rules of a law's fuzzy system in a run."""
 
     system: str
     """Name of the system."""
@@ -103,13 +103,13 @@ class RunView:
         return max(60, min(600, _POINTS // (2 * len(self.runs) * len(self.joint_names))))
 
     def hf_note(self, run: Run) -> str:
-        """Return the run's chattering index for the legend, or nothing where it has none."""
+        """Chattering index of a run for the legend; empty where it has none."""
         metrics = self.metrics.get(run.name)
         value = None if metrics is None else metrics.hf.value
         return "" if value is None else f" (HF {value:.3g} %)"
 
     def finish(self, fig: Figure, note: Callable[[Run], str], *others: Artist) -> Figure:
-        """Add title, subtitle and legend; `note` says what a run's legend entry adds to its name."""
+        """Add title, subtitle and legend; `note` returns what follows a run's name in the legend."""
         keys: list[Artist] = []
         for run in self.runs:
             label = printable(run.name) + _OUTCOMES.get(run.data.outcome, "") + note(run)
@@ -140,7 +140,7 @@ def run_view(
     fuzzy: Mapping[str, Prepared] | None = None,
     fired: Mapping[str, FiredRules] | None = None,
 ) -> RunView:
-    """Return what figures are drawn from.
+    """Collect what the figures of one experiment are drawn from.
 
     Args:
         runs: Controller name -> its run, in the order of the legend, which sets colour and dash. A failed run is

@@ -1,4 +1,4 @@
-"""What a metric depends on: for each law the strongest effects of constants and drawn keys, with intervals."""
+"""Sensitivity of a metric: the strongest effects of constants and drawn keys on each law, with intervals."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ MOST = 8
 COLUMNS = 3
 
 
-def draw_sensitivity(found: Sequence[Sensitivity], title: str, subtitle: str) -> Figure:
+def draw_sensitivity(sensitivities: Sequence[Sensitivity], title: str, subtitle: str) -> Figure:
     """Draw the effects on one metric, a panel for each law.
 
     Args:
-        found: Sensitivities of one metric; those without effects are passed over.
+        sensitivities: Of one metric; those without effects are passed over.
         title, subtitle: Headings.
     """
-    told = [one for one in found if one.effects is not None]
+    shown = [one for one in sensitivities if one.effects is not None]
     with style.journal_style():
-        columns = min(COLUMNS, len(told))
-        lines = -(-len(told) // columns)
-        height = 0.45 + 0.17 * max(len(strongest(one.effects.effects, MOST)) for one in told if one.effects)
+        columns = min(COLUMNS, len(shown))
+        lines = -(-len(shown) // columns)
+        height = 0.45 + 0.17 * max(len(strongest(one.effects.effects, MOST)) for one in shown if one.effects)
         fig = new_page(lines, height, height)
         grid = fig.add_gridspec(lines, columns)
-        for place, one in enumerate(told):
+        for place, one in enumerate(shown):
             ax = fig.add_subplot(grid[place // columns, place % columns])
             _panel(ax, one)
-            if place + columns >= len(told):
+            if place + columns >= len(shown):
                 ax.set_xlabel("rank regression coefficient [1]")
         look: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linewidth": 1.2}
         handles = [

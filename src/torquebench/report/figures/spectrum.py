@@ -1,4 +1,4 @@
-"""The figure of the torque's spectrum: which lines chattering has, and where HF counts from."""
+"""The figure of the torque's spectrum, with the frequency from which HF counts."""
 
 from __future__ import annotations
 

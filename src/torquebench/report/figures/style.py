@@ -102,7 +102,7 @@ def decimate(t: Array, y: Array, bins: int, logarithmic: bool = False) -> tuple[
 
 
 def band_maxima(f: Array, a: Array, per_octave: int) -> tuple[Array, Array]:
-    """Return the greatest value, and where it is, of each band of 1/`per_octave` octave that holds a line."""
+    """Return the frequency and size of the greatest line in each band of 1/`per_octave` octave that holds one."""
     band = np.floor(np.log2(f / f[0]) * per_octave)
     first = np.flatnonzero(np.diff(band, prepend=-1.0))
     index = np.array([low + int(np.argmax(part)) for low, part in zip(first, np.split(a, first[1:]), strict=True)])
@@ -110,7 +110,7 @@ def band_maxima(f: Array, a: Array, per_octave: int) -> tuple[Array, Array]:
 
 
 def isolated_peaks(f: Array, a: Array, ratio: float = 10.0) -> npt.NDArray[np.intp]:
-    """Find the lines of a spectrum that stand alone, such as the one line of a torque that switches every instant.
+    """Find isolated lines of a spectrum, such as the one line of a torque that switches every instant.
 
     A line counts when it is `ratio` times as high as every other line within a quarter of an octave and at least
     six lines on either side. The two lines next to it on either side only must not be higher: a Hann taper spreads
@@ -139,7 +139,7 @@ def isolated_peaks(f: Array, a: Array, ratio: float = 10.0) -> npt.NDArray[np.in
 
 
 class Unit(NamedTuple):
-    """How values are written on an axis."""
+    """Unit of an axis."""
 
     name: str
     """The unit with its prefix."""
@@ -217,7 +217,7 @@ def plain_powers(axis: Axis) -> None:
 
 
 def fit_scale(axis: Axis, values: npt.ArrayLike) -> bool:
-    """Give one axis a logarithmic scale where its values are positive and span a decade; say whether it has one.
+    """Make an axis logarithmic if its values are positive and span a decade; return whether it is.
 
     Over fewer than three decades 2 and 5 are written between the powers of ten, on a linear axis plain numbers.
     """
@@ -235,5 +235,5 @@ def fit_scale(axis: Axis, values: npt.ArrayLike) -> bool:
 
 
 def metric_unit(info: MetricInfo, peak: float) -> Unit:
-    """Return how values of a metric up to `peak` are written; only angles and times take a prefix."""
+    """Choose the unit for values of a metric up to `peak`; only angles and times take a prefix."""
     return choose_unit(peak, info.unit) if info.unit.startswith(("rad", "s")) else Unit(info.unit, 1.0)

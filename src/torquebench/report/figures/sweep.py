@@ -1,4 +1,4 @@
-"""The figures of a sweep: which there are, by its table, and each of them drawn."""
+"""All figures of a sweep: its table decides which there are."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from torquebench.experiment.reference import joint_units
 from torquebench.metrics import METRICS
 from torquebench.report.figures.heatmap import draw_heatmap
 from torquebench.report.figures.lines import draw_lines
-from torquebench.report.figures.pareto import draw_pareto
-from torquebench.report.figures.pareto_front import front_of
+from torquebench.report.figures.pareto import draw_pareto, front_of
 from torquebench.report.figures.sensitivity import draw_sensitivity
 from torquebench.report.figures.sweep_labels import TURNS, key_values
 from torquebench.report.figures.violins import draw_violins
@@ -71,24 +70,15 @@ def sweep_figures(
     front = front_of(table)
     if len(front.spots) > 1:
         heading = f"{title}: error against chattering"
-        figures["front"] = draw_pareto(
-            front.spots,
-            heading,
-            worst,
-            front.labels,
-            front.order,
-            front.joined,
-            joint_units("mrad", slides),
-            front.names,
-        )
+        figures["front"] = draw_pareto(front, heading, worst, joint_units("mrad", slides))
     for metric in metrics:
-        told = [one for one in found if one.metric == metric and one.effects is not None]
-        if any(effect.matters for one in told if one.effects for effect in one.effects.effects):
+        own = [one for one in found if one.metric == metric and one.effects is not None]
+        if any(effect.matters for one in own if one.effects for effect in one.effects.effects):
             heading = f"{title}: what the {METRICS[metric].title} depends on"
-            figures[f"effects-{metric}"] = draw_sensitivity(told, heading, strengths)
+            figures[f"effects-{metric}"] = draw_sensitivity(own, heading, strengths)
     return figures
 
 
 def slug(key: str) -> str:
-    """Return a key as part of a file's name."""
+    """Turn a key into part of a file's name."""
     return "-".join(part for part in "".join(c if c.isalnum() else " " for c in key).split())

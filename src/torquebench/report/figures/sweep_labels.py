@@ -1,4 +1,4 @@
-"""What the figures of a sweep share: titles of metrics and keys with their units, and names for values."""
+"""Labels of a sweep's figures: titles of metrics and keys with their units, and texts of values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TURNS = (False,)
 
 
 def metric_scale(table: Table, key: str, slides: Sequence[bool] = TURNS) -> Scale:
-    """Return how a metric of a sweep is written: with the prefix that suits its median.
+    """Choose the prefix of a metric's unit that suits its median.
 
     Args:
         table: The table.
@@ -50,7 +50,7 @@ def key_label(key: str) -> str:
 
 
 def key_values(table: Table, key: str) -> list[float | str]:
-    """Return the values of a key: numbers ascending, words in order of their first rows; none of laws that lack it."""
+    """Values of a key: numbers ascending, words in order of their first rows."""
     if table[key].dtype.kind == "f":
         known = table[key][np.isfinite(table[key])]
         return [float(value) for value in np.unique(known)]
@@ -58,7 +58,7 @@ def key_values(table: Table, key: str) -> list[float | str]:
 
 
 def law_name(table: Table, law: str, rows: Rows, gap: str = ", ") -> str:
-    """Return a law's name for a legend, with how many of its runs failed.
+    """Name of a law for a legend, with the number of its failed runs.
 
     Args:
         table: The table.
@@ -76,7 +76,7 @@ def value_text(value: float | str) -> str:
 
 
 def scaled(table: Table, rows: Rows, key: str, scale: Scale) -> Array:
-    """Return a metric in some rows as it is written, NaN where the run failed or has none.
+    """Values of a metric in the unit of its label; NaN where the run failed or has none.
 
     Args:
         table: The table.

@@ -1,4 +1,4 @@
-"""The figure of the torque: what each law asks of each joint, and a few instants of it enlarged."""
+"""The figure of the torque of each joint, with a few instants enlarged."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def draw_torque(x: RunView) -> Figure:
 
 
 def zoom_window(x: RunView) -> tuple[float, float] | None:
-    """Return the time span [s] to show large: the middle of the metrics' window, or of a shorter run.
+    """Time span to enlarge [s]: the middle of the metrics' window, or of a shorter run.
 
     None where there is nothing to enlarge: the span would be most of the run, or holds no torque.
     """
@@ -69,9 +69,9 @@ def zoom_window(x: RunView) -> tuple[float, float] | None:
 
 
 def draw_zoom(ax: Axes, x: RunView, joint: int, zoom: tuple[float, float]) -> Axes:
-    """Draw the torque of `joint` of all runs of `x` into `ax` as what it is: held between control instants.
+    """Draw the torque of `joint` of all runs of `x` into `ax`, held between control instants.
 
-    The panel shows the time span `zoom` [s], and comes back.
+    The panel shows the time span `zoom` [s], and is returned.
     """
     ax.set_label(f"{x.joint_names[joint]} zoom")
     shown = []

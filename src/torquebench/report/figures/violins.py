@@ -1,4 +1,4 @@
-"""How a metric spreads over the draws and cases of a sweep: a violin, a box and points for each law."""
+"""Spread of a metric over the draws and cases of a sweep: a violin, a box and points for each law."""
 
 from __future__ import annotations
 

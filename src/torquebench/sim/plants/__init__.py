@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple, Protocol
 
 from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure
 from torquebench.robot.payload import Payload
+from torquebench.timing import substeps_per_period
 
 INTEGRATORS = ("rk4", "euler")
 """Classical Runge-Kutta of order 4, and semi-implicit Euler (velocity first)."""
@@ -121,29 +121,3 @@ def check_scheme(timestep: float, integrator: str) -> None:
     substeps_per_period(timestep, timestep, ("timestep", "timestep"))
     if integrator not in INTEGRATORS:
         raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
-
-
-def substeps_per_period(
-    control_period: float, timestep: float, names: tuple[str, str] = ("control_period", "timestep")
-) -> int:
-    """Return how many time steps make one control period.
-
-    Args:
-        control_period: Time between control instants [s].
-        timestep: Integration step [s].
-        names: What the caller calls the two, for messages.
-
-    Raises:
-        ValueError: either is not finite and positive, or the ratio is not a whole number.
-    """
-    for name, value in zip(names, (control_period, timestep), strict=True):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value}, wanted a finite positive number of seconds")
-    ratio = control_period / timestep
-    whole = round(ratio)
-    if whole < 1 or abs(ratio - whole) > 1e-9 * ratio:
-        raise ValueError(
-            f"{names[0]} {control_period} s is not a whole multiple of {names[1]} {timestep} s "
-            f"(nearest: {max(whole, 1) * timestep:.12g} s)"
-        )
-    return whole

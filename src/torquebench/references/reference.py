@@ -1,16 +1,24 @@
-"""Reference trajectories: closed forms of time that state their own first and second derivatives."""
+"""Desired motion: what a law is given of it, how a kind is registered, and motions sampled by users.
+
+A kind is a frozen dataclass whose fields are its keys (see `Key`), with one method::
+
+    sample(t, n) -> Reference  # position, velocity and acceleration at each time, each (N, n)
+
+and, if it likes, ``check(timing)``, which yields a `Fault` for each key that does not fit the run. It may say by
+``metrics_from`` when the window for metrics opens where a config does not [s], and by ``is_step_like = True`` that rise
+time, overshoot and settling time have a meaning.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from torquebench.errors import InconsistentReferenceError
 from torquebench.kernel import Array
+from torquebench.keys import Kinds, Vector, as_vector
 
 
 class Reference(NamedTuple):
@@ -27,77 +35,28 @@ class Reference(NamedTuple):
 ReferenceSource = Callable[[Array], Reference]
 """A function from times (N,) [s] to the desired motion, arrays (N, n); (N, 1) stands for the same on every joint."""
 
+REFERENCES = Kinds("reference", defaults={"metrics_from": 1.0, "is_step_like": False})
+reference = REFERENCES
+"""Decorator of a class: ``@reference("lemniscate")``."""
 ROUNDING = 1e-9
 """A control instant this close before an event counts as the event's [s]: k T is rounded."""
 
 
-def sine(amplitude: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> ReferenceSource:
-    """Raised sine q_ref = A/2 (1 - cos 2 pi f t), at rest at t = 0.
-
-    Args:
-        amplitude: Peak-to-peak excursion A of each joint, (n,) or one number for all [rad].
-        frequency_hz: Frequency f of each joint, (n,) or one number for all [Hz].
-    """
-    half = np.atleast_1d(np.array(amplitude, dtype=np.float64)) / 2.0
-    w = 2.0 * math.pi * np.atleast_1d(np.array(frequency_hz, dtype=np.float64))
-
-    def sample(t: Array) -> Reference:
-        phase = t[:, None] * w
-        return Reference(half * (1.0 - np.cos(phase)), half * w * np.sin(phase), half * w * w * np.cos(phase))
-
-    return sample
+def each_joint(value: Vector, n: int | None) -> Array:
+    """Return a number for each of `n` joints, (n,); of None, as many as there are."""
+    return np.atleast_1d(np.array(value, dtype=np.float64)) if n is None else as_vector(value, n)
 
 
-def step(target: npt.ArrayLike, at: float) -> ReferenceSource:
-    """Zero before t = `at`, `target` from then on; the desired rates are zero throughout.
+class Motion:
+    """A kind that may be called with times alone, as a `ReferenceSource`."""
 
-    Args:
-        target: Position after the step, (n,) or one number for all [rad].
-        at: Time of the step [s].
-    """
-    goal = np.atleast_1d(np.array(target, dtype=np.float64))
+    def sample(self, t: Array, n: int | None = None) -> Reference:
+        """Return the desired motion of `n` joints at times (N,) [s]; None for as many as its keys have numbers."""
+        raise NotImplementedError
 
-    def sample(t: Array) -> Reference:
-        zero = np.zeros((len(t), len(goal)))
-        return Reference(np.where(t[:, None] >= at - ROUNDING, goal, 0.0), zero, zero.copy())
-
-    return sample
-
-
-def ramp(target: npt.ArrayLike, rise_time: float) -> ReferenceSource:
-    """Constant speed from zero to `target` in `rise_time`, then held; the desired acceleration is zero.
-
-    Args:
-        target: Final position, (n,) or one number for all [rad].
-        rise_time: Duration of the motion [s].
-    """
-    goal = np.atleast_1d(np.array(target, dtype=np.float64))
-
-    def sample(t: Array) -> Reference:
-        x = np.clip(t / rise_time, 0.0, 1.0)[:, None]
-        moving = (t < rise_time - ROUNDING)[:, None]
-        return Reference(x * goal, np.where(moving, goal / rise_time, 0.0), np.zeros((len(t), len(goal))))
-
-    return sample
-
-
-def quintic(target: npt.ArrayLike, rise_time: float) -> ReferenceSource:
-    """Minimum-jerk polynomial 10x^3 - 15x^4 + 6x^5, x = t / rise_time, from zero to `target`, then held.
-
-    Args:
-        target: Final position, (n,) or one number for all [rad].
-        rise_time: Duration of the motion [s].
-    """
-    goal = np.atleast_1d(np.array(target, dtype=np.float64))
-
-    def sample(t: Array) -> Reference:
-        x = np.clip(t / rise_time, 0.0, 1.0)[:, None]
-        position = x * x * x * (10.0 + x * (-15.0 + 6.0 * x))
-        velocity = 30.0 * x * x * (1.0 - x) * (1.0 - x) / rise_time
-        acceleration = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (rise_time * rise_time)
-        return Reference(position * goal, velocity * goal, acceleration * goal)
-
-    return sample
+    def __call__(self, t: Array) -> Reference:
+        """Return the desired motion at times (N,) [s]."""
+        return self.sample(t)
 
 
 def from_samples(t: Array, q: Array, qd: Array, qdd: Array) -> Reference:

@@ -1,0 +1,19 @@
+"""Desired motions, one kind a file; importing this package registers every kind that ships with it."""
+
+from torquebench.references.quintic import Quintic
+from torquebench.references.ramp import Ramp
+from torquebench.references.reference import REFERENCES, Reference, ReferenceSource, from_samples, reference
+from torquebench.references.sine import Sine
+from torquebench.references.step import Step
+
+__all__ = [
+    "REFERENCES",
+    "Quintic",
+    "Ramp",
+    "Reference",
+    "ReferenceSource",
+    "Sine",
+    "Step",
+    "from_samples",
+    "reference",
+]
