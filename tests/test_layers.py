@@ -83,7 +83,7 @@ HOMES = {
     },
     "jinja2": {"report/render.py"},
     "scipy": {"statistics.py", "sweep/effects.py", "paper/checks.py"},
-    "skfuzzy": {"fuzzy/oracle.py"},
+    "skfuzzy": {"fuzzy/oracle.py", "fuzzy/table.py"},
     "pydantic": {name for name in ALL if name.startswith("experiment/")},
     "pydantic_core": {name for name in ALL if name.startswith("experiment/")},
     "numba": {

@@ -10,8 +10,7 @@ from torquebench.experiment.document import BROKEN, Document, KeyPath
 from torquebench.experiment.fuzzy_schema import MAX_RULES, FuzzyRule
 from torquebench.experiment.sections import as_mapping, check_fields
 from torquebench.experiment.values import shown
-from torquebench.fuzzy.checks import range_error
-from torquebench.fuzzy.terms import shape_errors
+from torquebench.fuzzy.terms import range_error, shape_errors
 
 SHAPE = "one number (a peak), 3 numbers (a triangle) or 4 (a trapezoid)"
 FUNCTION = "one number, or a list of a constant and a factor of each input"

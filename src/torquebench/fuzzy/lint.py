@@ -1,6 +1,6 @@
 """Lint of a rule base: continuous, complete, consistent, as the paper asks, and what else is likely a slip.
 
-What leaves a system without meaning is an error, raised when the system is made (`system.system_errors`); what is found
+What leaves a system without meaning is an error, raised when the system is made (`FuzzySystem.errors`); what is found
 here are warnings about a system that works, but perhaps not as intended.
 """
 
@@ -11,10 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from torquebench.errors import Finding
-from torquebench.fuzzy.aggregation import POINTS
 from torquebench.fuzzy.fis import TABLE
 from torquebench.fuzzy.prepare import Prepared
-from torquebench.fuzzy.system import FuzzySystem, Rule
+from torquebench.fuzzy.system import POINTS, FuzzySystem, Rule
 from torquebench.fuzzy.terms import SAME, Variable
 
 WEAK = 0.5
