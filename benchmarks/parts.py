@@ -11,8 +11,8 @@ from benchmarks.loops import PERIOD, trial_of
 from benchmarks.timing import Case
 from torquebench import Array, Fis, MujocoPlant, infer
 from torquebench.errors import ResultError
-from torquebench.packing import Structure
-from torquebench.sim.mujoco_step import Stepped, compiled_step
+from torquebench.kernel.struct import Structure
+from torquebench.sim.plants.mujoco_native import Stepped, compiled_step
 
 STEPS = 10_000
 CALLS = 20_000

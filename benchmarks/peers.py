@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.loops import HEADLINE, PERIOD, trial_of
 from benchmarks.timing import Case
 from torquebench import Array, MujocoPlant, Puma560, Reference
-from torquebench.robot.loading import mjcf_path
+from torquebench.robot.library import mjcf_path
 
 NAIVE_STEPS = 2
 """Steps of the naive loop in one call: each takes a large part of a second."""

@@ -15,7 +15,7 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference
 from torquebench.robot import RobotModel
-from torquebench.robot.model import HINGE, SLIDE, rigid_model
+from torquebench.robot.flat_model import HINGE, SLIDE, rigid_model
 from torquebench.sim.session import Controller
 
 G = 9.81

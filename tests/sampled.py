@@ -9,7 +9,7 @@ import numpy as np
 from torquebench.kernel import Array
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel
-from torquebench.sim.plant import Plant, substeps_per_period
+from torquebench.sim.plants import Plant, substeps_per_period
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory

@@ -12,16 +12,14 @@ from numba.core import config
 from tests.dialect_cases import BAD, GOOD, HEAD, LINE
 from tests.user_files import load
 from torquebench.dialect import Complaint, complaints
-from torquebench.laws import base
-from torquebench.laws.base import find_law
-from torquebench.laws.law import Law
-from torquebench.sim.native_path import law_obstacle
+from torquebench.laws.law import LAWS, Law, find_law
+from torquebench.sim.native import law_obstacle
 
 
 @pytest.fixture(autouse=True)
 def registry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Forget the laws that a test registers."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
 
 
 def read(tmp_path: Path, body: str, head: str = HEAD) -> list[Complaint]:
@@ -146,7 +144,7 @@ def test_a_number_of_another_file_is_imported_by_name(tmp_path: Path) -> None:
     assert [c.what for c in read(tmp_path, "tau[0] = numbers.LIMIT", head)] == [
         "numbers.LIMIT, a number of another file"
     ]
-    base._REGISTRY.pop("user-law")
+    LAWS._items.pop("user-law")
     assert read(tmp_path, "tau[0] = LIMIT * math.pi + np.pi", head) == []
 
 

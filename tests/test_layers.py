@@ -16,10 +16,8 @@ from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
     ("errors", "plain"),
-    ("kernel_cache", "registry"),
+    ("registry",),
     ("kernel",),
-    ("packing",),
-    ("packing_types",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
     ("laws",),
@@ -44,9 +42,8 @@ HOMES = {
     "mujoco": {
         "robot/mjcf.py",
         "robot/mjcf_links.py",
-        "sim/lean_arm.py",
-        "sim/mujoco_library.py",
-        "sim/mujoco_plant.py",
+        "sim/plants/mujoco.py",
+        "sim/plants/mujoco_native.py",
         "video/lens.py",
         "video/probe.py",
         "video/render.py",
@@ -75,8 +72,7 @@ HOMES = {
         "analysis/spread_page.py",
         "analysis/style.py",
         "analysis/sweep_figures.py",
-        "cli/certificates.py",
-        "cli/fuzzy.py",
+        "report/run.py",
         "video/overlay.py",
         "video/stick.py",
         "video/text.py",
@@ -88,19 +84,15 @@ HOMES = {
     "pydantic_core": {name for name in ALL if name.startswith("experiment/")},
     "numba": {
         "check.py",
-        "kernel.py",
-        "kernel_cache.py",
-        "packing_types.py",
+        "kernel/__init__.py",
+        "kernel/cache.py",
+        "kernel/struct.py",
         "sim/checked_math.py",
         "sim/closed_loop.py",
-        "sim/mujoco_library.py",
-        "sim/mujoco_step.py",
-        "sim/native_calls.py",
-        "sim/native_law.py",
-        "sim/native_loop.py",
-        "sim/native_path.py",
+        "sim/native.py",
+        "sim/plants/mujoco_native.py",
     },
-    "llvmlite": {"packing_types.py", "sim/mujoco_library.py", "sim/native_calls.py"},
+    "llvmlite": {"kernel/struct.py", "sim/native.py", "sim/plants/mujoco_native.py"},
     "tqdm": {"cli/terminal.py"},
     "distributed": {"sweep/cluster.py"},
     "dask": {"sweep/cluster.py"},
@@ -115,7 +107,6 @@ HOMES = {
         "cli/paper.py",
         "cli/run.py",
         "cli/sweep.py",
-        "cli/showing.py",
         "cli/video.py",
         "cli/view.py",
     },
@@ -124,7 +115,7 @@ HOMES = {
 
 
 def unit_of(name: str) -> str:
-    """Return the layer unit of a file (``sim/loop.py`` -> ``sim``) or of a dotted name (``torquebench.sim.loop``)."""
+    """Return the layer unit of a file (``sim/job.py`` -> ``sim``) or of a dotted name (``torquebench.sim.job``)."""
     return name.removeprefix("torquebench.").replace("/", ".").removesuffix(".py").split(".")[0]
 
 

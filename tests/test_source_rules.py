@@ -16,7 +16,7 @@ OUTER = (
     "cli/",
     "sweep/",
     "view/",
-    "kernel_cache.py",
+    "kernel/cache.py",
     "__init__.py",
     "__main__.py",
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0.dev0"
 
 _HOMES = {
-    "AnalyticPlant": "torquebench.sim.analytic_plant",
+    "AnalyticPlant": "torquebench.sim.plants.analytic",
     "Array": "torquebench.kernel",
     "CHAINS": "torquebench.sim.chain",
     "Chain": "torquebench.sim.chain",
@@ -16,7 +16,7 @@ _HOMES = {
     "Friction": "torquebench.sim.friction",
     "FuzzySystem": "torquebench.fuzzy.system",
     "Gain": "torquebench.laws",
-    "MujocoPlant": "torquebench.sim.mujoco_plant",
+    "MujocoPlant": "torquebench.sim.plants.mujoco",
     "Option": "torquebench.laws",
     "Outcome": "torquebench.sim.trajectory",
     "Payload": "torquebench.robot.payload",
@@ -25,8 +25,8 @@ _HOMES = {
     "RobotModel": "torquebench.robot",
     "Rules": "torquebench.laws",
     "Trajectory": "torquebench.sim.trajectory",
-    "Trial": "torquebench.sim.loop",
-    "Workers": "torquebench.sim.batch",
+    "Trial": "torquebench.sim.simulate",
+    "Workers": "torquebench.sim.simulate",
     "bias_forces": "torquebench.robot.dynamics",
     "check_law": "torquebench.check",
     "controller": "torquebench.laws",
@@ -40,8 +40,8 @@ _HOMES = {
     "mass_matrix": "torquebench.robot.dynamics",
     "sat": "torquebench.kernel",
     "sign": "torquebench.kernel",
-    "simulate": "torquebench.sim.loop",
-    "simulate_many": "torquebench.sim.batch",
+    "simulate": "torquebench.sim.simulate",
+    "simulate_many": "torquebench.sim.simulate",
 }
 
 __all__ = [
@@ -95,13 +95,12 @@ if TYPE_CHECKING:
     from torquebench.robot import Puma560, RobotModel, load_model
     from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
     from torquebench.robot.payload import Payload
-    from torquebench.sim.analytic_plant import AnalyticPlant
-    from torquebench.sim.batch import Workers, simulate_many
     from torquebench.sim.chain import CHAINS, Chain
     from torquebench.sim.friction import Friction
-    from torquebench.sim.loop import Trial, simulate
-    from torquebench.sim.mujoco_plant import MujocoPlant
+    from torquebench.sim.plants.analytic import AnalyticPlant
+    from torquebench.sim.plants.mujoco import MujocoPlant
     from torquebench.sim.session import Controller
+    from torquebench.sim.simulate import Trial, Workers, simulate, simulate_many
     from torquebench.sim.trajectory import Outcome, Trajectory, load_trajectory
 
 

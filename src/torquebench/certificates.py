@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
-from torquebench.robot.arm import RobotModel
+from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.trajectory import Trajectory
 
 

@@ -35,18 +35,16 @@ from torquebench.dialect import ARGUMENTS, FORM, INPUTS, STATE, Complaint, compl
 from torquebench.kernel import Array
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference, sine
-from torquebench.robot.model import own_copy
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.calling import call_law
+from torquebench.robot.flat_model import own_copy
 from torquebench.sim.chain import IDEAL
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.native_calls import native
-from torquebench.sim.native_loop import RUN_SIGNATURE, job_at, law_of
-from torquebench.sim.native_path import NativeRun, obstacle
-from torquebench.sim.plant import Plant
+from torquebench.sim.interpreted import call_law
+from torquebench.sim.job import set_up
+from torquebench.sim.native import RUN_SIGNATURE, NativeRun, job_at, law_of, native, obstacle
+from torquebench.sim.plants import Plant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
-from torquebench.sim.setup import set_up
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 PASS, FAIL, NOTE = "pass", "FAIL", "note"

@@ -16,9 +16,9 @@ from torquebench.kernel import Array
 from torquebench.laws import Law
 from torquebench.references import Reference
 from torquebench.robot import Puma560, RobotModel, load_model
-from torquebench.robot.model import own_copy
-from torquebench.sim.calling import call_law
+from torquebench.robot.flat_model import own_copy
 from torquebench.sim.closed_loop import COMPLETED, RAISED
+from torquebench.sim.interpreted import call_law
 
 Options = Mapping[str, str | bool]
 ARMS = ("puma560", "two-link")

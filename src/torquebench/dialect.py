@@ -23,10 +23,10 @@ import numpy as np
 
 from torquebench.errors import did_you_mean
 from torquebench.kernel import Array, IntArray
+from torquebench.kernel.struct import is_structure
 from torquebench.laws.law import Law
-from torquebench.packing import is_structure
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 ALLOWED: Final = (
     *(ast.Assign, ast.AnnAssign, ast.AugAssign, ast.Expr, ast.For, ast.While, ast.If, ast.Return, ast.Pass),

@@ -8,8 +8,8 @@ import pytest
 from torquebench import AnalyticPlant, Puma560, RobotModel, load_model
 from torquebench.analysis.compare import ROLLOUT_TOLERANCE, Row, compare_rollouts, compare_terms, random_states
 from torquebench.analysis.sides import Side, parse_side
-from torquebench.robot.model import own_copy
-from torquebench.sim.mujoco_plant import MujocoModel
+from torquebench.robot.flat_model import own_copy
+from torquebench.sim.plants.mujoco import MujocoModel
 
 
 def side(model):

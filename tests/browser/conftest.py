@@ -10,7 +10,7 @@ from tests.browser import chromium
 from tests.browser.chromium import WEBGL, Chromium, Page
 from torquebench.analysis import style
 from torquebench.cli.main import main
-from torquebench.laws import base
+from torquebench.laws.law import LAWS
 
 CONFIG = """\
 name: browser-test
@@ -81,7 +81,7 @@ def replayed(tmp_path_factory):
     (folder / "config.yaml").write_text(CONFIG)
     (folder / "law.py").write_text(LAW)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+        patch.setattr(LAWS, "_items", dict(LAWS._items))
         command = ["run", str(folder / "config.yaml"), "--plugin", str(folder / "law.py"), "--out", str(folder / "run")]
         assert main([*command, "--no-figures"]) == 0
     return folder / "run"
@@ -94,9 +94,7 @@ def reported(tmp_path_factory):
     (folder / "config.yaml").write_text(FIGURES)
     with pytest.MonkeyPatch.context() as patch:
         whole = style.figure_bytes  # PNGs take half the time and are not looked at here
-        patch.setattr(
-            "torquebench.analysis.figures.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b""
-        )
+        patch.setattr("torquebench.analysis.style.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b"")
         assert main(["run", str(folder / "config.yaml"), "--out", str(folder / "one")]) == 0
     shutil.copytree(folder / "one", folder / "two")
     runs = [str(folder / "one"), str(folder / "two")]

@@ -23,7 +23,7 @@ from torquebench.cli.options import EXAMPLES
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import parse_experiment
 from torquebench.experiment.store import check_run
-from torquebench.laws import base
+from torquebench.laws.law import LAWS
 from torquebench.paper.boundary_layer import Point
 from torquebench.statistics import Ratio
 
@@ -82,12 +82,12 @@ def test_run_with_a_talkative_plug_in(quick, document):
     (quick.parent / "my_law.py").write_text(GOOD + "\nprint('loaded')\n")
     line = "  - {name: mine, law: good, gains: {k: 0.5}, expect: failed}\n"
     quick.write_text(quick.read_text().replace("reference:", line + "reference:"))
-    registry = dict(base._REGISTRY)
+    registry = dict(LAWS._items)
     try:
         data, err = document("run", quick, "--no-figures", "--plugin", "my_law.py", status=1)
     finally:
-        base._REGISTRY.clear()
-        base._REGISTRY.update(registry)
+        LAWS._items.clear()
+        LAWS._items.update(registry)
     assert not data["controllers"]["mine"]["expected"]
     assert data["controllers"]["mine"]["outcome"] == "COMPLETED"
     assert "loaded" in err
@@ -131,7 +131,7 @@ def test_fuzzy(tmp_path, monkeypatch, document):
 def test_check(tmp_path, monkeypatch, document):
     """As before, within the envelope."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     monkeypatch.setattr(check, "SCALES", (1.0,))
     monkeypatch.setattr(check, "DURATION", 0.02)
     (tmp_path / "laws.py").write_text(GOOD)

@@ -137,7 +137,7 @@ def test_the_page_stands_alone(folder):
     for claim in read(folder, "claims.json"):
         assert claim["claim"] in text
         assert claim["condition"] in text
-    assert len(re.findall(r"<figure><svg", (folder / "report.html").read_text())) == 3
+    assert len(re.findall(r"<figure><img", (folder / "report.html").read_text())) == 3
 
 
 def test_bad_arguments_write_nothing(tmp_path, command):

@@ -1,15 +1,22 @@
 """``torquebench report``: the same bytes from the stored run, nothing simulated, several runs side by side."""
 
+import base64
+import hashlib
 import json
+import os
 import re
+import shutil
 from html.parser import HTMLParser
 
 import pytest
 
+from tests.cli.conftest import QUICK
 from torquebench.cli.main import main
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import add_to_run, check_run
 from torquebench.report.run_page import differences
-from torquebench.sim import loop
+from torquebench.robot.library import data_root
+
+PICTURE = r'<figure><img alt="[^"]*" src="data:image/svg\+xml;base64,([^"]*)">'
 
 
 class Page(HTMLParser):
@@ -38,12 +45,19 @@ def text_of(path):
     return " ".join(" ".join(page.text).split())
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Return the folder of a finished run, which tests copy."""
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "quick.yaml").write_text(QUICK)
+    assert main(["run", str(folder / "quick.yaml"), "--out", str(folder / "one"), "--quiet"]) == 0
+    return folder / "one"
+
+
 @pytest.fixture
-def run(quick, capsys):
+def run(quick, finished):
     """Return the folder of a finished run."""
-    assert main(["run", str(quick), "--out", str(quick.parent / "one")]) == 0
-    capsys.readouterr()
-    return quick.parent / "one"
+    return shutil.copytree(finished, quick.parent / "one")
 
 
 @pytest.fixture
@@ -53,8 +67,7 @@ def no_simulation(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("something was simulated")
 
-    monkeypatch.setattr(loop, "simulate", refuse)
-    monkeypatch.setattr("torquebench.sim.batch.simulate", refuse)
+    monkeypatch.setattr("torquebench.sim.simulate.simulate", refuse)
 
 
 @pytest.mark.parametrize("redraw", [(), ("--redraw",)])
@@ -76,7 +89,8 @@ def test_the_page_tells_what_was_asked_and_what_came_out(run):
     for word in ("1/s", "slope lambda", "chattering index HF", "mujoco:puma560", "chain ideal", "numpy", "seed"):
         assert word in text
     page = (run / "report.html").read_text()
-    assert len(re.findall(r"<figure><svg", page)) == len(list((run / "figures").glob("*.svg")))
+    drawn = sorted(path.read_bytes() for path in (run / "figures").glob("*.svg"))
+    assert sorted(base64.b64decode(text) for text in re.findall(PICTURE, page)) == drawn
     assert "prefers-color-scheme: dark" in page
     assert 'name="viewport"' in page
 
@@ -146,3 +160,191 @@ def test_what_would_be_overwritten_is_refused(run, command):
     assert (run.parent / "there.html").read_text() == "mine"
     assert command("report", run, run, "--out", "new.html")[0] == 2
     assert not (run.parent / "new.html").exists()
+
+
+@pytest.fixture
+def own_data(tmp_path, monkeypatch):
+    """A copy of the arms and configs, which a test may change."""
+    for name in ("models", "configs"):
+        shutil.copytree(data_root() / name, tmp_path / "data" / name)
+    monkeypatch.setenv("TORQUEBENCH_DATA", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+@pytest.mark.parametrize("more", [(), ("--redraw",)])
+def test_stored_numbers_stay_what_they_were_when_the_arm_is_edited(own_data, run, command, more):
+    """Numbers, limits and figures are those of the run, on the terminal, in the document and on the page; it is said.
+
+    The limits of the arm are halved, which would double every figure that is a share of them.
+    """
+    document = json.loads(command("report", run, "--json")[1])["runs"][0]
+    figures = {path.name: path.read_bytes() for path in (run / "figures").glob("*.svg")}
+    arm = own_data / "models" / "puma560" / "puma560.xml"
+    halved = re.sub(
+        r'(ctrlrange|forcerange|actuatorfrcrange)="([-\d.]+) ([-\d.]+)"',
+        lambda m: f'{m[1]}="{float(m[2]) / 2:g} {float(m[3]) / 2:g}"',
+        arm.read_text(),
+    )
+    assert halved != arm.read_text()
+    arm.write_text(halved)
+    status, out, err = command("report", run, *more)
+    assert status == 0
+    assert "the files of the arm 'puma560' have changed since the run" in err
+    page = (run / "report.html").read_text()
+    assert "the files of the arm &#39;puma560&#39; have changed since the run" in page
+    assert sorted(base64.b64decode(text) for text in re.findall(PICTURE, page)) == sorted(figures.values())
+    for name, law in document["controllers"].items():
+        for text in (out, page):
+            assert f"{law['metrics']['hf']['value']:.4g}" in text, name
+    after = json.loads(command("report", run, "--json", *more)[1])
+    assert after["runs"][0] == document
+    assert any("have changed since the run" in remark for remark in after["remarks"])
+
+
+def test_a_folder_of_an_older_version_is_read_while_its_arm_is_there(own_data, run, command):
+    """Without stored joints they come from the arm, where its files are those of the run; else it is refused."""
+    path = run / "manifest.json"
+    old = {key: v for key, v in json.loads(path.read_text()).items() if key not in ("joints", "conditions", "flags")}
+    path.write_text(json.dumps(old))
+    before = (run / "report.html").read_bytes()
+    assert command("report", run)[::2] == (0, "")
+    assert (run / "report.html").read_bytes() == before
+    with (own_data / "models" / "puma560" / "links.yaml").open("a") as file:
+        file.write("# another remark\n")
+    status, _, err = command("report", run)
+    assert status == 2
+    assert "an older version left it" in err
+    assert len(err.splitlines()) == 1
+
+
+def with_checksum(folder, name, content):
+    """Write a file into a run's folder and have the manifest agree with it, as whoever wants to deceive would."""
+    path = folder / "manifest.json"
+    manifest = json.loads(path.read_text())
+    (folder / name).write_bytes(content)
+    manifest["files"][name] = hashlib.sha256(content).hexdigest()
+    path.write_text(json.dumps(manifest))
+
+
+def swap_trajectories(folder):
+    """Give each controller the other's run."""
+    a, b = ((folder / name / "trajectory.npz").read_bytes() for name in ("conventional", "linear-band"))
+    with_checksum(folder, "conventional/trajectory.npz", b)
+    with_checksum(folder, "linear-band/trajectory.npz", a)
+
+
+def change_a_gain(folder):
+    """Have the experiment say another gain than was run."""
+    text = (folder / "experiment.yaml").read_text()
+    assert "phi: 0.3" in text
+    with_checksum(folder, "experiment.yaml", text.replace("phi: 0.3", "phi: 0.4").encode())
+
+
+def forget_metrics(folder):
+    """Have the metrics be those of one controller alone."""
+    content = json.loads((folder / "metrics.json").read_text())
+    content["controllers"]["linear-band"] = None
+    with_checksum(folder, "metrics.json", json.dumps(content).encode())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "file"),
+    [(swap_trajectories, "trajectory.npz"), (change_a_gain, "experiment.yaml"), (forget_metrics, "metrics.json")],
+)
+def test_files_that_do_not_belong_together_are_refused(run, command, spoil, file):
+    """Each with a right checksum, but of another run than the rest: exit 2, one line that names the file."""
+    spoil(run)
+    status, out, err = command("report", run)
+    assert (status, out) == (2, "")
+    assert file in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "metrics.json", "certificates.json"])
+@pytest.mark.parametrize(
+    "content",
+    ["[]", "null", "1", '"x"', "NaN", "{", "", '{"files": []}', '{"files": {"a": 1}}', '{"files": {}}', "[" * 3000]
+    + ['{"controllers": {"conventional": 3}}', '{"conventional": {}}', '{"controllers": {"conventional": {}}}'],
+)
+def test_json_that_is_not_ours_is_bad_input(run, command, name, content):
+    """Whatever a file holds, exit 2 and one line; no traceback, no internal error."""
+    if name == "manifest.json":
+        (run / name).write_text(content)
+    else:
+        with_checksum(run, name, content.encode())
+    status, out, err = command("report", run)
+    assert (status, out) == (2, ""), err
+    assert len(err.splitlines()) == 1
+    assert name in err or "another command" in err
+
+
+def test_a_pipe_in_place_of_the_manifest_is_refused(run, command):
+    """It is not waited for."""
+    (run / "manifest.json").unlink()
+    os.mkfifo(run / "manifest.json")
+    assert command("report", run)[0] == 2
+
+
+HOSTILE = {
+    "script": "<script>alert(1)</script>",
+    "script in its own namespace": "<s:script xmlns:s='http://www.w3.org/2000/svg'>alert(1)</s:script>",
+    "event": "<rect width='9' height='9' onload='alert(1)' onclick='alert(1)'/>",
+    "foreign object": "<foreignObject><iframe xmlns='http://www.w3.org/1999/xhtml' srcdoc='x'/></foreignObject>",
+    "link": "<a href='javascript:alert(1)'><text>here</text></a>",
+    "animation": "<set attributeName='onmouseover' to='alert(1)'/>",
+    "outside image": "<image href='https://example.org/x.png'/>",
+    "outside use": "<use href='https://example.org/x.svg#a'/>",
+    "style sheet": "<style>@import url(https://example.org/x.css);</style>",
+    "end of the figure": "</svg></figure><script>alert(1)</script><svg>",
+    "end of the attribute": '"><script>alert(1)</script>',
+}
+"""What an SVG can carry that acts."""
+SAFE = {"html", "head", "meta", "title", "style", "body", "h1", "h2", "h3", "p", "div", "table", "thead", "tbody", "tr"}
+SAFE |= {"th", "td", "details", "summary", "figure", "img", "dl", "dt", "dd", "pre", "code", "span", "br", "figcaption"}
+
+
+class Inspector(HTMLParser):
+    """Collects a page's elements and attributes."""
+
+    def __init__(self):
+        super().__init__()
+        self.tags, self.attributes, self.policies = set(), [], []
+
+    def handle_starttag(self, tag, attributes):
+        """Note the element."""
+        self.tags.add(tag)
+        self.attributes += attributes
+        given = dict(attributes)
+        if given.get("http-equiv") == "Content-Security-Policy":
+            self.policies.append(given["content"])
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_nothing_in_a_stored_figure_acts_on_a_page(run, quick, command, kind):
+    """Whatever a stored SVG carries, pages have it as an image only, and a policy that lets no script run."""
+    figure = f"<svg xmlns='http://www.w3.org/2000/svg' onload='alert(1)'>{HOSTILE[kind]}</svg>"
+    add_to_run(run, {"figures/error.svg": figure.encode()})
+    shutil.copytree(run, quick.parent / "two")
+    assert command("report", run)[0] == 0
+    assert command("report", run, "two", "--out", "both.html")[0] == 0
+    for page in (run / "report.html", quick.parent / "both.html"):
+        seen = Inspector()
+        seen.feed(page.read_text())
+        assert seen.tags <= SAFE
+        assert not [name for name, _ in seen.attributes if name.startswith("on")]
+        links = [value for name, value in seen.attributes if name in ("src", "href", "xlink:href", "srcdoc", "action")]
+        assert links
+        assert all(value.startswith("data:image/svg+xml;base64,") for value in links)
+        (policy,) = seen.policies
+        assert "default-src 'none'" in policy
+        assert "script" not in policy
+
+
+def test_a_printed_page_breaks_between_figures_and_rows(run):
+    """The rules for print are these, and none of the screen's."""
+    text = (run / "report.html").read_text()
+    rules = re.search(r"@media print \{(.*)\}\n</style>", text, flags=re.DOTALL)[1]
+    assert re.findall(r"([^{}]+)\{([^{}]*)\}", rules) == [
+        (" body ", " max-width: none; font-size: 10pt; "),
+        (" figure, tr, details ", " break-inside: avoid; "),
+    ]

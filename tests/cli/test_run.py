@@ -18,8 +18,8 @@ from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
 from torquebench.experiment.store import check_run
 from torquebench.robot import load_model
-from torquebench.robot.bodies import draw_factors
 from torquebench.robot.library import data_root
+from torquebench.robot.perturbation import draw_factors
 from torquebench.sim.trajectory import SIGNALS
 
 FIGURES = ("position", "error", "torque", "sliding", "spectrum", "certificates")

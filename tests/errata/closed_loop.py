@@ -10,15 +10,15 @@ import numpy as np
 
 import torquebench.laws.computed_torque  # noqa: F401  registers the law
 from torquebench.kernel import Array
-from torquebench.laws.base import find_law
+from torquebench.laws.law import find_law
 from torquebench.references import sine
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.model import scratch_for
+from torquebench.robot.flat_model import scratch_for
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.robot.puma560.symbols import MISPRINTED
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import simulate
+from torquebench.robot.robot_model import RobotModel
+from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 
 GAINS = {"lam": 10.0, "kv": 20.0, "ki": 0.0}
 DURATION = 4.0

@@ -13,8 +13,8 @@ from torquebench.experiment.build import Loop, build, build_chain
 from torquebench.experiment.run import run_experiment
 from torquebench.kernel import Array
 from torquebench.robot import load_model
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 
 STEPS = 131
 """Number of control instants, each of four physics steps; not a multiple of any hold below but one instant."""

@@ -16,8 +16,8 @@ from torquebench.experiment import as_vector, dump_experiment, experiment_json_s
 from torquebench.experiment.schema import ControllerKeys
 from torquebench.kernel import Array
 from torquebench.laws import base
-from torquebench.laws.base import controller, find_law
 from torquebench.laws.declare import RESERVED, Gain, Option
+from torquebench.laws.law import controller, find_law
 
 
 def test_every_key_arrives_where_it_belongs() -> None:

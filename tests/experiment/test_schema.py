@@ -9,7 +9,7 @@ import pytest
 
 from tests.experiment.examples import ALL, SWEEP, VARIED, properties
 from torquebench.experiment import experiment_json_schema
-from torquebench.laws.base import find_law, law_names
+from torquebench.laws.law import find_law, law_names
 from torquebench.robot.library import data_root
 
 

@@ -12,8 +12,8 @@ from tests.arms import MGL, PENDULUM_INERTIA, pack, pendulum, slider, still, two
 from torquebench.kernel import Array
 from torquebench.references import ReferenceSource, sine
 from torquebench.robot import RobotModel
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import simulate
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 

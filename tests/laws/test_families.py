@@ -18,11 +18,11 @@ from torquebench.laws import find_law
 from torquebench.references import Reference, sine
 from torquebench.robot import Puma560, RobotModel, load_model
 from torquebench.robot.library import data_root
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import Plant
+from torquebench.sim.plants import Plant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 T = 0.002

@@ -16,9 +16,9 @@ from torquebench.references import ReferenceSource, quintic, sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import data_root
 from torquebench.sim.chain import CHAINS
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 ARMS = ("puma560", "two-link")

@@ -11,7 +11,8 @@ import pytest
 from torquebench.errors import ControllerError
 from torquebench.fuzzy import Fis, builtin_system, infer, prepare
 from torquebench.kernel import Array
-from torquebench.laws import FixedRules, Gain, Option, Rules, base, controller, find_law, law_names
+from torquebench.laws import FixedRules, Gain, Option, Rules, controller, find_law, law_names
+from torquebench.laws.law import LAWS
 
 SMC = {"lam": 10.0, "k": 0.3}
 
@@ -97,7 +98,7 @@ def law(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Any, memory:
 
 @pytest.fixture(autouse=True)
 def _own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
 
 
 def test_laws_that_ship() -> None:
@@ -265,8 +266,8 @@ def test_unknown_law() -> None:
 def test_names_that_are_not_slugs(name: str) -> None:
     """A law's name becomes a folder name and a YAML word; anything but a slug is refused, and nothing registered."""
     before = law_names()
-    with pytest.raises(ControllerError, match="not a slug"):
-        controller(name, gains=Plain)
+    with pytest.raises(ControllerError, match="wanted lower-case letters, digits and '-'"):
+        controller(name, gains=Plain)(law)
     assert law_names() == before
 
 

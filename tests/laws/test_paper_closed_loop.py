@@ -16,10 +16,10 @@ from torquebench.metrics.chattering import chattering_index
 from torquebench.metrics.torque import measure_torques
 from torquebench.references import sine, step
 from torquebench.robot import Puma560, load_model
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import simulate
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import Plant
+from torquebench.sim.plants import Plant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 ARMS = ("puma560", "two-link")

@@ -13,8 +13,8 @@ from tests.fuzzy.independent import exact_output
 from tests.laws.forms import Options, acting, default_form
 from torquebench.references import ReferenceSource
 from torquebench.robot import RobotModel
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.loop import simulate
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 TARGET = np.array([0.4, -0.6])

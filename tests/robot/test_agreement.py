@@ -7,7 +7,7 @@ import pytest
 from tests.errata.independent import Arm
 from torquebench import Puma560
 from torquebench.analysis.compare import random_states
-from torquebench.sim.mujoco_plant import MujocoModel
+from torquebench.sim.plants.mujoco import MujocoModel
 
 RELATIVE = 1e-12
 """Round-off of six links is a few 1e-15; terms that cancel to a small norm lose up to two digits more."""

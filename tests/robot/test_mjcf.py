@@ -7,7 +7,7 @@ from torquebench import load_model
 from torquebench.analysis.compare import compare_terms, random_states
 from torquebench.errors import ModelError
 from torquebench.robot.mjcf import MAX_BYTES, compile_mjcf
-from torquebench.sim.mujoco_plant import MujocoModel, MujocoPlant
+from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
 
 MOTORS = (
     '<actuator><motor joint="a" ctrllimited="true" ctrlrange="-5 5" gear="2"/>'

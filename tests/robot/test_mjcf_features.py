@@ -6,7 +6,7 @@ import pytest
 from torquebench import AnalyticPlant, MujocoPlant, load_model
 from torquebench.analysis.compare import compare_terms, random_states
 from torquebench.errors import ModelError
-from torquebench.sim.mujoco_plant import MujocoModel
+from torquebench.sim.plants.mujoco import MujocoModel
 
 ARM = """
 <mujoco>

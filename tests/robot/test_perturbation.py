@@ -16,12 +16,12 @@ from torquebench.disturbances import Stream, generator
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot import Puma560, load_model
-from torquebench.robot.bodies import FACTORS, Links, draw_factors, links_in, perturbed, scaled
+from torquebench.robot.flat_model import Model
 from torquebench.robot.links import check_physical, pseudo_inertia
 from torquebench.robot.mjcf import compile_mjcf, flatten
 from torquebench.robot.mjcf_links import links_of, with_links
-from torquebench.robot.model import Model
-from torquebench.sim.mujoco_plant import MujocoModel, MujocoPlant
+from torquebench.robot.perturbation import FACTORS, Links, draw_factors, links_in, perturbed, scaled
+from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
 
 
 def factors_of(n: int, relative: float, draw: int = 0) -> Array:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from torquebench.robot.library import model_folder
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 
 HEAD = """<mujoco><compiler angle="radian" autolimits="false"/>
 <option gravity="0.4 -0.3 -9.81"><flag contact="disable"/></option><worldbody>"""

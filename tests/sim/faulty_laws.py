@@ -11,7 +11,7 @@ import numpy as np
 from torquebench.kernel import Array, kernel
 from torquebench.laws.law import Law
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 from torquebench.sim.session import Controller
 
 

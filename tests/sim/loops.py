@@ -12,10 +12,11 @@ from torquebench.kernel import Array
 from torquebench.laws.law import Law
 from torquebench.references import Reference, sine
 from torquebench.robot import RobotModel, load_model
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import Plant
+from torquebench.sim.plants import Plant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 TARGET = sine(np.array([1.0, -0.8]), np.array([0.5, 0.7]))
@@ -73,4 +74,6 @@ def go(plant: Plant, law: Callable[..., Any] | Controller, duration: float = 0.0
     controller = law if isinstance(law, Controller) else law_of(law)
     options = {"throw": False, "reference": TARGET, "model": arm(), **options}
     model, reference = options.pop("model"), options.pop("reference")
-    return simulate_sampled(plant, controller, model, reference, duration=duration, **options)
+    made_here = options.keys() & {"chain", "position_noise", "disturbance"}
+    run = simulate_sampled if made_here else simulate
+    return run(plant, controller, model, reference, duration=duration, **options)

@@ -20,11 +20,11 @@ from torquebench.laws import find_law, law_names
 from torquebench.references import ReferenceSource, quintic, ramp, sine, step
 from torquebench.robot import Puma560, RobotModel, load_model
 from torquebench.robot.payload import Payload
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.friction import Friction
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Trajectory
 

@@ -16,9 +16,9 @@ from tests.arms import chain, still
 from tests.sim.loops import PLANTS, go, idle, law_of, plant_of, spring
 from torquebench import Controller, Puma560, find_law, references, simulate
 from torquebench.errors import SimulationError
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.closed_loop import MAX_POSITION, MAX_VELOCITY
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.trajectory import SIGNALS, Outcome
 
 BAD, ERROR, DIVERGED = Outcome.BAD_TORQUE, Outcome.CONTROLLER_ERROR, Outcome.DIVERGED

@@ -22,11 +22,11 @@ from tests.sim.test_native_refused import anything
 from torquebench.kernel import Array
 from torquebench.references import sine
 from torquebench.robot import Puma560
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.friction import STABLE, Friction
-from torquebench.sim.mujoco_plant import MujocoModel, MujocoPlant
-from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
 from torquebench.sim.trajectory import Trajectory
 
 VISCOUS = (5.8, 9.3, 4.0, 0.36, 0.36, 0.22)

@@ -14,8 +14,8 @@ from torquebench import references
 from torquebench.kernel import Array
 from torquebench.references import Reference
 from torquebench.robot import load_model
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.trajectory import Outcome
 
 

@@ -18,12 +18,13 @@ from tests.sim.loops import PLANTS, TARGET, arm, plant_of
 from tests.user_files import load
 from torquebench import Controller, Outcome, find_law, simulate
 from torquebench.dialect import MATH, complaints
-from torquebench.laws import Law, base
-from torquebench.sim import calling, checked_math
+from torquebench.laws import Law
+from torquebench.laws.law import LAWS
+from torquebench.sim import checked_math, interpreted
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
-from torquebench.sim.native_path import NativeRun, native_law
-from torquebench.sim.python_numbers import Table, Vector, python_numbers
-from torquebench.sim.setup import set_up
+from torquebench.sim.interpreted import Table, Vector, python_numbers
+from torquebench.sim.job import set_up
+from torquebench.sim.native import NativeRun, native_law
 
 COMPLETED, BAD = Outcome.COMPLETED, Outcome.BAD_TORQUE
 AT = 7
@@ -149,7 +150,7 @@ BRANCHES
 @pytest.fixture(scope="module")
 def risky(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """The law, registered for the tests of this file only."""
-    before = dict(base._REGISTRY)
+    before = dict(LAWS._items)
     branches = "".join(
         f"            if gains.case == {k}:\n                y = 0.0 + ({c})\n" for k, c in enumerate(CASES)
     )
@@ -158,8 +159,8 @@ def risky(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     law = find_law("risky")
     assert [str(c) for c in complaints(law)] == []
     yield law
-    base._REGISTRY.clear()
-    base._REGISTRY.update(before)
+    LAWS._items.clear()
+    LAWS._items.update(before)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -203,7 +204,7 @@ def test_the_interpreted_call_tells_what_the_compiled_one_met(risky: Any, name: 
     assert NativeRun(setup, native)(0, 20) == RAISED
     kept = setup.job.record_memory[:, AT].copy()
     assert kept[0].tolist() == [AT + 1.0, AT]  # the second joint was not reached
-    status, detail = calling.replay(setup)
+    status, detail = interpreted.replay(setup)
     assert status == RAISED
     assert detail.startswith("ValueError: ")
     assert (
@@ -215,7 +216,7 @@ def test_the_interpreted_call_tells_what_the_compiled_one_met(risky: Any, name: 
 
 def test_an_element_beyond_the_end_is_no_element(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiled, it raises instead of reading what lies behind the array; the interpreted call says which line."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     load(
         tmp_path,
         """
@@ -367,8 +368,8 @@ def edited(gains, model, t, q, qd, ref, memory, tau):
         ("100.0", "200.0", 211.0),
         ("LIMIT + part", "-LIMIT + part", 109.0),
     ):
-        monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
-        base._REGISTRY.pop("edited", None)
+        monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
+        LAWS._items.pop("edited", None)
         load(tmp_path, text.replace(old, new), "edited_file")
         law = find_law("edited")
         names.add(native_law(law)._pyfunc.__qualname__)
@@ -395,7 +396,9 @@ def test_a_number_that_a_kernel_names_is_read_anew(tmp_path: Path) -> None:
 
 def test_a_controller_error_is_told_apart_from_arithmetic(risky: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """The interpreted call decides which of the two a compiled law that raised has met."""
-    monkeypatch.setattr(calling, "call_law", lambda *arguments: (np.zeros(2), CONTROLLER_ERROR, "IndexError: beyond"))
+    monkeypatch.setattr(
+        interpreted, "call_law", lambda *arguments: (np.zeros(2), CONTROLLER_ERROR, "IndexError: beyond")
+    )
     job = SimpleNamespace(
         at=[3],
         memory=np.ones((1, 2)),
@@ -408,4 +411,4 @@ def test_a_controller_error_is_told_apart_from_arithmetic(risky: Any, monkeypatc
         measured_qd=np.zeros(2),
     )
     setup: Any = SimpleNamespace(job=job, law=risky, gains=(), belief=None, memory=())
-    assert calling.replay(setup) == (CONTROLLER_ERROR, "IndexError: beyond")
+    assert interpreted.replay(setup) == (CONTROLLER_ERROR, "IndexError: beyond")

@@ -14,12 +14,11 @@ from tests.sim.loops import arm, go, law_of, plant_of
 from tests.sim.protocol import CONDITIONS, PLANTS, REFERENCES, Case, variants
 from torquebench.kernel import Array
 from torquebench.references import Reference
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.closed_loop import actuate, inside, lag, measure
-from torquebench.sim.job import Job
-from torquebench.sim.plant import INTEGRATORS
-from torquebench.sim.setup import set_up
+from torquebench.sim.job import Job, set_up
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
 
 N_STEPS, T = 30, 0.004
 LAW = law_of(lambda *arguments: None)

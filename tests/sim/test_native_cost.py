@@ -14,8 +14,8 @@ import pytest
 from tests.sampled import sampled_trial
 from tests.sim.protocol import CONDITIONS, HOME, REFERENCES, Variant, belief_of, plant_of
 from torquebench.references import Reference
-from torquebench.sim.batch import simulate_many
 from torquebench.sim.session import SampledTrial
+from torquebench.sim.simulate import simulate_many
 
 N_STEPS = 1000
 STATM = Path("/proc/self/statm")

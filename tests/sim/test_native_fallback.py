@@ -23,11 +23,10 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.laws.law import Law
 from torquebench.references import Reference
-from torquebench.robot.model import Model
-from torquebench.sim import mujoco_library, mujoco_step
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import NativeError, Plant
+from torquebench.robot.flat_model import Model
+from torquebench.sim.plants import NativeError, Plant, mujoco_native
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Outcome
 
@@ -62,7 +61,7 @@ def test_a_run_that_can_be_compiled_is_and_says_nothing() -> None:
 @pytest.fixture
 def fresh_library() -> Iterator[None]:
     """Look the library up anew in a test, and again after it."""
-    caches = (mujoco_library.library, mujoco_step.compiled_step)
+    caches = (mujoco_native.library, mujoco_native.compiled_step)
     kept = [cache() for cache in caches]  # numba's functions stay alive
     for cache in caches:
         cache.cache_clear()
@@ -74,7 +73,7 @@ def fresh_library() -> Iterator[None]:
 
 def test_a_library_that_lacks_a_function(monkeypatch: pytest.MonkeyPatch, fresh_library: None) -> None:
     """The function is named, with MuJoCo's version; the analytic plant is not concerned."""
-    monkeypatch.setitem(mujoco_library.SIGNATURES, "mj_noSuchThing", mujoco_library.SIGNATURES["mj_step"])
+    monkeypatch.setitem(mujoco_native.SIGNATURES, "mj_noSuchThing", mujoco_native.SIGNATURES["mj_step"])
     check_fallback(MujocoPlant("two-link"), PD, f"MuJoCo {mujoco.__version__} exports no mj_noSuchThing")
     assert go(plant_of("analytic"), PD).path == "native"
 
@@ -112,7 +111,7 @@ def test_an_address_that_does_not_check_out(monkeypatch: pytest.MonkeyPatch) -> 
     plant = MujocoPlant("two-link")
     q, qd = np.array([0.3, -0.4]), np.array([0.5, 0.6])
     plant.reset(q, qd)
-    monkeypatch.setattr(mujoco_library, "library", OtherState)
+    monkeypatch.setattr(mujoco_native, "library", OtherState)
     with pytest.raises(NativeError, match="reads another state"):
         plant.native()
     assert [x.tolist() for x in plant.state()] == [q.tolist(), qd.tolist()]
@@ -122,7 +121,7 @@ def test_an_address_that_does_not_check_out(monkeypatch: pytest.MonkeyPatch) -> 
 def test_structures_that_do_not_tell_their_address() -> None:
     """Bindings without addresses are an obstacle with a name, not an AttributeError."""
     with pytest.raises(NativeError, match=f"MuJoCo {mujoco.__version__} does not tell where its structures lie"):
-        mujoco_library.addresses(SimpleNamespace(), SimpleNamespace())
+        mujoco_native.addresses(SimpleNamespace(), SimpleNamespace())
 
 
 def test_asking_for_addresses_changes_no_state() -> None:

@@ -15,7 +15,7 @@ from tests.sampled import simulate_sampled
 from tests.sim import faulty_laws
 from tests.sim.protocol import CONDITIONS, HOME, PLANTS, REFERENCES, belief_of, differing_bytes, plant_of, signals
 from torquebench.kernel import Array
-from torquebench.sim.plant import INTEGRATORS, Plant
+from torquebench.sim.plants import INTEGRATORS, Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory
 

@@ -21,10 +21,10 @@ from tests.sim.test_native_refused import anything
 from torquebench.kernel import Array
 from torquebench.references import sine
 from torquebench.robot import Puma560
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import CHAINS, Chain
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.trajectory import Trajectory
 
 N_STEPS = 150

@@ -14,8 +14,8 @@ import pytest
 
 from tests.sim.arm_files import LEAN, plant_from, start_of
 from torquebench.kernel import Array
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import INTEGRATORS, NativePlant
+from torquebench.sim.plants import INTEGRATORS, NativePlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 
 SUBSTEPS = (1, 1, 2, 1, 5)
 """Physics steps under one torque, in turn."""

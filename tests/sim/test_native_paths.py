@@ -20,8 +20,8 @@ from torquebench.kernel import Array
 from torquebench.laws import law_names
 from torquebench.laws.law import Law
 from torquebench.references import Reference
-from torquebench.robot.model import Model
-from torquebench.sim.native_path import NativeRun
+from torquebench.robot.flat_model import Model
+from torquebench.sim.native import NativeRun
 from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Outcome
 

@@ -19,12 +19,11 @@ from tests.sim.protocol import differing_bytes
 from tests.sim.test_native_lean import stepper
 from torquebench.references import sine
 from torquebench.robot import RobotModel
-from torquebench.sim import lean_arm
-from torquebench.sim.batch import simulate_many
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
 from torquebench.sim.friction import NONE
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.plant import INTEGRATORS, NativePlant
+from torquebench.sim.plants import INTEGRATORS, NativePlant, mujoco_native
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.simulate import simulate_many
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 HARMLESS = {"a mocap body", "a motor's armature"}
@@ -81,7 +80,7 @@ def test_the_refusals_are_needed(name: str, tmp_path: Path) -> None:
     """Forced upon such an arm, the lean step gives other bytes, so that each arm here has what it is named for."""
     plant = plant_from(REFUSED[name](), tmp_path)
     native = plant.native()
-    forced = native._replace(structure=lean_arm._stepped(plant._m, plant._d, NONE, True))
+    forced = native._replace(structure=mujoco_native._stepped(plant._m, plant._d, NONE, True))
     assert (steps(plant, native) == steps(plant, forced)) == (name in HARMLESS)
 
 
@@ -89,7 +88,7 @@ def test_the_refusals_are_needed(name: str, tmp_path: Path) -> None:
 def test_the_proof_alone_refuses_them(name: str, tmp_path: Path) -> None:
     """The proof on the arm at hand notices, without the list of features, whatever acts in its few steps."""
     plant = plant_from(REFUSED[name](), tmp_path)
-    assert not lean_arm._lean_is_equal(plant._m)
+    assert not mujoco_native._lean_is_equal(plant._m)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -164,7 +163,7 @@ def test_a_lean_step_that_is_wrong_by_an_ulp_is_not_used(
     wrong: str, integrator: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The proof fails, the whole of `mj_step` is used instead, and the run is the readable path's to the byte."""
-    real = lean_arm._stepped
+    real = mujoco_native._stepped
     plant = MujocoPlant("puma560", 0.001, integrator)
     plant._m.dof_damping[:] = 0.5 + 0.1 * np.arange(6)
     assert plant.replica().native().structure.lean  # type: ignore[attr-defined]
@@ -173,7 +172,7 @@ def test_a_lean_step_that_is_wrong_by_an_ulp_is_not_used(
         arm = real(m, d, friction, lean)
         return replace(arm, **WRONG[wrong](arm)) if lean else arm
 
-    monkeypatch.setattr(lean_arm, "_stepped", spoilt)
+    monkeypatch.setattr(mujoco_native, "_stepped", spoilt)
     if (wrong, integrator) == ("sparsity", "rk4"):
         return  # only Euler's implicit damping uses it
     assert not plant.native().structure.lean  # type: ignore[attr-defined]

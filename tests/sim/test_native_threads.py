@@ -19,9 +19,9 @@ from tests.arms import pack
 from tests.sampled import sampled_trial
 from tests.sim import faulty_laws
 from tests.sim.protocol import CONDITIONS, HOME, REFERENCES, belief_of, plant_of, signals, variants
-from torquebench.sim.batch import AHEAD, Workers, simulate_many
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import SampledTrial, Session
+from torquebench.sim.simulate import AHEAD, Workers, simulate_many
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -210,11 +210,11 @@ def test_workers_serve_one_batch_after_another(workers: int) -> None:
     chosen = trials("mujoco two-link", 12)
     wanted = [alone("mujoco two-link", trial).digest() for trial in chosen]
     with Workers(plant_of("mujoco two-link"), workers) as own:
-        half = own.simulate_sampled(chosen)
+        half = own.simulate(chosen)
         assert next(half).digest() == wanted[0]
         half.close()  # type: ignore[attr-defined]
         for _ in range(3):
-            assert [run.digest() for run in own.simulate_sampled(chosen)] == wanted
+            assert [run.digest() for run in own.simulate(chosen)] == wanted
 
 
 @pytest.mark.parametrize("workers", [0, -1])
@@ -233,7 +233,7 @@ def test_no_trials_no_results() -> None:
 FIRST_OF_ALL = """
 from tests.sim.protocol import plant_of
 from tests.sim.test_native_threads import trials
-from torquebench.sim.batch import simulate_many
+from torquebench.sim.simulate import simulate_many
 for run in simulate_many(plant_of("mujoco two-link"), trials("mujoco two-link", 16), workers=8, path="native"):
     print(run.digest())
 """

@@ -25,12 +25,12 @@ from torquebench.robot import Puma560, RobotModel
 from torquebench.robot.mjcf import compile_mjcf
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload, carrying
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.batch import Trial, simulate_many
 from torquebench.sim.chain import CHAINS
-from torquebench.sim.mujoco_plant import MujocoPlant
-from torquebench.sim.native_path import NativeRun
-from torquebench.sim.plant import INTEGRATORS
+from torquebench.sim.native import NativeRun
+from torquebench.sim.plants import INTEGRATORS
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.simulate import Trial, simulate_many
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 HERE = (0.04, -0.07, 0.11)

@@ -18,10 +18,9 @@ from tests.sim.test_simulate import Noise
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment, trial_of
 from torquebench.robot import Puma560
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.batch import simulate_many
 from torquebench.sim.chain import Chain
-from torquebench.sim.loop import simulate
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.simulate import simulate, simulate_many
 
 SIGMA = "[5.06, 16.59, 3.30, 0.54, 0.62, 0.81]"
 BASE = """\

@@ -12,9 +12,9 @@ from torquebench.references import Reference, sine
 from torquebench.robot import Puma560
 from torquebench.robot.payload import Payload
 from torquebench.robot.puma560.mismatch import mismatched
-from torquebench.sim.analytic_plant import AnalyticPlant
 from torquebench.sim.chain import CHAINS, Chain
-from torquebench.sim.mujoco_plant import MujocoPlant
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Outcome
 

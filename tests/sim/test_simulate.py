@@ -19,10 +19,9 @@ from torquebench.experiment.run import run_experiment
 from torquebench.kernel import Array
 from torquebench.references import sine
 from torquebench.robot import Puma560
-from torquebench.sim.analytic_plant import AnalyticPlant
-from torquebench.sim.batch import simulate_many
 from torquebench.sim.chain import CHAINS, IDEAL, Chain
-from torquebench.sim.loop import Trial, simulate
+from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.simulate import Trial, simulate, simulate_many
 from torquebench.sim.trajectory import Trajectory
 
 N_STEPS = 50

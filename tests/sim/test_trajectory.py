@@ -15,7 +15,7 @@ from tests.arms import pack, pendulum, still
 from tests.sampled import simulate_sampled
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
-from torquebench.sim.analytic_plant import AnalyticPlant
+from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory, load_trajectory
 
 

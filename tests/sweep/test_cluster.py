@@ -267,7 +267,7 @@ LAW = user_law("clustered-law")
 
 def test_laws_of_the_user_are_sent_to_the_workers(folder, address, command, monkeypatch):
     """The workers need not see the file; when it has changed, those that know the old one are refused."""
-    from torquebench.laws import base
+    from torquebench.laws.law import LAWS
 
     own = (
         "--set",
@@ -279,14 +279,14 @@ def test_laws_of_the_user_are_sent_to_the_workers(folder, address, command, monk
         "--plugin",
         "law.py",
     )
-    registry = dict(base._REGISTRY)
+    registry = dict(LAWS._items)
     found = []
     for name, text, how in (
         ("a", LAW, ("--executor", "threads")),
         ("b", LAW, ("--cluster", address)),
         ("c", LAW.replace("10.0", "12.0"), ("--cluster", address)),
     ):
-        monkeypatch.setattr(base, "_REGISTRY", dict(registry))
+        monkeypatch.setattr(LAWS, "_items", dict(registry))
         Path("law.py").write_text(text)
         found.append(command("small.yaml", "--out", name, *own, *how))
     assert [status for status, _, _ in found] == [0, 0, 2]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from torquebench.errors import VideoError
-from torquebench.laws.base import law_names
+from torquebench.laws.law import law_names
 from torquebench.sim.trajectory import Outcome, Trajectory
 from torquebench.video.job import APART
 from torquebench.video.layout import layout

@@ -116,7 +116,7 @@ def test_making_a_film_again_gives_the_same_bytes(copy, monkeypatch, must_draw):
     must_draw("egl")
     before = {name: value for name, value in check_run(copy)["files"].items() if name != "video.mp4"}
     for name in ("simulate", "run_trial"):
-        monkeypatch.setattr(f"torquebench.sim.batch.{name}", lambda *_, **__: pytest.fail("simulated"))
+        monkeypatch.setattr(f"torquebench.sim.simulate.{name}", lambda *_, **__: pytest.fail("simulated"))
     contents = []
     for _ in range(2):
         film(copy, monkeypatch, "egl", "--size", "320x240", "--speed", "2")

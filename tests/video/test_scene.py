@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from torquebench.errors import ModelError
-from torquebench.robot.library import data_root
-from torquebench.robot.look import CAMERAS, camera_names
+from torquebench.robot.library import CAMERAS, camera_names, data_root
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.video.scene import build_scene
 

@@ -1,26 +1,22 @@
 """The page's server: this machine alone, by its own names, behind its token, read-only."""
 
 import http.client
-import json
+import re
 import socket
-import threading
+from urllib.parse import urlsplit
 
 import pytest
 
-from torquebench.view.feed import Feed
-from torquebench.view.server import PAGES, Server
+from torquebench.view.server import PAGES, serve
 
-TOKEN = "a-token_1"
+REPLAY = b'{"title": "some arm"}'
 
 
 @pytest.fixture
 def server():
-    """A server of a feed with one message."""
-    feed = Feed()
-    feed.add({"kind": "scene"})
-    with Server(feed, TOKEN) as server:
-        server.feed = feed
-        yield server
+    """The address of a server, in its parts."""
+    with serve(REPLAY) as address:
+        yield urlsplit(address)
 
 
 def ask(server, path, host=None, method="GET", body=None):
@@ -49,7 +45,7 @@ def other_addresses():
 
 def test_no_other_address_reaches_it(server):
     """On 127.0.0.1 it answers; on every other address of this machine nothing listens at that port."""
-    assert ask(server, f"/{TOKEN}/")[0] == 200
+    assert ask(server, server.path)[0] == 200
     for address in other_addresses():
         with socket.socket() as other:
             other.settimeout(5.0)
@@ -78,50 +74,49 @@ def test_no_other_address_reaches_it(server):
 )
 def test_other_names_are_refused(server, host):
     """A name that someone else has resolve to 127.0.0.1 gets nothing, whatever the path: 403."""
-    for path in (f"/{TOKEN}/", f"/{TOKEN}/messages/0", "/"):
+    for path in (server.path, f"{server.path}replay.json", "/"):
         status, _, body = ask(server, path, host)
         assert status == 403
-        assert b"scene" not in body
+        assert b"arm" not in body
 
 
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1", "localhost:8123", "127.0.0.1:9"])
 def test_its_own_names_are_answered(server, host):
     """At any port: a tunnel's other end has another one."""
-    assert ask(server, f"/{TOKEN}/messages/0", host)[0] == 200
+    assert ask(server, f"{server.path}replay.json", host)[0] == 200
 
 
 @pytest.mark.parametrize(
     "path",
     [
         "/",
-        "/messages/0",
+        "/replay.json",
         "/wrong/",
-        "/wrong/messages/0",
-        f"/{TOKEN}",
-        f"/{TOKEN}x/",
-        f"/{TOKEN}/../arm.py",
-        f"/{TOKEN}/../../errors.py",
-        f"/{TOKEN}/messages/-1",
-        f"/{TOKEN}/messages/9999999999",
-        f"/{TOKEN}/nothing.js",
+        "/wrong/replay.json",
+        "{token}",
+        "{token}x/",
+        "{token}/../arm.py",
+        "{token}/../../errors.py",
+        "{token}/page/view.js",
+        "{token}/nothing.js",
     ],
 )
 def test_without_the_token_or_elsewhere_there_is_nothing(server, path):
-    """Neither the page nor a message, and no file but those of the page."""
-    status, _, body = ask(server, path)
+    """Neither the page nor the replay, and no file but those of the page."""
+    status, _, body = ask(server, path.format(token=server.path.rstrip("/")))
     assert (status, body) == (404, b"nothing here")
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD"])
 def test_only_reading(server, method):
     """Nothing but GET is known."""
-    assert ask(server, f"/{TOKEN}/", method=method)[0] == 501
+    assert ask(server, server.path, method=method)[0] == 501
 
 
 def test_the_page_may_load_nothing_from_elsewhere(server):
     """Every file comes with a policy that allows its own origin alone, and names no other address itself."""
     for name in PAGES:
-        status, headers, body = ask(server, f"/{TOKEN}/{name}")
+        status, headers, body = ask(server, f"{server.path}{name}")
         assert status == 200
         assert "default-src 'none'" in headers["Content-Security-Policy"]
         assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
@@ -129,26 +124,23 @@ def test_the_page_may_load_nothing_from_elsewhere(server):
         assert b"://" not in body
 
 
-def test_messages_come_when_they_come(server):
-    """A request for the next message waits for it; once the last one has been fetched the feed knows."""
-    feed = server.feed
-    assert feed.visited.is_set() is False
-    timer = threading.Timer(0.2, feed.add, [{"kind": "frames"}])
-    timer.start()
-    assert json.loads(ask(server, f"/{TOKEN}/messages/1")[2]) == [{"kind": "frames"}]
-    timer.join()
-    feed.close()
-    assert json.loads(ask(server, f"/{TOKEN}/messages/2")[2]) == [{"kind": "end"}]
-    assert feed.visited.is_set()
-    assert not feed.taken.is_set()
-    assert json.loads(ask(server, f"/{TOKEN}/messages/3")[2]) == []
-    assert feed.taken.is_set()
+def test_the_replay_is_one_document(server):
+    """It is served below the token, byte for byte."""
+    status, headers, body = ask(server, f"{server.path}replay.json")
+    assert (status, headers["Content-Type"], body) == (200, "application/json", REPLAY)
 
 
-def test_closed_it_is_gone(server):
+def test_each_server_has_a_token_of_its_own(server):
+    """The path begins with at least 20 random characters; another server's are others."""
+    with serve(REPLAY) as other:
+        paths = [urlsplit(other).path, server.path]
+    assert paths[0] != paths[1]
+    assert all(re.fullmatch(r"/[\w-]{20,}/", path) for path in paths)
+
+
+def test_closed_it_is_gone():
     """After the context the port is free again."""
-    feed = Feed()
-    with Server(feed, "x") as other:
-        port = other.port
+    with serve(REPLAY) as address:
+        port = urlsplit(address).port
     with socket.socket() as again:
         assert again.connect_ex(("127.0.0.1", port)) != 0

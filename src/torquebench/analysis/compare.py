@@ -10,10 +10,10 @@ import numpy as np
 from torquebench import references
 from torquebench.analysis.sides import Dynamics, Side
 from torquebench.kernel import Array
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.model import own_copy
-from torquebench.sim.loop import simulate
+from torquebench.robot.flat_model import own_copy
+from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
 
 ROLLOUT_TOLERANCE = 1e-12

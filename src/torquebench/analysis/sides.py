@@ -10,8 +10,8 @@ import numpy.typing as npt
 from torquebench.errors import ConfigError, ModelError, Problem, did_you_mean
 from torquebench.kernel import Array
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.model import STRUCTURES
-from torquebench.sim.plant import Plant
+from torquebench.robot.flat_model import STRUCTURES
+from torquebench.sim.plants import Plant
 
 ENGINES = ("mujoco", "analytic")
 
@@ -61,10 +61,10 @@ class Side:
     def plant(self, timestep: float) -> Plant:
         """Return this side as a plant, RK4."""
         if self.engine == "mujoco":
-            from torquebench.sim.mujoco_plant import MujocoPlant
+            from torquebench.sim.plants.mujoco import MujocoPlant
 
             return MujocoPlant(self.source, timestep)
-        from torquebench.sim.analytic_plant import AnalyticPlant
+        from torquebench.sim.plants.analytic import AnalyticPlant
 
         return AnalyticPlant(self.dynamics, timestep)
 
@@ -111,8 +111,8 @@ def source_of(text: str) -> str:
 
 def _mujoco_side(text: str, source: str) -> Side:
     from torquebench.robot import mjcf
-    from torquebench.robot.loading import mjcf_path
-    from torquebench.sim.mujoco_plant import MujocoModel
+    from torquebench.robot.library import mjcf_path
+    from torquebench.sim.plants.mujoco import MujocoModel
 
     compiled = mjcf.compile_mjcf(mjcf_path(source))
     links = RobotModel(source, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, source))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from torquebench.cli.conditions import conditions_text
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
+from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes
 from torquebench.paper.boundary_layer import Point, front, grid, study
 from torquebench.paper.workload import PAIRED_DRAWS

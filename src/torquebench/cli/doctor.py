@@ -12,7 +12,7 @@ from torquebench.cli.colour import bad, good
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import TorquebenchError
 from torquebench.experiment.store import PACKAGES, machine
-from torquebench.kernel_cache import cache_folder
+from torquebench.kernel.cache import cache_folder
 from torquebench.video.backends import STICK, advice, candidates, probe
 from torquebench.video.encode import ffmpeg_program
 

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean, did_you_mean_path
 from torquebench.experiment import load_experiment
-from torquebench.experiment.fuzzy_system import names_used, systems_of
-from torquebench.experiment.run import ExperimentResult
-from torquebench.experiment.schema import Experiment
+from torquebench.experiment.describe import evaluation
+from torquebench.experiment.fuzzy_system import systems_of
 from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
 from torquebench.experiment.yaml_source import YAML
 from torquebench.fuzzy import BUILTIN, FuzzySystem, Prepared, builtin_system, prepare
 from torquebench.fuzzy.lint import lint
 from torquebench.laws.plugin import load_plugin
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Path]) -> int:
@@ -119,52 +115,3 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "error_bound": prepared.bound,
         "findings": lint(prepared),
     }
-
-
-def evaluation(prepared: Prepared) -> str:
-    """Return how a system is evaluated, and how far that is from its definition at most."""
-    if prepared.bound == 0.0:
-        return prepared.method
-    return f"{prepared.method}, error at most {prepared.bound:.2g} of the output's 1"
-
-
-def used(experiment: Experiment) -> dict[str, Prepared]:
-    """Return the fuzzy systems that an experiment's controllers use, by name."""
-    systems = systems_of(experiment)
-    return {name: prepare(systems[name]) for name in names_used(experiment)}
-
-
-def remarks(experiment: Experiment) -> list[str]:
-    """Return a line for each fuzzy system in use, saying how it is evaluated, and one for each warning about it."""
-    lines = []
-    for name, prepared in used(experiment).items():
-        lines.append(f"fuzzy system {name}: {evaluation(prepared)}")
-        # lint has nothing to say of the built-in ones, and asking it compiles what the run itself may not need
-        lines += [f"fuzzy system {name}: {finding}" for finding in ([] if name in BUILTIN else lint(prepared))]
-    return lines
-
-
-def run_figures(result: ExperimentResult, subtitle: str) -> Iterator[tuple[str, Figure]]:
-    """Draw the fuzzy systems in use, and which of their rules fired in each run; yield name and figure.
-
-    Args:
-        result: The run.
-        subtitle: What was run.
-    """
-    from torquebench.analysis.firing import rule_shares
-    from torquebench.analysis.fuzzy_figures import system_figures
-    from torquebench.analysis.fuzzy_rules import firing_figure
-
-    systems = used(result.experiment)
-    for name, prepared in systems.items():
-        for what, figure in system_figures(prepared).items():
-            yield f"fuzzy-{name}-{what}", figure
-    for keys, controller in zip(result.experiment.controllers, result.loop.controllers, strict=True):
-        for field, rules in controller.law.rules.items():
-            if keys.fuzzy is None or rules.inputs is None:
-                continue
-            fis = getattr(controller.gains, field)
-            shares = rule_shares(controller.gains, fis, rules.inputs, result.runs[controller.name])
-            title = f"{result.experiment.name}: rules of {keys.fuzzy} that fired under {controller.name}"
-            figure = firing_figure(systems[keys.fuzzy], shares, result.loop.joint_names, title, subtitle)
-            yield f"fuzzy-{controller.name}-rules", figure

@@ -54,8 +54,6 @@ def parser() -> argparse.ArgumentParser:
         help="Python file that registers laws of your own with @controller",
     )
     run.add_argument("--no-figures", action="store_true", help="write numbers only: no figures, no film")
-    run.add_argument("--live", action="store_true", help="watch while it is simulated; the results are the same")
-    showing_options(run)
 
     compare = commands.add_parser(
         "compare",
@@ -310,9 +308,8 @@ def dispatch(options: argparse.Namespace) -> int:
     """Run the chosen command and return its exit status."""
     if options.command == "run":
         from torquebench.cli.run import run
-        from torquebench.cli.showing import live_of
 
-        return run(options, live_of(options))
+        return run(options)
     if options.command == "view":
         from torquebench.cli.view import view
 

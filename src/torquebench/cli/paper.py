@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from torquebench.cli.colour import bad, good
-from torquebench.cli.conditions import conditions_text, noise_text
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
+from torquebench.experiment.describe import conditions_text, noise_text
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes, machine, versions
 from torquebench.paper.claims import claims
 from torquebench.paper.report import agreement_text, lost_text, page
@@ -117,7 +117,7 @@ def write_pages(study: Study, directory: RunDirectory) -> list[Picture]:
                 content[fmt] = figure_bytes(figure, fmt)
                 directory.write(f"figures/{name}.{fmt}", content[fmt])
                 bar.update(1)
-            pictures.append(Picture(title, content["svg"].decode(), caption))
+            pictures.append(Picture(title, content["svg"], caption))
     return pictures
 
 

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from torquebench.cli.conditions import conditions_text
 from torquebench.cli.options import check_out
-from torquebench.cli.run import draw_figures, summary
-from torquebench.cli.run_facts import run_facts
+from torquebench.cli.run import summary
 from torquebench.cli.run_folder import read_run
-from torquebench.cli.sweep_report import report_files
-from torquebench.cli.terminal import say, tell
+from torquebench.cli.sweep import report_with_bar
+from torquebench.cli.terminal import following, progress_bar, say, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError
-from torquebench.experiment.certify import certificates
+from torquebench.experiment.folder import read_result
+from torquebench.experiment.run import ExperimentResult
 from torquebench.experiment.store import add_to_run, atomic_write
-from torquebench.experiment.stored import StoredRun, load_run
 from torquebench.laws.plugin import load_plugin
-from torquebench.report.render import PAGE, Picture
-from torquebench.report.run_page import comparison_page, run_page
+from torquebench.report.render import PAGE
+from torquebench.report.run import compare_page, rewrite_page, stored_page
+from torquebench.report.run_page import changed_arm
 from torquebench.sweep.run import refuse_others
 from torquebench.sweep.store import PLAN, opened
-
-FILM = "video.mp4"
 
 
 def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redraw: bool) -> int:
@@ -43,30 +39,33 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
     if len(runs) == 1 and out is None and (runs[0] / PLAN).is_file():
         report_sweep(runs[0], plugins)
         return 0
-    stored: list[StoredRun] = []
+    stored: list[ExperimentResult] = []
     problems: list[Problem] = []
     for folder in runs:
         try:
-            stored.append(read_run(folder, "report", load_run))
+            stored.append(read_run(folder, "report", read_result))
         except ConfigError as error:
             problems += error.problems
     if problems:
         raise ConfigError(dict.fromkeys(problems))
-    if len(stored) == 1 and out is None:
-        (run,) = stored
-        add_to_run(run.folder, {PAGE: page_of(run, redraw)})
-        finish(run.folder / PAGE, stored)
-        return 0
-    target = out or Path("comparison.html")
-    check_out(target)
-    if target.exists():
-        raise ConfigError([Problem("--out", "", f"{target} exists; wanted a new file")])
-    names = [run.folder.resolve().name for run in stored]
-    if len(set(names)) < len(names):
-        raise ConfigError([Problem("RUN", "", f"two runs are called {max(names, key=names.count)}")])
-    content = page_of(stored[0], redraw) if len(stored) == 1 else comparison_of(dict(zip(names, stored, strict=True)))
-    atomic_write(target, content)
-    finish(target, stored)
+    with progress_bar(0, "figure", "drawing") as bar:
+        if len(stored) == 1 and out is None:
+            page = rewrite_page(runs[0], stored[0], redraw, following(bar))
+        else:
+            page = out or Path("comparison.html")
+            check_out(page)
+            if page.exists():
+                raise ConfigError([Problem("--out", "", f"{page} exists; wanted a new file")])
+            names = [folder.resolve().name for folder in runs]
+            if len(set(names)) < len(names):
+                raise ConfigError([Problem("RUN", "", f"two runs are called {max(names, key=names.count)}")])
+            content = (
+                stored_page(runs[0], stored[0], redraw, following(bar))
+                if len(stored) == 1
+                else compare_page(dict(zip(names, zip(runs, stored, strict=True), strict=True)))
+            )
+            atomic_write(page, content)
+    finish(page, dict(zip(runs, stored, strict=True)))
     return 0
 
 
@@ -84,65 +83,21 @@ def report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
         refuse_others(stored)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
-    add_to_run(folder, dict(report_files(stored, figures=True)))
+    add_to_run(folder, dict(report_with_bar(stored, figures=True)))
     tell(report=folder / PAGE, directory=folder)
     say(f"report: {folder / PAGE}")
 
 
-def finish(page: Path, stored: Sequence[StoredRun]) -> None:
+def finish(page: Path, stored: Mapping[Path, ExperimentResult]) -> None:
     """Say what is on a page and where it is.
 
     Args:
         page: The page.
-        stored: The runs on it.
+        stored: Folder -> the run that was read from it.
     """
-    runs = [{"directory": run.folder, **run_facts(run.result)} for run in stored]
-    tell(report=page, runs=runs)
-    for run in stored:
-        say(f"{run.folder}: {summary(run.result)}\n")
+    tell(report=page, runs=[{"directory": folder, **result.to_json()} for folder, result in stored.items()])
+    for folder, result in stored.items():
+        for line in changed_arm(result):
+            warn(f"torquebench: {folder}: {line}")
+        say(f"{folder}: {summary(result)}\n")
     say(f"report: {page}")
-
-
-def page_of(run: StoredRun, redraw: bool) -> bytes:
-    """Return the page of a stored run.
-
-    Args:
-        run: The run.
-        redraw: Draw the figures again instead of taking the stored ones.
-    """
-    proofs = certificates(run.result.experiment, run.result.loop, run.result.runs)
-    svgs = {name: files["svg"] for name, files in draw_figures(run.result, proofs)} if redraw else stored_figures(run)
-    film = run.folder / FILM
-    return run_page(
-        run.result,
-        proofs,
-        svgs,
-        conditions_text(run.result.experiment),
-        facts_of(run.manifest),
-        film.read_bytes() if film.is_file() else None,
-    )
-
-
-def stored_figures(run: StoredRun) -> dict[str, bytes]:
-    """Return the figures of a run directory by name, in the order in which they were drawn."""
-    names = [name for name in run.manifest["files"] if name.startswith("figures/") and name.endswith(".svg")]
-    return {Path(name).stem: (run.folder / name).read_bytes() for name in names}
-
-
-def facts_of(manifest: dict[str, Any]) -> dict[str, Any]:
-    """Return what a page tells of a run's manifest: configuration, seeds, software and machine."""
-    return {key: manifest[key] for key in ("config_sha256", "seeds", "software", "machine")}
-
-
-def comparison_of(stored: dict[str, StoredRun]) -> bytes:
-    """Return a page with several runs, and each one's errors drawn.
-
-    Args:
-        stored: Name -> run.
-    """
-    pictures = []
-    for name, run in stored.items():
-        svg = stored_figures(run).get("error")
-        if svg is not None:
-            pictures.append(Picture(f"Tracking error: {name}", svg.decode()))
-    return comparison_page({name: run.result for name, run in stored.items()}, pictures)

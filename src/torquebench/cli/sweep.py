@@ -9,13 +9,13 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from torquebench.cli.sweep_outcomes import facts, summary, unexpected
-from torquebench.cli.sweep_report import report_files
-from torquebench.cli.terminal import progress_bar, say, tell, warn
+from torquebench.cli.sweep_outcomes import summary
+from torquebench.cli.terminal import complain, following, progress_bar, say, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
 from torquebench.experiment.store import RunDirectory, check_run, claim_folder
 from torquebench.experiment.yaml_source import read_bytes
 from torquebench.laws.plugin import load_plugin
+from torquebench.report.sweep import MOST_ROWS, report_files, sweep_facts, unexpected_outcomes
 from torquebench.sweep.checking import Survey, check_plan
 from torquebench.sweep.estimate import MOST_STEPS, Estimate, duration, estimate, shard_size, size
 from torquebench.sweep.executors import Executor, Processes, Threads
@@ -60,12 +60,15 @@ def sweep(options: argparse.Namespace) -> int:
         else:
             rest_of(stored, options)
     outcomes = check_run(stored.folder)["outcomes"]
-    found = facts(stored, outcomes)
+    found = sweep_facts(stored, outcomes)
     tell(directory=stored.folder, **found)
     say(summary(stored, found))
     say()
     say(f"results: {stored.folder}")
-    return FAILED if unexpected(stored, outcomes) else DONE
+    wrong = unexpected_outcomes(stored, outcomes)
+    for name, text in wrong.items():
+        complain(f"torquebench: controller '{name}': {text}")
+    return FAILED if wrong else DONE
 
 
 def check_options(options: argparse.Namespace) -> None:
@@ -232,12 +235,20 @@ def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Name
 
             run_missing(stored, state, how, report)
             bar.set_description_str("writing the tables")
-            conclude(stored, lambda done: report_files(done, not options.no_figures))
+            if stored.plan.rows > MOST_ROWS:
+                warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
+            conclude(stored, lambda done: report_with_bar(done, not options.no_figures))
     except KeyboardInterrupt as error:  # SIGTERM is one too
         raise type(error)(resume_hint(stored, options)) from error
     except (OSError, TorquebenchError) as error:
         raise ResultError(f"{error}; {resume_hint(stored, options)}") from error
     say(f"{ran} shards run, {len(state.complete)} were there")
+
+
+def report_with_bar(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
+    """Yield what `report_files` makes of a sweep, with a progress bar; arguments as there."""
+    with progress_bar(0, "figure", "drawing") as bar:
+        yield from report_files(stored, figures, following(bar))
 
 
 def resume_hint(stored: Stored, options: argparse.Namespace) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -235,3 +235,23 @@ def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[B
         dynamic_ncols=True,
     ) as bar:
         yield bar
+
+
+def following(bar: Bar, every: int = 1) -> Callable[[str, int, int], None]:
+    """Return what shows the progress that a function of the library reports on a bar.
+
+    Args:
+        bar: The bar.
+        every: Units of work that must be done before the bar moves.
+    """
+    shown = 0
+
+    def progress(what: str, done: int, whole: int) -> None:
+        nonlocal shown
+        if done - shown >= every or done >= whole:
+            bar.total = whole or None
+            bar.set_description_str(what, refresh=False)
+            bar.update(done - shown)
+            shown = done
+
+    return progress

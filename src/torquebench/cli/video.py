@@ -6,14 +6,13 @@ import argparse
 from pathlib import Path
 
 from torquebench.cli.options import check_out
-from torquebench.cli.report import page_of
 from torquebench.cli.run_folder import read_run
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
 from torquebench.errors import ConfigError, Problem, TorquebenchError
+from torquebench.experiment.folder import read_result
 from torquebench.experiment.run import ExperimentResult
-from torquebench.experiment.store import add_to_run, atomic_write, check_run
-from torquebench.experiment.stored import StoredRun
-from torquebench.report.render import PAGE
+from torquebench.experiment.store import atomic_write, check_run
+from torquebench.report.run import rewrite_page
 from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
 from torquebench.video.settings import Settings
 from torquebench.video.stored import Footage, model_changed, read_footage
@@ -124,7 +123,7 @@ def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
     try:
         made = film(read_footage(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
         announce(keep_film(folder, made), made)
-        add_to_run(folder, {PAGE: page_of(StoredRun(folder, result, check_run(folder)), redraw=False)})
+        rewrite_page(folder, read_result(folder))
     except Exception as error:  # noqa: BLE001  whatever it is, the run stands as it is
         tell(film={"failed": str(error)})
         complain(f"torquebench: the run is complete, its film failed: {error}")

@@ -21,12 +21,12 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.bodies import draw_factors, perturbed
 from torquebench.robot.payload import Payload
+from torquebench.robot.perturbation import draw_factors, perturbed
 from torquebench.robot.puma560.mismatch import mismatched, with_factors, within_tolerances
 from torquebench.sim.chain import CHAINS, Chain
 from torquebench.sim.friction import Friction, SteepError
-from torquebench.sim.plant import Plant
+from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.signals import control_instants, encoder_noise
 
@@ -212,12 +212,12 @@ def build_plant(experiment: schema.Experiment) -> Plant:
     friction = None if rub is None else Friction(rub.viscous, rub.coulomb, rub.speed)
     try:
         if isinstance(keys, schema.AnalyticPlant):
-            from torquebench.sim.analytic_plant import AnalyticPlant
+            from torquebench.sim.plants.analytic import AnalyticPlant
 
             truth = load_model(keys.model, keys.structure, keys.constants)
             truth = truth if factors is None else perturbed(truth, factors)
             return AnalyticPlant(truth, keys.timestep, keys.integrator, payload=payload, friction=friction)
-        from torquebench.sim.mujoco_plant import MujocoPlant
+        from torquebench.sim.plants.mujoco import MujocoPlant
 
         return MujocoPlant(
             keys.model, keys.timestep, keys.integrator, payload=payload, friction=friction, factors=factors

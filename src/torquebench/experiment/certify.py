@@ -14,9 +14,9 @@ from torquebench.experiment.values import as_vector
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.bodies import perturbed
-from torquebench.robot.model import SLIDE
+from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
+from torquebench.robot.perturbation import perturbed
 from torquebench.sim.trajectory import Trajectory
 
 

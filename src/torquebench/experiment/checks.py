@@ -22,7 +22,7 @@ from torquebench.experiment.schema import (
     whole_steps,
 )
 from torquebench.experiment.sections import Checked
-from torquebench.robot.look import camera_names
+from torquebench.robot.library import camera_names
 
 CLOSED_FORM_MODEL = "puma560"
 MIN_WINDOW = 0.5  # s; the steady-state error is taken over this last part of a run

@@ -11,8 +11,7 @@ from torquebench.experiment.law_schema import OWN_KEYS, gains_model, law_model
 from torquebench.experiment.schema import MAX_CONTROLLERS, Controller, ControllerKeys
 from torquebench.experiment.sections import Checked, as_mapping, check_tagged, check_value, nearest_key
 from torquebench.experiment.values import Vector, shown
-from torquebench.laws.base import find_law, law_names
-from torquebench.laws.law import Law
+from torquebench.laws.law import Law, find_law, law_names
 
 TAKEN = frozenset({"figures"})  # each controller has a folder of its name beside this one
 

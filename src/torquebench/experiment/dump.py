@@ -45,5 +45,10 @@ def dump_experiment(experiment: Experiment) -> str:
 
 def config_hash(experiment: Experiment) -> str:
     """Return the SHA-256 of the resolved experiment as canonical JSON."""
-    text = json.dumps(plain(experiment), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return canonical_hash(plain(experiment))
+
+
+def canonical_hash(tree: Any) -> str:
+    """Return the SHA-256 of plain values as canonical JSON."""
+    text = json.dumps(tree, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -24,7 +24,7 @@ from torquebench.experiment.keys import Keys
 from torquebench.experiment.sections import Checked, Handler, as_mapping, check_fields, check_tagged
 from torquebench.experiment.values import shown
 from torquebench.fuzzy import BUILTIN
-from torquebench.laws.base import SLUG
+from torquebench.registry import SLUG
 
 _KINDS: Mapping[str, type[FuzzyKeys]] = {"mamdani": MamdaniSystem, "sugeno": SugenoSystem}
 _OUTPUTS: Mapping[str, type[Keys]] = {"mamdani": FuzzyTerms, "sugeno": FuzzyFunctions}

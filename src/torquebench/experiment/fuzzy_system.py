@@ -10,7 +10,7 @@ from torquebench.experiment.schema import Experiment
 from torquebench.fuzzy import BUILTIN, Functions, FuzzySystem, Rule, Variable, builtin_system
 from torquebench.fuzzy.system import rules_of_table
 from torquebench.fuzzy.terms import NONE
-from torquebench.laws.base import find_law
+from torquebench.laws.law import find_law
 
 RULES = "rules"
 

@@ -15,9 +15,8 @@ from torquebench.experiment.schema import MAX_CONTROLLERS, ControllerKeys, Exper
 from torquebench.experiment.sweep_schema import Sweep
 from torquebench.experiment.values import EachJoint, Vector
 from torquebench.fuzzy import BUILTIN
-from torquebench.laws.base import find_law, law_names
 from torquebench.laws.declare import RESERVED, Gain, Option
-from torquebench.laws.law import Law
+from torquebench.laws.law import Law, find_law, law_names
 
 OWN_KEYS = frozenset(RESERVED)
 

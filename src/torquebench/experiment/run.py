@@ -3,36 +3,71 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple, TypeAlias
 
-from torquebench.experiment.build import Loop, build, build_chain
+from torquebench.certificates import Certificate
+from torquebench.disturbances import Stream
+from torquebench.experiment.build import Loop, build, build_chain, plant_factors
+from torquebench.experiment.certify import certificates, flags
+from torquebench.experiment.describe import conditions_text
+from torquebench.experiment.dump import config_hash
 from torquebench.experiment.schema import Controller as ControllerKeys
-from torquebench.experiment.schema import Experiment
+from torquebench.experiment.schema import Experiment, whole_steps
+from torquebench.experiment.store import machine, model_checksums, versions
 from torquebench.experiment.values import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
-from torquebench.robot.model import SLIDE
-from torquebench.sim.result import Motion
+from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.perturbation import FACTORS, links_in
+from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
 
+Progress: TypeAlias = Callable[[str, int, int], None]
+"""Called with what is being done, how many units of it are done, and of how many; the last is 0 when not known."""
 
-@dataclass(frozen=True, slots=True)
+
+class Joints(NamedTuple):
+    """The joints of the arm that was run."""
+
+    names: tuple[str, ...]
+    tau_max: tuple[float, ...]
+    """Torque limit of each joint [N m]; force limit [N] of a slide."""
+    slides: tuple[bool, ...]
+    """Whether each joint slides instead of turning."""
+
+
+@dataclass(frozen=True)
 class ExperimentResult:
-    """What came out of one experiment."""
+    """Numbers and trajectories of one experiment, just run or read from its folder.
+
+    What a folder holds is in `stored` and is never computed anew, so that a stored number stays what it was.
+    """
 
     experiment: Experiment
-    loop: Loop
+    joints: Joints
     runs: Mapping[str, Trajectory]
     """Controller name -> its run, in the config's order."""
     metrics: Mapping[str, Metrics]
     """Controller name -> its metrics; a run that failed has none."""
+    built: Loop | None = field(default=None, repr=False)
+    """Objects of the run; None for a run that was read from a folder."""
+    stored: Mapping[str, Any] | None = field(default=None, repr=False)
+    """Manifest and certificates of a run that was read from a folder; see `folder.read_result`."""
+    arm_changed: bool = False
+    """Whether the files of the arm are no longer those of the run."""
+
+    @cached_property
+    def loop(self) -> Loop:
+        """Objects of the run; made anew for a stored run, from the arm as it is now."""
+        return build(self.experiment) if self.built is None else self.built
 
     @property
     def slides(self) -> tuple[bool, ...]:
         """Whether each joint slides instead of turning."""
-        return tuple(kind == SLIDE for kind in self.loop.model.flat.kind)
+        return self.joints.slides
 
     @property
     def unexpected(self) -> tuple[str, ...]:
@@ -43,15 +78,115 @@ class ExperimentResult:
             if self.runs[keys.name].completed != (keys.expect == "completed")
         )
 
+    @cached_property
+    def conditions(self) -> str:
+        """What was run, in two lines."""
+        return conditions_text(self.experiment) if self.stored is None else str(self.stored["conditions"])
+
+    @cached_property
+    def flags(self) -> tuple[str, ...]:
+        """What was wrong with the controllers before the run: switching gains that are too small."""
+        if self.stored is None:
+            return tuple(str(flag) for flag in flags(self.experiment, self.loop))
+        return tuple(self.stored["flags"])
+
+    @cached_property
+    def certificates(self) -> Mapping[str, Certificate]:
+        """Controller name -> its stability certificates over time, by the arm as it is now."""
+        return certificates(self.experiment, self.loop, self.runs)
+
+    @cached_property
+    def certified(self) -> Mapping[str, Mapping[str, Any]]:
+        """Controller name -> headline figures of its stability certificates, as in ``certificates.json``."""
+        if self.stored is None:
+            return {name: found.to_json() for name, found in self.certificates.items()}
+        return dict(self.stored["certificates"])
+
+    @cached_property
+    def facts(self) -> Mapping[str, Any]:
+        """What identifies the run: hash of the config, seeds, software and machine."""
+        if self.stored is not None:
+            return {key: self.stored[key] for key in ("config_sha256", "seeds", "software", "machine")}
+        run = self.experiment.run
+        return {
+            "config_sha256": config_hash(self.experiment),
+            "seeds": {
+                "seed": run.seed,
+                "draw": run.draw,
+                "streams": {stream.name.lower(): int(stream) for stream in Stream},
+                "mismatch_redraws": self.loop.redraws,
+            },
+            "software": versions(),
+            "machine": machine(),
+        }
+
+    @cached_property
+    def model_files(self) -> Mapping[str, str]:
+        """Checksum of each file of the arm, by its name."""
+        if self.stored is not None:
+            return dict(self.stored["model_files"])
+        return model_checksums(self.experiment.plant.model)
+
+    @property
+    def scenario(self) -> dict[str, Any]:
+        """What was drawn for model and plant, and the step at which the payload was taken up; of a fresh run only."""
+        experiment, flat, facts = self.experiment, self.loop.model.flat, dict[str, Any]()
+        if experiment.model.mismatch is not None:
+            if len(flat.constants):
+                facts["model_constants"] = dict(zip(CONSTANTS, flat.constants.tolist(), strict=True))
+            else:
+                facts["model_links"] = {name: value.tolist() for name, value in links_in(flat)._asdict().items()}
+        factors = plant_factors(experiment)
+        if factors is not None:
+            facts["plant_factors"] = {name: factors[:, i].tolist() for i, name in enumerate(FACTORS)}
+        if experiment.plant.payload is not None:
+            facts["payload_step"] = whole_steps(experiment.plant.payload.at, experiment.run.control_period)
+        return facts
+
+    def to_json(self) -> dict[str, Any]:
+        """Return conditions, joints, and outcome and metrics of each controller, as ``--json`` prints them."""
+        controllers = {}
+        for keys in self.experiment.controllers:
+            metrics = self.metrics.get(keys.name)
+            controllers[keys.name] = {
+                "law": keys.law,
+                **outcome_facts(self.runs[keys.name]),
+                "expected": keys.name not in self.unexpected,
+                "metrics": None if metrics is None else metrics.to_json(),
+            }
+        return {
+            "name": self.experiment.name,
+            "conditions": self.conditions.splitlines(),
+            "joints": list(self.joints.names),
+            "controllers": controllers,
+        }
+
+
+def outcome_facts(trajectory: Trajectory) -> dict[str, Any]:
+    """Return how a run ended, for the manifest and for ``--json``."""
+    return {
+        "path": trajectory.path,
+        "path_reason": trajectory.path_reason,
+        "outcome": trajectory.outcome.name,
+        "failed_at": trajectory.failed_at,
+        "detail": trajectory.detail,
+        "digest": trajectory.digest(),
+    }
+
+
+def joints_in(loop: Loop) -> Joints:
+    """Return names, limits and kinds of the joints of the arm that is run."""
+    slides = tuple(kind == SLIDE for kind in loop.model.flat.kind.tolist())
+    return Joints(tuple(loop.joint_names), tuple(loop.plant.tau_max.tolist()), slides)
+
 
 def run_experiment(
     experiment: Experiment,
     loop: Loop | None = None,
     *,
     path: PathName = "auto",
-    progress: Callable[[str, int], None] | None = None,
+    progress: Progress | None = None,
     finished: Callable[[str, Trajectory], None] | None = None,
-    watch: Callable[[str, int, Motion], None] | None = None,
 ) -> ExperimentResult:
     """Run every controller of an experiment.
 
@@ -59,9 +194,8 @@ def run_experiment(
         experiment: A validated experiment.
         loop: Its objects; None to build them.
         path: As for `simulate`.
-        progress: Called with the controller's name and the index of the control instant just finished.
+        progress: Told the controller's name, and how many control instants of how many are done.
         finished: Called with each controller's name and run as soon as it has ended.
-        watch: Called as of `simulate`, with the controller's name before.
 
     Raises:
         ModelError: a model cannot be used.
@@ -69,20 +203,20 @@ def run_experiment(
     loop = build(experiment) if loop is None else loop
     session, runs = Session(), dict[str, Trajectory]()
     metrics: dict[str, Metrics] = {}
-    for keys, controller in zip(experiment.controllers, loop.controllers, strict=True):
+    whole = experiment.n_steps * len(experiment.controllers)
+    for before, (keys, controller) in enumerate(zip(experiment.controllers, loop.controllers, strict=True)):
         name = controller.name
-        runs[name] = session.run(
-            loop.plant,
-            trial_of(experiment, loop, controller),
-            path,
-            progress=None if progress is None else partial(progress, name),
-            watch=None if watch is None else partial(watch, name),
-        )
+        step = None if progress is None else _counted(progress, name, before * experiment.n_steps, whole)
+        runs[name] = session.run(loop.plant, trial_of(experiment, loop, controller), path, progress=step)
         if finished is not None:
             finished(name, runs[name])
         if runs[name].completed:
             metrics[name] = metrics_of(experiment, loop, keys, runs[name])
-    return ExperimentResult(experiment, loop, runs, metrics)
+    return ExperimentResult(experiment, joints_in(loop), runs, metrics, loop)
+
+
+def _counted(progress: Progress, name: str, before: int, whole: int) -> Callable[[int], None]:
+    return lambda k: progress(name, before + k + 1, whole)
 
 
 def metrics_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Trajectory) -> Metrics:

@@ -29,7 +29,7 @@ from torquebench.experiment.values import (
     Slug,
 )
 from torquebench.robot import load_model
-from torquebench.robot.model import SLIDE
+from torquebench.robot.flat_model import SLIDE
 
 MAX_CONTROLLERS = 64
 MAX_DISTURBANCES = 64

@@ -226,14 +226,25 @@ def check_run(folder: Path, leave_out: Collection[str] = ()) -> dict[str, Any]:
         ResultError: there is no such folder, its run has not finished, it is no run's folder, or a file is missing or
             changed.
     """
-    try:
-        refuse_without_manifest(folder)
-        manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        files: dict[str, str] = manifest["files"]
-    except (OSError, ValueError, KeyError) as error:
-        raise ResultError(f"{folder / MANIFEST}: cannot be read ({error}), so that nothing can be verified") from error
+    refuse_without_manifest(folder)
+    manifest, files = _read_manifest(folder / MANIFEST)
     for name, checksum in files.items():
         path = folder / name
         if name not in leave_out and (not path.is_file() or file_digest(path) != checksum):
             raise ResultError(f"{path}: missing or changed since the manifest was written")
     return manifest
+
+
+def _read_manifest(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return a manifest, and the checksums in it of the folder's files."""
+    try:
+        if not path.is_file():
+            raise ValueError("it is not a regular file")
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        files = manifest.get("files") if isinstance(manifest, dict) else None
+        if not isinstance(files, dict) or not all(isinstance(checksum, str) for checksum in files.values()):
+            raise ValueError("wanted a mapping with the checksums of files")
+        return manifest, files
+    except (OSError, ValueError, RecursionError) as error:
+        why = "it is nested too deeply" if isinstance(error, RecursionError) else error
+        raise ResultError(f"{path}: cannot be read ({why}), so that nothing can be verified") from error

@@ -9,7 +9,7 @@ from typing import Any, get_args
 from torquebench.experiment.keys import Keys
 from torquebench.experiment.schema import Experiment
 from torquebench.laws import find_law
-from torquebench.laws.base import law_names
+from torquebench.laws.law import law_names
 
 _UNIT = re.compile(r"\[([^\[\]]+)\]")
 

@@ -13,7 +13,7 @@ from torquebench.experiment.overrides import assign, split_key
 from torquebench.experiment.schema import ControllerKeys, Experiment
 from torquebench.experiment.sweep_keys import EVERY
 from torquebench.experiment.sweep_values import Value
-from torquebench.laws.base import find_law, law_names
+from torquebench.laws.law import find_law, law_names
 
 
 def varied(document: Document, values: Sequence[tuple[str, Value]]) -> tuple[Document, dict[str, list[KeyPath]]]:

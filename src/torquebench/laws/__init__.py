@@ -13,9 +13,8 @@ from torquebench.laws import (
     supervised_fuzzy_smc,
     two_input_sliding_mode_fuzzy,
 )
-from torquebench.laws.base import controller, find_law, law_names
 from torquebench.laws.declare import FixedRules, Gain, Option, Rules
-from torquebench.laws.law import Law
+from torquebench.laws.law import Law, controller, find_law, law_names
 
 __all__ = [
     "FixedRules",

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from torquebench.kernel import Array, clip, kernel, sat
-from torquebench.laws.base import controller
 from torquebench.laws.declare import Gain
+from torquebench.laws.law import controller
 from torquebench.laws.parts import Rate, Slope
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 
 class AdaptiveGains(NamedTuple):

@@ -7,11 +7,11 @@ from typing import Annotated, NamedTuple
 from torquebench.fuzzy.fis import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.kernel import Array
-from torquebench.laws.base import controller
 from torquebench.laws.declare import Gain, Rules
+from torquebench.laws.law import controller
 from torquebench.laws.parts import Band, Slope, Switching, UseModel, equivalent_control
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 
 class FuzzyLayerGains(NamedTuple):

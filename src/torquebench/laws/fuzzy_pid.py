@@ -7,10 +7,10 @@ from typing import Annotated, NamedTuple, TypeAlias
 from torquebench.fuzzy.fis import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.kernel import Array, kernel, sat
-from torquebench.laws.base import controller
 from torquebench.laws.declare import Gain, Rules
+from torquebench.laws.law import controller
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 Torque: TypeAlias = Annotated[Array, Gain("fuzzy gain kF, a fraction of the torque limit, KF = kF tau_max", "1")]
 ErrorScale: TypeAlias = Annotated[Array, Gain("error that the fuzzy system sees as 1", "rad")]

@@ -1,4 +1,4 @@
-"""A registered torque law: its function, the gains it receives, packed and checked, and its memory."""
+"""Torque laws: how one is registered, found, and given its gains and memory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import numpy as np
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import FuzzySystem, builtin_system, prepare
 from torquebench.kernel import Array
-from torquebench.laws.declare import FixedRules, Gain, Option, Rules
+from torquebench.laws.declare import FixedRules, Gain, Option, Rules, check_conditions, declared_fields
+from torquebench.registry import Registry
 
 
 class Nothing(NamedTuple):
@@ -126,3 +127,48 @@ def _numbers(value: Any) -> Array | None:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         return None
+
+
+LAWS: Registry[Law] = Registry("law", error=ControllerError)
+"""Every registered law."""
+
+
+def controller(
+    name: str, *, gains: type[Any], memory: type[Any] | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Register a law under `name`.
+
+    Args:
+        name: Slug by which configs call the law.
+        gains: NamedTuple class; array fields are gains (annotate with `Gain`), integer fields are options
+            (annotate with `Option`), a field of type `Fis` is the law's fuzzy system (annotate with `Rules`, and any
+            others with `FixedRules`).
+        memory: NamedTuple class of (n,) arrays kept between control instants; a field called `s` is recorded as
+            the sliding variable.
+
+    Raises:
+        ControllerError: the name is taken or is not a slug, a field is not a gain, an option or a fuzzy system, or a
+            gain depends on a choice that the law does not have.
+    """
+
+    def register(function: Callable[..., None]) -> Callable[..., None]:
+        vectors, choices, systems, fixed = declared_fields(name, gains)
+        check_conditions(name, {**vectors, **systems}, choices)
+        LAWS.register(name, Law(name, function, gains, memory, vectors, choices, systems, fixed), function)
+        return function
+
+    return register
+
+
+def find_law(name: str) -> Law:
+    """Return the registered law called `name`.
+
+    Raises:
+        ControllerError: there is none; the message names the nearest one.
+    """
+    return LAWS.find(name)
+
+
+def law_names() -> tuple[str, ...]:
+    """Names of all registered laws, sorted."""
+    return tuple(sorted(LAWS))

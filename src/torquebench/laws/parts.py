@@ -8,7 +8,7 @@ from torquebench.kernel import Array, kernel
 from torquebench.laws.declare import Gain, Option
 from torquebench.references import Reference
 from torquebench.robot.dynamics import inverse_dynamics
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 Slope: TypeAlias = Annotated[Array, Gain("slope lambda of the sliding variable s = de + lambda e", "1/s")]
 Switching: TypeAlias = Annotated[Array, Gain("switching gain kK, a fraction of the torque limit, K = kK tau_max", "1")]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from torquebench.kernel import Array
-from torquebench.laws.base import controller
+from torquebench.laws.law import controller
 from torquebench.laws.parts import Integral, Rate, Slope
 from torquebench.references import Reference
 from torquebench.robot.dynamics import gravity
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 
 class PdGains(NamedTuple):

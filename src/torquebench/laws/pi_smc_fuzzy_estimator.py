@@ -7,13 +7,13 @@ from typing import Annotated, NamedTuple
 from torquebench.fuzzy.fis import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.kernel import Array, kernel, sat, sign
-from torquebench.laws.base import controller
 from torquebench.laws.declare import Option, Rules
 from torquebench.laws.fuzzy_pid import ErrorScale, RateScale, Torque
+from torquebench.laws.law import controller
 from torquebench.laws.parts import Slope, Switching, equivalent_control
 from torquebench.laws.sliding_mode import PI, PID, SIGN, Switch, SwitchBand, surface_of
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 WITH_RATE = 0
 """Place of pid among the choices of the surface."""

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from torquebench.errors import ConfigError, ControllerError, Problem, RegistryError, did_you_mean_path
-from torquebench.laws.base import law_names
+from torquebench.laws.law import law_names
 from torquebench.registry import registered_by
 
 PYTHON = r"\.py"
@@ -39,7 +39,7 @@ def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
         message = str(error) if own else f"{type(error).__name__}: {error}"
         raise ConfigError([Problem(where, str(path), message)]) from error
     added = tuple(sorted(set(law_names()) - before))
-    if not added and not registered_by(name):
+    if not registered_by(name):
         message = "registers no law, metric or figure (wanted a function with @controller, @metric or @figure)"
         raise ConfigError([Problem(where, str(path), message)])
     return added

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from torquebench.kernel import Array, kernel, sat, sign
-from torquebench.laws.base import controller
 from torquebench.laws.declare import Gain, Option
+from torquebench.laws.law import controller
 from torquebench.laws.parts import Rate, Slope, Switching, UseModel, equivalent_control
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 PD, PI, PID = 0, 1, 2
 SIGN = 0

@@ -7,12 +7,12 @@ from typing import Annotated, NamedTuple
 from torquebench.fuzzy.fis import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.kernel import Array, kernel, sat
-from torquebench.laws.base import controller
 from torquebench.laws.declare import FixedRules, Gain, Rules
 from torquebench.laws.fuzzy_pid import integrate
+from torquebench.laws.law import controller
 from torquebench.laws.parts import Band, Slope, Switching, UseModel, equivalent_control
 from torquebench.references import Reference
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 
 
 @kernel

@@ -13,7 +13,7 @@ from torquebench.experiment.run import metrics_of
 from torquebench.experiment.schema import Controller, Experiment
 from torquebench.paper.runs import draws_of
 from torquebench.robot.library import data_root
-from torquebench.sim.batch import Workers
+from torquebench.sim.simulate import Workers
 from torquebench.statistics import Ratio, geometric_mean, undominated
 
 PHI = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0)

@@ -17,8 +17,8 @@ from torquebench.experiment.schema import Controller, Experiment
 from torquebench.paper.records import METRICS, Record, Records
 from torquebench.paper.shares import fuzzy_share
 from torquebench.paper.workload import FEW_DRAWS, NOMINAL, PLANTS, UNCERTAIN, Block, blocks, experiment_of
-from torquebench.sim.batch import Workers
 from torquebench.sim.session import SampledTrial
+from torquebench.sim.simulate import Workers
 from torquebench.sim.trajectory import Trajectory
 
 CERTIFIED = ("conventional", "linear-band", "proposed-l", "proposed-m", "proposed-l-model", "proposed-m-model")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -15,14 +16,14 @@ class Picture(NamedTuple):
     """A figure of a page."""
 
     title: str
-    svg: str
-    """An SVG document, or the element alone."""
+    svg: bytes
+    """An SVG document; a browser shows it as an image, in which no script runs and nothing is fetched."""
     caption: str = ""
 
     @property
-    def inline(self) -> Picture:
-        """The same without what may only stand at the start of a file."""
-        return self._replace(svg=self.svg[self.svg.index("<svg") :])
+    def data(self) -> str:
+        """The document as base64, for a data URL."""
+        return base64.b64encode(self.svg).decode()
 
 
 @cache
@@ -33,12 +34,11 @@ def _environment() -> Environment:
 
 
 def render(template: str, *, figures: list[Picture], **content: Any) -> bytes:
-    """Return a page; text is escaped, figures are put in as they are.
+    """Return a page; text is escaped, figures are images.
 
     Args:
         template: Name of a file in ``templates``, without its endings.
         figures: The figures, in order.
         content: What the template names.
     """
-    found = _environment().get_template(f"{template}.html.j2")
-    return found.render(figures=[picture.inline for picture in figures], **content).encode()
+    return _environment().get_template(f"{template}.html.j2").render(figures=figures, **content).encode()

@@ -7,8 +7,6 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from torquebench.certificates import Certificate
-from torquebench.experiment.certify import flags
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import ExperimentResult
 from torquebench.report.render import Picture, render
@@ -25,28 +23,18 @@ TITLES = {
 """Headings of figures by file name."""
 
 
-def run_page(
-    result: ExperimentResult,
-    proofs: Mapping[str, Certificate],
-    figures: Mapping[str, bytes],
-    conditions: str,
-    facts: Mapping[str, Any],
-    film: bytes | None = None,
-) -> bytes:
+def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes | None = None) -> bytes:
     """Return the page of one run; the same arguments give the same bytes.
 
     Args:
         result: The run.
-        proofs: Controller name -> certificates.
         figures: File name without its ending -> SVG document, in order.
-        conditions: What was run, in two lines.
-        facts: Seeds, software and machine.
         film: An MP4, or None.
     """
     experiment = result.experiment
     header, rows = headline_table(result)
     unexpected = result.unexpected
-    first, _, second = conditions.partition("\n")
+    first, _, second = result.conditions.partition("\n")
     asked = [("experiment", experiment.name)]
     if experiment.description:
         asked.append(("what for", experiment.description))
@@ -68,16 +56,24 @@ def run_page(
             for row in rows
         ],
         per_joint=by_joint(result),
-        joints=result.loop.joint_names,
-        certificates=certificate_rows(result, proofs),
-        flags=[str(flag) for flag in flags(experiment, result.loop)],
+        joints=result.joints.names,
+        certificates=certificate_rows(result),
+        flags=[*result.flags, *changed_arm(result)],
         asked=asked,
         gains=gain_rows(result),
         config=dump_experiment(experiment),
-        facts=json.dumps(facts, indent=2),
+        facts=json.dumps(result.facts, indent=2),
         video=None if film is None else base64.b64encode(film).decode(),
-        figures=[Picture(TITLES.get(name, name), svg.decode()) for name, svg in figures.items()],
+        figures=[Picture(TITLES.get(name, name), svg) for name, svg in figures.items()],
     )
+
+
+def changed_arm(result: ExperimentResult) -> list[str]:
+    """Return a line where the files of the arm are no longer those of the run."""
+    model = result.experiment.plant.model
+    if not result.arm_changed:
+        return []
+    return [f"the files of the arm '{model}' have changed since the run: all figures are those of the arm as it was"]
 
 
 def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[Picture]) -> bytes:
@@ -112,6 +108,7 @@ def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[P
         columns=titles,
         rows=rows,
         runs=list(results),
+        changed=[f"{name}: {line}" for name, result in results.items() for line in changed_arm(result)],
         differences=differences({name: flat(result) for name, result in results.items()}),
     )
 

@@ -144,4 +144,4 @@ def picture(name: str, svg: bytes) -> Picture:
     """
     kind, _, rest = name.partition("-")
     subject = METRICS[rest].title if rest in METRICS else rest.replace("-", " ")
-    return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg.decode(), CAPTIONS.get(kind, ""))
+    return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg, CAPTIONS.get(kind, ""))

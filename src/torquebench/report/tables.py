@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from torquebench.certificates import Certificate
 from torquebench.experiment.run import ExperimentResult, is_step_like
 from torquebench.experiment.units import joint_units
 from torquebench.laws import find_law
@@ -137,19 +136,13 @@ def _cells(metric: Metric) -> list[str]:
     return [number(value) for value in metric.per_joint]
 
 
-def certificate_rows(result: ExperimentResult, proofs: Mapping[str, Certificate]) -> list[list[str]]:
-    """Return a row for each controller with certificates.
-
-    Args:
-        result: The experiment's runs.
-        proofs: Controller name -> certificates.
-    """
+def certificate_rows(result: ExperimentResult) -> list[list[str]]:
+    """Return a row for each controller with certificates."""
     rows = []
-    for name, found in proofs.items():
-        facts = found.to_json()
+    for name, facts in result.certified.items():
         worst = facts["worst_margin"]
         force = "N" if result.slides[worst["joint"] - 1] else "N m"
-        where = f"{result.loop.joint_names[worst['joint'] - 1]}, t = {worst['t']:.4g} s"
+        where = f"{result.joints.names[worst['joint'] - 1]}, t = {worst['t']:.4g} s"
         rows.append(
             [
                 name,

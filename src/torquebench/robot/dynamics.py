@@ -8,7 +8,7 @@ scratch space, so one model must not be used by two threads at once.
 from __future__ import annotations
 
 from torquebench.kernel import Array, kernel
-from torquebench.robot.model import EXACT, Model
+from torquebench.robot.flat_model import EXACT, Model
 from torquebench.robot.puma560.closed_form import (
     fill_bias,
     fill_centrifugal,

@@ -1,12 +1,17 @@
-"""Where models and configs live on disk, and how a model's name becomes a folder."""
+"""Where models and configs lie on disk: from a model's name to its folder, its MJCF file, its scene and cameras."""
 
 from __future__ import annotations
 
 import os
 import re
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from torquebench.errors import ModelError, did_you_mean
+from torquebench.errors import ModelError, did_you_mean, did_you_mean_path
+
+MJCF = r"\.xml"
+"""What a model's file ends in, a regular expression."""
+
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
@@ -45,3 +50,45 @@ def model_folder(name: str) -> Path:
     if not folder.is_relative_to((data_root() / "models").resolve()):
         raise ModelError(f"model '{name}' lies outside the models folder")
     return folder
+
+
+def mjcf_path(source: str | Path) -> Path:
+    """Return the MJCF file of a model's name, or `source` itself when it is the path of an ``.xml`` file.
+
+    Raises:
+        ModelError: there is no such model or file.
+    """
+    if isinstance(source, Path) or str(source).endswith(".xml"):
+        path = Path(source)
+        if not path.is_file():
+            raise ModelError(f"{path}: no such file{did_you_mean_path(path, MJCF)}")
+        return path
+    return model_folder(source) / f"{source}.xml"
+
+
+CAMERAS = ("overview", "side")
+"""Cameras that an arm has whose files have none."""
+
+
+def scene_path(model: str) -> Path | None:
+    """Return the file with an arm's look, ``scene.xml`` beside its own file, or None when it has none.
+
+    Raises:
+        ModelError: there is no such arm.
+    """
+    path = mjcf_path(model).with_name("scene.xml")
+    return path if path.is_file() else None
+
+
+def camera_names(model: str) -> tuple[str, ...]:
+    """Names of the cameras of an arm: those of its look or its own file, else `CAMERAS`.
+
+    Raises:
+        ModelError: there is no such arm, or its file cannot be read.
+    """
+    path = scene_path(model) or mjcf_path(model)
+    try:
+        root = ElementTree.fromstring(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+        raise ModelError(f"{path}: not a readable MJCF file ({error})") from error
+    return tuple(name for camera in root.iter("camera") if (name := camera.get("name"))) or CAMERAS

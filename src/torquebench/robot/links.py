@@ -11,7 +11,7 @@ import yaml
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.model import HINGE, SLIDE, Model, rigid_model
+from torquebench.robot.flat_model import HINGE, SLIDE, Model, rigid_model
 
 KINDS = {"hinge": HINGE, "slide": SLIDE}
 

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from torquebench.errors import ModelError, did_you_mean_path
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.library import model_folder
+from torquebench.robot.library import mjcf_path
 from torquebench.robot.puma560.puma import Puma560
-
-MJCF = r"\.xml"
-"""What a model's file ends in, a regular expression."""
+from torquebench.robot.robot_model import RobotModel
 
 
 def load_model(source: str | Path, structure: str = "exact", constants: str = "fitted") -> RobotModel:
@@ -37,17 +33,3 @@ def load_model(source: str | Path, structure: str = "exact", constants: str = "f
     path = mjcf_path(source)
     compiled = mjcf.compile_mjcf(path)
     return RobotModel(path.stem, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, str(source)))
-
-
-def mjcf_path(source: str | Path) -> Path:
-    """Return the MJCF file of a model's name, or `source` itself when it is the path of an ``.xml`` file.
-
-    Raises:
-        ModelError: there is no such model or file.
-    """
-    if isinstance(source, Path) or str(source).endswith(".xml"):
-        path = Path(source)
-        if not path.is_file():
-            raise ModelError(f"{path}: no such file{did_you_mean_path(path, MJCF)}")
-        return path
-    return model_folder(source) / f"{source}.xml"

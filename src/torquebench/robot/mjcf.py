@@ -12,10 +12,10 @@ import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.arm import RobotModel
+from torquebench.robot.flat_model import HINGE, SLIDE, Model, rigid_model
 from torquebench.robot.links import check_physical
 from torquebench.robot.mjcf_links import at_zero, carrier, frames, links_of, moving_parent
-from torquebench.robot.model import HINGE, SLIDE, Model, rigid_model
+from torquebench.robot.robot_model import RobotModel
 
 MAX_BYTES = 4 * 1024 * 1024
 _OUTSIDE = ("include", "plugin", "extension", "mesh", "hfield", "texture", "skin", "model", "attach", "replicate")

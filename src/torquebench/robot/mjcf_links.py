@@ -10,7 +10,7 @@ import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.bodies import Links
+from torquebench.robot.perturbation import Links
 
 
 def frames(m: Any) -> tuple[list[Array], list[Array]]:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from torquebench.errors import ModelError
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.bodies import Links, links_in
-from torquebench.robot.model import CLOSED_FORM, own_copy
+from torquebench.robot.flat_model import CLOSED_FORM, own_copy
+from torquebench.robot.perturbation import Links, links_in
 from torquebench.robot.puma560.puma import wrist_load
+from torquebench.robot.robot_model import RobotModel
 
 
 @dataclass(frozen=True, slots=True)

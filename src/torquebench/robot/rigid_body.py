@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from torquebench.kernel import Array, kernel
-from torquebench.robot.model import HINGE, Model
+from torquebench.robot.flat_model import HINGE, Model
 
 
 @kernel

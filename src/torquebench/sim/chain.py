@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from torquebench.kernel import Array
-from torquebench.sim.plant import substeps_per_period
+from torquebench.sim.plants import substeps_per_period
 
 
 @dataclass(frozen=True, slots=True)

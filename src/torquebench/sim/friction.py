@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from torquebench.kernel import Array, kernel, sat
-from torquebench.packing import Structure
+from torquebench.kernel.struct import Structure
 
 SPEED = 0.01
 """Speed from which on Coulomb friction is whole [rad/s]."""

@@ -15,20 +15,19 @@ import numpy as np
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import FuzzySystem
 from torquebench.kernel import Array
+from torquebench.kernel.struct import Table
 from torquebench.laws import Law, find_law
-from torquebench.packing import Table
 from torquebench.references import Reference
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.model import Model, own_copy
+from torquebench.robot.flat_model import Model, own_copy
+from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.chain import IDEAL, Chain
 from torquebench.sim.closed_loop import COMPLETED
-from torquebench.sim.native_path import NativeRun, obstacle
-from torquebench.sim.plant import NativePlant, Plant, attached_at, substeps_per_period
-from torquebench.sim.python_path import PythonRun
-from torquebench.sim.result import Watch, motion_of, trajectory_of
-from torquebench.sim.setup import Setup, is_fixed, set_up
+from torquebench.sim.interpreted import PythonRun
+from torquebench.sim.job import Setup, is_fixed, set_up
+from torquebench.sim.native import NativeRun, obstacle
+from torquebench.sim.plants import NativePlant, Plant, attached_at, substeps_per_period
 from torquebench.sim.signals import control_instants
-from torquebench.sim.trajectory import Trajectory
+from torquebench.sim.trajectory import Trajectory, trajectory_of
 
 PathName = Literal["auto", "python", "native"]
 
@@ -115,7 +114,6 @@ class Session:
         trial: SampledTrial,
         path: PathName = "auto",
         progress: Callable[[int], None] | None = None,
-        watch: Watch | None = None,
     ) -> Trajectory:
         """Run one closed loop from rest; a failed run is returned, not raised.
 
@@ -124,7 +122,6 @@ class Session:
             trial: What to run.
             path: See `simulate`.
             progress: See `simulate`.
-            watch: Called after `progress` with the same index and what has been recorded.
 
         Raises:
             ValueError: durations, shapes or joint counts that do not fit, or an unknown path.
@@ -134,7 +131,7 @@ class Session:
         if not self._busy.acquire(blocking=False):
             raise RuntimeError("the session is in use: wanted one for each thread")
         try:
-            return self._run(plant, trial, path, progress, watch)
+            return self._run(plant, trial, path, progress)
         finally:
             self._busy.release()
 
@@ -144,7 +141,6 @@ class Session:
         trial: SampledTrial,
         path: PathName,
         progress: Callable[[int], None] | None,
-        watch: Watch | None,
     ) -> Trajectory:
         check_path(path)
         controller, control_period = trial.controller, trial.control_period
@@ -165,7 +161,6 @@ class Session:
             run = self._interpreted(plant, trial, desired, substeps)
         else:
             run = self._compiled(plant, trial, desired, substeps, native)
-        motion = None if watch is None else motion_of(run.setup)
         status, done, at_once = COMPLETED, 0, max(1, run.longest // substeps)
         while done < n_steps and status == COMPLETED:
             if done == attach > 0:
@@ -175,8 +170,6 @@ class Session:
             done = last
             if progress is not None and status == COMPLETED:
                 progress(last - 1)
-            if watch is not None and motion is not None and status == COMPLETED:
-                watch(last - 1, motion)
         if native is None:
             return trajectory_of(run.setup, t, status, run.detail, "python", reason)
         return self._trajectory(run.setup, t, status, run.detail)

@@ -13,11 +13,11 @@ from torquebench.experiment.build import build_belief
 from torquebench.experiment.schema import Experiment
 from torquebench.kernel import Array
 from torquebench.robot import load_model
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.model import CLOSED_FORM
+from torquebench.robot.flat_model import CLOSED_FORM
 from torquebench.robot.puma560.constants import fitted_constants
 from torquebench.robot.puma560.puma import puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS
+from torquebench.robot.robot_model import RobotModel
 from torquebench.sweep.columns import Rows, Table, checked, controllers, finished, grid_keys, rows_by, varied_keys
 from torquebench.sweep.effects import Effects, effects_on, ranked, ranks
 

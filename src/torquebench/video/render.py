@@ -16,7 +16,7 @@ import numpy as np
 
 from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
-from torquebench.robot.look import camera_names
+from torquebench.robot.library import camera_names
 from torquebench.robot.mjcf import joint_names, torque_limits
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 from torquebench.video.encode import film_writer, png_bytes

@@ -9,8 +9,7 @@ import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.loading import mjcf_path
-from torquebench.robot.look import CAMERAS, scene_path
+from torquebench.robot.library import CAMERAS, mjcf_path, scene_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame
 
 FIELD_OF_VIEW = 32.0

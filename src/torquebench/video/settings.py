@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 from torquebench.errors import ConfigError, Problem, did_you_mean
-from torquebench.robot.look import camera_names
+from torquebench.robot.library import camera_names
 
 Quality: TypeAlias = Literal["fast", "pretty"]
 QUALITIES: tuple[str, ...] = get_args(Quality)

@@ -11,7 +11,7 @@ from typing import Any
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.store import EXPERIMENT, checksums, refuse_without_experiment
 from torquebench.experiment.yaml_source import read_document
-from torquebench.robot.loading import mjcf_path
+from torquebench.robot.library import mjcf_path
 from torquebench.sim.trajectory import load_trajectory
 from torquebench.video.job import APART, Shot
 

@@ -1,1 +1,1 @@
-"""Interactive replay of runs, stored or in progress: MuJoCo's viewer, or a page in the browser."""
+"""Interactive replay of stored runs: MuJoCo's viewer, or a page in the browser."""

@@ -1,82 +1,72 @@
-"""A motion as the messages that a page is fed: the arm once, then frames of each controller as they become known."""
+"""The replay of a stored run as the one JSON document that the page in the browser loads."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from torquebench.kernel import Array
+from torquebench.sim.trajectory import Trajectory
+from torquebench.video.stored import Footage
 from torquebench.view.arm import Arm
 
 FRAME = 0.01
-"""Least time between two frames [s]; the page interpolates between them."""
+"""Shortest time between two frames [s]; the page interpolates between them."""
 MOST_FRAMES = 6000
 """A longer run has frames further apart."""
+CAMERA_POSES = 100
+"""Poses of each run from which a camera is placed if the arm's files have none."""
 _DIGITS = 5
-"""Of metres, quaternions and torques over their limits."""
-
-Message = Mapping[str, Any]
+"""Decimals of lengths, quaternions and torques over their limits."""
 
 
-class Grid(NamedTuple):
-    """Which samples are frames: every `every`-th."""
+class Frames(NamedTuple):
+    """The samples that become frames: every `every`-th."""
 
     every: int
     total: int
-    """Frames of a whole run."""
+    """Frames of the whole run."""
     period: float
     """Time between frames [s]."""
 
 
-def grid(samples: int, control_period: float) -> Grid:
-    """Return the frames of a run.
+def frames_of(samples: int, control_period: float) -> Frames:
+    """Choose the frames of a run.
 
     Args:
-        samples: Control instants of the whole run.
+        samples: Number of control instants.
         control_period: Time between them [s].
     """
     every = max(1, round(FRAME / control_period), -(-samples // MOST_FRAMES))
-    return Grid(every, -(-samples // every), every * control_period)
+    return Frames(every, -(-samples // every), every * control_period)
 
 
-def scene_message(
-    arm: Arm,
-    frames: Grid,
-    title: str,
-    controllers: Sequence[tuple[str, str]],
-    colours: Sequence[str],
-    speed: float,
-    live: bool,
-) -> Message:
-    """Return the first message: what is drawn and what it is called.
+def replay_json(footage: Footage, runs: Sequence[Trajectory], colours: Sequence[str], speed: float) -> bytes:
+    """Return the document that the page shows.
 
     Args:
-        arm: The arm.
-        frames: The frames that will follow.
-        title: Name of the experiment.
-        controllers: Name and note of each.
-        colours: One of each joint, as CSS has them.
-        speed: Simulated seconds shown in one second, to begin with.
-        live: Whether the run is still going on.
+        footage: The stored run.
+        runs: Trajectory of each of its controllers.
+        colours: Colours of the joints as CSS writes them; they repeat if there are more joints.
+        speed: Simulated seconds shown in one second at the start.
+
+    Raises:
+        ModelError: the arm cannot be read or drawn.
     """
-    parts = []
-    for part in arm.parts:
-        block = np.concatenate(
-            [part.shape.corners, part.shape.normals, np.repeat(part.colours[:, None, :], 3, axis=1)], axis=2
-        )
-        parts.append({"moves": part.moves, "data": base64.b64encode(block.astype("<f4").tobytes()).decode()})
-    return {
-        "kind": "scene",
-        "title": title,
-        "live": live,
+    longest = max(runs, key=lambda run: len(run.t))
+    frames = frames_of(len(longest.t), footage.control_period)
+    poses = [x[:: max(1, len(x) // CAMERA_POSES)] for run in runs for x in (run.q, run.q_ref)]
+    arm = Arm(footage.model, np.nan_to_num(np.concatenate(poses)))
+    document = {
+        "title": footage.title,
         "speed": speed,
         "period": frames.period,
         "count": frames.total,
-        "controllers": [{"name": name, "note": note} for name, note in controllers],
-        "parts": parts,
+        "parts": [_part(part.moves, part.shape, part.colours) for part in arm.parts],
         "joints": arm.joints,
         "unit": "/".join(dict.fromkeys(arm.units)),
         "reach": arm.reach,
@@ -85,45 +75,34 @@ def scene_message(
         "eye": arm.view.eye.tolist(),
         "target": arm.view.target.tolist(),
         "opening": arm.view.opening,
+        "reference": _rounded(arm.at(longest.q_ref[:: frames.every])[0]),
+        "controllers": [
+            {"name": shot.name, "note": shot.note, "ending": run.ending, **_motion(arm, run, frames.every)}
+            for shot, run in zip(footage.shots, runs, strict=True)
+        ],
     }
+    return json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
 
 
-def reference_message(arm: Arm, frames: Grid, q_ref: Array) -> Message:
-    """Return the poses of the reference.
+def _part(moves: bool, shape: Any, colours: Array) -> dict[str, Any]:
+    """Return one body: corner, normal and colour of each corner of its triangles, as base64 of little-endian floats."""
+    block = np.concatenate([shape.corners, shape.normals, np.repeat(colours[:, None, :], 3, axis=1)], axis=2)
+    return {"moves": moves, "data": base64.b64encode(block.astype("<f4").tobytes()).decode()}
 
-    Args:
-        arm: The arm.
-        frames: The frames.
-        q_ref: (N, n) [rad].
+
+def _motion(arm: Arm, run: Trajectory, every: int) -> dict[str, Any]:
+    """Return the frames of one run; a frame's torque and error are those of the samples up to the next frame.
+
+    Where the position is not a number the last pose is held; samples of torque or error that are none are left out.
     """
-    return {"kind": "reference", "bodies": _rounded(arm.at(q_ref[:: frames.every])[0])}
-
-
-def frames_message(
-    arm: Arm, frames: Grid, controller: int, q: Array, q_ref: Array, tau: Array, first: int, last: int
-) -> Message:
-    """Return frames `first` to `last` - 1 of one controller: a frame's torque and error are those until the next.
-
-    Args:
-        arm: The arm.
-        frames: The frames.
-        controller: Its number.
-        q, q_ref, tau: The run up to where it is known, (N, n); what is not a number is held (`q`) or left out.
-        first, last: Numbers of frames.
-    """
-    start, stop = first * frames.every, min(last * frames.every, len(q))
-    cuts = np.arange(0, stop - start, frames.every)
-    whole = np.flatnonzero(np.isfinite(q[:stop]).all(axis=1))
-    held = np.minimum(start + cuts, whole[-1] if len(whole) else 0)
-    bodies, tool = arm.at(np.nan_to_num(q[held]))
-    load, error = tau[start:stop] / arm.limits, q_ref[start:stop] - q[start:stop]
+    cuts = np.arange(0, len(run.t), every)
+    finite = np.flatnonzero(np.isfinite(run.q).all(axis=1))
+    bodies, tool = arm.at(np.nan_to_num(run.q[np.minimum(cuts, finite[-1] if len(finite) else 0)]))
+    load, error = run.tau / arm.limits, run.q_ref - run.q
     known = np.isfinite(load)
     mean = np.add.reduceat(np.where(known, load, 0.0), cuts)
     mean /= np.maximum(np.add.reduceat(known, cuts, dtype=int), 1)
     return {
-        "kind": "frames",
-        "controller": controller,
-        "first": first,
         "bodies": _rounded(bodies),
         "tool": _rounded(tool),
         "torque": _rounded(np.stack([*_range(load, cuts), mean], axis=2)),
@@ -131,21 +110,11 @@ def frames_message(
     }
 
 
-def ended_message(controller: int, ending: str) -> Message:
-    """Return that a controller's run is over.
-
-    Args:
-        controller: Its number.
-        ending: How and when it failed; empty if it completed.
-    """
-    return {"kind": "ended", "controller": controller, "ending": ending}
-
-
 def _range(values: Array, cuts: Any) -> tuple[Array, Array]:
     return np.fmin.reduceat(values, cuts, axis=0), np.fmax.reduceat(values, cuts, axis=0)
 
 
 def _rounded(values: Array, digits: int = _DIGITS) -> list[float]:
-    """Return numbers that JSON can hold, in one list."""
-    found: list[float] = np.round(np.nan_to_num(values), digits).ravel().tolist()
-    return found
+    """Return numbers that JSON can hold, in one flat list."""
+    numbers: list[float] = np.round(np.nan_to_num(values), digits).ravel().tolist()
+    return numbers

@@ -1,22 +1,21 @@
-"""The local server of the page: this machine alone, names of this machine alone, behind a token."""
+"""The local web server of the replay page: it answers this machine alone, under its own names, below a secret path."""
 
 from __future__ import annotations
 
 import re
+import secrets
 import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
-from types import TracebackType
 from typing import Any
-
-from torquebench.view.feed import Feed
 
 HOST = "127.0.0.1"
 NAMES = ("127.0.0.1", "localhost")
-"""Names that a browser may know this machine by; any other is a page elsewhere that had its name resolve to here."""
-PATIENCE = 2.0
-"""How long a request for messages waits for one [s]."""
+"""Host names that are answered; any other one was made to resolve to this machine by a page elsewhere."""
 PAGES = {
     "": ("index.html", "text/html; charset=utf-8"),
     "view.css": ("view.css", "text/css; charset=utf-8"),
@@ -25,6 +24,7 @@ PAGES = {
     "view.js": ("view.js", "text/javascript; charset=utf-8"),
 }
 """Path below the token -> file in ``page`` and its type."""
+REPLAY = "replay.json"
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -35,70 +35,54 @@ HEADERS = {
 }
 
 
-class Server:
-    """Serves a `Feed` and its page until closed; a context manager.
+@contextmanager
+def serve(replay: bytes, port: int = 0) -> Iterator[str]:
+    """Serve the page and a replay while this context lasts; yield the page's address.
 
-    Every user of this machine can reach 127.0.0.1, hence the token: a path that only who started the server knows.
+    Every user of this machine can reach 127.0.0.1, so the path begins with a random token that only the caller knows.
 
     Args:
-        feed: What is served.
-        token: Part of the path; letters, digits, ``-`` and ``_``.
-        port: Port to use; 0 for a free one.
+        replay: The document of `replay_json`.
+        port: Port to listen on; 0 for a free one.
 
     Raises:
         OSError: the port is taken.
     """
-
-    def __init__(self, feed: Feed, token: str, port: int = 0) -> None:
-        self._http = _Http((HOST, port), _Handler, feed, token)
-        self.port = int(self._http.server_address[1])
-        self.address = f"http://{HOST}:{self.port}/{token}/"
-        self._thread = threading.Thread(target=self._http.serve_forever, args=(0.1,), daemon=True)
-
-    def __enter__(self) -> Server:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._http.shutdown()
-        self._http.server_close()
-        self._thread.join()
+    token = secrets.token_urlsafe(16)
+    folder = resources.files("torquebench.view") / "page"
+    files = {name: (kind, (folder / file).read_bytes()) for name, (file, kind) in PAGES.items()}
+    files[REPLAY] = ("application/json", replay)
+    server = _Server((HOST, port), partial(_Handler, {f"/{token}/{name}": file for name, file in files.items()}))
+    thread = threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True)
+    thread.start()
+    try:
+        yield f"http://{HOST}:{server.server_address[1]}/{token}/"
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
 
 
-class _Http(ThreadingHTTPServer):
-    daemon_threads = True
-    block_on_close = False
-
-    def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler], feed: Feed, token: str) -> None:
-        self.feed, self.token = feed, token
-        super().__init__(address, handler)
-
+class _Server(ThreadingHTTPServer):
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a browser that went away."""
+        """Stay quiet when a browser closes its connection."""
 
 
 class _Handler(BaseHTTPRequestHandler):
-    server: _Http
     server_version, sys_version = "torquebench", ""
     protocol_version = "HTTP/1.1"
     timeout = 60.0
 
+    def __init__(self, files: Mapping[str, tuple[str, bytes]], *rest: Any) -> None:
+        self._files = files
+        super().__init__(*rest)  # answers the request
+
     def do_GET(self) -> None:
-        name = re.sub(r":\d+$", "", self.headers.get("Host", ""))
-        if name not in NAMES:
+        if re.sub(r":\d+$", "", self.headers.get("Host", "")) not in NAMES:
             return self._answer(HTTPStatus.FORBIDDEN, "text/plain", b"this server answers to 127.0.0.1 and localhost")
-        begin, slash, wanted = self.path.removeprefix("/").partition("/")
-        found = re.fullmatch(r"messages/(\d{1,9})", wanted)
-        if begin != self.server.token or not slash or (found is None and wanted not in PAGES):
+        if self.path not in self._files:
             return self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"nothing here")
-        if found is not None:
-            feed, first = self.server.feed, int(found[1])
-            feed.told(first)
-            return self._answer(HTTPStatus.OK, "application/json", feed.since(first, PATIENCE))
-        file, kind = PAGES[wanted]
-        return self._answer(HTTPStatus.OK, kind, (resources.files("torquebench.view") / "page" / file).read_bytes())
+        return self._answer(HTTPStatus.OK, *self._files[self.path])
 
     def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
         self.send_response(status)
@@ -108,4 +92,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Keep quiet: the terminal belongs to the command."""
+        """Stay quiet: the terminal belongs to the command."""

@@ -9,7 +9,6 @@ import itertools
 import json
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -39,12 +38,12 @@ class Replay:
     """The clock, and what is shown; keys change them, from the viewer's thread.
 
     Args:
-        job: The runs; files that are not there yet are waited for.
+        job: The runs.
     """
 
     def __init__(self, job: Job) -> None:
         self.job, self.time, self.playing, self.shown = job, 0.0, True, 0
-        self._runs: dict[int, Trajectory] = {}
+        self._runs = [load_trajectory(shot.trajectory) for shot in job.shots]
 
     def key(self, code: int) -> None:
         """Do what a key asks for."""
@@ -56,15 +55,13 @@ class Replay:
             self.playing = False
             self.time = max(0.0, self.time + (STEP if code == RIGHT else -STEP))
 
-    def run(self) -> Trajectory | None:
-        """Return the run that is shown, or None while its file is not there."""
-        path = Path(self.job.shots[self.shown].trajectory)
-        if self.shown not in self._runs and path.is_file():
-            self._runs[self.shown] = load_trajectory(path)
-        return self._runs.get(self.shown)
+    @property
+    def run(self) -> Trajectory:
+        """The run that is shown."""
+        return self._runs[self.shown]
 
     def advance(self, passed: float, run: Trajectory) -> int:
-        """Let `passed` seconds go by, from the start again after the end; return the sample to show."""
+        """Let `passed` seconds go by, from the start again after the end; return the sample of `run` to show."""
         if self.playing:
             self.time += passed * self.job.settings.speed
         k = round(self.time / self.job.control_period)
@@ -112,8 +109,7 @@ def replay(job: Job) -> None:
         TorquebenchError: a run or the arm cannot be read.
     """
     state = Replay(job)
-    run = state.run()
-    scene = build_scene(job.model, np.zeros((1, 1)) if run is None else np.nan_to_num(run.q[::50]))
+    scene = build_scene(job.model, np.nan_to_num(state.run.q[::50]))
     m = scene.model
     d, reference = mujoco.MjData(m), mujoco.MjData(m)
     joints = m.njnt + 1
@@ -124,24 +120,24 @@ def replay(job: Job) -> None:
         before, told = time.perf_counter(), 0.0
         while viewer.is_running():
             now = time.perf_counter()
-            run = state.run()
-            if run is not None:
-                k = state.advance(now - before, run)
-                back = np.linspace(max(0, k - TRAIL_TIME / job.control_period), k, TRAIL_POINTS).astype(int)
-                path = joint_points(m, reference, np.nan_to_num(run.q[np.unique(back)]))[joints - 1 :: joints]
-                reference.qpos[:] = run.q_ref[k]
-                mujoco.mj_kinematics(m, reference)
-                with viewer.lock():
-                    d.qpos[:] = np.nan_to_num(run.q[k])
-                    d.time = state.time
-                    mujoco.mj_forward(m, d)
-                    viewer.user_scn.ngeom = 0
-                    add_ghost(viewer.user_scn, scene, reference)
-                    add_trail(viewer.user_scn, path, scene.reach)
+            run = state.run
+            k = state.advance(now - before, run)
+            back = np.linspace(max(0, k - TRAIL_TIME / job.control_period), k, TRAIL_POINTS).astype(int)
+            path = joint_points(m, reference, np.nan_to_num(run.q[np.unique(back)]))[joints - 1 :: joints]
+            reference.qpos[:] = run.q_ref[k]
+            mujoco.mj_kinematics(m, reference)
+            with viewer.lock():
+                d.qpos[:] = np.nan_to_num(run.q[k])
+                d.time = state.time
+                mujoco.mj_forward(m, d)
+                viewer.user_scn.ngeom = 0
+                add_ghost(viewer.user_scn, scene, reference)
+                add_trail(viewer.user_scn, path, scene.reach)
             shot = job.shots[state.shown]
-            words = shot.name if run is not None else f"{shot.name}: not simulated yet"
             place, font = mujoco.mjtGridPos.mjGRID_TOPLEFT, mujoco.mjtFontScale.mjFONTSCALE_150
-            viewer.set_texts((font, place, f"{words}\n{shot.ending}", f"t = {state.time:.2f} s\nspace, arrows, enter"))
+            viewer.set_texts(
+                (font, place, f"{shot.name}\n{shot.ending}", f"t = {state.time:.2f} s\nspace, arrows, enter")
+            )
             viewer.sync()
             if now - told > 1.0:
                 tell({"time": state.time, "shown": shot.name})

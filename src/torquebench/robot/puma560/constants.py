@@ -10,7 +10,7 @@ import yaml
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.model import Model
+from torquebench.robot.flat_model import Model
 from torquebench.robot.puma560.symbols import CONSTANTS
 
 

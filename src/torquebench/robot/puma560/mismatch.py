@@ -9,9 +9,8 @@ import numpy as np
 
 from torquebench.errors import ModelError, did_you_mean
 from torquebench.kernel import Array, IntArray, kernel
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.bodies import draw_factors, perturbed
-from torquebench.robot.model import CLOSED_FORM, EXACT, own_copy
+from torquebench.robot.flat_model import CLOSED_FORM, EXACT, own_copy
+from torquebench.robot.perturbation import draw_factors, perturbed
 from torquebench.robot.puma560.closed_form import fill_mass_pattern
 from torquebench.robot.puma560.consistent import (
     consistent_links,
@@ -23,6 +22,7 @@ from torquebench.robot.puma560.consistent import (
 from torquebench.robot.puma560.constants import fitted_constants
 from torquebench.robot.puma560.puma import puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS, Angles, angles
+from torquebench.robot.robot_model import RobotModel
 
 LEAST_EIGENVALUE = 0.05
 """A draw is accepted when the mass matrix stays above this [kg m^2] at every test pose."""

@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from torquebench.errors import did_you_mean
 from torquebench.kernel import Array, kernel
-from torquebench.robot.arm import RobotModel
+from torquebench.robot.flat_model import CLOSED_FORM, STRUCTURES, Model, own_copy
 from torquebench.robot.library import model_folder
 from torquebench.robot.links import read_links
-from torquebench.robot.model import CLOSED_FORM, STRUCTURES, Model, own_copy
 from torquebench.robot.puma560.constants import Body, Geometry, Table, fitted_constants, link_constants, read_constants
 from torquebench.robot.puma560.kinematics import fill_pose, fill_pose_printed
 from torquebench.robot.puma560.symbols import CONSTANTS, MISPRINTED
+from torquebench.robot.robot_model import RobotModel
 
 JOINT_NAMES = ("waist", "shoulder", "elbow", "wrist-roll", "wrist-pitch", "wrist-yaw")
 CONSTANT_SETS = ("fitted", "printed")

@@ -39,8 +39,7 @@ export function partsOf(scene) {
   });
 }
 
-// Which parts are drawn solid: without a pose of the arm only those that never move.
-const solidly = (arm) => (arm ? () => true : (part) => !part.moves);
+const all = () => true, moving = (part) => part.moves;
 
 class WithWebGl {
   constructor(gl, scene, parts) {
@@ -75,7 +74,7 @@ class WithWebGl {
   }
 
   draw(context, camera, arm, ghost, colours) {
-    const { gl, at } = this, solid = solidly(arm);
+    const { gl, at } = this;
     const canvas = gl.canvas;
     if (canvas.width !== camera.width || canvas.height !== camera.height) {
       canvas.width = camera.width;
@@ -97,21 +96,18 @@ class WithWebGl {
       gl.stencilFunc(gl.EQUAL, 0, 255);
       gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
       gl.depthMask(false);
-      this.pass(arm ?? ghost, solid, { flatten: [1, floor, 0], tint: [...colours.shadow, 1], alpha: 0.55 });
+      this.pass(arm, all, { flatten: [1, floor, 0], tint: [...colours.shadow, 1], alpha: 0.55 });
       gl.depthMask(true);
       gl.disable(gl.STENCIL_TEST);
     }
-    this.pass(arm ?? ghost, solid, {});
-    if (ghost) {
-      const look = { tint: [...colours.ghost, 1], grown: GROWN * reach, behind: BEHIND, alpha: 0.5 };
-      const moving = (part) => part.moves;
-      gl.colorMask(false, false, false, false); // depth first: it must not show its own inside
-      this.pass(ghost, moving, look);
-      gl.colorMask(true, true, true, true);
-      gl.depthFunc(gl.LEQUAL);
-      this.pass(ghost, moving, look);
-      gl.depthFunc(gl.LESS);
-    }
+    this.pass(arm, all, {});
+    const look = { tint: [...colours.ghost, 1], grown: GROWN * reach, behind: BEHIND, alpha: 0.5 };
+    gl.colorMask(false, false, false, false); // depth first: it must not show its own inside
+    this.pass(ghost, moving, look);
+    gl.colorMask(true, true, true, true);
+    gl.depthFunc(gl.LEQUAL);
+    this.pass(ghost, moving, look);
+    gl.depthFunc(gl.LESS);
     context.drawImage(canvas, 0, 0);
   }
 
@@ -140,8 +136,8 @@ class Painter {
   }
 
   draw(context, camera, arm, ghost, colours) {
-    if (ghost) this.paint(context, camera, ghost, (part) => part.moves, colours.ghost.map((x, i) => 0.5 * (x + colours.sky[i])));
-    this.paint(context, camera, arm ?? ghost, solidly(arm), null);
+    this.paint(context, camera, ghost, moving, colours.ghost.map((x, i) => 0.5 * (x + colours.sky[i])));
+    this.paint(context, camera, arm, all, null);
   }
 
   paint(context, camera, poses, wanted, tint) {

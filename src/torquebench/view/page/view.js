@@ -1,4 +1,4 @@
-// The page: messages from the server, one panel for each controller, and the clock that all of them share.
+// The page: the replay from the server, one panel for each controller, and the clock that all of them share.
 
 import { between, Orbit, project } from "./geometry.js";
 import { drawer } from "./drawing.js";
@@ -13,73 +13,41 @@ const made = (name, parent, text = "", kind = "") => {
   return element;
 };
 
-let scene = null, panels = [], reference = null, orbit = null, draws = null, over = false, lost = false;
+let scene = null, panels = [], reference = null, orbit = null, draws = null;
 let time = 0, speed = 1, playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
 let last = null, stale = true, colours = {};
 
-// --- messages
+// --- the replay
 
-function begin(message) {
-  scene = message;
+async function load() {
+  try {
+    begin(await (await fetch("replay.json")).json());
+  } catch {
+    at("status").textContent = "the replay cannot be loaded: is the command still running?";
+  }
+}
+
+function begin(replay) {
+  scene = replay;
   orbit = new Orbit(scene);
   draws = drawer(scene);
   document.body.dataset.drawn = draws.constructor.name;
   document.title = `${scene.title} – torquebench`;
   at("title").textContent = scene.title;
+  at("status").textContent = "stored run";
   at("scrub").max = String(end());
-  const bodies = scene.parts.length, n = scene.joints.length;
-  reference = { bodies: new Float32Array(scene.count * bodies * 7), known: 0 };
-  panels = scene.controllers.map((controller) => new Panel(controller, bodies, n));
+  reference = Float32Array.from(scene.reference);
+  panels = scene.controllers.map((controller) => new Panel(controller));
   setSpeed(scene.speed);
-}
-
-const TAKE = {
-  scene: begin,
-  reference: (message) => {
-    reference.bodies.set(message.bodies);
-    reference.known = message.bodies.length / (scene.parts.length * 7);
-  },
-  frames: (message) => panels[message.controller].take(message),
-  ended: (message) => panels[message.controller].finish(message.ending),
-  end: () => { over = true; },
-};
-
-async function listen() {
-  let next = 0;
-  try {
-    while (!over) {
-      const messages = await (await fetch(`messages/${next}`)).json();
-      next += messages.length;
-      for (const message of messages) TAKE[message.kind](message);
-      stale = true;
-      tellStatus();
-    }
-    await fetch(`messages/${next}`); // says that all has arrived
-  } catch {
-    lost = !over;
-  }
-  tellStatus();
-}
-
-function tellStatus() {
-  if (!scene) return;
-  const waiting = panels.filter((panel) => !panel.done);
-  let text = scene.live ? "run complete, the replay stays here" : "stored run";
-  if (lost) text = "connection lost: what has arrived can be replayed";
-  else if (!over && waiting.length) {
-    text = `${scene.live ? "simulating" : "loading"} ${waiting[0].name}: ${(waiting[0].known * scene.period).toFixed(2)} s`;
-  }
-  at("status").textContent = text;
+  stale = true;
 }
 
 // --- time
 
 const end = () => Math.max(scene.count - 1, 0) * scene.period;
-const known = () => Math.max(...panels.map((panel) => panel.known), 1) - 1;
-const arrived = () => (over || lost ? Math.min(end(), known() * scene.period) : known() * scene.period);
 
 function seek(wanted) {
-  time = Math.min(Math.max(wanted, 0), arrived());
+  time = Math.min(Math.max(wanted, 0), end());
   stale = true;
 }
 
@@ -96,7 +64,7 @@ function setSpeed(wanted) {
 
 function setPlaying(wanted) {
   playing = wanted;
-  if (playing && over && time >= arrived()) time = 0;
+  if (playing && time >= end()) time = 0;
   stale = true;
 }
 
@@ -105,10 +73,8 @@ function tick(now) {
   last = now;
   if (scene && panels.length) {
     if (playing) {
-      const before = time;
       seek(time + passed * speed);
-      if (time === before) stale = false; // waiting for the simulation
-      if (over && time >= arrived()) playing = false;
+      if (time >= end()) playing = false;
     }
     if (stale) drawAll();
     stale = false;
@@ -119,17 +85,15 @@ function tick(now) {
 // --- panels
 
 class Panel {
-  constructor({ name, note }, bodies, n) {
-    Object.assign(this, { name, bodies, n, known: 0, done: false, ending: "" });
+  constructor({ name, note, ending, ...values }) {
     this.values = {};
-    for (const [key, width] of [["bodies", bodies * 7], ["tool", 3], ["torque", 3 * n], ["error", 2 * n]]) {
-      this.values[key] = new Float32Array(scene.count * width);
-    }
-    this.peak = 0;
+    for (const key of ["bodies", "tool", "torque", "error"]) this.values[key] = Float32Array.from(values[key]);
+    Object.assign(this, { ending, frames: values.tool.length / 3, n: scene.joints.length });
+    this.peak = this.values.error.reduce((peak, x) => Math.max(peak, Math.abs(x)), 0);
     const section = made("section", at("panels"));
     const title = made("h2", section, name);
     made("span", title, note);
-    this.banner = made("strong", title);
+    made("strong", title, ending);
     this.view = this.canvas(section, "arm", `${name}: the arm and, in blue, its reference`);
     const below = made("div", section, "", "below");
     this.bars = this.plot(below, "bars", "torque / limit", `${name}: torque of each joint over its limit`);
@@ -156,28 +120,12 @@ class Panel {
     return { canvas, context: canvas.getContext("2d") };
   }
 
-  take(message) {
-    const frames = message.tool.length / 3;
-    for (const key of Object.keys(this.values)) {
-      this.values[key].set(message[key], (message[key].length / frames) * message.first);
-    }
-    this.known = message.first + frames;
-    for (const x of message.error) this.peak = Math.max(this.peak, Math.abs(x));
-  }
-
-  finish(ending) {
-    this.done = true;
-    this.ending = ending;
-    this.banner.textContent = ending;
-    this.banner.classList.add("failed");
-  }
-
-  // Poses at a time; the last known ones where it is later.
-  poses(values, count, when) {
-    const position = Math.min(Math.max(when / scene.period, 0), Math.max(count - 1, 0));
-    const first = Math.floor(position), second = Math.min(first + 1, Math.max(count - 1, 0)), width = this.bodies * 7;
+  // Poses at this time; the last ones where it is later.
+  poses(values) {
+    const width = scene.parts.length * 7, last = values.length / width - 1;
+    const position = Math.min(time / scene.period, last), first = Math.floor(position), second = Math.min(first + 1, last);
     const poses = [];
-    for (let b = 0; b < this.bodies; b++) {
+    for (let b = 0; b < scene.parts.length; b++) {
       poses.push(between(values, first * width + 7 * b, second * width + 7 * b, position - first));
     }
     return poses;
@@ -187,9 +135,6 @@ class Panel {
     this.drawArm();
     this.drawBars();
     this.drawTrace(scale);
-    const frame = time / scene.period;
-    const behind = this.known ? `simulated to ${(this.known * scene.period).toFixed(2)} s` : "waiting for its turn";
-    if (!this.done) this.banner.textContent = this.known <= frame ? behind : "";
   }
 
   drawArm() {
@@ -199,17 +144,15 @@ class Panel {
     context.fillStyle = colours.css.sky;
     context.fillRect(0, 0, width, height);
     if (scene.floor !== null) drawFloor(context, camera, ratio);
-    const ghost = reference.known ? this.poses(reference.bodies, reference.known, time) : null;
-    const arm = this.known ? this.poses(this.values.bodies, this.known, time) : null;
-    if (arm || ghost) draws.draw(context, camera, arm, ghost, colours);
-    if (this.known) this.drawTrail(context, camera, ratio);
+    draws.draw(context, camera, this.poses(this.values.bodies), this.poses(reference), colours);
+    this.drawTrail(context, camera, ratio);
   }
 
   drawTrail(context, camera, ratio) {
     const { tool } = this.values;
-    const now = Math.min(time / scene.period, this.known - 1), first = Math.max(0, Math.ceil(now - TRAIL / scene.period));
+    const now = Math.min(time / scene.period, this.frames - 1), first = Math.max(0, Math.ceil(now - TRAIL / scene.period));
     const point = (k) => {
-      const i = 3 * Math.floor(k), j = 3 * Math.min(Math.floor(k) + 1, this.known - 1), part = k - Math.floor(k);
+      const i = 3 * Math.floor(k), j = 3 * Math.min(Math.floor(k) + 1, this.frames - 1), part = k - Math.floor(k);
       return [0, 1, 2].map((c) => (1 - part) * tool[i + c] + part * tool[j + c]);
     };
     context.strokeStyle = colours.css.trail;
@@ -242,7 +185,7 @@ class Panel {
     context.clearRect(0, 0, width, height);
     const row = height / this.n, names = Math.min(0.34 * width, 70 * ratio), size = Math.min(11 * ratio, 0.8 * row);
     const from = names, across = width - names, middle = from + across / 2;
-    const now = Math.min(Math.floor(time / scene.period), this.known - 1);
+    const now = Math.min(Math.floor(time / scene.period), this.frames - 1);
     context.font = `${size}px system-ui, sans-serif`;
     context.textBaseline = "middle";
     for (let j = 0; j < this.n; j++) {
@@ -251,7 +194,7 @@ class Panel {
       context.fillText(scene.joints[j], 0, y + row / 2, names - 6 * ratio);
       context.fillStyle = colours.css.track;
       context.fillRect(from, top, across, h);
-      if (now >= 0 && !(this.done && this.ending && time / scene.period > this.known)) {
+      if (!(this.ending && time / scene.period > this.frames)) {
         const k = 3 * (now * this.n + j);
         const [low, high, mean] = this.values.torque.subarray(k, k + 3).map((x) => Math.max(-1, Math.min(1, x)));
         const x = (value) => middle + (value * across) / 2;
@@ -283,9 +226,9 @@ class Panel {
     for (let j = 0; j < this.n; j++) {
       context.strokeStyle = scene.colours[j];
       context.beginPath();
-      for (let k = 0; k < this.known; k += every) {
+      for (let k = 0; k < this.frames; k += every) {
         let low = Infinity, high = -Infinity;
-        for (let i = k; i < Math.min(k + every, this.known); i++) {
+        for (let i = k; i < Math.min(k + every, this.frames); i++) {
           low = Math.min(low, this.values.error[2 * (i * this.n + j)]);
           high = Math.max(high, this.values.error[2 * (i * this.n + j) + 1]);
         }
@@ -331,7 +274,7 @@ function drawFloor(context, camera, ratio) {
 }
 
 function drawAll() {
-  const fair = panels.filter((panel) => !panel.ending && panel.known); // a run that failed must not set the scale
+  const fair = panels.filter((panel) => !panel.ending); // a run that failed must not set the scale
   const scale = Math.max(...(fair.length ? fair : panels).map((panel) => panel.peak), 1e-9);
   for (const panel of panels) panel.draw(scale);
   at("play").textContent = playing ? "pause" : "play";
@@ -415,4 +358,4 @@ function readColours() {
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", readColours);
 readColours();
 requestAnimationFrame(tick);
-listen();
+load();

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numba.core import config
 
-from torquebench.kernel_cache import KernelCache
+from torquebench.kernel.cache import KernelCache
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]

@@ -16,10 +16,9 @@ from numba import types
 from tests.arms import two_link
 from torquebench import Puma560
 from torquebench.kernel import Array, IntArray, kernel
-from torquebench.packing import Structure, Table, is_structure, layout, words
-from torquebench.packing_types import at, structure, vector
-from torquebench.robot.model import Model, own_copy
-from torquebench.sim.native_calls import native
+from torquebench.kernel.struct import Structure, Table, at, is_structure, layout, structure, vector, words
+from torquebench.robot.flat_model import Model, own_copy
+from torquebench.sim.native import native
 
 
 class Inner(NamedTuple):

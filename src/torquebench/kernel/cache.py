@@ -188,7 +188,7 @@ def cache_folder() -> Path:
     It lies under ``NUMBA_CACHE_DIR`` if that is set and usable, else in this package, else in the user's cache, else in
     a temporary folder. A folder that other users own or can write to is not usable.
     """
-    package = Path(__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     name = f"kernels-{_source_digest(package)}"
     in_package = package / "__pycache__"
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "torquebench"
@@ -214,12 +214,16 @@ def cache_folder() -> Path:
     return folder
 
 
+def kernel_sources(package: Path) -> list[Path]:
+    """Return the files of this package on which compiled code may depend."""
+    folders = (package / part for part in ("kernel", "fuzzy", "robot", "laws", "sim", "metrics"))
+    top = [file for file in package.glob("*.py") if b"@kernel" in file.read_bytes()]
+    return sorted([*top, *(file for folder in folders for file in folder.rglob("*.py"))])
+
+
 def _source_digest(package: Path) -> str:
-    files = (*package.glob("*.py"), *package.glob("metrics/*.py"))
-    top = [f for f in files if f.name.startswith(("kernel", "packing")) or b"@kernel" in f.read_bytes()]
-    sources = [*top, *(f for part in ("fuzzy", "robot", "laws", "sim") for f in (package / part).rglob("*.py"))]
     digest = hashlib.sha256()
-    for source in sorted(sources):
+    for source in kernel_sources(package):
         digest.update(str(source.relative_to(package)).encode() + b"\0" + source.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from torquebench import kernel_cache
+from tests.source_tree import FILES, SOURCE
+from torquebench.kernel import cache as kernel_cache
 from torquebench.kernel import clip, sat
-from torquebench.kernel_cache import KernelCache
+from torquebench.kernel.cache import KernelCache, kernel_sources
 from torquebench.robot.library import data_root
 
 KERNELS = "from torquebench.kernel import clip, sat; print(sat(2.0), clip(-7.0, 3.0))"
@@ -55,6 +56,16 @@ def test_an_edited_callee_is_not_hidden_by_the_cache(copy):
     assert len(list((package / "__pycache__").glob("kernels-*"))) == 1  # the stale one is gone
 
 
+def test_the_state_of_the_source_covers_every_kernel():
+    """Every file of the package that marks or compiles kernels is in the digest that names the folder."""
+    covered = set(kernel_sources(SOURCE))
+    marks = ("\n@kernel", "register_jitable(", "native(")
+    missing = [
+        name for name, path in FILES.items() if path not in covered and any(m in path.read_text() for m in marks)
+    ]
+    assert missing == ["bench/parts.py", "check/cost.py"]  # which call kernels, and nothing calls
+
+
 def test_the_cache_is_used_and_can_be_moved(copy, tmp_path):
     """Compiled kernels land in NUMBA_CACHE_DIR when it is set; a second process adds none."""
     _, run = copy
@@ -68,7 +79,7 @@ def test_the_cache_is_used_and_can_be_moved(copy, tmp_path):
 
 def run(code: str, folder: Path | str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run Python code with compiled kernels in a folder."""
-    source = Path(kernel_cache.__file__).resolve().parents[1]
+    source = Path(kernel_cache.__file__).resolve().parents[2]
     env = {**os.environ, "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(source), **environment}
     return subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=300)
 
@@ -228,7 +239,7 @@ def test_processes_that_compile_at_once_leave_an_intact_cache(tmp_path: Path) ->
     assert {path: path.read_bytes() for path in (tmp_path / "cache").rglob("*.nb?")} == content
 
 
-WHERE = "from torquebench.kernel_cache import cache_folder; print(cache_folder())"
+WHERE = "from torquebench.kernel.cache import cache_folder; print(cache_folder())"
 
 
 @pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])

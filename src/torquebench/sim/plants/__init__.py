@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
-from torquebench.packing import Structure
+from torquebench.kernel.struct import Structure
 from torquebench.robot.payload import Payload
 
 INTEGRATORS = ("rk4", "euler")

@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.bodies import scaled
-from torquebench.robot.loading import mjcf_path
+from torquebench.robot.library import mjcf_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload
+from torquebench.robot.perturbation import scaled
 from torquebench.sim.friction import NONE, Friction, check_stable, poses, resist
-from torquebench.sim.plant import NativePlant, check_own, check_scheme, stages
+from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
 
 _CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
 
@@ -167,8 +167,7 @@ class MujocoPlant:
         """
         check_own(self, MujocoPlant)
         if self._native is None:
-            from torquebench.sim.lean_arm import native_arm
-            from torquebench.sim.mujoco_step import compiled_step
+            from torquebench.sim.plants.mujoco_native import compiled_step, native_arm
 
             lean = self._lean or (None, None)
             arm = native_arm(self._m, self._d, self._resistance, lean[0])

@@ -8,9 +8,8 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-import torquebench.packing_types  # noqa: F401  tells numba what a Structure is
 from torquebench.kernel import Array, IntArray
-from torquebench.packing import Structure
+from torquebench.kernel.struct import Structure
 
 EXACT = 0
 """Structure code: rigid-body dynamics of all joints."""

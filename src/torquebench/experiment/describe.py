@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from torquebench.experiment.fuzzy_system import names_used, systems_of
 from torquebench.experiment.scenario_schema import (
     BandLimitedNoise,
     Bias,
@@ -14,6 +15,8 @@ from torquebench.experiment.scenario_schema import (
 )
 from torquebench.experiment.schema import AnalyticPlant, Experiment, slide_joints
 from torquebench.experiment.values import Vector
+from torquebench.fuzzy import BUILTIN, Prepared, prepare
+from torquebench.fuzzy.lint import lint
 
 
 def conditions_text(experiment: Experiment) -> str:
@@ -113,3 +116,32 @@ def _disturbance_text(disturbance: Disturbance, units: Units) -> str:
 
 def _numbers(vector: Vector) -> str:
     return " ".join(f"{x:g}" for x in (vector if isinstance(vector, tuple) else (vector,)))
+
+
+def fuzzy_in_use(experiment: Experiment) -> dict[str, Prepared]:
+    """Return the fuzzy systems that an experiment's controllers use, by name."""
+    systems = systems_of(experiment)
+    return {name: prepare(systems[name]) for name in names_used(experiment)}
+
+
+def fuzzy_facts(experiment: Experiment) -> dict[str, dict[str, Any]]:
+    """Return how each fuzzy system in use is evaluated, for the manifest and for ``--json``."""
+    systems = fuzzy_in_use(experiment)
+    return {name: {"method": system.method, "error_bound": system.bound} for name, system in systems.items()}
+
+
+def fuzzy_remarks(experiment: Experiment) -> list[str]:
+    """Return a line for each fuzzy system in use, saying how it is evaluated, and one for each warning about it."""
+    lines = []
+    for name, prepared in fuzzy_in_use(experiment).items():
+        lines.append(f"fuzzy system {name}: {evaluation(prepared)}")
+        # lint has nothing to say of the built-in ones, and asking it compiles what the run itself may not need
+        lines += [f"fuzzy system {name}: {finding}" for finding in ([] if name in BUILTIN else lint(prepared))]
+    return lines
+
+
+def evaluation(prepared: Prepared) -> str:
+    """Return how a fuzzy system is evaluated, and how far that is from its definition at most."""
+    if prepared.bound == 0.0:
+        return prepared.method
+    return f"{prepared.method}, error at most {prepared.bound:.2g} of the output's 1"

@@ -8,8 +8,8 @@ import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.arm import RobotModel
-from torquebench.robot.model import EXACT, Model, own_copy
+from torquebench.robot.flat_model import EXACT, Model, own_copy
+from torquebench.robot.robot_model import RobotModel
 
 FACTORS = ("mass", "com x", "com y", "com z", "spread x", "spread y", "spread z", "motor inertia")
 """What `scaled` multiplies by: spread is the second moment of mass about the centre of mass, along an axis."""

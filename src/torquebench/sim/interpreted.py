@@ -1,7 +1,9 @@
-"""One call of a law: whatever it raises, returns or leaves out becomes an outcome with a reason."""
+"""The readable path: the loop interpreted, the law called as the Python function it is."""
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import re
 import traceback
 from collections.abc import Callable
@@ -12,12 +14,60 @@ import numpy as np
 
 from torquebench.dialect import keeps_dialect
 from torquebench.kernel import Array
+from torquebench.kernel.struct import Structure
 from torquebench.laws import Law
 from torquebench.references import Reference
-from torquebench.robot.model import Model
-from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED
-from torquebench.sim.python_numbers import python_numbers
-from torquebench.sim.setup import Setup
+from torquebench.robot.flat_model import Model
+from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED, closed_loop
+from torquebench.sim.job import Job, Setup
+
+
+class PythonRun:
+    """A run on the readable path: call it with a range of control instants to get how they ended.
+
+    Args:
+        setup: The run.
+    """
+
+    longest = 1
+    """Control instants to ask for at once."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.detail = ""
+        """What went wrong, when something did."""
+        setup.job.q[:], setup.job.qd[:] = setup.plant.state()
+
+    def attach(self) -> None:
+        """Have the plant go on with its payload."""
+        self.setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
+
+    def __call__(self, first: int, last: int) -> int:
+        """Run control instants `first` .. `last` - 1."""
+        return closed_loop(self.setup.job, first, last, self._law, self._step)
+
+    def _law(self, job: Job, k: int) -> int:
+        s = self.setup
+        ref = Reference(job.q_ref[k].copy(), job.qd_ref[k].copy(), job.qdd_ref[k].copy())
+        tau, status, self.detail = call_law(
+            s.law,
+            s.gains,
+            s.belief,
+            k * job.control_period,
+            job.measured_q.copy(),
+            job.measured_qd.copy(),
+            ref,
+            s.memory,
+        )
+        if status == COMPLETED:
+            job.record_tau_law[k] = tau
+        return status
+
+    def _step(self, job: Job, substeps: int, varying: int) -> None:
+        plant = self.setup.plant
+        plant.step(job.torque if varying else job.torque[0], substeps)
+        job.q[:], job.qd[:] = plant.state()
+
 
 MATH_ERROR = re.compile(r"math domain error|expected a (\w+ input|number in range)")
 """What `math` says of an argument outside a function's domain, up to Python 3.13 and from 3.14 on."""
@@ -103,3 +153,49 @@ def _text(error: BaseException) -> str:
         return "".join(c if c.isprintable() else " " for c in str(error))
     except (Exception, SystemExit, GeneratorExit):  # noqa: BLE001
         return "(no text)"
+
+
+class Vector(np.ndarray[Any, Any]):
+    """A vector of Python's numbers."""
+
+    __slots__ = ()
+    __getitem__ = np.ndarray.item  # type: ignore[assignment]
+
+
+class Table(np.ndarray[Any, Any]):
+    """An array of more dimensions; its rows are vectors of Python's numbers."""
+
+    __slots__ = ()
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return an element as a number, or a part as an array of the same manner."""
+        return python_numbers(np.ndarray.__getitem__(self, key))
+
+
+def python_numbers(value: Any) -> Any:
+    """Return views of an array, or of all arrays in a structure, whose elements are Python's numbers; no copies."""
+    kind = type(value)
+    if kind is np.ndarray:
+        return value.view(Vector if value.ndim == 1 else Table)
+    if kind is float or kind is int:
+        return value
+    if isinstance(value, Structure):
+        return _structure(value)
+    if isinstance(value, np.ndarray):
+        return value.view(Vector if value.ndim == 1 else Table)
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return kind(*[python_numbers(field) for field in value])
+    return value
+
+
+def _structure(value: Structure) -> Structure:
+    """Convert a structure, which takes its time; it keeps the result, because a run has the same one at every call."""
+    kept: Structure | None = vars(value).get("_python_numbers")
+    if kept is None:
+        kept = copy.copy(value)  # of the same words: the arrays are the same memory
+        for field in dataclasses.fields(value):
+            object.__setattr__(kept, field.name, python_numbers(getattr(value, field.name)))
+        object.__setattr__(value, "_python_numbers", kept)
+    return kept

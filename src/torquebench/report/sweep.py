@@ -1,0 +1,186 @@
+"""Summary, sensitivities, figures, page and headline numbers of a finished sweep, all from its table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from torquebench.experiment.describe import conditions_text
+from torquebench.experiment.run import Progress
+from torquebench.experiment.schema import slide_joints
+from torquebench.experiment.store import json_bytes, machine
+from torquebench.experiment.sweep_schema import Worst
+from torquebench.report.render import PAGE
+from torquebench.report.run import FORMATS
+from torquebench.report.sweep_page import SweepInfo, sweep_page
+from torquebench.report.tables import headlines
+from torquebench.sim.trajectory import Outcome
+from torquebench.sweep.columns import Table, metric_keys
+from torquebench.sweep.results import TABLE, read_column
+from torquebench.sweep.run import worst_rows
+from torquebench.sweep.sensitivity import Sensitivity, sensitivities
+from torquebench.sweep.store import Stored
+from torquebench.sweep.summary import summarise
+
+MOST_ROWS = 2_000_000
+"""Rows up to which the table is looked at as a whole, in memory."""
+
+
+Outcomes: TypeAlias = Mapping[str, Mapping[str, int]]
+"""Controller -> how its runs ended -> how many did."""
+COMPLETED = Outcome.COMPLETED.name
+
+
+def report_files(stored: Stored, figures: bool, progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of every file about a sweep's table; the same table gives the same bytes.
+
+    A table of more than `MOST_ROWS` rows has none.
+
+    Args:
+        stored: The sweep, with its final table.
+        figures: Whether to draw.
+        progress: Told what is being worked out, and each figure's file when it is drawn.
+    """
+    if stored.plan.rows > MOST_ROWS:
+        return
+    with np.load(stored.folder / TABLE, allow_pickle=False) as archive:
+        table: Table = {name: archive[name] for name in archive.files}
+    yield "summary.json", json_bytes(summarise(table).to_json())
+    if progress is not None:
+        progress("what the figures depend on", 0, 0)
+    found = dependences(stored, table)
+    yield "sensitivity.json", json_bytes([one.to_json() for one in found])
+    info, svgs = info_of(stored), dict[str, bytes]()
+    for name, content in drawn(info, table, found, progress) if figures else ():
+        if name.endswith(".svg"):
+            svgs[name.removeprefix("figures/").removesuffix(".svg")] = content
+        yield name, content
+    yield PAGE, sweep_page(table, info, svgs, found)
+
+
+def dependences(stored: Stored, table: Table) -> list[Sensitivity]:
+    """Return what every metric depends on, where constants of the model or keys are drawn."""
+    plan = stored.plan
+    drawn_keys = any(random.choices is None for random in plan.keys.random)
+    if plan.draws < 2 or not (drawn_keys or any(plan.fixed(case).model.mismatch for case in range(plan.cases))):
+        return []
+    return sensitivities(table, plan.experiment, metric_keys(table))
+
+
+def drawn(
+    info: SweepInfo, table: Table, found: list[Sensitivity], progress: Progress | None = None
+) -> Iterator[tuple[str, bytes]]:
+    """Yield the figures as SVG and PNG files.
+
+    Args:
+        info: What the page tells of the sweep.
+        table: Its table.
+        found: What its metrics depend on.
+        progress: Told each file when it is drawn.
+    """
+    from torquebench.analysis.style import figure_bytes
+    from torquebench.analysis.sweep_figures import sweep_figures
+
+    said = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
+    pages = sweep_figures(table, info.name, said, found, slides=info.slides)
+    for count, (name, figure) in enumerate(pages.items()):
+        for i, fmt in enumerate(FORMATS):
+            yield f"figures/{name}.{fmt}", figure_bytes(figure, fmt)
+            if progress is not None:
+                progress(f"figures/{name}.{fmt}", 2 * count + i + 1, 2 * len(pages))
+
+
+def info_of(stored: Stored) -> SweepInfo:
+    """Return what the page tells of a sweep besides its table."""
+    plan = stored.plan
+    facts: dict[str, Any] = {key: stored.facts[key] for key in ("digest", "software", "plugins", "model_files")}
+    return SweepInfo(
+        plan.first.name,
+        plan.first.description or "",
+        conditions_text(plan.experiment(0, 0)),
+        workload_text(stored),
+        plan.source.text.decode(),
+        {"seed": plan.seed} | facts | {"machine": machine()},
+        slide_joints(plan.first.plant.model),
+        "torquebench run --from-sweep DIR --index",
+    )
+
+
+def workload_text(stored: Stored) -> str:
+    """Return how much was run, in words."""
+    plan = stored.plan
+    words = ((plan.cases, "case"), (plan.draws, "draw"), (len(plan.controllers), "controller"))
+    parts = " x ".join(f"{count:,} {word}{'s' * (count != 1)}" for count, word in words)
+    # each case is an experiment that is checked anew: not read where all last equally long
+    differ = any(axis.key in ("run", "run.duration") for axis in plan.keys.axes)
+    lengths = sorted({plan.fixed(case).run.duration for case in range(plan.cases if differ else 1)})
+    span = f"{lengths[0]:g} to {lengths[-1]:g}" if len(lengths) > 1 else f"{lengths[0]:g}"
+    return f"{parts}: {plan.rows:,} runs of {span} s"
+
+
+def worst_of_each(stored: Stored) -> list[int | None]:
+    """Return the row of each controller's worst run, by RMSE; None where none ran.
+
+    Args:
+        stored: The sweep, finished.
+    """
+    count = len(stored.plan.controllers)
+    found = {index % count: index for index in worst_rows(stored, Worst(worst=1, by="rmse"))}
+    return [found.get(i) for i in range(count)]
+
+
+def means(stored: Stored, key: str) -> list[float | None]:
+    """Return the mean of a metric over each controller's runs that have it; a row's controller follows from it.
+
+    Args:
+        stored: The sweep, finished.
+        key: The metric.
+    """
+    column, count, found = read_column(stored, key), len(stored.plan.controllers), list[float | None]()
+    for i in range(count):
+        values = column[i::count]
+        defined = values[~np.isnan(values)]
+        found.append(float(np.mean(defined)) if len(defined) else None)
+    return found
+
+
+def sweep_facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
+    """Return what ``--json`` says of a finished sweep: its size, how its runs ended, and means in SI units.
+
+    Args:
+        stored: The sweep, finished.
+        outcomes: How its runs ended.
+    """
+    plan = stored.plan
+    last = worst_of_each(stored)
+    centre = {key: means(stored, key) for key in headlines(())}
+    found = {
+        name: {
+            "runs": plan.pairs,
+            "completed": outcomes[name].get(COMPLETED, 0),
+            "outcomes": outcomes[name],
+            "means": {key: values[i] for key, values in centre.items()},
+            "worst_row": last[i],
+        }
+        for i, name in enumerate(plan.controllers)
+    }
+    return {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows, "controllers": found}
+
+
+def unexpected_outcomes(stored: Stored, outcomes: Outcomes) -> dict[str, str]:
+    """Return the controllers of which a run ended otherwise than the file expects, and how theirs ended.
+
+    Args:
+        stored: The sweep.
+        outcomes: How its runs ended.
+    """
+    found = {}
+    for keys in stored.plan.first.controllers:
+        own = outcomes[keys.name]
+        completed = own.get(COMPLETED, 0)
+        if sum(own.values()) - completed if keys.expect == "completed" else completed:
+            kinds = ", ".join(f"{count:,} {kind.lower().replace('_', ' ')}" for kind, count in own.items())
+            found[keys.name] = f"{kinds}; the file expects: {keys.expect}"
+    return found

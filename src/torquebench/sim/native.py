@@ -1,0 +1,320 @@
+"""The native path: law, loop and plant compiled behind fixed signatures, and called by address without the GIL."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import config
+from numba.core.ccallback import CFunc
+from numba.core.errors import NumbaError
+from numba.extending import intrinsic, register_jitable
+
+from torquebench.dialect import compiler_message, complaints
+from torquebench.kernel import is_foreign
+from torquebench.kernel.cache import KernelCache, without_collection
+from torquebench.kernel.struct import WORD, Table, at, is_structure, layout, structure, vector
+from torquebench.laws.law import Law, Nothing
+from torquebench.references import Reference
+from torquebench.robot.flat_model import Model
+from torquebench.sim.checked_math import with_checked_math
+from torquebench.sim.closed_loop import COMPLETED, RAISED, compiled_closed_loop
+from torquebench.sim.interpreted import replay
+from torquebench.sim.job import Job, Setup
+from torquebench.sim.plants import NativeError, NativePlant, Plant
+
+LAW_SIGNATURE = types.int64(*([types.int64] * 2), types.float64, *([types.int64] * 8))
+"""status = law(gains, belief, t, n, q, qd, q_ref, qd_ref, qdd_ref, memory, tau): addresses but for t and n."""
+STEP_SIGNATURE = types.int64(*([types.int64] * 4))
+"""step(plant, torque, substeps, varying): addresses of the plant's structure and of three rows of torque."""
+
+
+def caller(signature: Any) -> Any:
+    """Return a function for compiled code that calls a native function of `signature` by its address.
+
+    Args:
+        signature: Of integers and doubles only; the function returned takes the address first.
+    """
+
+    def word(kind: types.Type) -> Any:
+        return ir.DoubleType() if isinstance(kind, types.Float) else WORD
+
+    native = ir.FunctionType(word(signature.return_type), [word(kind) for kind in signature.args])
+
+    def build(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        arguments = [builder.extract_value(args[1], i) for i in range(len(signature.args))]
+        return builder.call(builder.inttoptr(args[0], native.as_pointer()), arguments)
+
+    @intrinsic
+    def call(typingctx: Any, address: Any, arguments: Any) -> Any:
+        return signature.return_type(types.int64, types.Tuple(signature.args)), build
+
+    return call
+
+
+def native(signature: Any, function: Any, error_model: str = "numpy") -> Any:
+    """Compile a function to native form, or load it from the cache on disk.
+
+    Args:
+        signature: Of integers and doubles only.
+        function: Its closure must hold only what keeps its value from process to process: plain functions, classes.
+        error_model: ``numpy``: a division by zero gives infinity; ``python``: it raises.
+    """
+    options = {"error_model": error_model, "_nrt": False}
+    compiled: Any = CFunc(function, (signature.args, signature.return_type), {}, options)
+    compiled._cache = KernelCache(function)
+    with without_collection():
+        compiled.compile()
+    return compiled
+
+
+call_law = caller(LAW_SIGNATURE)
+call_step = caller(STEP_SIGNATURE)
+
+
+RUN_SIGNATURE = types.int64(types.int64, types.int64, types.int64)
+"""status = run(job, first, last)."""
+
+
+job_at = at(Job)
+
+
+@register_jitable(_nrt=False)
+def law_of(job: Job, k: int) -> int:
+    """Call the job's law at control instant k."""
+    c = job.call
+    return call_law(
+        c[0],
+        (
+            c[1],
+            c[2],
+            k * job.control_period,
+            c[6],
+            job.measured_q.ctypes.data,
+            job.measured_qd.ctypes.data,
+            job.q_ref[k].ctypes.data,
+            job.qd_ref[k].ctypes.data,
+            job.qdd_ref[k].ctypes.data,
+            c[3],
+            job.record_tau_law[k].ctypes.data,
+        ),
+    )
+
+
+@register_jitable(_nrt=False)
+def step_of(job: Job, substeps: int, varying: int) -> None:
+    """Step the job's plant."""
+    call_step(job.call[4], (job.call[5], job.torque.ctypes.data, substeps, varying))
+
+
+@lru_cache(maxsize=1)
+def compiled_loop() -> Any:
+    """Return the compiled loop, a native function (job, first, last) -> status."""
+
+    def run(address: int, first: int, last: int) -> int:
+        return compiled_closed_loop(job_at(address), first, last, law_of, step_of)
+
+    return native(RUN_SIGNATURE, run)
+
+
+belief_at = at(Model)
+law_function: Any = None
+gains_class: Any = Nothing
+memory_class: Any = Nothing
+"""What `adapter` names; each law has an adapter of its own, which means something else by them."""
+
+
+def adapter(
+    gains: int,
+    belief: int,
+    t: float,
+    n: int,
+    q: int,
+    qd: int,
+    q_ref: int,
+    qd_ref: int,
+    qdd_ref: int,
+    memory: int,
+    tau: int,
+) -> int:
+    """Call a law with what lies at some addresses; arguments as of `LAW_SIGNATURE`."""
+    try:
+        law_function(
+            structure(gains_class, gains),
+            belief_at(belief),
+            t,
+            vector(q, n),
+            vector(qd, n),
+            Reference(vector(q_ref, n), vector(qd_ref, n), vector(qdd_ref, n)),
+            structure(memory_class, memory),
+            vector(tau, n),
+        )
+    except Exception:  # noqa: BLE001  compiled code knows no other kind
+        return RAISED
+    return COMPLETED
+
+
+def compile_law(law: Law) -> Any:
+    """Compile a law, or load it from the cache on disk, and return numba's native function.
+
+    The law's function is compiled as it stands. A division by zero in it, an argument outside the domain of a function
+    of `math`, and an element beyond the end of an array end the run as they do interpreted.
+
+    Raises:
+        numba.core.errors.NumbaError: the law cannot be compiled.
+        TypeError: its gains or memory hold something that compiled code cannot receive.
+    """
+    for name, cls in (("gains", law.gains_type), ("memory", law.memory_type or Nothing)):
+        if not (is_structure(cls) and len(cls._fields) > 0):
+            raise TypeError(f"its {name} are a {cls.__name__}, wanted a NamedTuple class with fields")
+        layout(cls)
+    function: Any = law.function
+    jitable = register_jitable(
+        error_model="python",
+        boundscheck=is_foreign(function),
+        _nrt=False,
+        forceinline=True,
+    )
+    means = {
+        "law_function": jitable(with_checked_math(function)),
+        "gains_class": law.gains_type,
+        "memory_class": law.memory_type or Nothing,
+    }
+    # numba finds an adapter on disk by its name and code; the code is the same for all laws, so the name tells
+    own = FunctionType(adapter.__code__, {**globals(), **means})
+    own.__name__ = own.__qualname__ = f"{law.name}_{law_digest(law)}"
+    return native(LAW_SIGNATURE, own)
+
+
+def law_digest(law: Law) -> str:
+    """Return a digest of a law: its code, the numbers and kernels that it names, and what its gains and memory hold.
+
+    A compiled law is found on disk by this, so that an edited law, constant or kernel is compiled again.
+    """
+    parts: list[str] = []
+    _describe(law.function, parts, set())
+    for cls in (law.gains_type, law.memory_type or Nothing):
+        parts.append(_layout(cls))
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
+
+
+def _layout(cls: type[Any]) -> str:
+    fields, size = layout(cls)
+    inner = {
+        name: _layout(field.kind) if field.kind not in (int, float) and not field.dimensions else field
+        for name, field in fields.items()
+    }
+    return f"{cls.__name__} {size} {inner}"
+
+
+def _describe(function: Any, parts: list[str], seen: set[Any]) -> None:
+    function = getattr(function, "py_func", function)
+    if not isinstance(function, FunctionType) or function in seen:
+        return
+    seen.add(function)
+    code = function.__code__
+    parts.append(f"{function.__module__}.{function.__qualname__}")
+    _code(code, parts)
+    named = {name: function.__globals__[name] for name in code.co_names if name in function.__globals__}
+    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+        named[name] = cell.cell_contents
+    for name, value in named.items():
+        parts.append(f"{name} = {value!r}" if isinstance(value, int | float) else f"{name}: {_name(value)}")
+        if not str(getattr(value, "__module__", "")).startswith("torquebench."):
+            _describe(value, parts, seen)
+
+
+def _code(code: CodeType, parts: list[str]) -> None:
+    constants = [c for c in code.co_consts if not isinstance(c, str | CodeType)]
+    parts.append(f"{code.co_code.hex()} {constants} {code.co_names} {code.co_varnames} {code.co_flags}")
+
+
+def _name(value: Any) -> str:
+    if isinstance(value, ModuleType):
+        return value.__name__
+    return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', type(value).__qualname__)}"
+
+
+def obstacle(plant: Plant, law: Law) -> str:
+    """Return why a run of `law` on `plant` cannot be compiled; an empty text when it can."""
+    if config.DISABLE_JIT:
+        return "numba is switched off (NUMBA_DISABLE_JIT)"
+    if not hasattr(plant, "native"):
+        return f"the plant, a {type(plant).__name__}, has no native form"
+    try:
+        plant.native()
+    except NativeError as error:
+        return str(error)
+    return law_obstacle(law)
+
+
+@lru_cache(maxsize=256)
+def law_obstacle(law: Law) -> str:
+    """Return why a law cannot be compiled; an empty text when it can. Compiles it, or loads it from the cache."""
+    found = complaints(law)
+    if found:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        return f"law '{law.name}' keeps to Python: {found[0]}{more}"
+    try:
+        native_law(law)
+    except (NumbaError, TypeError) as error:
+        return f"law '{law.name}' cannot be compiled: {compiler_message(error, law.function)}"
+    return ""
+
+
+@lru_cache(maxsize=256)
+def native_law(law: Law) -> Any:
+    """Return a law's native function; see `compile_law`."""
+    return compile_law(law)
+
+
+class NativeRun:
+    """A run on the native path: call it with a range of control instants to get how they ended.
+
+    Args:
+        setup: The run; its law must have no `obstacle`.
+        plant: The plant's native form.
+        gains: The table of its law's gains, where there is one already.
+    """
+
+    longest = 20_000
+    """Control instants to ask for at once, so that progress and interruption get their turn."""
+
+    def __init__(self, setup: Setup, plant: NativePlant, gains: Table | None = None) -> None:
+        job = setup.job
+        self.setup, self._plant = setup, plant
+        self._tables = gains or Table(setup.gains), Table(setup.memory)
+        self.detail = ""
+        """What went wrong, when something did."""
+        job.call[:] = [
+            native_law(setup.law).address,
+            self._tables[0].address,
+            setup.belief.address,
+            self._tables[1].address,
+            plant.step,
+            plant.structure.address,
+            len(job.q),
+        ]
+        self._loop = compiled_loop().ctypes
+
+    def restart(self, plant: NativePlant) -> None:
+        """Make the run anew, on the same arrays, without the payload that the plant may have taken up."""
+        self.detail, self._plant = "", plant
+        self.setup.job.call[5] = plant.structure.address
+
+    def attach(self) -> None:
+        """Have the plant go on with its payload."""
+        self.setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
+        if self._plant.loaded is not None:
+            self.setup.job.call[5] = self._plant.loaded.address
+
+    def __call__(self, first: int, last: int) -> int:
+        """Run control instants `first` .. `last` - 1, without holding the interpreter's lock."""
+        status = int(self._loop(self.setup.job.address, first, last))
+        if status == RAISED:  # interpreted, the failing call tells what it was and where
+            status, self.detail = replay(self.setup)
+        return status

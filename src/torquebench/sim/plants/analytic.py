@@ -1,0 +1,209 @@
+"""The arm without MuJoCo: a plant that integrates the analytic dynamics."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Annotated, Any
+
+import numpy as np
+
+from torquebench.kernel import Array, kernel
+from torquebench.kernel.struct import Structure, at, vector
+from torquebench.robot.dynamics import forward_dynamics
+from torquebench.robot.flat_model import Model, own_copy
+from torquebench.robot.payload import Payload, phases
+from torquebench.robot.robot_model import RobotModel
+from torquebench.sim.friction import NONE, Friction, Resistance, check_stable, poses, resist
+from torquebench.sim.native import STEP_SIGNATURE, native
+from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
+
+
+class AnalyticPlant:
+    """A plant that integrates an analytic model; follows the `Plant` protocol.
+
+    Args:
+        model: Dynamics of the truth, of any structure.
+        timestep: Integration step [s].
+        integrator: ``rk4`` or ``euler``.
+        payload: What the last link takes up, at the start or in the middle of a run.
+        friction: Friction of the joints.
+
+    Raises:
+        ValueError: the time step is not finite and positive, the integrator is unknown, or the friction does not fit
+            them.
+        ModelError: the model has no terms for the payload; see `carrying`.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        timestep: float = 0.001,
+        integrator: str = "rk4",
+        *,
+        payload: Payload | None = None,
+        friction: Friction | None = None,
+    ) -> None:
+        check_scheme(timestep, integrator)
+        self.n = model.n
+        self.timestep = timestep
+        self.tau_max = model.flat.tau_max.copy()
+        self.payload, self.friction = payload, friction
+        resistance = NONE if friction is None else friction.of_joints(model.n)
+        if friction is not None:
+            check_stable(resistance, model.mass_matrix(poses(model.n)), timestep, integrator)
+        n, (first, later) = model.n, phases(model, payload)
+        self._empty = Integrated(
+            own_copy(first.flat), resistance, integrator == "rk4", timestep, np.zeros(n), np.zeros(n), np.zeros((6, n))
+        )
+        self._loaded = None if later is None else replace(self._empty, model=own_copy(later.flat))
+        self._arm = self._empty
+
+    def reset(self, q: Array, qd: Array) -> None:
+        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
+        self._arm = self._empty
+        self._arm.q[:], self._arm.qd[:] = q, qd
+
+    def attach(self) -> None:
+        """Go on with the payload; see `Carrier`."""
+        self._arm = self._loaded or self._empty
+
+    def state(self) -> tuple[Array, Array]:
+        """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
+        return self._arm.q.copy(), self._arm.qd.copy()
+
+    def step(self, tau: Array, substeps: int) -> None:
+        """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`."""
+        start, middle, end = stages(tau)
+        try:
+            with np.errstate(all="ignore"):
+                integrate(self._arm, start, middle, end, substeps)
+        except (ArithmeticError, ValueError):
+            # an overflowing state: interpreted, math.cos(inf) raises where compiled code gives NaN
+            self._arm.q[:] = self._arm.qd[:] = np.nan
+
+    def native(self) -> NativePlant:
+        """Return what the compiled loop needs; see `NativePlant`.
+
+        Raises:
+            NativeError: a subclass, whose own methods the compiled loop would pass over.
+        """
+        check_own(self, AnalyticPlant)
+        return NativePlant(compiled_step().address, self._empty, self._arm.q, self._arm.qd, self._loaded)
+
+    def replica(self) -> AnalyticPlant:
+        """Return another plant of the same arm, for another thread."""
+        twin, old = copy.copy(self), self._empty
+        twin._empty = replace(old, model=own_copy(old.model), q=old.q.copy(), qd=old.qd.copy(), work=old.work.copy())
+        if self._loaded is not None:
+            twin._loaded = replace(twin._empty, model=own_copy(self._loaded.model))
+        twin._arm = twin._empty
+        return twin
+
+
+@kernel
+def rk4_steps(
+    model: Model,
+    friction: Resistance,
+    q: Array,
+    qd: Array,
+    start: Array,
+    middle: Array,
+    end: Array,
+    h: float,
+    steps: int,
+    work: Array,
+) -> None:
+    """Advance `q`, `qd` (n,) by `steps` steps of length `h` [s] of the classical Runge-Kutta method.
+
+    Args:
+        model: The plant's dynamics.
+        friction: Friction of its joints.
+        q, qd: State, overwritten [rad, rad/s].
+        start, middle, end: Torque at these times of each step, (n,) [N m].
+        h: Step [s].
+        steps: Number of steps.
+        work: Working memory, (6, n).
+    """
+    n = len(q)
+    position, velocity, acceleration, sum_v, sum_a = work[0], work[1], work[2], work[3], work[4]
+    rough = len(friction.viscous) > 0
+    for _ in range(steps):
+        for i in range(n):
+            position[i], velocity[i] = q[i], qd[i]
+            sum_v[i] = sum_a[i] = 0.0
+        for stage in range(4):
+            torque = start if stage == 0 else end if stage == 3 else middle
+            if rough:
+                resist(friction, velocity, torque, work[5])
+                forward_dynamics(model, position, velocity, work[5], acceleration)
+            else:
+                forward_dynamics(model, position, velocity, torque, acceleration)
+            weight = 2.0 if stage == 1 or stage == 2 else 1.0
+            ahead = h if stage == 2 else 0.5 * h
+            for i in range(n):
+                sum_v[i] += weight * velocity[i]
+                sum_a[i] += weight * acceleration[i]
+                position[i] = q[i] + ahead * velocity[i]
+                velocity[i] = qd[i] + ahead * acceleration[i]
+        for i in range(n):
+            q[i] += h / 6.0 * sum_v[i]
+            qd[i] += h / 6.0 * sum_a[i]
+
+
+@kernel
+def euler_steps(
+    model: Model, friction: Resistance, q: Array, qd: Array, torque: Array, h: float, steps: int, work: Array
+) -> None:
+    """Advance `q`, `qd` by `steps` steps of semi-implicit Euler; arguments as in `rk4_steps`."""
+    acceleration, net = work[2], torque
+    for _ in range(steps):
+        if len(friction.viscous) > 0:
+            net = work[5]
+            resist(friction, qd, torque, net)
+        forward_dynamics(model, q, qd, net, acceleration)
+        for i in range(len(q)):
+            qd[i] += h * acceleration[i]
+            q[i] += h * qd[i]
+
+
+@dataclass(frozen=True, eq=False)
+class Integrated(Structure):
+    """An analytic plant as compiled code sees it."""
+
+    model: Model
+    friction: Resistance
+    rk4: bool
+    timestep: float
+    q: Array
+    qd: Array
+    work: Annotated[Array, 2]
+
+
+@kernel
+def integrate(arm: Integrated, start: Array, middle: Array, end: Array, steps: int) -> None:
+    """Advance `arm` by `steps` time steps under the torque (n,) [N m] at the start, middle and end of each."""
+    if arm.rk4:
+        rk4_steps(arm.model, arm.friction, arm.q, arm.qd, start, middle, end, arm.timestep, steps, arm.work)
+    else:
+        euler_steps(arm.model, arm.friction, arm.q, arm.qd, start, arm.timestep, steps, arm.work)
+
+
+arm_at = at(Integrated)
+
+
+@lru_cache(maxsize=1)
+def compiled_step() -> Any:
+    """Return the step, a native function (arm, torque, substeps, varying) -> 0; see `STEP_SIGNATURE`."""
+
+    def step(address: int, torque: int, substeps: int, varying: int) -> int:
+        arm = arm_at(address)
+        n = len(arm.q)
+        start, middle, end = vector(torque, n), vector(torque + 8 * n, n), vector(torque + 16 * n, n)
+        if not varying:
+            middle, end = start, start
+        integrate(arm, start, middle, end, substeps)
+        return 0
+
+    return native(STEP_SIGNATURE, step)
