@@ -15,17 +15,19 @@ from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
 from torquebench.experiment.yaml_source import YAML
 from torquebench.fuzzy import BUILTIN, FuzzySystem, Prepared, builtin_system, prepare
 from torquebench.fuzzy.lint import lint
+from torquebench.fuzzy.oracle import compare
 from torquebench.laws.plugin import load_plugin
 
 
-def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Path]) -> int:
-    """Describe fuzzy systems, write their figures, and return the exit status, 0.
+def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Path], oracle: bool = False) -> int:
+    """Describe fuzzy systems, write their figures, and return the exit status: 1 where scikit-fuzzy says otherwise.
 
     Args:
         source: A config file, or the name of a built-in system.
         name: The only system of the file to describe; None for all.
         out: Folder for the figures; None for ``runs/fuzzy-NAME-UTC``.
         plugins: Files that register laws which the config uses.
+        oracle: Compare each system with scikit-fuzzy on a grid of inputs.
 
     Raises:
         ConfigError: bad input; nothing has been written.
@@ -38,9 +40,17 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
         for key in systems:
             prepared[key] = prepare(systems[key])
             bar.update(1)
+    compared = {}
+    with progress_bar(len(prepared) if oracle else 0, "system", "asking scikit-fuzzy") as bar:
+        for key in prepared if oracle else ():
+            compared[key] = compare(prepared[key])
+            bar.update(1)
     folder = claim_folder(out, f"fuzzy-{label}")
-    tell(directory=folder, systems={key: facts(system) for key, system in prepared.items()})
+    beside = {key: {"oracle": comparison._asdict()} for key, comparison in compared.items()}
+    tell(directory=folder, systems={key: facts(system) | beside.get(key, {}) for key, system in prepared.items()})
     say("\n\n".join(description(system) for system in prepared.values()))
+    for key, comparison in compared.items():
+        say(f"\n{key} beside {comparison}")
     from torquebench.analysis.figures import figure_bytes
     from torquebench.analysis.fuzzy_figures import system_figures
 
@@ -54,7 +64,7 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
     header = ["system", "rules", "terms", "error at most", "remarks", "evaluated"]
     say("\n" + table(header, [summary_row(key, system) for key, system in prepared.items()], prose=True))
     say(f"\nfigures: {folder}")
-    return 0
+    return 0 if all(comparison.within for comparison in compared.values()) else 1
 
 
 def _systems(source: str, name: str | None) -> tuple[str, Mapping[str, FuzzySystem]]:

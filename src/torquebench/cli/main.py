@@ -94,6 +94,7 @@ def parser() -> argparse.ArgumentParser:
     fuzzy.add_argument("source", metavar="CONFIG", help="experiment, a YAML file, or the name of a built-in system")
     fuzzy.add_argument("--name", help="the only system of the file to describe (default: all)")
     fuzzy.add_argument("--out", type=Path, help="folder for the figures, new or empty (default: runs/fuzzy-NAME-UTC)")
+    fuzzy.add_argument("--oracle", action="store_true", help="compare with scikit-fuzzy on a grid of inputs")
     fuzzy.add_argument(
         "--plugin",
         action="append",
@@ -329,7 +330,7 @@ def dispatch(options: argparse.Namespace) -> int:
     if options.command == "fuzzy":
         from torquebench.cli.fuzzy import fuzzy
 
-        return fuzzy(options.source, options.name, options.out, options.plugin)
+        return fuzzy(options.source, options.name, options.out, options.plugin, options.oracle)
     if options.command == "check":
         from torquebench.cli.check import check
 

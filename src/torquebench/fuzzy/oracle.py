@@ -43,6 +43,16 @@ class Comparison(NamedTuple):
     within: bool
     """Whether the difference is within its bound at each input."""
 
+    def __str__(self) -> str:
+        grid = " x ".join(map(str, self.grid))
+        at = ", ".join(f"{x:.3g}" for x in self.at)
+        parts = {"interpolation": self.table, "steps of scikit-fuzzy's universe": self.steps, "rounding": ROUNDING}
+        bound = ", ".join(f"{name} at most {value:.2g}" for name, value in parts.items() if value)
+        return (
+            f"{self.by} on {grid} inputs: largest difference {self.difference:.2g}, at ({at}), "
+            f"{'within' if self.within else 'ABOVE'} its bound ({bound})"
+        )
+
 
 def compare(prepared: Prepared, counts: tuple[int, int] = COUNTS) -> Comparison:
     """Compare what the control loop evaluates with scikit-fuzzy.
