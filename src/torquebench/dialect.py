@@ -560,7 +560,7 @@ def _structure_complaints(law: Law) -> Iterator[Complaint]:
         except NameError as error:
             yield Complaint(line, f"an annotation of {cls.__name__}: {error}", "import it, or define it above")
             continue
-        if cls is not None and not (is_structure(cls) and getattr(cls, "_fields", ())):
+        if cls is not None and not (is_structure(cls) and getattr(cls, "_fields", None)):
             what = f"its {title} are a {getattr(cls, '__name__', cls)}"
             yield Complaint(line, what, "make them a NamedTuple class with at least one field")
             continue
