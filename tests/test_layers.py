@@ -39,79 +39,30 @@ LAYERS = (
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 
 HOMES = {
-    "mujoco": {
-        "robot/mjcf.py",
-        "robot/mjcf_links.py",
-        "sim/plants/mujoco.py",
-        "sim/plants/mujoco_native.py",
-        "video/lens.py",
-        "video/probe.py",
-        "video/render.py",
-        "video/scene.py",
-        "video/stage.py",
-        "video/stick.py",
-        "view/arm.py",
-        "view/window.py",
-    },
-    "glfw": {"view/display.py"},
-    "OpenGL": {"video/probe.py"},
-    "imageio_ffmpeg": {"video/encode.py"},
-    "subprocess": {"video/child.py", "video/encode.py"},
-    "matplotlib": {
-        "analysis/certificate_figure.py",
-        "analysis/course_page.py",
-        "analysis/effects_page.py",
-        "analysis/figures.py",
-        "analysis/front_page.py",
-        "analysis/fuzzy_figures.py",
-        "analysis/fuzzy_rules.py",
-        "analysis/map_page.py",
-        "analysis/overlay.py",
-        "analysis/page.py",
-        "analysis/paper_pages.py",
-        "analysis/spread_page.py",
-        "analysis/style.py",
-        "analysis/sweep_figures.py",
-        "report/run.py",
-        "video/overlay.py",
-        "video/stick.py",
-        "video/text.py",
-    },
-    "jinja2": {"report/render.py"},
-    "scipy": {"statistics.py", "sweep/effects.py", "paper/checks.py"},
-    "skfuzzy": {"fuzzy/oracle.py", "fuzzy/table.py"},
-    "pydantic": {name for name in ALL if name.startswith("experiment/")},
-    "pydantic_core": {name for name in ALL if name.startswith("experiment/")},
-    "numba": {
-        "check.py",
-        "kernel/__init__.py",
-        "kernel/cache.py",
-        "kernel/struct.py",
-        "sim/checked_math.py",
-        "sim/closed_loop.py",
-        "sim/native.py",
-        "sim/plants/mujoco_native.py",
-    },
-    "llvmlite": {"kernel/struct.py", "sim/native.py", "sim/plants/mujoco_native.py"},
-    "tqdm": {"cli/terminal.py"},
-    "distributed": {"sweep/cluster.py"},
-    "dask": {"sweep/cluster.py"},
-    "yaml": {"robot/links.py", "robot/puma560/constants.py", "experiment/yaml_tree.py", "experiment/dump.py"},
-    "argparse": {
-        "cli/bench.py",
-        "cli/boundary_layer.py",
-        "cli/compare.py",
-        "cli/completion.py",
-        "cli/main.py",
-        "cli/options.py",
-        "cli/paper.py",
-        "cli/run.py",
-        "cli/sweep.py",
-        "cli/video.py",
-        "cli/view.py",
-    },
+    "mujoco": ("robot/mjcf", "sim/plants/", "video/", "view/"),
+    "glfw": ("video/", "view/"),
+    "OpenGL": ("video/",),
+    "imageio_ffmpeg": ("video/",),
+    "PIL": ("video/",),
+    "subprocess": ("video/",),
+    "matplotlib": ("analysis/", "report/", "video/", "cli/"),
+    "jinja2": ("report/",),
+    "scipy": ("statistics.py", "sweep/", "paper/"),
+    "skfuzzy": ("fuzzy/",),
+    "pydantic": ("experiment/", "sweep/"),
+    "pydantic_core": ("experiment/", "sweep/"),
+    "pandas": ("experiment/", "sweep/", "report/"),
+    "numba": ("kernel/", "dialect.py", "check.py", "sim/"),
+    "llvmlite": ("kernel/", "sim/"),
+    "click": ("cli/",),
+    "rich": ("cli/",),
+    "tqdm": ("cli/",),
+    "distributed": ("sweep/",),
+    "dask": ("sweep/",),
+    "yaml": ("robot/", "experiment/"),
+    "argparse": ("cli/",),
 }
-"""Third-party package, or what else has its place -> the only files that may import it."""
+"""Package -> the beginnings of the names of the only files that may import it."""
 
 
 def unit_of(name: str) -> str:
@@ -160,15 +111,10 @@ def test_the_top_level_imports_nothing_when_imported() -> None:
 
 @pytest.mark.parametrize("name", ALL)
 def test_heavy_packages_stay_in_their_places(name: str) -> None:
-    """MuJoCo, matplotlib, pydantic, numba and the others are imported only by the files listed for them."""
+    """MuJoCo, matplotlib, pydantic, numba and the others are imported only where `HOMES` has a place for them."""
     for module, line in imports(TREES[name]):
         homes = HOMES.get(module.split(".")[0])
-        assert homes is None or name in homes, f"{name}:{line} imports {module}"
-
-
-def test_homes_are_not_stale() -> None:
-    """Every file listed for a package exists."""
-    assert set().union(*HOMES.values()) <= set(ALL)
+        assert homes is None or name.startswith(homes), f"{name}:{line} imports {module}"
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -23,8 +23,8 @@ from torquebench import load_trajectory
 from torquebench.cli.main import main
 from torquebench.experiment.store import check_run
 from torquebench.metrics import METRICS
+from torquebench.sweep.folder import open_sweep
 from torquebench.sweep.run import state_of
-from torquebench.sweep.store import opened
 
 THREADS = ("--executor", "threads", "--workers", "2", "--no-figures")
 
@@ -432,9 +432,27 @@ def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
     while alive(run.pid):  # the last helper of multiprocessing ends when it notices that it is alone
         time.sleep(0.01)
     assert not Path("s/manifest.json").exists()
-    state = state_of(opened(Path("s"), (), "--resume"))
+    state = state_of(open_sweep(Path("s"), (), "--resume"))
     assert len(state.complete) >= 1
     assert state.damaged == frozenset()
+
+
+def test_the_processes_of_a_killed_sweep_end_too(small):
+    """SIGKILL of the command alone, which can clean nothing up, while its workers are in the middle of long shards."""
+    small.write_text(SMALL.replace("duration: 0.6", "duration: 100"))
+    command = [sys.executable, "-m", "torquebench", "sweep", "small.yaml", "--out", "s", "--workers", "2", "--no-cap"]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    workers = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+    while len(workers.read_text().split()) < 3:  # two, and the helper of multiprocessing
+        assert run.poll() is None
+        time.sleep(0.01)
+    time.sleep(1.0)
+    run.kill()
+    run.wait()
+    end = time.monotonic() + 30.0
+    while alive(run.pid):
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def test_what_the_table_says_is_written_and_made_again_in_the_same_bytes(small, command):

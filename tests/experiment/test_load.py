@@ -15,9 +15,8 @@ from torquebench.errors import ConfigError, ControllerError
 from torquebench.experiment import as_vector, dump_experiment, experiment_json_schema, load_experiment
 from torquebench.experiment.schema import ControllerKeys
 from torquebench.kernel import Array
-from torquebench.laws import base
 from torquebench.laws.declare import RESERVED, Gain, Option
-from torquebench.laws.law import controller, find_law
+from torquebench.laws.law import LAWS, controller, find_law
 
 
 def test_every_key_arrives_where_it_belongs() -> None:
@@ -154,7 +153,7 @@ class ClashingGains(NamedTuple):
 @pytest.fixture
 def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a test register laws that vanish with it."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
 
 
 @pytest.mark.usefixtures("own_registry")

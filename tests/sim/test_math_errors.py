@@ -18,8 +18,7 @@ from tests.sim.loops import PLANTS, TARGET, arm, plant_of
 from tests.user_files import load
 from torquebench import Controller, Outcome, find_law, simulate
 from torquebench.dialect import MATH, complaints
-from torquebench.laws import Law
-from torquebench.laws.law import LAWS
+from torquebench.laws.law import LAWS, Law
 from torquebench.sim import checked_math, interpreted
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
 from torquebench.sim.interpreted import Table, Vector, python_numbers

@@ -23,8 +23,8 @@ import numpy as np
 
 from tests.sweep.examples import SMALL
 from torquebench.cli.main import main
+from torquebench.sweep.folder import PLAN, open_sweep
 from torquebench.sweep.run import state_of
-from torquebench.sweep.store import PLAN, opened
 
 QUICK = "--no-figures"
 DRAWS = ["--set", "sweep.draws=24"]
@@ -115,7 +115,7 @@ class Bench:
 
     def resumed(self, out: Path) -> dict[str, Any]:
         """Continue a sweep that was stopped; return what was there, what was run, and whether the tables are right."""
-        state, before = state_of(opened(out, (), "")), marks(out)
+        state, before = state_of(open_sweep(out, (), "")), marks(out)
         status = ended(forked(command(["sweep", "--resume", str(out), *self.how], self.folder / "output.txt")))
         after = marks(out)
         said = next((x for x in (self.folder / "output.txt").read_text().splitlines() if "shards run" in x), "")
@@ -140,7 +140,7 @@ class Bench:
             os.kill(child, signal.SIGKILL)
             if ended(child) != -signal.SIGKILL or not (out / PLAN).is_file():
                 continue
-            state = state_of(opened(out, (), ""))
+            state = state_of(open_sweep(out, (), ""))
             if state.complete and state.missing:
                 return self.resumed(out) | {"tries": tries}
         raise RuntimeError("no kill came while shards were being run")

@@ -25,12 +25,11 @@ from torquebench.cli.main import main, parser
 from torquebench.errors import ConfigError, ResultError
 from torquebench.robot.library import data_root
 from torquebench.sweep import cluster as cluster_module
-from torquebench.sweep import remote
-from torquebench.sweep.cluster import AHEAD, Cluster, opened
+from torquebench.sweep.cluster import AHEAD, Cluster, open_cluster
 from torquebench.sweep.executors import Executor, Threads
+from torquebench.sweep.folder import Shards
 from torquebench.sweep.plan import Plan
-from torquebench.sweep.shards import Shards
-from torquebench.sweep.work import Task, Worker
+from torquebench.sweep.worker import Task, Worker
 
 WORKERS = 3
 PLAN = plan_of(SMALL)
@@ -39,7 +38,7 @@ PLAN = plan_of(SMALL)
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:
     """Three worker processes of one thread on the loopback interface."""
-    with opened(f"local:{WORKERS}") as found:
+    with open_cluster(f"local:{WORKERS}") as found:
         yield found
 
 
@@ -112,7 +111,7 @@ def test_few_shards_are_with_the_cluster_at_once(cluster: Cluster) -> None:
     """However many there are, it has those in hand and no result that was taken, so memory stays flat."""
     scheduler, most, count = default_client().cluster.scheduler, 0, 0
     for shard, table in cluster.run(Task(PLAN.source, 1), range(PLAN.pairs)):
-        assert same(table, Worker(PLAN).table(Task(PLAN.source, 1), shard)) or shard % 9
+        assert same(table, Worker(PLAN).columns(Task(PLAN.source, 1), shard)) or shard % 9
         most, count = max(most, len(scheduler.tasks)), count + 1
     assert count == PLAN.pairs == 36
     assert 1 <= most <= AHEAD * WORKERS + 2  # one may be on its way in, and one on its way out
@@ -197,9 +196,9 @@ def test_an_interrupted_sweep_is_finished_by_another_executor(folder, address, c
 
 def test_workers_with_other_software_are_refused(folder, cluster, address, command, monkeypatch):
     """Exit 2, each worker named with its version and the client's, nothing written; one that joins later, too."""
-    versions = remote.decisive_versions()
-    monkeypatch.setattr(remote, "decisive_versions", lambda: versions | {"numpy": "0.0.1"})
-    monkeypatch.setattr(cluster, "_needs", None)
+    versions = cluster_module.decisive_versions()
+    monkeypatch.setattr(cluster_module, "decisive_versions", lambda: versions | {"numpy": "0.0.1"})
+    cluster._needs_of.cache_clear()
     status, _, err = command("small.yaml", "--out", "s", "--cluster", address)
     assert status == 2
     names = sorted(default_client().nthreads())
@@ -209,7 +208,7 @@ def test_workers_with_other_software_are_refused(folder, cluster, address, comma
     assert not Path("s").exists()
     with pytest.raises(ResultError, match=r"worker tcp://.* has numpy .* instead of 0\.0\.1"):
         shards_of(PLAN, cluster, 9)
-    monkeypatch.setattr(cluster, "_needs", None)
+    cluster._needs_of.cache_clear()
 
 
 def test_the_one_worker_that_differs_is_named(cluster):
@@ -218,9 +217,10 @@ def test_the_one_worker_that_differs_is_named(cluster):
     name = next(iter(client.nthreads()))
 
     def alter(text: str) -> str:
-        from torquebench.sweep import remote
 
-        before, remote._SOURCE = remote._SOURCE, text
+        from torquebench.sweep import cluster
+
+        before, cluster._SOURCE = cluster._SOURCE, text
         return before
 
     before = client.run(alter, "other", workers=[name])[name]
@@ -239,7 +239,7 @@ def test_the_one_worker_that_differs_is_named(cluster):
     [
         (
             "made_of",
-            lambda models: remote.decisive_versions() | {"model nobody": "x"},
+            lambda models: cluster_module.decisive_versions() | {"model nobody": "x"},
             "has model nobody absent instead",
         ),
         ("sample", lambda plan: "x", "computes other last bits"),
@@ -247,8 +247,8 @@ def test_the_one_worker_that_differs_is_named(cluster):
 )
 def test_workers_that_would_compute_other_bytes_are_refused(cluster, monkeypatch, name, value, text):
     """Other files of the arm, or other last bits of the first rows."""
-    monkeypatch.setattr(cluster, "_needs", None)
-    monkeypatch.setattr(remote, name, value)
+    cluster._needs_of.cache_clear()
+    monkeypatch.setattr(cluster_module, name, value)
     with pytest.raises(ConfigError, match=text):
         cluster.prepare(PLAN.source)
 

@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,10 @@ from torquebench.errors import ResultError
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment
 from torquebench.metrics import METRICS
-from torquebench.sweep.columns import Table
 from torquebench.sweep.executors import Executor, Processes, Threads
 from torquebench.sweep.plan import Plan
-from torquebench.sweep.work import Stopped, Task, Worker, run_shard
+from torquebench.sweep.table import Columns
+from torquebench.sweep.worker import Stopped, Task, Worker, run_shard
 
 SIZE = 5
 PLAN = plan_of(SMALL)
@@ -29,13 +30,13 @@ SHARDS = range(-(-PLAN.pairs // SIZE))
 
 
 @pytest.fixture(scope="module")
-def whole() -> dict[int, Table]:
+def whole() -> dict[int, Columns]:
     """Every shard, run by one worker in order."""
     worker = Worker(PLAN)
-    return {shard: worker.table(TASK, shard) for shard in SHARDS}
+    return {shard: worker.columns(TASK, shard) for shard in SHARDS}
 
 
-def same(a: Table, b: Table) -> bool:
+def same(a: Columns, b: Columns) -> bool:
     """Whether two tables are equal in every byte."""
     return list(a) == list(b) and all(
         a[name].dtype == b[name].dtype and a[name].tobytes() == b[name].tobytes() for name in a
@@ -43,7 +44,7 @@ def same(a: Table, b: Table) -> bool:
 
 
 @pytest.mark.parametrize("executor", [Threads(1), Threads(2), Threads(4)], ids=["1", "2", "4"])
-def test_tables_do_not_depend_on_who_makes_them(executor: Executor, whole: dict[int, Table]) -> None:
+def test_tables_do_not_depend_on_who_makes_them(executor: Executor, whole: dict[int, Columns]) -> None:
     """Every shard comes once, equal in every byte whatever the number of threads, in reverse order too."""
     order = list(reversed(SHARDS))
     found = list(executor.run(TASK, order))
@@ -51,7 +52,7 @@ def test_tables_do_not_depend_on_who_makes_them(executor: Executor, whole: dict[
     assert all(same(table, whole[shard]) for shard, table in found)
 
 
-def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Table]) -> None:
+def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Columns]) -> None:
     """Outcome, values and metrics of a row equal, bit by bit, those of its experiment run by itself."""
     rows = {name: np.concatenate([whole[shard][name] for shard in SHARDS]) for name in whole[0]}
     assert rows["index"].tolist() == list(range(PLAN.rows))
@@ -73,10 +74,9 @@ def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Table]) -> No
 def test_failed_and_refused_runs_have_outcomes_and_no_metrics() -> None:
     """A push that no arm withstands, and drawn constants with which there is no arm: rows like any other."""
     drawn = "{uniform: [8, 12]}\n    model.mismatch.constants.I1: {uniform: [-9, 1]}"
-    drawn = "{uniform: [8, 12]}\n    model.mismatch.constants.I1: {uniform: [-9, 1]}"
     text = SMALL.replace("{uniform: [8, 12]}", drawn).replace("relative: 0.3", "constants: {g1: 1}")
     plan = plan_of(text, "disturbances=[{kind: bias, channel: torque, value: 1e9}]")
-    table = Worker(plan).table(Task(plan.source, plan.pairs), 0)
+    table = Worker(plan).columns(Task(plan.source, plan.pairs), 0)
     ended = dict(zip(*np.unique(table["outcome"], return_counts=True), strict=True))
     assert set(ended) == {"REFUSED", "DIVERGED"}
     failed = table["outcome"] != "COMPLETED"
@@ -100,7 +100,21 @@ def test_a_worker_that_is_told_to_stop_gives_up_its_shard() -> None:
         run_shard(TASK, 0, lambda: next(asked))
 
 
-def test_a_process_that_dies_is_an_error(whole: dict[int, Table]) -> None:
+def test_closing_the_iterator_ends_the_processes() -> None:
+    """At once, although one has a shard of seconds in hand: no process and no thread is left."""
+    plan = plan_of(SMALL, "sweep.grid={run.duration: [0.6, 0.7, 100]}", "sweep.draws=1")
+    threads = threading.active_count()
+    tables = Processes(1).run(Task(plan.source, 1), range(3))
+    next(tables)
+    next(tables)
+    start = time.perf_counter()
+    tables.close()  # type: ignore[attr-defined]
+    assert time.perf_counter() < start + 10.0
+    assert multiprocessing.active_children() == []
+    assert threading.active_count() == threads
+
+
+def test_a_process_that_dies_is_an_error(whole: dict[int, Columns]) -> None:
     """Its tables are the same as any; when somebody kills it, its shard is not waited for, and no process is left."""
     tables = Processes(1).run(TASK, SHARDS)
     shard, table = next(tables)
@@ -115,7 +129,7 @@ def test_trajectories_are_kept_where_they_are_asked_for(tmp_path: Path) -> None:
     """One file for each row, which is the trajectory of that row."""
     from torquebench import load_trajectory
 
-    Worker(PLAN).table(Task(PLAN.source, 1, tmp_path), 3)
+    Worker(PLAN).columns(Task(PLAN.source, 1, tmp_path), 3)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["6-band.npz", "7-sign.npz"]
     experiment = PLAN.experiment_of(PLAN.row(7))
     run = run_experiment(experiment).runs["sign"]

@@ -15,8 +15,8 @@ from torquebench.experiment import parse_experiment
 from torquebench.experiment.build import build
 from torquebench.sweep.checking import Survey, check_plan, corners
 from torquebench.sweep.estimate import LEAST_SHARDS, MOST_SHARDS, shard_size
-from torquebench.sweep.form import empty_columns, values_of
 from torquebench.sweep.plan import Plan, pairs_of
+from torquebench.sweep.table import empty_columns, key_values
 
 
 def test_rows_count_controllers_in_draws_in_cases() -> None:
@@ -37,7 +37,7 @@ def test_a_row_is_the_experiment_with_its_values_set_on_the_command_line() -> No
     for index in (0, 1, 13, 40, 71):
         row = plan.row(index)
         mass, phi = (value.raw for value in plan.values(row.case))
-        lam = values_of(plan, row.case, row.draw)["controllers.*.gains.lam"][row.controller]
+        lam = key_values(plan, row.case, row.draw)["controllers.*.gains.lam"][row.controller]
         wanted = parse_experiment(
             BASE,
             "small.yaml",
@@ -76,7 +76,7 @@ def test_draws_are_paired_across_cases() -> None:
     assert len({digest(plan, case, 3) for case in range(plan.cases)}) == 1
     assert len({digest(plan, 0, draw) for draw in range(plan.draws)}) == plan.draws
     (random,) = plan.continuous
-    assert len({values_of(plan, case, 3)[random.key][0] for case in range(plan.cases)}) == 1
+    assert len({key_values(plan, case, 3)[random.key][0] for case in range(plan.cases)}) == 1
     assert len({plan.drawn(random, draw) for draw in range(100)}) == 100
 
 
@@ -112,7 +112,7 @@ def test_choices_are_equally_likely_and_may_be_words() -> None:
     plan = plan_of(
         SMALL.replace("{uniform: [8, 12]}", "{choice: [9, 10, 11]}\n    chain: {choice: [ideal, fast, slow]}")
     )
-    shown = [values_of(plan, 0, draw) for draw in range(3000)]
+    shown = [key_values(plan, 0, draw) for draw in range(3000)]
     for key, choices in (("controllers.*.gains.lam", (9.0, 10.0, 11.0)), ("chain", ("ideal", "fast", "slow"))):
         counts = [sum(values[key][0] == choice for values in shown) for choice in choices]
         assert sum(counts) == 3000
@@ -125,11 +125,11 @@ def test_choices_are_equally_likely_and_may_be_words() -> None:
 def test_a_table_shows_no_value_of_a_key_that_a_law_lacks() -> None:
     """Phi of the law that switches by sign is NaN, lam is the same for both; a word of another law's is empty."""
     plan = plan_of(SMALL)
-    values = values_of(plan, 0, 0)
+    values = key_values(plan, 0, 0)
     phi, lam = values["controllers.*.gains.phi"], values["controllers.*.gains.lam"]
     assert (phi[0], math.isnan(float(phi[1])), len(set(lam))) == (0.1, True, 1)
     grid = "controllers.band.switching: [saturation, sign]"
-    words = values_of(plan_of(BASE + f"sweep: {{grid: {{{grid}}}}}\n"), 0, 0)
+    words = key_values(plan_of(BASE + f"sweep: {{grid: {{{grid}}}}}\n"), 0, 0)
     assert words == {"controllers.band.switching": ["saturation", ""]}
 
 
@@ -160,7 +160,7 @@ def test_values_with_names_are_called_by_them() -> None:
         "sweep: {grid: {chain: {clean: ideal, noisy: {encoder_noise: 0.001}}, disturbances: {none: [], noise: []}}}\n"
     )
     plan = plan_of(BASE + named)
-    assert [tuple(own[0] for own in values_of(plan, case, 0).values()) for case in range(4)] == [
+    assert [tuple(own[0] for own in key_values(plan, case, 0).values()) for case in range(4)] == [
         ("clean", "none"),
         ("clean", "noise"),
         ("noisy", "none"),

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, new_page
 from torquebench.analysis.sweep_parts import TURNS, Scale, key_label, key_values, law_name, metric_scale, value_text
-from torquebench.sweep.columns import Rows, Table, rows_by
-from torquebench.sweep.reduce import level
+from torquebench.sweep.summary import level
+from torquebench.sweep.table import Rows, Table, rows_by
 
 
 def course_page(

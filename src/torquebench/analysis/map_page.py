@@ -16,7 +16,7 @@ from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, new_page, printable
 from torquebench.analysis.sweep_parts import TURNS, key_label, key_values, metric_scale, scaled, value_text
 from torquebench.kernel import Array
-from torquebench.sweep.columns import Table, completed, rows_by
+from torquebench.sweep.table import Table, completed, rows_by
 
 COLUMNS = 3
 LEAST_HEIGHT = 2.4

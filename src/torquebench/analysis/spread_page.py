@@ -17,7 +17,7 @@ from torquebench.analysis import style
 from torquebench.analysis.page import finish_page, new_page
 from torquebench.analysis.sweep_parts import TURNS, Scale, law_name, metric_scale, scaled
 from torquebench.kernel import Array
-from torquebench.sweep.columns import Rows, Table, rows_by
+from torquebench.sweep.table import Rows, Table, rows_by
 
 MOST_POINTS = 400
 """Points drawn for each law; of more, an evenly spaced part of those in order of size, both ends included."""

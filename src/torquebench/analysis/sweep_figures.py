@@ -15,8 +15,8 @@ from torquebench.analysis.sweep_front import front_of
 from torquebench.analysis.sweep_parts import TURNS, key_values
 from torquebench.experiment.units import joint_units
 from torquebench.metrics import METRICS
-from torquebench.sweep.columns import Table, checked, grid_keys, metric_keys
 from torquebench.sweep.sensitivity import Sensitivity
+from torquebench.sweep.table import Table, check_table, grid_keys, metric_keys
 
 SHOWN = ("rmse", "hf")
 """Metrics that figures show: error against chattering."""
@@ -48,7 +48,7 @@ def sweep_figures(
     Raises:
         ResultError: it is no sweep's table.
     """
-    checked(table)
+    check_table(table)
     subtitle = f"{subtitle}\n" if subtitle else ""
     over = f"{subtitle}geometric means over draws and all other keys, bars: 95 % intervals over draws"
     cells = f"{subtitle}geometric means over draws and all other keys of the runs that completed, (n): n failed"

@@ -8,17 +8,17 @@ from typing import NamedTuple
 from torquebench.analysis.front_page import Spot
 from torquebench.analysis.sweep_parts import key_label, key_values, law_name, value_text
 from torquebench.statistics import Ratio, undominated
-from torquebench.sweep.columns import (
+from torquebench.sweep.summary import level
+from torquebench.sweep.table import (
     Rows,
     Table,
     completed,
     controllers,
     grid_keys,
     metric_keys,
+    row_values,
     rows_by,
-    values_of,
 )
-from torquebench.sweep.reduce import level
 
 CHOSEN = ("controllers.", "run.control_period")
 """How keys begin that a designer chooses; the others are conditions that a law has to cope with."""
@@ -91,7 +91,7 @@ def _names(table: Table, spots: Sequence[Spot], laws: Sequence[str]) -> dict[str
 def _spots(table: Table, law: str, cases_of: Sequence[Rows], keys: tuple[str, ...], alike: bool) -> list[Spot]:
     choices: dict[tuple[float | str | None, ...], list[Rows]] = {}
     for rows in cases_of:
-        choices.setdefault(tuple(values_of(table, keys, int(rows[0])).values()), []).append(rows)
+        choices.setdefault(tuple(row_values(table, keys, int(rows[0])).values()), []).append(rows)
     found = []
     for values, cases in choices.items():
         error, chattering = (_worst([level(table, rows, key) for rows in cases]) for key in ("rmse", "hf"))

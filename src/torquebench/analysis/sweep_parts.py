@@ -12,7 +12,7 @@ from torquebench.analysis.page import printable
 from torquebench.experiment.units import joint_units, unit_of
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
-from torquebench.sweep.columns import Rows, Table, completed, finished
+from torquebench.sweep.table import Rows, Table, completed, finished
 
 
 class Scale(NamedTuple):
@@ -37,7 +37,7 @@ def metric_scale(table: Table, key: str, slides: Sequence[bool] = TURNS) -> Scal
         slides: Of each joint, whether it slides: errors are in m then, or, where only some do, in rad and m.
     """
     info = METRICS[key]
-    values = finished(table, np.arange(len(table["index"])), key)
+    values = finished(table, np.arange(len(table)), key)
     known = np.abs(values[np.isfinite(values)])
     unit = style.metric_unit(info, float(np.median(known)) if known.size else 0.0)
     return Scale(f"{info.title} [{joint_units(unit.name, slides)}]", unit.factor)

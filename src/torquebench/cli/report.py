@@ -18,8 +18,7 @@ from torquebench.laws.plugin import load_plugin
 from torquebench.report.render import PAGE
 from torquebench.report.run import compare_page, rewrite_page, stored_page
 from torquebench.report.run_page import changed_arm
-from torquebench.sweep.run import refuse_others
-from torquebench.sweep.store import PLAN, opened
+from torquebench.sweep.folder import PLAN, open_sweep, verify
 
 
 def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redraw: bool) -> int:
@@ -75,12 +74,12 @@ def report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
     Raises:
         ConfigError: the sweep is not finished, or cannot be read.
     """
-    stored = opened(folder, tuple(path.absolute() for path in plugins), "RUN")
+    stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN")
     if not stored.finished:
         message = f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it"
         raise ConfigError([Problem("RUN", "", message)])
     try:
-        refuse_others(stored)
+        verify(stored)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
     add_to_run(folder, dict(report_with_bar(stored, figures=True)))

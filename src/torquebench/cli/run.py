@@ -107,9 +107,9 @@ def chosen(options: argparse.Namespace) -> Experiment:
         problems.append(Problem("--index", "", "missing: wanted the number of a row, from 0"))
     if problems:
         raise ConfigError(problems)
-    from torquebench.sweep.store import opened
+    from torquebench.sweep.folder import open_sweep
 
-    plan = opened(options.from_sweep, tuple(options.plugin), "--from-sweep").plan
+    plan = open_sweep(options.from_sweep, tuple(options.plugin), "--from-sweep").plan
     if not 0 <= options.index < plan.rows:
         raise ConfigError([Problem("--index", "", f"got {options.index}, wanted 0 to {plan.rows - 1}")])
     return plan.experiment_of(plan.row(options.index))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from torquebench.errors import ConfigError, Problem, ResultError
-from torquebench.sweep.store import PLAN
+from torquebench.sweep.folder import PLAN
 
 T = TypeVar("T")
 

@@ -19,9 +19,9 @@ from torquebench.report.sweep import MOST_ROWS, report_files, sweep_facts, unexp
 from torquebench.sweep.checking import Survey, check_plan
 from torquebench.sweep.estimate import MOST_STEPS, Estimate, duration, estimate, shard_size, size
 from torquebench.sweep.executors import Executor, Processes, Threads
+from torquebench.sweep.folder import StoredSweep, create_sweep, lock_folder, open_sweep, refuse_changes, verify
 from torquebench.sweep.plan import Plan, Source
-from torquebench.sweep.run import State, conclude, refuse_others, rows_in, run_missing, state_of
-from torquebench.sweep.store import Stored, alone, begin, opened, refuse_changes
+from torquebench.sweep.run import State, conclude, rows_in, run_missing, state_of
 
 DONE, FAILED = 0, 1
 FAR_TOO_MANY = 3
@@ -48,17 +48,17 @@ def sweep(options: argparse.Namespace) -> int:
             raise ConfigError([Problem("sweep", "", f"{message}: --no-cap lifts the caps")])
         with progress_bar(plan.cases, "case", "checking") as bar:
             survey = check_plan(plan, bar.update)
-        with executor(options) as how:
-            stored = begun(plan, survey, how, options)
+        with open_executor(options) as executor:
+            stored = start(plan, survey, executor, options)
             if stored is None:
                 return DONE
-            run_rest(stored, state_of(stored), how, options)
+            run_rest(stored, state_of(stored), executor, options)
     else:
-        stored = continued(options)
+        stored = resume(options)
         if stored.finished:
-            finished(stored)
+            verify_finished(stored)
         else:
-            rest_of(stored, options)
+            finish(stored, options)
     outcomes = check_run(stored.folder)["outcomes"]
     found = sweep_facts(stored, outcomes)
     tell(directory=stored.folder, **found)
@@ -93,36 +93,36 @@ def check_options(options: argparse.Namespace) -> None:
         raise ConfigError(problems)
 
 
-def begun(plan: Plan, survey: Survey, how: Executor, options: argparse.Namespace) -> Stored | None:
+def start(plan: Plan, survey: Survey, executor: Executor, options: argparse.Namespace) -> StoredSweep | None:
     """Say how much work a sweep is, and make its folder; None when the former was all that was wanted.
 
     Args:
         plan: The sweep.
         survey: What checking it has found.
-        how: What will run it.
+        executor: What will run it.
         options: Arguments of the command.
 
     Raises:
         ConfigError: the work is more than the caps allow, or a worker cannot take part.
     """
-    work = told(plan, survey, how)
+    work = print_estimate(plan, survey, executor)
     refusals = work.refusals((options.out or Path("runs")).absolute())
     if refusals and not options.no_cap:
         raise ConfigError([Problem("sweep", "", f"needs {text}: --no-cap lifts the caps") for text in refusals])
     if options.dry_run:
         return None
-    prepare(how, plan.source)
+    prepare(executor, plan.source)
     directory = RunDirectory(claim_folder(options.out, plan.first.name))
-    return begin(directory, plan, shard_size(plan, survey))
+    return create_sweep(directory, plan, shard_size(plan, survey))
 
 
-def continued(options: argparse.Namespace) -> Stored:
+def resume(options: argparse.Namespace) -> StoredSweep:
     """Return the sweep of a folder, which the file, if one is given, must still describe.
 
     Raises:
         ConfigError: there is none, or something that decides results has changed.
     """
-    stored = opened(options.resume, tuple(options.plugin), "--resume")
+    stored = open_sweep(options.resume, tuple(options.plugin), "--resume")
     if options.config is not None:
         plan = Plan(source_of(options))
         check_plan(plan)
@@ -130,13 +130,13 @@ def continued(options: argparse.Namespace) -> Stored:
     return stored
 
 
-def finished(stored: Stored) -> None:
+def verify_finished(stored: StoredSweep) -> None:
     """Verify the files of a finished sweep.
 
     Raises:
         ResultError: one is missing or altered.
     """
-    refuse_others(stored)
+    verify(stored)
     state = state_of(stored)
     gone = len(state.missing) - len(state.damaged)
     if state.missing:
@@ -145,7 +145,7 @@ def finished(stored: Stored) -> None:
     say(f"finished already: {len(state.complete)} of {stored.shards} shards are there")
 
 
-def rest_of(stored: Stored, options: argparse.Namespace) -> None:
+def finish(stored: StoredSweep, options: argparse.Namespace) -> None:
     """Say how far a sweep is, and run the rest.
 
     Raises:
@@ -154,19 +154,19 @@ def rest_of(stored: Stored, options: argparse.Namespace) -> None:
     state = state_of(stored)
     damaged = f", {len(state.damaged)} damaged" if state.damaged else ""
     say(f"{len(state.complete)} of {stored.shards} shards are there{damaged}; {len(state.missing)} to run")
-    with executor(options) as how:
-        prepare(how, stored.plan.source)
-        run_rest(stored, state, how, options)
+    with open_executor(options) as executor:
+        prepare(executor, stored.plan.source)
+        run_rest(stored, state, executor, options)
 
 
-def prepare(how: Executor, source: Source) -> None:
+def prepare(executor: Executor, source: Source) -> None:
     """Have the workers ready.
 
     Raises:
         ConfigError: one cannot take part.
     """
     with progress_bar(0, "worker", "preparing the workers (compiles on first use)"):
-        how.prepare(source)
+        executor.prepare(source)
 
 
 def source_of(options: argparse.Namespace) -> Source:
@@ -175,24 +175,24 @@ def source_of(options: argparse.Namespace) -> Source:
     return Source(text, str(options.config), tuple(options.overrides), tuple(p.absolute() for p in options.plugin))
 
 
-def told(plan: Plan, survey: Survey, how: Executor) -> Estimate:
+def print_estimate(plan: Plan, survey: Survey, executor: Executor) -> Estimate:
     """Say how much work a sweep is, and return it."""
     with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
-        work = estimate(plan, survey, how.count, how.processes, how.here)
+        work = estimate(plan, survey, executor.count, executor.processes, executor.here)
     tell(estimate=work)
     say(
         f"{plan.first.name}: {plan.cases:,} case{'s' * (plan.cases != 1)} x {plan.draws:,} draw"
         f"{'s' * (plan.draws != 1)} x {len(plan.controllers)} controller{'s' * (len(plan.controllers) != 1)}"
     )
     say(
-        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} of running on {how}, "
+        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} of running on {executor}, "
         f"{size(work.memory)} of memory, {size(work.disk)} on disk"
     )
     return work
 
 
 @contextlib.contextmanager
-def executor(options: argparse.Namespace) -> Iterator[Executor]:
+def open_executor(options: argparse.Namespace) -> Iterator[Executor]:
     """Have what runs the shards.
 
     Raises:
@@ -202,22 +202,22 @@ def executor(options: argparse.Namespace) -> Iterator[Executor]:
         count = options.workers or os.cpu_count() or 1
         yield Threads(count) if options.executor == "threads" else Processes(count)
         return
-    from torquebench.sweep.cluster import opened as opened_cluster
+    from torquebench.sweep.cluster import open_cluster
 
     with contextlib.ExitStack() as stack:
         with progress_bar(0, "worker", f"waiting for the cluster {options.cluster}"):
-            cluster = stack.enter_context(opened_cluster(options.cluster))
+            cluster = stack.enter_context(open_cluster(options.cluster))
         say(str(cluster))
         yield cluster
 
 
-def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Namespace) -> None:
+def run_rest(stored: StoredSweep, state: State, executor: Executor, options: argparse.Namespace) -> None:
     """Run what is missing and conclude.
 
     Args:
         stored: The sweep.
         state: How far it is.
-        how: What runs the shards.
+        executor: What runs the shards.
         options: Arguments of the command.
 
     Raises:
@@ -226,14 +226,14 @@ def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Name
     done = sum(rows_in(stored, shard) for shard in state.complete)
     ran = 0
     try:
-        with alone(stored), progress_bar(stored.plan.rows, "run", "running", done) as bar:
+        with lock_folder(stored), progress_bar(stored.plan.rows, "run", "running", done) as bar:
 
             def report(rows: int) -> None:
                 nonlocal ran
                 ran += 1
                 bar.update(rows)
 
-            run_missing(stored, state, how, report)
+            run_missing(stored, state, executor, report)
             bar.set_description_str("writing the tables")
             if stored.plan.rows > MOST_ROWS:
                 warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
@@ -245,13 +245,13 @@ def run_rest(stored: Stored, state: State, how: Executor, options: argparse.Name
     say(f"{ran} shards run, {len(state.complete)} were there")
 
 
-def report_with_bar(stored: Stored, figures: bool) -> Iterator[tuple[str, bytes]]:
+def report_with_bar(stored: StoredSweep, figures: bool) -> Iterator[tuple[str, bytes]]:
     """Yield what `report_files` makes of a sweep, with a progress bar; arguments as there."""
     with progress_bar(0, "figure", "drawing") as bar:
         yield from report_files(stored, figures, following(bar))
 
 
-def resume_hint(stored: Stored, options: argparse.Namespace) -> str:
+def resume_hint(stored: StoredSweep, options: argparse.Namespace) -> str:
     """Return what to type to go on."""
     words = ["torquebench", "sweep", "--resume", str(stored.folder)]
     words += [word for plugin in options.plugin for word in ("--plugin", str(plugin))]

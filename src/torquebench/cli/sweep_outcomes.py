@@ -8,10 +8,10 @@ from typing import Any
 from torquebench.cli.terminal import table
 from torquebench.experiment.schema import slide_joints
 from torquebench.report.tables import headlines, number
-from torquebench.sweep.store import Stored
+from torquebench.sweep.folder import StoredSweep
 
 
-def summary(stored: Stored, told: Mapping[str, Any]) -> str:
+def summary(stored: StoredSweep, told: Mapping[str, Any]) -> str:
     """Return the table of what came out: of each controller the runs that completed, and means of its metrics.
 
     Args:

@@ -17,12 +17,11 @@ from torquebench.report.run import FORMATS
 from torquebench.report.sweep_page import SweepInfo, sweep_page
 from torquebench.report.tables import headlines
 from torquebench.sim.trajectory import Outcome
-from torquebench.sweep.columns import Table, metric_keys
-from torquebench.sweep.results import TABLE, read_column
+from torquebench.sweep.folder import TABLE, StoredSweep, read_column
 from torquebench.sweep.run import worst_rows
 from torquebench.sweep.sensitivity import Sensitivity, sensitivities
-from torquebench.sweep.store import Stored
 from torquebench.sweep.summary import summarise
+from torquebench.sweep.table import Table, metric_keys, read_table
 
 MOST_ROWS = 2_000_000
 """Rows up to which the table is looked at as a whole, in memory."""
@@ -33,7 +32,7 @@ Outcomes: TypeAlias = Mapping[str, Mapping[str, int]]
 COMPLETED = Outcome.COMPLETED.name
 
 
-def report_files(stored: Stored, figures: bool, progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
+def report_files(stored: StoredSweep, figures: bool, progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
     """Yield name and content of every file about a sweep's table; the same table gives the same bytes.
 
     A table of more than `MOST_ROWS` rows has none.
@@ -45,8 +44,7 @@ def report_files(stored: Stored, figures: bool, progress: Progress | None = None
     """
     if stored.plan.rows > MOST_ROWS:
         return
-    with np.load(stored.folder / TABLE, allow_pickle=False) as archive:
-        table: Table = {name: archive[name] for name in archive.files}
+    table = read_table(stored.folder / TABLE)
     yield "summary.json", json_bytes(summarise(table).to_json())
     if progress is not None:
         progress("what the figures depend on", 0, 0)
@@ -60,7 +58,7 @@ def report_files(stored: Stored, figures: bool, progress: Progress | None = None
     yield PAGE, sweep_page(table, info, svgs, found)
 
 
-def dependences(stored: Stored, table: Table) -> list[Sensitivity]:
+def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
     """Return what every metric depends on, where constants of the model or keys are drawn."""
     plan = stored.plan
     drawn_keys = any(random.choices is None for random in plan.keys.random)
@@ -92,7 +90,7 @@ def drawn(
                 progress(f"figures/{name}.{fmt}", 2 * count + i + 1, 2 * len(pages))
 
 
-def info_of(stored: Stored) -> SweepInfo:
+def info_of(stored: StoredSweep) -> SweepInfo:
     """Return what the page tells of a sweep besides its table."""
     plan = stored.plan
     facts: dict[str, Any] = {key: stored.facts[key] for key in ("digest", "software", "plugins", "model_files")}
@@ -108,7 +106,7 @@ def info_of(stored: Stored) -> SweepInfo:
     )
 
 
-def workload_text(stored: Stored) -> str:
+def workload_text(stored: StoredSweep) -> str:
     """Return how much was run, in words."""
     plan = stored.plan
     words = ((plan.cases, "case"), (plan.draws, "draw"), (len(plan.controllers), "controller"))
@@ -120,7 +118,7 @@ def workload_text(stored: Stored) -> str:
     return f"{parts}: {plan.rows:,} runs of {span} s"
 
 
-def worst_of_each(stored: Stored) -> list[int | None]:
+def worst_of_each(stored: StoredSweep) -> list[int | None]:
     """Return the row of each controller's worst run, by RMSE; None where none ran.
 
     Args:
@@ -131,7 +129,7 @@ def worst_of_each(stored: Stored) -> list[int | None]:
     return [found.get(i) for i in range(count)]
 
 
-def means(stored: Stored, key: str) -> list[float | None]:
+def means(stored: StoredSweep, key: str) -> list[float | None]:
     """Return the mean of a metric over each controller's runs that have it; a row's controller follows from it.
 
     Args:
@@ -146,7 +144,7 @@ def means(stored: Stored, key: str) -> list[float | None]:
     return found
 
 
-def sweep_facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
+def sweep_facts(stored: StoredSweep, outcomes: Outcomes) -> dict[str, Any]:
     """Return what ``--json`` says of a finished sweep: its size, how its runs ended, and means in SI units.
 
     Args:
@@ -169,7 +167,7 @@ def sweep_facts(stored: Stored, outcomes: Outcomes) -> dict[str, Any]:
     return {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows, "controllers": found}
 
 
-def unexpected_outcomes(stored: Stored, outcomes: Outcomes) -> dict[str, str]:
+def unexpected_outcomes(stored: StoredSweep, outcomes: Outcomes) -> dict[str, str]:
     """Return the controllers of which a run ended otherwise than the file expects, and how theirs ended.
 
     Args:

@@ -19,9 +19,9 @@ from torquebench.report.sweep_tables import (
     silent_text,
 )
 from torquebench.report.tables import headlines
-from torquebench.sweep.columns import Table
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Group, Summary, summarise
+from torquebench.sweep.table import Table
 
 MOST_CASES = 64
 """Cases whose tables are shown."""

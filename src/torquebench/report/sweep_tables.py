@@ -9,9 +9,8 @@ from torquebench.metrics import METRICS
 from torquebench.report.tables import number
 from torquebench.statistics import Ratio, Share
 from torquebench.sweep.effects import ranked
-from torquebench.sweep.reduce import TAIL, Figure
 from torquebench.sweep.sensitivity import Sensitivity
-from torquebench.sweep.summary import Group, Overall, Summary
+from torquebench.sweep.summary import TAIL, Figure, Group, Overall, Summary
 
 SHOWN = ("rmse", "hf")
 """Metrics that tables tell more of than the mean."""

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from torquebench.experiment.sweep_schema import Worst
 from torquebench.sweep.checking import Survey
-from torquebench.sweep.form import empty_columns
 from torquebench.sweep.plan import Plan
-from torquebench.sweep.work import Worker
+from torquebench.sweep.table import empty_columns
+from torquebench.sweep.worker import Worker
 
 SHARD_STEPS = 250_000
 """Control instants in a shard, about: half a second's work, all that a power cut costs."""

@@ -1,56 +1,53 @@
-"""Where shards are run: on threads of this process, or in processes of their own."""
+"""Where shards are run: in threads of this process, or in processes of their own."""
 
 from __future__ import annotations
 
 import contextlib
 import itertools
 import multiprocessing
+import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
-from multiprocessing.connection import wait as wait_for
-from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
 from torquebench.errors import ResultError, TorquebenchError
-from torquebench.sweep.columns import Table
 from torquebench.sweep.plan import Source
-from torquebench.sweep.work import Task, load_plugins, run_shard
-
-PATIENCE = 10.0
-"""Time that processes get to end by themselves [s]."""
+from torquebench.sweep.table import Columns
+from torquebench.sweep.worker import Task, load_plugins, run_shard
 
 
 class Executor(Protocol):
-    """Runs shards; the same bytes come back whatever it is. Its text says what it is."""
+    """Runs shards. Results do not depend on the executor; `str()` describes it."""
 
     @property
     def count(self) -> int:
-        """How many shards it runs at once."""
+        """Number of shards that run at once."""
         ...
 
     @property
     def processes(self) -> int:
-        """How many processes of their own it has on this machine."""
+        """Number of worker processes on this machine."""
         ...
 
     @property
     def here(self) -> int:
-        """How many of the shards that it runs at once are run on this machine."""
+        """Number of shards that run at once on this machine."""
         ...
 
     def prepare(self, source: Source) -> None:
-        """Make sure that whoever runs the shards of a sweep would get the same bytes as this process.
+        """Make sure that every worker would compute the same bytes as this process.
 
         Raises:
             ConfigError: one would not.
         """
         ...
 
-    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
-        """Run shards and yield the number and table of each as soon as it is done, in any order.
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Columns]]:
+        """Run shards and yield the number and columns of each as soon as it is done, in any order.
 
         Closing the iterator, or an exception in it, stops what is still running.
         """
@@ -58,7 +55,7 @@ class Executor(Protocol):
 
 
 class Threads:
-    """Threads of this process; compiled loops do not hold the interpreter's lock, the rest does.
+    """Threads of this process; compiled loops release the interpreter's lock, everything else holds it.
 
     Args:
         count: Number of threads.
@@ -72,33 +69,26 @@ class Threads:
         return f"{self.count} thread{'s' * (self.count != 1)}"
 
     def prepare(self, source: Source) -> None:
-        """Do nothing: it is the same machine; see `Executor`."""
+        """Do nothing: this is the process that workers are compared with; see `Executor`."""
 
-    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Columns]]:
         """Run shards; see `Executor`."""
         if self.count == 1:
             for shard in shards:
                 yield shard, run_shard(task, shard)
             return
-        stop, waiting = threading.Event(), iter(shards)
-        pending: dict[Future[Table], int] = {}
+        stop = threading.Event()
         with ThreadPoolExecutor(self.count) as pool:
             try:
-                while True:
-                    # one more than there are threads, so that none waits for this one
-                    for shard in itertools.islice(waiting, self.count + 1 - len(pending)):
-                        pending[pool.submit(run_shard, task, shard, stop.is_set)] = shard
-                    if not pending:
-                        return
-                    for future in wait(pending, return_when=FIRST_COMPLETED).done:
-                        yield pending.pop(future), future.result()
+                # one more than there are threads, so that none waits for the consumer
+                yield from _as_done(lambda n: pool.submit(run_shard, task, n, stop.is_set), shards, self.count + 1)
             finally:
                 stop.set()
                 pool.shutdown(cancel_futures=True)
 
 
 class Processes:
-    """Processes of their own, started anew, which end when this process does, however it ends.
+    """Worker processes, which end when this process does, however it ends.
 
     Args:
         count: Number of processes.
@@ -111,71 +101,69 @@ class Processes:
         return f"{self.count} process{'es' * (self.count != 1)}"
 
     def prepare(self, source: Source) -> None:
-        """Do nothing: it is the same machine; see `Executor`."""
+        """Do nothing: processes of one machine compute the same bytes; see `Executor`."""
 
-    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Columns]]:
         """Run shards; see `Executor`.
 
         Raises:
             ResultError: a process died, or could not do its work.
         """
-        waiting, context = iter(shards), multiprocessing.get_context("spawn")
-        workers: dict[Connection[Any, Any], BaseProcess] = {}
-        owed: dict[Connection[Any, Any], int] = {}
+        context = multiprocessing.get_context("spawn")
+        watched, held = context.Pipe(duplex=False)
+        pool = ProcessPoolExecutor(self.count, context, _start, (watched, task))
         try:
-            for first in itertools.islice(waiting, self.count):
-                own, theirs = context.Pipe()
-                process: BaseProcess = context.Process(target=_serve, args=(theirs, task), daemon=True)
-                process.start()
-                theirs.close()
-                workers[own], owed[own] = process, 1
-                own.send(first)
-            for own, shard in zip(workers, waiting, strict=False):
-                own.send(shard)  # one more than it is at, so that it need not wait for this process
-                owed[own] += 1
-            while workers:
-                ready = wait_for(list(workers))
-                for connection in [known for known in workers if known in ready]:
-                    done, table = _received(connection, workers[connection])
-                    owed[connection] -= 1
-                    for shard in itertools.islice(waiting, 1):
-                        connection.send(shard)
-                        owed[connection] += 1
-                    if owed[connection] == 0:
-                        connection.send(None)
-                        workers.pop(connection).join(PATIENCE)
-                    yield done, table
+            # two for each process: the one that it runs and the next, so that none waits for the consumer
+            yield from _as_done(lambda shard: pool.submit(_run, shard), shards, 2 * self.count)
+            pool.shutdown()
+        except BrokenProcessPool as error:
+            raise ResultError("a worker process died: it was killed, or the machine ran out of memory") from error
         finally:
-            for connection, process in workers.items():
-                connection.close()
-                process.terminate()
-            for process in workers.values():
-                process.join(PATIENCE)
+            held.close()
+            pool.shutdown(cancel_futures=True)
+            watched.close()
 
 
-def _received(connection: Connection[Any, Any], process: BaseProcess) -> tuple[int, Table]:
-    """Return the next shard of a process.
+def _as_done(
+    submit: Callable[[int], Future[Columns]], shards: Sequence[int], most: int
+) -> Iterator[tuple[int, Columns]]:
+    """Submit shards, at most `most` at a time, and yield each as soon as it is done."""
+    waiting, pending = iter(shards), dict[Future[Columns], int]()
+    while True:
+        for shard in itertools.islice(waiting, most - len(pending)):
+            pending[submit(shard)] = shard
+        if not pending:
+            return
+        for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            yield pending.pop(future), future.result()
+
+
+_task: Task
+"""What this worker process works on."""
+
+
+def _start(watched: Connection[Any, Any], task: Task) -> None:
+    """Set up a worker process; it ends when its parent closes the other end of a pipe, or is gone."""
+    global _task
+    _task = task
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends Ctrl-C to all; the parent decides
+    threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
+
+
+def _end_with_parent(watched: Connection[Any, Any]) -> None:
+    with contextlib.suppress(EOFError, OSError):
+        watched.recv()
+    os._exit(0)
+
+
+def _run(shard: int) -> Columns:
+    """Run a shard in a worker process.
 
     Raises:
-        ResultError: it died, or says why it cannot go on.
+        ResultError: it cannot be run, and why.
     """
     try:
-        done, table, reason = connection.recv()
-    except (EOFError, ConnectionError) as error:
-        process.join(PATIENCE)
-        raise ResultError(f"a worker process died (exit status {process.exitcode})") from error
-    if reason:
-        raise ResultError(reason)
-    return done, table
-
-
-def _serve(connection: Connection[Any, Any], task: Task) -> None:
-    """Run the shards that come through a connection until None comes, or nobody is left at its other end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to all; the first process decides
-    with contextlib.suppress(EOFError, ConnectionError):
-        try:
-            load_plugins(task.source)
-            while (shard := connection.recv()) is not None:
-                connection.send((shard, run_shard(task, shard), ""))
-        except TorquebenchError as error:
-            connection.send((0, {}, str(error)))
+        load_plugins(_task.source)
+        return run_shard(_task, shard)
+    except TorquebenchError as error:
+        raise ResultError(str(error)) from error  # a message survives the way back to the parent, its data does not

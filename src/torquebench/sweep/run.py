@@ -1,52 +1,125 @@
-"""Running a sweep from wherever it stands: the shards that are missing, the final table, the worst trajectories."""
+"""Running a sweep from wherever it stands: the missing shards, the final table, the worst trajectories."""
 
 from __future__ import annotations
 
+import atexit
+import os
+import shutil
+import tempfile
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from torquebench.errors import ResultError
-from torquebench.experiment.store import atomic_write, check_run
+from torquebench.experiment.store import RunDirectory, atomic_write, claim_folder
 from torquebench.experiment.sweep_schema import Worst
 from torquebench.metrics import METRICS
-from torquebench.sweep.executors import Executor
-from torquebench.sweep.form import REFUSED
-from torquebench.sweep.results import finish, read_column, write_results
-from torquebench.sweep.shards import Shards
-from torquebench.sweep.store import TRAJECTORIES, Stored
-from torquebench.sweep.work import Task, Worker, keep
+from torquebench.sweep.checking import check_plan
+from torquebench.sweep.estimate import shard_size
+from torquebench.sweep.executors import Executor, Processes
+from torquebench.sweep.folder import (
+    PLAN,
+    TRAJECTORIES,
+    Shards,
+    StoredSweep,
+    create_sweep,
+    lock_folder,
+    open_sweep,
+    read_column,
+    refuse_changes,
+    verify,
+    write_manifest,
+    write_table,
+)
+from torquebench.sweep.plan import Plan
+from torquebench.sweep.table import REFUSED
+from torquebench.sweep.worker import Task, Worker, write_trajectory
+
+MoreFiles: TypeAlias = Callable[[StoredSweep], Iterable[tuple[str, bytes]]]
+"""Makes further files of a sweep that has its final table: name and content of each."""
 
 
 class State(NamedTuple):
     """How far a sweep is."""
 
     complete: frozenset[int]
-    """Shards that are there."""
+    """Shards that are complete."""
     damaged: frozenset[int]
-    """Shards that are there, but not as they were written; they are run again."""
+    """Shards whose files are not as they were written; they are run again."""
     missing: tuple[int, ...]
     """Shards to run, the damaged ones among them."""
 
 
-def state_of(stored: Stored) -> State:
+def state_of(stored: StoredSweep) -> State:
     """Return how far a sweep is; every shard that is there is read and verified."""
     good, bad = Shards(stored.folder, stored.digest).complete(stored.shards)
     missing = tuple(shard for shard in range(stored.shards) if shard not in good)
     return State(frozenset(good), frozenset(bad), missing)
 
 
-def rows_in(stored: Stored, shard: int) -> int:
+def rows_in(stored: StoredSweep, shard: int) -> int:
     """Return the number of rows of a shard."""
     pairs = min((shard + 1) * stored.shard_size, stored.plan.pairs) - shard * stored.shard_size
     return pairs * len(stored.plan.controllers)
 
 
+def run_sweep(
+    plan: Plan,
+    folder: Path | None = None,
+    executor: Executor | None = None,
+    *,
+    progress: Callable[[int, int], None] = lambda done, rows: None,
+    more: MoreFiles = lambda stored: (),
+) -> StoredSweep:
+    """Check and run a sweep, or what is left of it; a finished one is verified and returned.
+
+    Args:
+        plan: The sweep.
+        folder: Where to store it: a new or empty folder, or one in which this sweep was started; None for a temporary
+            one, which is removed when the interpreter ends.
+        executor: What runs the shards; None for a process per core.
+        progress: Called with the number of rows that are done, and of all rows.
+        more: Makes further files from the final table.
+
+    Raises:
+        ConfigError: the plan has mistakes, or the folder holds something else.
+        ResultError: a worker died, another process is running this sweep, or a file of a finished one was altered.
+        OSError: a file could not be written; what is stored is kept, and running the sweep again goes on with it.
+    """
+    executor = Processes(os.cpu_count() or 1) if executor is None else executor
+    survey = check_plan(plan)
+    if folder is not None and (folder / PLAN).is_file():
+        stored = open_sweep(folder, plan.source.plugins, "folder")
+        refuse_changes(stored, plan, "folder")
+        if stored.finished:
+            verify(stored)
+            return stored
+    else:
+        if folder is None:
+            folder = Path(tempfile.mkdtemp(prefix="torquebench-sweep-"))
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        stored = create_sweep(RunDirectory(claim_folder(folder, plan.first.name)), plan, shard_size(plan, survey))
+    executor.prepare(plan.source)
+    with lock_folder(stored):
+        state = state_of(stored)
+        done = sum(rows_in(stored, shard) for shard in state.complete)
+
+        def report(rows: int) -> None:
+            nonlocal done
+            done += rows
+            progress(done, plan.rows)
+
+        report(0)
+        run_missing(stored, state, executor, report)
+        conclude(stored, more)
+    return stored
+
+
 def run_missing(
-    stored: Stored, state: State, executor: Executor, progress: Callable[[int], None] = lambda rows: None
+    stored: StoredSweep, state: State, executor: Executor, progress: Callable[[int], None] = lambda rows: None
 ) -> None:
-    """Run the shards that are missing and store each as soon as it is done.
+    """Run the missing shards and store each as soon as it is done.
 
     Args:
         stored: The sweep.
@@ -63,45 +136,41 @@ def run_missing(
         folder = stored.folder.resolve() / TRAJECTORIES
         folder.mkdir(exist_ok=True)
     shards = Shards(stored.folder, stored.digest)
-    shards.sweep_up()
-    for shard, table in executor.run(Task(stored.plan.source, stored.shard_size, folder), state.missing):
-        shards.write(shard, table)
+    shards.clean_up()
+    for shard, columns in executor.run(Task(stored.plan.source, stored.shard_size, folder), state.missing):
+        shards.write(shard, columns)
         progress(rows_in(stored, shard))
 
 
-Also: TypeAlias = Callable[[Stored], Iterable[tuple[str, bytes]]]
-"""Makes further files of a sweep that has its final table: name and content of each."""
-
-
-def conclude(stored: Stored, also: Also = lambda stored: ()) -> None:
-    """Write the final table from the shards, run the worst rows again for their trajectories, and write the manifest.
+def conclude(stored: StoredSweep, more: MoreFiles = lambda stored: ()) -> None:
+    """Write the final table, run the worst rows again for their trajectories, and write the manifest.
 
     Args:
         stored: The sweep, all of whose shards are complete.
-        also: What else to write before the manifest.
+        more: Makes further files, which are written before the manifest.
 
     Raises:
         ResultError: a shard is missing or damaged.
     """
-    outcomes = write_results(stored, Shards(stored.folder, stored.digest))
-    kept = stored.plan.keys.keep
-    worst = worst_rows(stored, kept) if isinstance(kept, Worst) else []
-    (stored.folder / TRAJECTORIES).mkdir(exist_ok=True) if worst else None
-    worker = Worker(stored.plan)
+    outcomes = write_table(stored)
+    keep = stored.plan.keys.keep
+    worst = worst_rows(stored, keep) if isinstance(keep, Worst) else []
+    trajectories, worker = stored.folder / TRAJECTORIES, Worker(stored.plan)
     for index in worst:
+        trajectories.mkdir(exist_ok=True)
         row = stored.plan.row(index)
         for i, ended in enumerate(worker.pair(row.case, row.draw)):
             if i == row.controller and ended.run is not None:
-                keep(stored.folder / TRAJECTORIES, index, stored.plan.controllers[i], ended.run)
-    more = []
-    for name, content in also(stored):
+                write_trajectory(trajectories, index, stored.plan.controllers[i], ended.run)
+    names = []
+    for name, content in more(stored):
         (stored.folder / name).parent.mkdir(exist_ok=True)
         atomic_write(stored.folder / name, content)
-        more.append(name)
-    finish(stored, {"outcomes": outcomes, "worst": worst}, more)
+        names.append(name)
+    write_manifest(stored, {"outcomes": outcomes, "worst": worst}, names)
 
 
-def worst_rows(stored: Stored, kept: Worst) -> list[int]:
+def worst_rows(stored: StoredSweep, keep: Worst) -> list[int]:
     """Return the rows whose trajectories are to be kept, controller by controller, the worst first.
 
     A failed run is worse than any other, the earlier it fails the worse; then come runs for which the metric is not
@@ -109,26 +178,16 @@ def worst_rows(stored: Stored, kept: Worst) -> list[int]:
 
     Args:
         stored: The sweep, with its final table.
-        kept: How many, and by which metric.
+        keep: How many, and by which metric.
     """
     count, failed_at, value = (
         len(stored.plan.controllers),
         read_column(stored, "failed_at"),
-        read_column(stored, kept.by),
+        read_column(stored, keep.by),
     )
-    higher = METRICS[kept.by].better == "higher"
+    higher = METRICS[keep.by].better == "higher"
     badness = np.where(np.isnan(value), np.inf, -value if higher else value)
     early = np.where(np.isnan(failed_at), np.inf, failed_at)
     order = np.lexsort((np.arange(len(value)), -badness, early))
     order = order[read_column(stored, "outcome")[order] != REFUSED]
-    return [int(i) for own in range(count) for i in order[order % count == own][: kept.worst]]
-
-
-def refuse_others(stored: Stored) -> None:
-    """Refuse a finished folder whose manifest belongs to another plan, or whose files are not what it says.
-
-    Raises:
-        ResultError: it is such a folder.
-    """
-    if check_run(stored.folder).get("digest") != stored.digest:
-        raise ResultError(f"{stored.folder}: its manifest is another sweep's")
+    return [int(i) for own in range(count) for i in order[order % count == own][: keep.worst]]

@@ -18,8 +18,8 @@ from torquebench.robot.puma560.constants import fitted_constants
 from torquebench.robot.puma560.puma import puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.robot.robot_model import RobotModel
-from torquebench.sweep.columns import Rows, Table, checked, controllers, finished, grid_keys, rows_by, varied_keys
 from torquebench.sweep.effects import Effects, effects_on, ranked, ranks
+from torquebench.sweep.table import Rows, Table, check_table, controllers, finished, grid_keys, rows_by, varied_keys
 
 MOST_DRAWS = 1000
 """Draws that are looked at: beyond these an effect that is still unseen is too small to matter."""
@@ -103,8 +103,8 @@ def sensitivities(
     Raises:
         ResultError: it is no sweep's table, or of an arm without a table of constants and without drawn keys.
     """
-    checked(table)
-    draws = np.unique(table["draw"])[:MOST_DRAWS]
+    check_table(table)
+    draws = np.unique(table["draw"].to_numpy())[:MOST_DRAWS]
     by_group = rows_by(table, "case", "controller")
     drawn = _drawn_keys(table, draws)
     together = _alike(table, draws, experiment_of, drawn)
@@ -125,19 +125,20 @@ def sensitivities(
 
 
 def _has(table: Table, rows: Rows, key: str) -> bool:
-    return bool(np.isfinite(table[key][rows]).any())
+    return bool(np.isfinite(table[key].to_numpy()[rows]).any())
 
 
 def _drawn_keys(table: Table, draws: NDArray[np.int64]) -> dict[str, Array]:
     """Return the drawn keys that are numbers, each with its value in each draw, (D,)."""
     grid = grid_keys(table)
     keys = [key for key in varied_keys(table) if key not in grid and table[key].dtype.kind == "f"]
-    return {key: _by_draw(table, np.flatnonzero(np.isfinite(table[key])), table[key], draws) for key in keys}
+    columns = {key: table[key].to_numpy() for key in keys}
+    return {key: _by_draw(table, np.flatnonzero(np.isfinite(x)), x, draws) for key, x in columns.items()}
 
 
 def _by_draw(table: Table, rows: Rows, values: Array, draws: NDArray[np.int64]) -> Array:
     """Return the values of some rows in order of their draws, (D,); NaN for a draw without a row."""
-    place = np.searchsorted(draws, table["draw"][rows])
+    place = np.searchsorted(draws, table["draw"].to_numpy()[rows])
     kept = place < len(draws)
     found = np.full(len(draws), np.nan)
     found[place[kept]] = values[rows[kept]]
@@ -150,7 +151,7 @@ def _alike(
     """Return cases that are taken together, and what varies from draw to draw in the first of them."""
     cache: dict[str, dict[str, Array]] = {}
     groups: dict[bytes, tuple[list[int], dict[str, Array]]] = {}
-    for case in np.unique(table["case"]).tolist():
+    for case in np.unique(table["case"].to_numpy()).tolist():
         experiments = [experiment_of(case, draw) for draw in draws.tolist()]
         key = "\n".join(f"{e.plant.model} {e.run.seed} {e.model.model_dump_json()}" for e in experiments)
         if key not in cache:
@@ -171,7 +172,7 @@ def _varies(values: Array) -> bool:
 
 def _ranked(table: Table, parts: Sequence[Rows], metric: str, draws: NDArray[np.int64]) -> Array:
     """Return a figure for each draw, (D,): the mean of its ranks in several cases; NaN where it failed in any."""
-    values = finished(table, np.arange(len(table["index"])), metric)
+    values = finished(table, np.arange(len(table)), metric)
     found = np.array([_by_draw(table, rows, values, draws) for rows in parts])
     whole = np.isfinite(found).all(axis=0)
     figures = np.full(len(draws), np.nan)

@@ -3,37 +3,58 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torquebench.errors import ResultError, did_you_mean
+from torquebench.kernel import Array
+from torquebench.metrics import METRICS
 from torquebench.plain import plain
-from torquebench.statistics import Ratio, Share, clopper_pearson
-from torquebench.sweep.columns import (
+from torquebench.statistics import Ratio, Share, clopper_pearson, cvar, geometric_mean, paired_ratio
+from torquebench.sweep.table import (
     Rows,
     Table,
-    checked,
+    check_table,
     completed,
     controllers,
+    finished,
     grid_keys,
     metric_keys,
+    row_values,
     rows_by,
-    values_of,
     varied_keys,
 )
-from torquebench.sweep.reduce import Figure, figure_of, ratio_of
 
 T = TypeVar("T")
+
+TAIL = 0.1
+"""Share of the runs that CVaR is the mean of [1]."""
+
+
+class Figure(NamedTuple):
+    """One metric of one law in one case, in SI units, over the runs that completed and have it."""
+
+    defined: int
+    """Runs with a value."""
+    mean: float
+    median: float
+    cvar: float
+    """Mean of the worst `TAIL` of the runs."""
+    worst: float
+    worst_row: int
+    """Index of the worst run, by which it can be run again."""
+    worst_draw: int
 
 
 class Failure(NamedTuple):
     """The run that failed first."""
 
     row: int
-    """Its index: what replays it."""
+    """Its index, by which it can be run again."""
     draw: int
     outcome: str
     at: float
@@ -49,10 +70,10 @@ class Group:
     """Grid key -> its value in this case; None for a key that this law does not have."""
     controller: str
     successes: Share
-    """Runs that completed, of all of them, with the Clopper-Pearson interval of the probability to complete; NaN where
-    all draws are alike: nothing that is drawn acts in this case, and so there is nothing to infer."""
+    """Share of the runs that completed, with the Clopper-Pearson interval of the probability to complete; NaN where
+    all draws are alike: nothing that is drawn acts in this case, so there is nothing to infer."""
     outcomes: Mapping[str, int]
-    """How often each outcome came about."""
+    """Number of runs by outcome."""
     earliest_failure: Failure | None
     figures: Mapping[str, Figure]
     """Metric -> its figures; metrics without any value are left out."""
@@ -89,9 +110,9 @@ class Summary:
     overall: tuple[Overall, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data, as `json.dumps` takes it; it never holds NaN."""
-        found: dict[str, Any] = plain(self)
-        return found
+        """Return plain data for `json.dumps`, without NaN."""
+        data: dict[str, Any] = plain(self)
+        return data
 
 
 def summarise(table: Table, reference: str | None = None) -> Summary:
@@ -102,9 +123,9 @@ def summarise(table: Table, reference: str | None = None) -> Summary:
         reference: Controller that the ratios are to; None for the first.
 
     Raises:
-        ResultError: it is no sweep's table, or the reference is none of its controllers.
+        ResultError: it is not a sweep's table, or the reference is not one of its controllers.
     """
-    checked(table)
+    check_table(table)
     names = controllers(table)
     base = names[0] if reference is None else reference
     if base not in names:
@@ -118,43 +139,131 @@ def summarise(table: Table, reference: str | None = None) -> Summary:
     return Summary(base, grid, drawn, metrics, tuple(groups), tuple(overall))
 
 
+def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure | None:
+    """Return the figures of one metric over some rows; None when no run of them completed with a value.
+
+    Args:
+        table: The table.
+        rows: Positions of the rows.
+        key: The metric.
+        tail: Share of the runs that CVaR is the mean of [1].
+    """
+    values = finished(table, rows, key)
+    known = np.isfinite(values)
+    if not known.any():
+        return None
+    values, rising = values[known], METRICS[key].better == "lower"
+    worst = int(np.argmax(values) if rising else np.argmin(values))
+    row = rows[known][worst]
+    return Figure(
+        len(values),
+        float(np.mean(values)),
+        float(np.median(values)),
+        cvar(values.tolist(), tail, rising),
+        float(values[worst]),
+        int(table["index"].to_numpy()[row]),
+        int(table["draw"].to_numpy()[row]),
+    )
+
+
+def by_draw(table: Table, rows: Rows, key: str) -> tuple[NDArray[np.int64], Array]:
+    """Return the draws of some rows and a metric in each, its geometric mean where a draw has several rows.
+
+    A draw has NaN when one of its runs failed or lacks the metric: the mean is never one of the survivors.
+
+    Args:
+        table: The table.
+        rows: Positions of the rows.
+        key: The metric.
+    """
+    values = finished(table, rows, key)
+    draws, place = np.unique(table["draw"].to_numpy()[rows], return_inverse=True)
+    logs = np.log(values, where=values > 0.0, out=np.full(len(values), np.nan))
+    return draws, np.exp(np.bincount(place, logs) / np.bincount(place))
+
+
+def level(table: Table, rows: Rows, key: str) -> Ratio | None:
+    """Return the geometric mean of a metric over the draws of some rows, with its interval.
+
+    None without a value, and where a run has the value 0, which has no geometric mean.
+
+    Args:
+        table: The table.
+        rows: Positions of the rows.
+        key: The metric.
+    """
+    _, values = by_draw(table, rows, key)
+    if _has_zero(table, rows, key):
+        return None
+    return geometric_mean(_known(values)) if np.isfinite(values).any() else None
+
+
+def ratio_of(table: Table, rows: Rows, other: Rows, key: str) -> Ratio | None:
+    """Return the paired ratio of a metric in some rows to that in others, draw by draw.
+
+    None without a pair, and where a run has the value 0. Where the ratio is the same in every draw, or there is one
+    draw, its interval is NaN: nothing that is drawn shows in it.
+
+    Args:
+        table: The table.
+        rows: Positions of one law's rows.
+        other: Positions of the reference's rows.
+        key: The metric.
+    """
+    (draws, one), (others, two) = by_draw(table, rows, key), by_draw(table, other, key)
+    _, mine, theirs = np.intersect1d(draws, others, assume_unique=True, return_indices=True)
+    a, b = one[mine], two[theirs]
+    both = np.isfinite(a + b)
+    if not both.any() or _has_zero(table, rows, key) or _has_zero(table, other, key):
+        return None
+    ratio = paired_ratio(_known(a), _known(b))
+    same = np.ptp(a[both]) == 0.0 and np.ptp(b[both]) == 0.0
+    return ratio._replace(low=np.nan, high=np.nan) if same else ratio
+
+
+def _has_zero(table: Table, rows: Rows, key: str) -> bool:
+    return bool(np.any(finished(table, rows, key) <= 0.0))
+
+
+def _known(values: Array) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in values]
+
+
 def _group(table: Table, rows: Rows, other: Rows, keys: tuple[str, ...], metrics: Sequence[str]) -> Group:
-    done = completed(table, rows)
-    failures = rows[~done]
-    first = None
+    runs = table.iloc[rows]
+    failures = runs[runs["failed_at"].notna()]
+    earliest = None
     if len(failures):
-        at = failures[np.argmin(table["failed_at"][failures])]
-        first = Failure(
-            int(table["index"][at]), int(table["draw"][at]), str(table["outcome"][at]), float(table["failed_at"][at])
-        )
+        first = failures.iloc[int(np.argmin(failures["failed_at"]))]
+        earliest = Failure(int(first["index"]), int(first["draw"]), str(first["outcome"]), float(first["failed_at"]))
     return Group(
-        int(table["case"][rows[0]]),
-        values_of(table, keys, int(rows[0])),
-        str(table["controller"][rows[0]]),
+        int(runs["case"].iloc[0]),
+        row_values(table, keys, int(rows[0])),
+        str(runs["controller"].iloc[0]),
         _share(table, rows, metrics),
-        dict(Counter(map(str, table["outcome"][rows].tolist()))),
-        first,
-        _defined({key: figure_of(table, rows, key) for key in metrics}),
-        _defined({key: ratio_of(table, rows, other, key) for key in metrics}),
+        dict(Counter(runs["outcome"].tolist())),
+        earliest,
+        _defined(metrics, lambda key: figure_of(table, rows, key)),
+        _defined(metrics, lambda key: ratio_of(table, rows, other, key)),
     )
 
 
 def _share(table: Table, rows: Rows, metrics: Sequence[str]) -> Share:
     share = clopper_pearson(int(completed(table, rows).sum()), len(rows))
-    columns = [table[name][rows] for name in ("failed_at", *metrics)]
-    alike = len(rows) > 1 and all(np.array_equal(own, np.roll(own, 1), equal_nan=True) for own in columns)
+    columns = [table[name].to_numpy()[rows] for name in ("failed_at", *metrics)]
+    alike = len(rows) > 1 and all(np.array_equal(column, np.roll(column, 1), equal_nan=True) for column in columns)
     return share._replace(low=np.nan, high=np.nan) if alike else share
 
 
 def _overall(table: Table, rows: Rows, other: Rows, metrics: Sequence[str]) -> Overall:
     return Overall(
-        str(table["controller"][rows[0]]),
+        str(table["controller"].iloc[rows[0]]),
         int(completed(table, rows).sum()),
         len(rows),
-        _defined({key: figure_of(table, rows, key) for key in metrics}),
-        _defined({key: ratio_of(table, rows, other, key) for key in metrics}),
+        _defined(metrics, lambda key: figure_of(table, rows, key)),
+        _defined(metrics, lambda key: ratio_of(table, rows, other, key)),
     )
 
 
-def _defined(found: Mapping[str, T | None]) -> dict[str, T]:
-    return {key: value for key, value in found.items() if value is not None}
+def _defined(metrics: Sequence[str], figure: Callable[[str], T | None]) -> dict[str, T]:
+    return {key: value for key in metrics if (value := figure(key)) is not None}

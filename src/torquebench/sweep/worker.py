@@ -1,7 +1,8 @@
-"""The work of a sweep: the rows of one shard run, one after the other, and their table filled."""
+"""A sweep's worker: it runs the rows of a shard one after the other and fills their columns."""
 
 from __future__ import annotations
 
+import functools
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -19,13 +20,12 @@ from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS, headlines
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
-from torquebench.sweep.columns import Table
-from torquebench.sweep.form import REFUSED, empty_columns, values_of
 from torquebench.sweep.plan import Plan, Source, pairs_of
+from torquebench.sweep.table import REFUSED, Columns, empty_columns, key_values
 
 
 class Ended(NamedTuple):
-    """What is left of one run."""
+    """Outcome of one run."""
 
     outcome: str
     failed_at: float
@@ -37,11 +37,11 @@ class Ended(NamedTuple):
 
 
 class Stopped(Exception):
-    """The work was to stop before the shard was done."""
+    """A worker was told to stop before its shard was done."""
 
 
 class Task(NamedTuple):
-    """A sweep as its workers see it: small, and plain enough to be sent to another process or machine."""
+    """What a worker needs to know of a sweep; small and plain, so that it can be sent to another machine."""
 
     source: Source
     shard_size: int
@@ -51,7 +51,7 @@ class Task(NamedTuple):
 
 
 class Worker:
-    """Runs shards, with plants and laws of its own; one for each thread.
+    """Runs shards, with its own plants and buffers; each thread needs its own.
 
     Args:
         plan: The sweep.
@@ -61,16 +61,16 @@ class Worker:
         self._plan, self._build = plan, Builder()
         self._sessions = [Session(overwrite=True) for _ in plan.controllers]
 
-    def table(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
-        """Run the rows of a shard and return their table.
+    def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Columns:
+        """Run the rows of a shard and return their columns.
 
         Args:
             task: The sweep.
             shard: Number of the shard.
-            stop: Asked before each pair whether to give up.
+            stop: Called before each pair; true to stop.
 
         Raises:
-            Stopped: it was to give up.
+            Stopped: `stop` returned true.
         """
         plan, pairs = self._plan, pairs_of(task.shard_size, self._plan.pairs, shard)
         count = len(plan.controllers)
@@ -84,18 +84,19 @@ class Worker:
             if stop():
                 raise Stopped
             case, draw = divmod(pair, plan.draws)
-            for key, values in values_of(plan, case, draw).items():
+            for key, values in key_values(plan, case, draw).items():
                 columns[key][at : at + count] = values
             for ended in self.pair(case, draw):
                 outcome[at], failed_at[at], metrics[at] = ended.outcome, ended.failed_at, ended.metrics
                 if task.trajectories is not None and ended.run is not None:
-                    keep(task.trajectories, pair * count + at % count, plan.controllers[at % count], ended.run)
+                    index, name = pair * count + at % count, plan.controllers[at % count]
+                    write_trajectory(task.trajectories, index, name, ended.run)
                 at += 1
         columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names())}
         return columns
 
     def pair(self, case: int, draw: int) -> Iterator[Ended]:
-        """Run every controller of a case in a draw; what is yielded has its trajectory until the controller's next run.
+        """Run every controller of a case in a draw; a yielded trajectory lasts until the controller's next run.
 
         Args:
             case: The case.
@@ -105,7 +106,7 @@ class Worker:
         try:
             loop = self._build(experiment)
         except (ConfigError, ModelError):
-            # the draw, not the file, is at fault: every case has been built before
+            # the draw is at fault, not the file: every case has been built before
             yield from (Ended(REFUSED, 0.0, undefined, None) for _ in experiment.controllers)
             return
         for keys, controller, session in zip(experiment.controllers, loop.controllers, self._sessions, strict=True):
@@ -117,47 +118,42 @@ class Worker:
                 yield Ended(run.outcome.name, float(run.failed_at or 0), undefined, run)
 
 
-def keep(folder: Path, index: int, controller: str, run: Trajectory) -> None:
-    """Write the trajectory of a row, whole or not at all.
+def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:
+    """Write the trajectory of a row atomically.
 
     Args:
-        folder: Where.
-        index: The row's number.
+        folder: The folder of trajectories.
+        index: Number of the row.
         controller: Name of its controller.
         run: The trajectory.
     """
-    atomic_write(folder / trajectory_name(index, controller), run.to_bytes())
+    atomic_write(folder / f"{index}-{controller}.npz", run.to_bytes())
 
 
-def trajectory_name(index: int, controller: str) -> str:
-    """Return the name of a row's trajectory file."""
-    return f"{index}-{controller}.npz"
+_thread = threading.local()
 
 
-_own = threading.local()
-
-
-def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
-    """Run one shard, anywhere: in this thread, or in a process or on a machine that has just received the task.
+def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Columns:
+    """Run one shard in this thread, which keeps its worker for the sweep's next shard.
 
     Args:
         task: The sweep.
         shard: Number of the shard.
-        stop: Asked now and then whether to give up.
+        stop: Called before each pair; true to stop.
 
     Raises:
-        Stopped: it was to give up.
+        Stopped: `stop` returned true.
         ConfigError: the sweep's file or a plug-in cannot be used here.
     """
-    last = getattr(_own, "last", None)
-    if last is None or last[0] != task.source:
-        last = _own.last = task.source, Worker(Plan(task.source))
-    worker: Worker = last[1]
-    return worker.table(task, shard, stop)
+    if getattr(_thread, "source", None) != task.source:
+        _thread.worker, _thread.source = Worker(Plan(task.source)), task.source
+    worker: Worker = _thread.worker
+    return worker.columns(task, shard, stop)
 
 
+@functools.cache
 def load_plugins(source: Source) -> None:
-    """Register the laws of a sweep's plug-ins in this process.
+    """Register the laws of a sweep's plug-ins in this process, once.
 
     Raises:
         ConfigError: one of them cannot be used.

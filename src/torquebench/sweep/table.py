@@ -1,0 +1,183 @@
+"""The table of a sweep, one row for each closed loop: its columns, and which of its rows belong together."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torquebench.errors import ResultError
+from torquebench.experiment.sweep_values import Axis, Value
+from torquebench.kernel import Array
+from torquebench.metrics import METRICS
+from torquebench.sim.trajectory import Outcome
+from torquebench.sweep.plan import Plan
+
+if TYPE_CHECKING:
+    import pandas as pd  # takes a second to import, which workers that fill columns need not spend
+
+Columns: TypeAlias = Mapping[str, NDArray[Any]]
+"""Column name -> values: a part of a table, as workers make it and as it is stored."""
+Table: TypeAlias = "pd.DataFrame"
+"""A whole table, numbered from 0 in the order of its rows."""
+Rows: TypeAlias = NDArray[np.intp]
+"""Positions of some rows of a table, ascending."""
+
+FIXED = ("index", "case", "draw", "controller", "outcome", "failed_at")
+"""Columns that every table has; those of varied keys and of metrics follow."""
+REFUSED = "REFUSED"
+"""Outcome of a run that cannot be built, such as one whose drawn model is not a possible arm."""
+OUTCOMES = (*(outcome.name for outcome in Outcome), REFUSED)
+
+
+def empty_columns(plan: Plan, rows: int) -> dict[str, NDArray[Any]]:
+    """Return columns of zeros in the table's order: those of every table, varied keys, metrics.
+
+    Args:
+        plan: The sweep.
+        rows: Length of the columns.
+    """
+    floats = np.dtype("<f8")
+    fixed = (*[np.dtype("<i8")] * 3, _text(plan.controllers), _text(OUTCOMES), floats)
+    kinds: dict[str, Any] = dict(zip(FIXED, fixed, strict=True))
+    kinds |= {key: floats for key in (*(axis.key for axis in plan.keys.axes), *(r.key for r in plan.keys.random))}
+    kinds |= {axis.key: _text([_word(value) for value in axis.values]) for axis in _axes(plan) if not axis.numeric}
+    kinds |= dict.fromkeys(METRICS.names(), floats)
+    return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
+
+
+def key_values(plan: Plan, case: int, draw: int) -> dict[str, list[float | str]]:
+    """Return each varied key's value for every controller, as the table shows it; NaN or '' if it lacks the key.
+
+    Args:
+        plan: The sweep.
+        case: Number of the case.
+        draw: Number of the draw.
+    """
+    values: dict[str, list[float | str]] = {}
+    lacking = plan.lacking(case, draw)
+    for key, value in _shown(plan, case, draw):
+        none = math.nan if isinstance(value, float) else ""
+        values[key] = [none if i in lacking[key] else value for i in range(len(plan.controllers))]
+    return values
+
+
+def _shown(plan: Plan, case: int, draw: int) -> Iterator[tuple[str, float | str]]:
+    for axis, value in zip(plan.keys.axes, plan.values(case), strict=True):
+        yield axis.key, value.word if axis.numeric else _word(value)
+    for random in plan.keys.random:
+        drawn = plan.drawn(random, draw)
+        if random.choices is None:
+            yield random.key, drawn
+        else:
+            value = random.choices.values[int(drawn)]
+            yield random.key, value.word if random.choices.numeric else _word(value)
+
+
+def _axes(plan: Plan) -> Iterator[Axis]:
+    """Yield every key with a list of values."""
+    yield from plan.keys.axes
+    yield from (random.choices for random in plan.keys.random if random.choices is not None)
+
+
+def _word(value: Value) -> str:
+    return value.word if isinstance(value.word, str) else repr(value.raw)
+
+
+def _text(words: Sequence[str]) -> np.dtype[Any]:
+    return np.dtype(f"<U{max(map(len, words))}")
+
+
+def read_table(path: Path) -> Table:
+    """Read ``results.npz``.
+
+    Raises:
+        ResultError: the file cannot be read, or does not hold a sweep's table.
+    """
+    import pandas as pd
+
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return check_table(pd.DataFrame({name: archive[name] for name in archive.files}))
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise ResultError(f"{path}: cannot be read as a sweep's table ({error})") from error
+
+
+def check_table(table: Table) -> Table:
+    """Return a table after checking that it is a sweep's.
+
+    Raises:
+        ResultError: a column is missing, or there are no rows.
+    """
+    missing = [name for name in FIXED if name not in table]
+    if missing:
+        raise ResultError(f"not the table of a sweep: no column {', '.join(missing)}")
+    if len(table) == 0:
+        raise ResultError("not the table of a sweep: no rows")
+    return table
+
+
+def varied_keys(table: Table) -> tuple[str, ...]:
+    """Return the experiment's keys that the sweep varies, in the table's order."""
+    return tuple(str(name) for name in table if name not in FIXED and name not in METRICS)
+
+
+def grid_keys(table: Table) -> tuple[str, ...]:
+    """Return the varied keys of which each law has one value in each case; the others are drawn."""
+    keys = list(varied_keys(table))
+    if not keys:
+        return ()
+    counts = table.groupby(["case", "controller"], sort=False)[keys].nunique(dropna=False).max()
+    return tuple(key for key in keys if counts[key] == 1)
+
+
+def metric_keys(table: Table) -> tuple[str, ...]:
+    """Return the metrics that have a value in some row, in the table's order."""
+    return tuple(name for name in map(str, table) if name in METRICS and bool(np.isfinite(table[name]).any()))
+
+
+def controllers(table: Table) -> tuple[str, ...]:
+    """Return the controllers in order of their first rows."""
+    return tuple(map(str, table["controller"].unique()))
+
+
+def rows_by(table: Table, *columns: str) -> dict[tuple[Any, ...], Rows]:
+    """Group the rows by their values in some columns; groups in order of their first rows.
+
+    Args:
+        table: The table.
+        columns: Names of columns.
+    """
+    groups: Any = table.groupby(list(columns), sort=False, dropna=False).indices
+    ordered = sorted(groups.items(), key=lambda item: int(item[1][0]))
+    return {key if isinstance(key, tuple) else (key,): rows for key, rows in ordered}
+
+
+def completed(table: Table, rows: Rows) -> NDArray[np.bool_]:
+    """Mask of the rows whose run completed."""
+    return np.asarray(np.isnan(table["failed_at"].to_numpy()[rows]))
+
+
+def finished(table: Table, rows: Rows, key: str) -> Array:
+    """Return a metric in some rows; NaN where the run failed or the metric is not defined."""
+    return np.where(completed(table, rows), table[key].to_numpy()[rows], np.nan)
+
+
+def row_values(table: Table, keys: Sequence[str], row: int) -> dict[str, float | str | None]:
+    """Return some varied keys' values in one row; None for a key that the row's controller lacks.
+
+    Args:
+        table: The table.
+        keys: Names of columns.
+        row: Position of the row.
+    """
+    values = {key: table[key].to_numpy()[row] for key in keys}
+    return {
+        key: (value or None) if isinstance(value, str) else None if math.isnan(value) else float(value)
+        for key, value in values.items()
+    }

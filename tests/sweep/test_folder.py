@@ -1,0 +1,160 @@
+"""A sweep's folder: what was written comes back, anything else is not accepted, and one process at a time writes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.sweep.examples import SMALL, plan_of
+from torquebench.errors import ConfigError, ResultError
+from torquebench.experiment.store import RunDirectory, claim_folder
+from torquebench.sweep.folder import Shards, create_sweep, facts_of, lock_folder, open_sweep
+from torquebench.sweep.table import Columns, empty_columns
+
+
+@pytest.fixture
+def table() -> Columns:
+    """A table of eight rows with something in every column."""
+    columns = empty_columns(plan_of(SMALL), 8)
+    rng = np.random.default_rng(0)
+    for name, column in columns.items():
+        column[:] = rng.integers(0, 9, 8) if column.dtype.kind == "i" else rng.normal(size=8)
+        if name in ("controller", "outcome"):
+            column[:] = ["band", "sign"] * 4
+    columns["rmse"][3] = np.nan
+    return columns
+
+
+def test_a_shard_comes_back_as_it_was_written(tmp_path: Path, table: Columns) -> None:
+    """Columns, their order, types and bytes; and nothing but the file of its name is left in the folder."""
+    shards = Shards(tmp_path, "d" * 64)
+    shards.write(3, table)
+    back = shards.read(3)
+    assert back is not None
+    assert list(back) == list(table)
+    assert all(back[name].dtype == table[name].dtype for name in table)
+    assert all(back[name].tobytes() == table[name].tobytes() for name in table)
+    assert [p.name for p in (tmp_path / "shards").iterdir()] == ["000003.shard"]
+    assert shards.complete(6) == ({3}, set())
+
+
+def test_a_shard_with_any_byte_altered_is_not_accepted(tmp_path: Path, table: Columns) -> None:
+    """A flipped bit anywhere in header or content, a file cut off anywhere, or one with more at its end."""
+    shards = Shards(tmp_path, "d" * 64)
+    shards.write(0, table)
+    path, rng = shards.path(0), np.random.default_rng(1)
+    whole = path.read_bytes()
+    for at in {0, 30, 90, 150, *rng.integers(0, len(whole), 60).tolist()}:
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << int(rng.integers(8))]) + whole[at + 1 :])
+        assert shards.read(0) is None
+        path.write_bytes(whole[:at])
+        assert shards.read(0) is None
+    path.write_bytes(whole + b"\0")
+    assert shards.complete(1) == (set(), {0})
+    path.write_bytes(whole)
+    assert shards.complete(1) == ({0}, set())
+
+
+def test_a_shard_of_another_plan_or_number_is_not_accepted(tmp_path: Path, table: Columns) -> None:
+    """A file is that of one shard of one plan: copied elsewhere it does not count."""
+    shards = Shards(tmp_path, "d" * 64)
+    shards.write(0, table)
+    assert Shards(tmp_path, "e" * 64).read(0) is None
+    shards.path(1).write_bytes(shards.path(0).read_bytes())
+    assert shards.read(1) is None
+    assert shards.read(2) is None
+
+
+def test_equal_tables_are_equal_files(tmp_path: Path, table: Columns) -> None:
+    """No time or name of the machine gets into a shard."""
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        Shards(tmp_path / name, "d" * 64).write(0, table)
+    assert Shards(tmp_path / "a", "").path(0).read_bytes() == Shards(tmp_path / "b", "").path(0).read_bytes()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The folder of a sweep that has been started."""
+    plan = plan_of(SMALL)
+    return create_sweep(RunDirectory(claim_folder(tmp_path / "s", "small")), plan, 5).folder
+
+
+def with_facts(**changes: Any) -> str:
+    """The plan's JSON with some of its facts changed."""
+    return json.dumps(facts_of(plan_of(SMALL), 5) | changes)
+
+
+DAMAGED = [
+    "[]",
+    "null",
+    "NaN",
+    "[" * 100_000,
+    "{",
+    with_facts(shard_size="x"),
+    with_facts(shard_size=0),
+    with_facts(shard_size=True),
+    with_facts(digest=None),
+    with_facts(plugins=[1]),
+    with_facts(config=3),
+    with_facts(filename=3),
+    with_facts(format="1"),
+    with_facts(overrides=[1]),
+]
+
+
+@pytest.mark.parametrize("content", DAMAGED, ids=range(len(DAMAGED)))
+def test_a_plan_that_is_not_ours_cannot_be_read(folder: Path, content: str) -> None:
+    """Another kind of JSON, one nested too deeply, or a fact of another type: said, in one line, with the folder."""
+    (folder / "plan.json").write_text(content)
+    with pytest.raises(ConfigError, match=r"is no folder of a sweep: plan\.json or sweep\.yaml is missing or damaged"):
+        open_sweep(folder, (), "--resume")
+
+
+def test_a_folder_of_a_newer_version_is_refused(folder: Path) -> None:
+    """What a newer torquebench wrote is not continued by this one."""
+    (folder / "plan.json").write_text(with_facts(format=99))
+    with pytest.raises(ConfigError, match=r"was written by a newer torquebench \(format 99\)"):
+        open_sweep(folder, (), "--resume")
+
+
+def test_one_process_at_a_time_runs_a_sweep(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever comes second is told; after the first has ended it may. So it is on Windows, which has another lock."""
+    stored = open_sweep(folder, (), "--resume")
+    with lock_folder(stored):
+        with pytest.raises(ResultError, match="another process is running this sweep"), lock_folder(stored):
+            pass
+    with lock_folder(stored):
+        pass
+
+    def locking(descriptor: int, mode: int, count: int) -> None:
+        calls.append((os.lseek(descriptor, 0, os.SEEK_CUR), mode, count))
+        if len(calls) > 1:
+            raise OSError("locked")
+
+    calls: list[tuple[int, int, int]] = []
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    monkeypatch.setitem(sys.modules, "msvcrt", SimpleNamespace(locking=locking, LK_NBLCK=2))
+    with lock_folder(stored):
+        assert (folder / "plan.json").read_bytes()
+        with pytest.raises(ResultError, match="another process is running this sweep"), lock_folder(stored):
+            pass
+    assert calls == [(1 << 30, 2, 1)] * 2
+
+
+def test_nothing_unix_only_is_needed_to_import() -> None:
+    """Without fcntl, resource, termios and their like, every module of sweeps and of their command can be imported."""
+    unix = ("fcntl", "resource", "termios", "tty", "pty", "pwd", "grp", "syslog")
+    modules = ("folder", "run", "cluster", "executors", "estimate", "summary")
+    lines = [f"sys.modules[{name!r}] = None" for name in unix]
+    lines += [f"import torquebench.sweep.{name}" for name in modules] + ["import torquebench.cli.sweep"]
+    done = subprocess.run([sys.executable, "-c", "\n".join(["import sys", *lines])], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
