@@ -172,7 +172,7 @@ class _Reader:
         self.callables = {x.arg for x in a.args if "Callable" in ast.unparse(x.annotation or x)}
         self.kernels: list[tuple[ast.Call, Any]] = []
         """Calls of kernels, in the order of the text."""
-        self.found: list[Complaint] = []
+        self.collected: list[Complaint] = []
         self.early: set[str] = set()
         """Variables that may be read before they have a value."""
         self.read()
@@ -200,7 +200,7 @@ class _Reader:
 
     def complain(self, node: ast.AST, what: str, cure: str, topic: str = FORM) -> None:
         """Note something outside the dialect: where, what it is, what to write instead, and its topic."""
-        self.found.append(Complaint(getattr(node, "lineno", self.node.lineno), what, cure, topic))
+        self.collected.append(Complaint(getattr(node, "lineno", self.node.lineno), what, cure, topic))
 
     def complaints(self) -> list[Complaint]:
         """Return all that lies outside the dialect."""
@@ -211,11 +211,11 @@ class _Reader:
         self.check_values(self.body, set(self.parameters))
         self.check_numbers()
         for line, place, how in self.writes({}) if self.law else ():
-            is_told = not place and any(c.line == line and c.topic == STATE for c in self.found)
-            if not is_told and not WRITABLE.fullmatch(place):
+            is_explained = not place and any(c.line == line and c.topic == STATE for c in self.collected)
+            if not is_explained and not WRITABLE.fullmatch(place):
                 what = f"writes to {place.replace('[]', '') or 'what is not its own'} ({how})"
-                self.found.append(Complaint(line, what, "write to elements of tau and memory only", INPUTS))
-        return self.found
+                self.collected.append(Complaint(line, what, "write to elements of tau and memory only", INPUTS))
+        return self.collected
 
     # Syntax and names.
 
@@ -434,8 +434,8 @@ class _Reader:
         for name, line in self.integer_at.items():
             if self.kinds[name] == MIXED:
                 what = f"{name} is an integer here and a float elsewhere"
-                self.found.append(Complaint(line, what, "write a float, as 0.0"))
-        told: set[int] = set()
+                self.collected.append(Complaint(line, what, "write a float, as 0.0"))
+        lines: set[int] = set()
         for node in self.nodes:
             if isinstance(node, ast.IfExp) and self.kind(node) == MIXED:
                 self.complain(node, f"{ast.unparse(node)} is an integer or a float", "write both as floats")
@@ -443,8 +443,8 @@ class _Reader:
             for x in numbers if self.law else ():
                 places = self.places_of(x) if isinstance(x, ast.Name | ast.Attribute) else set()
                 is_whole = any(self.parts.get(place) in ELEMENTS for place in places)
-                if is_whole and isinstance(x, ast.expr) and x.lineno not in told:
-                    told.add(x.lineno)
+                if is_whole and isinstance(x, ast.expr) and x.lineno not in lines:
+                    lines.add(x.lineno)
                     self.complain(x, f"{ast.unparse(x)} is a whole array in arithmetic", LOOP)
             is_division = isinstance(getattr(node, "op", None), ast.Div | ast.FloorDiv | ast.Mod)
             if is_division and getattr(self.function, "is_inline", False):  # copied into a law, it would raise there
@@ -472,7 +472,7 @@ class _Reader:
         """Yield the line of each write to elements, the part of an argument ("" for anything else), and what it says.
 
         Args:
-            known: What kernels write to, as far as it was found out.
+            known: What kernels write to, as far as it is known.
         """
         for node in self.nodes:
             if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):

@@ -1,7 +1,7 @@
 """What scikit-fuzzy says a fuzzy system's output is, and how far the loop's own evaluation is from that.
 
-`skfuzzy.control` computes max-min with the centre of area, from rules it is told. Other operators it does not know:
-there scikit-fuzzy's memberships and `defuzz` do what it has. Of Sugeno's method it has the memberships only.
+`skfuzzy.control` computes max-min with the centre of area, from the rules alone. It lacks the other operators:
+there scikit-fuzzy gives memberships and the centre of each set (`defuzz`). Of Sugeno's method it has memberships only.
 """
 
 from __future__ import annotations
@@ -99,15 +99,15 @@ def scikit_fuzzy(system: FuzzySystem, x: Array, y: Array) -> tuple[str, Array]:
     fires = activations(system, x, y)
     if isinstance(system.output, Variable) and (system.aggregation, system.defuzzification) != ("max-min", "coa"):
         return DEFUZZ, (_defuzzified(system, system.output, fires) - system.output.middle) / system.output.half
-    found = np.zeros(len(x))
+    normalised = np.zeros(len(x))
     live = np.max(fires, axis=1) > 0.0
     own = [v.middle + v.half * values[live] for v, values in zip(system.inputs, (x, y), strict=False)]
     if isinstance(system.output, Functions):
         by, outputs = MEMBERSHIP, _weighted_mean(system, system.output, fires[live], own)
     else:
         by, outputs = CONTROL, _controlled(system, system.output, own)
-    found[live] = (outputs - system.output.middle) / system.output.half
-    return by, found
+    normalised[live] = (outputs - system.output.middle) / system.output.half
+    return by, normalised
 
 
 def _controlled(system: FuzzySystem, output: Variable, values: list[Array]) -> Array:

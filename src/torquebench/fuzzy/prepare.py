@@ -44,9 +44,9 @@ class Prepared:
     def outputs(self, x: Array, y: Array) -> Array:
         """Return the outputs at pairs of normalised inputs, of the shape that `x` and `y` have together."""
         xx, yy = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        found = np.empty(xx.size)
-        fill_outputs(self.fis, xx.ravel(), yy.ravel(), found)
-        return found.reshape(xx.shape)
+        outputs = np.empty(xx.size)
+        fill_outputs(self.fis, xx.ravel(), yy.ravel(), outputs)
+        return outputs.reshape(xx.shape)
 
 
 @lru_cache(maxsize=64)

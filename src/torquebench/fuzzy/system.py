@@ -40,7 +40,7 @@ ONE = 1.0 - 1e-9
 """A degree from here on counts as 1 in the drastic product: peaks on a grid of output points are off by rounding."""
 
 POINTS = 361
-"""Points of the output's universe, evenly spaced from the lowest foot to the highest, unless told otherwise."""
+"""Points of the output's universe, evenly spaced from the lowest foot to the highest, by default."""
 
 Combine: TypeAlias = Callable[[Array, Array], Array]
 
@@ -105,9 +105,9 @@ class FuzzySystem:
 
     def errors(self) -> list[Finding]:
         """Return why the system has no meaning; nothing if it has one."""
-        found: list[Finding] = []
+        findings: list[Finding] = []
         if len(self.inputs) not in (1, 2):
-            found.append(Finding("inputs", "error", ("inputs",), f"got {len(self.inputs)} inputs, wanted 1 or 2"))
+            findings.append(Finding("inputs", "error", ("inputs",), f"got {len(self.inputs)} inputs, wanted 1 or 2"))
         for key, value, valid in (
             ("conjunction", self.conjunction, CONJUNCTIONS),
             ("aggregation", self.aggregation, tuple(AGGREGATIONS)),
@@ -115,15 +115,15 @@ class FuzzySystem:
         ):
             if value not in valid:
                 message = f"got '{value}', wanted one of {', '.join(valid)}{did_you_mean(value, valid)}"
-                found.append(Finding("operator", "error", (key,), message))
+                findings.append(Finding("operator", "error", (key,), message))
         for i, variable in enumerate(self.inputs):
-            found += [error._replace(where=("inputs", i, *error.where)) for error in variable.errors()]
+            findings += [error._replace(where=("inputs", i, *error.where)) for error in variable.errors()]
         terms = self.output.errors() if isinstance(self.output, Variable) else self.output.errors(len(self.inputs))
-        found += [error._replace(where=("output", *error.where)) for error in terms]
-        return found or self._rule_errors()
+        findings += [error._replace(where=("output", *error.where)) for error in terms]
+        return findings or self._rule_errors()
 
     def _rule_errors(self) -> list[Finding]:
-        found: list[Finding] = []
+        findings: list[Finding] = []
         said: dict[tuple[str, ...], str] = {}
         for k, rule in enumerate(self.rules):
             unknown = []
@@ -135,21 +135,21 @@ class FuzzySystem:
                     unknown.append(f"unknown term '{word}' of input {i + 1}{did_you_mean(word, variable.names)}")
             if rule.then not in self.output.names:
                 unknown.append(f"unknown consequent '{rule.then}'{did_you_mean(rule.then, self.output.names)}")
-            found += [Finding("rule", "error", ("rules", k), message) for message in unknown]
+            findings += [Finding("rule", "error", ("rules", k), message) for message in unknown]
             if said.setdefault(rule.when, rule.then) != rule.then:
                 message = f"contradicts an earlier rule: if {' and '.join(rule.when)} then both {said[rule.when]} and "
                 message += f"{rule.then}; remove one of them"
-                found.append(Finding("contradiction", "error", ("rules", k), message))
+                findings.append(Finding("contradiction", "error", ("rules", k), message))
         if not self.rules:
-            found.append(Finding("no-rule", "error", ("rules",), "there is no rule, wanted at least one"))
-        elif not found and not any(all(map(Variable.reaches, self.inputs, rule.when)) for rule in self.rules):
+            findings.append(Finding("no-rule", "error", ("rules",), "there is no rule, wanted at least one"))
+        elif not findings and not any(all(map(Variable.reaches, self.inputs, rule.when)) for rule in self.rules):
             message = (
                 "no rule ever fires: each names a term outside its input's range; widen the ranges or move the terms"
             )
-            found.append(Finding("no-rule", "error", ("rules",), message))
+            findings.append(Finding("no-rule", "error", ("rules",), message))
         if self.aggregation == "max-drastic-product" and isinstance(self.output, Variable):
-            found += _peaks_off_grid(self.output)
-        return found
+            findings += _peaks_off_grid(self.output)
+        return findings
 
     @cached_property
     def table(self) -> IntArray:
@@ -182,7 +182,7 @@ def rules_of_table(inputs: Sequence[Sequence[str]], rows: Sequence[Sequence[str]
 def _peaks_off_grid(output: Variable) -> list[Finding]:
     low, high = min(t.a for t in output.terms), max(t.d for t in output.terms)
     u = np.linspace(low, high, POINTS)
-    found = []
+    findings = []
     for term in output.terms:
         if not np.any((u >= term.b - SAME * output.half) & (u <= term.c + SAME * output.half)):
             nearest = u[np.argmin(np.abs(u - term.peak))]
@@ -190,8 +190,8 @@ def _peaks_off_grid(output: Variable) -> list[Finding]:
                 f"its peak, {term.peak:g}, lies between two of the {POINTS} points from {low:g} to {high:g} on which "
             )
             message += f"the drastic product is taken: move it to {nearest:.10g}, or choose another aggregation"
-            found.append(Finding("off-grid", "error", ("output", "terms", term.name), message))
-    return found
+            findings.append(Finding("off-grid", "error", ("output", "terms", term.name), message))
+    return findings
 
 
 DEFAULT = "pd-49"

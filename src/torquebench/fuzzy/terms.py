@@ -97,16 +97,16 @@ class Variable:
     def errors(self) -> list[Finding]:
         """Return what is wrong with the variable; places are below it."""
         wrong_range = range_error(self.low, self.high)
-        found = [] if wrong_range is None else [Finding("range", "error", ("range",), wrong_range)]
+        findings = [] if wrong_range is None else [Finding("range", "error", ("range",), wrong_range)]
         wrong = _repeated("terms", self.names) + shape_errors({term.name: term[1:] for term in self.terms})
-        if not wrong and not found:
+        if not wrong and not findings:
             with np.errstate(over="ignore"):
                 far = np.max(np.abs(self.corners()), axis=1)
             for term, distance in zip(self.terms, far, strict=True):
                 if not distance <= FAR:
                     message = f"reaches beyond {FAR:g} times the range; change it, or the range"
                     wrong.append(Finding("far", "error", ("terms", term.name), message))
-        return found + wrong
+        return findings + wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +143,8 @@ class Functions:
     def errors(self, inputs: int) -> list[Finding]:
         """Return what is wrong with the functions of so many `inputs`; places are below the variable."""
         wrong_range = range_error(self.low, self.high)
-        found = [] if wrong_range is None else [Finding("range", "error", ("range",), wrong_range)]
-        found += _repeated("functions", self.names)
+        findings = [] if wrong_range is None else [Finding("range", "error", ("range",), wrong_range)]
+        findings += _repeated("functions", self.names)
         for name, numbers in self.coefficients:
             messages = []
             if not TERM.fullmatch(name):
@@ -154,8 +154,8 @@ class Functions:
                 messages.append(f"got {len(numbers)} numbers, {wanted}")
             if name == NONE:
                 messages.append(f"no function may be called '{NONE}', which stands for a missing rule")
-            found += [Finding("function", "error", ("functions", name), message) for message in messages]
-        return found
+            findings += [Finding("function", "error", ("functions", name), message) for message in messages]
+        return findings
 
 
 def range_error(low: float, high: float) -> str | None:
@@ -193,10 +193,10 @@ def _span(shape: Shape) -> tuple[float, float, float, float]:
 
 def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
     """Return what is wrong with the shapes of a variable's terms; places are below the variable."""
-    found = []
+    findings = []
 
     def add(name: str, message: str) -> None:
-        found.append(Finding("shape", "error", ("terms", name), message))
+        findings.append(Finding("shape", "error", ("terms", name), message))
 
     if not 1 <= len(shapes) <= MAX_TERMS:
         message = f"got {len(shapes)} terms, wanted 1 to {MAX_TERMS}"
@@ -220,7 +220,7 @@ def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
             add(name, f"got {shape}, wanted a finite number")
         elif len(shapes) == 1:
             add(name, "a peak alone has no neighbours to reach to: give [a, b, c]")
-    if not found:
+    if not findings:
         for (_, low), (name, high) in itertools.pairwise((n, _span(s)) for n, s in shapes.items()):
             if not low[1] + low[2] < high[1] + high[2]:
                 add(
@@ -228,7 +228,7 @@ def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
                     f"its peak, {0.5 * (high[1] + high[2]):g}, is not above that of the term before it, "
                     f"{0.5 * (low[1] + low[2]):g}: list the terms from low to high",
                 )
-    return found
+    return findings
 
 
 def _text(shape: Sequence[float]) -> str:
