@@ -158,7 +158,7 @@ def check_rules(trajectory: Trajectory) -> None:
     Raises:
         ResultError: a rule never fires.
     """
-    from torquebench.analysis.firing import rule_shares
+    from torquebench.report.figures.fuzzy_rules import rule_shares
 
     check(trajectory)
     controller = trial_of(1.0).controller

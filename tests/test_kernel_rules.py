@@ -38,7 +38,7 @@ def kernels() -> dict[str, FunctionType]:
     """Return every kernel of the package as a plain function, by ``module.name``."""
     found = {}
     for file, tree in TREES.items():
-        name = file.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+        name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         if marked(tree, "kernel"):
             module = importlib.import_module(f"torquebench.{name}")
             mine = {k: plain(v) for k, v in vars(module).items() if is_kernel(v) and v.__module__ == module.__name__}

@@ -11,7 +11,7 @@ from tests.source_tree import ALL, FILES, SOURCE, TREES, imports
 
 OUTER = (
     "experiment/",
-    "analysis/",
+    "report/",
     "check",
     "cli/",
     "sweep/",

@@ -21,7 +21,7 @@ from torquebench.sim.trajectory import Trajectory
 
 
 class Arm(Protocol):
-    """The terms of the true arm's dynamics at the control instants of a run, whose rows are those of the instants."""
+    """Dynamics of the true arm; row k of every argument and result belongs to control instant k of a run."""
 
     def mass_matrix(self, q: Array) -> Array:
         """Mass matrix, (N, n, n) [kg m^2]."""
@@ -38,12 +38,12 @@ class Arm(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Phases:
-    """An arm that takes up a payload: rows before `at` are of one model, the others of another; an `Arm`."""
+    """An arm that takes up a payload: an `Arm` with one model before instant `at` and another from then on."""
 
     first: RobotModel
     later: RobotModel
     at: int
-    """Control instant from which the second one holds."""
+    """Control instant from which the second model holds."""
 
     def mass_matrix(self, q: Array) -> Array:
         """Mass matrix, (N, n, n) [kg m^2]."""
@@ -61,7 +61,7 @@ class Phases:
 
 @dataclass(frozen=True, slots=True)
 class SlidingLaw:
-    """What the certificates need to know of a law: s = de + lambda e, its switching gain and its model."""
+    """Parameters of a law that the certificates use: s = de + lambda e, its switching gain and its model."""
 
     lam: Array
     """Slope lambda, (n,) [1/s]."""
@@ -162,8 +162,8 @@ def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float)
 
     Args:
         run: The run.
-        truth: The arm as it is.
-        law: What the law is made of.
+        truth: The true arm.
+        law: Parameters of the law.
         control_period: Time between control instants [s].
 
     Raises:
@@ -235,8 +235,8 @@ def required_gain(
     """Return the least K with which a law can hold s = 0 along its reference, (n,) [N m]; (123) at e = 0, eta = 0.
 
     Args:
-        truth: The arm as it is.
-        law: What the law is made of.
+        truth: The true arm.
+        law: Parameters of the law.
         q_ref, qd_ref, qdd_ref: Desired motion, (N, n).
         disturbance: Torque that will be added, friction included, (N, n) [N m], or None.
     """

@@ -1,4 +1,4 @@
-"""Comparing laws draw by draw: geometric-mean ratios, shares and tails with intervals, failures counted apart."""
+"""Statistics of laws compared draw by draw: geometric-mean ratios, shares and tails with intervals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from torquebench.errors import ResultError
 
 
 class Ratio(NamedTuple):
-    """How large one law's metric is beside another's, over paired draws."""
+    """Ratio of one law's metric to another's, over paired draws."""
 
     ratio: float
     """Geometric mean of a/b over the pairs [1]."""
@@ -76,12 +76,12 @@ def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidenc
 
 
 def geometric_mean(values: Sequence[float | None]) -> Ratio:
-    """Return the geometric mean of a positive figure over draws, with its interval, as `paired_ratio` to 1."""
+    """Return the geometric mean of a positive metric over draws, with its interval: its `paired_ratio` to 1."""
     return paired_ratio(values, [1.0] * len(values))
 
 
 class Share(NamedTuple):
-    """How many of so many, and between which bounds the probability behind it lies."""
+    """Successes out of trials, with an interval for the probability of success."""
 
     successes: int
     trials: int
@@ -92,14 +92,14 @@ class Share(NamedTuple):
 
 
 def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> Share:
-    """Return a share with its exact binomial interval, which covers the probability at least as often as it says.
+    """Return a share with its exact binomial interval, whose coverage is at least the confidence.
 
     low solves P(X >= successes) = (1 - confidence)/2 and high P(X <= successes) = (1 - confidence)/2, X binomial:
     quantiles of beta distributions. Clopper and Pearson, Biometrika 26 (1934), 404.
 
     Args:
-        successes: How many succeeded.
-        trials: How many there were, independent of one another; at least one.
+        successes: Number of successes.
+        trials: Number of independent trials, at least one.
         confidence: Probability content of the interval [1].
 
     Raises:
@@ -122,7 +122,7 @@ def cvar(values: Sequence[float], share: float, higher_is_worse: bool = True) ->
 
     Args:
         values: At least one.
-        share: How much of the sample [1], above 0, at most 1.
+        share: Fraction of the sample [1], above 0, at most 1.
         higher_is_worse: Whether the worst are the largest.
 
     Raises:
@@ -137,5 +137,5 @@ def cvar(values: Sequence[float], share: float, higher_is_worse: bool = True) ->
 
 
 def undominated(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Return the indices of the points than which no other one is lower in one figure and not higher in the other."""
+    """Return the indices of the Pareto-optimal points, both coordinates being better when lower."""
     return [i for i, (x, y) in enumerate(points) if not any(a <= x and b <= y and (a < x or b < y) for a, b in points)]

@@ -8,9 +8,9 @@ import pytest
 
 from tests.browser import chromium
 from tests.browser.chromium import WEBGL, Chromium, Page
-from torquebench.analysis import style
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.laws.law import LAWS
+from torquebench.report.figures import style
 
 CONFIG = """\
 name: browser-test
@@ -94,7 +94,9 @@ def reported(tmp_path_factory):
     (folder / "config.yaml").write_text(FIGURES)
     with pytest.MonkeyPatch.context() as patch:
         whole = style.figure_bytes  # PNGs take half the time and are not looked at here
-        patch.setattr("torquebench.analysis.style.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b"")
+        patch.setattr(
+            "torquebench.report.figures.style.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b""
+        )
         assert main(["run", str(folder / "config.yaml"), "--out", str(folder / "one")]) == 0
     shutil.copytree(folder / "one", folder / "two")
     runs = [str(folder / "one"), str(folder / "two")]

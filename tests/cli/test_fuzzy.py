@@ -100,8 +100,8 @@ def test_the_systems_of_a_file(small, command):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["pd-94"], "pd-94: is neither a file nor a built-in fuzzy system (did you mean 'pd-9'?)"),
-        (["missing.yaml"], "missing.yaml: is neither a file nor a built-in fuzzy system"),
+        (["pd-94"], "pd-94: does not exist (did you mean 'pd-9'?)"),
+        (["missing.yaml"], "missing.yaml: does not exist"),
         (["small.yaml", "--name", "lopsid"], "--name: lopsid: no such fuzzy system in small.yaml (did you"),
         (["pd-9", "--name", "pd-25"], "--name: pd-25: goes with a config file; pd-9 is built in"),
         (["plain.yaml"], "plain.yaml: fuzzy: there is no fuzzy system in it, and no controller uses one"),

@@ -6,7 +6,7 @@ import pytest
 
 from tests.errata.independent import Arm
 from torquebench import Puma560
-from torquebench.analysis.compare import random_states
+from torquebench.comparison import random_states
 from torquebench.sim.plants.mujoco import MujocoModel
 
 RELATIVE = 1e-12

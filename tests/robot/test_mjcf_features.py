@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from torquebench import AnalyticPlant, MujocoPlant, load_model
-from torquebench.analysis.compare import compare_terms, random_states
+from torquebench.comparison import compare_terms, random_states
 from torquebench.errors import ModelError
 from torquebench.sim.plants.mujoco import MujocoModel
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.errata.independent import Arm
 from tests.sim.arm_files import LEAN
-from torquebench.analysis.compare import random_states
+from torquebench.comparison import random_states
 from torquebench.disturbances import Stream, generator
 from torquebench.errors import ModelError
 from torquebench.kernel import Array

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from torquebench import Puma560, load_model
-from torquebench.analysis.compare import random_states
+from torquebench.comparison import random_states
 from torquebench.robot.dynamics import solve_in_place
 
 VARIANTS = [("exact", "fitted"), ("corrected", "fitted"), ("corrected", "printed"), ("printed", "printed")]

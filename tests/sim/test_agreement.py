@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from torquebench import AnalyticPlant, Controller, MujocoPlant, Puma560, find_law, simulate
-from torquebench.analysis.compare import (
+from torquebench.comparison import (
     ROLLOUT_TOLERANCE,
     compare_links,
     compare_rollouts,
     compare_terms,
+    parse_side,
     random_states,
 )
-from torquebench.analysis.sides import parse_side
 from torquebench.references import ramp, sine, step
 from torquebench.robot.library import model_folder
 

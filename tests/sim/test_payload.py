@@ -18,7 +18,7 @@ from tests.sim import faulty_laws
 from tests.sim.arm_files import LEAN, REFUSED, plant_from
 from tests.sim.protocol import HOME, REFERENCES, differing_bytes
 from tests.sim.test_native_refused import anything
-from torquebench.analysis.compare import random_states
+from torquebench.comparison import random_states
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot import Puma560, RobotModel

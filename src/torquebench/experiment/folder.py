@@ -9,14 +9,15 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from torquebench.errors import ConfigError, ModelError, Problem, ResultError
+from torquebench.errors import ConfigError, ModelError, Problem, ResultError, did_you_mean
 from torquebench.experiment.build import build
 from torquebench.experiment.certify import flags
+from torquebench.experiment.config import load_experiment
 from torquebench.experiment.describe import chain_text, conditions_text, fuzzy_facts, noise_text
 from torquebench.experiment.dump import canonical_hash, dump_experiment
-from torquebench.experiment.load import load_experiment
 from torquebench.experiment.run import ExperimentResult, Joints, joints_in, outcome_facts
 from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import read_document
 from torquebench.experiment.store import (
     EXPERIMENT,
     RunDirectory,
@@ -26,7 +27,6 @@ from torquebench.experiment.store import (
     model_checksums,
     refuse_without_experiment,
 )
-from torquebench.experiment.yaml_source import read_document
 from torquebench.metrics import METRICS, Metric, Metrics
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 
@@ -225,6 +225,11 @@ def _metrics(folder: Path, n: int) -> dict[str, Metrics]:
             continue
         if any(len(metric.per_joint) != n for metric in values.values()):
             raise ResultError(f"{path}: '{name}' has metrics of another number of joints, wanted {n}")
+        for key in set(values) - set(METRICS.names()):
+            raise ResultError(
+                f"{path}: unknown metric '{key}'{did_you_mean(key, METRICS.names())}; one of your own needs --plugin "
+                "FILE, the file that registers it"
+            )
         metrics = {key: Metric(m.value, tuple(m.per_joint), m.counted) for key, m in values.items()}
         absent = Metric(None, (None,) * n, n)
         found[name] = Metrics({key: metrics.get(key, absent) for key in METRICS.names()})

@@ -11,12 +11,14 @@ from torquebench.experiment.describe import fuzzy_in_use
 from torquebench.experiment.folder import manifest_of, write_numbers
 from torquebench.experiment.run import ExperimentResult, Progress, band_of
 from torquebench.experiment.store import RunDirectory, add_to_run
-from torquebench.experiment.values import as_vector
+from torquebench.keys import as_vector
 from torquebench.report.render import PAGE, Picture
 from torquebench.report.run_page import comparison_page, run_page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from torquebench.report.figures.run_view import FiredRules
 
 FILM = "video.mp4"
 FORMATS: tuple[Literal["svg", "png"], ...] = ("svg", "png")
@@ -55,7 +57,7 @@ def figure_files(result: ExperimentResult, progress: Progress | None = None) -> 
         result: The run.
         progress: Told each file when it is drawn.
     """
-    from torquebench.analysis.style import figure_bytes
+    from torquebench.report.figures.style import figure_bytes
 
     figures = run_figures(result)
     whole, done = len(FORMATS) * len(figures), 0
@@ -74,51 +76,42 @@ def run_figures(result: ExperimentResult) -> dict[str, Figure]:
 
     Those of the stability certificates need the arm that was run, and are left out where its files have changed.
     """
-    from torquebench.analysis.certificate_figure import certificate_figure
-    from torquebench.analysis.figures import make_figures
+    from torquebench.report.figures.run_view import draw_figures, run_view
 
     experiment = result.experiment
-    found = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
+    bands = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
     n = len(result.joints.names)
-    figures = make_figures(
+    view = run_view(
         result.runs,
         title=experiment.name,
         subtitle=result.conditions,
         joint_names=result.joints.names,
-        tau_max=as_vector(result.joints.tau_max, n),
+        tau_max=result.joints.tau_max,
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
         metrics=result.metrics,
-        bands={name: as_vector(band, n) for name, band in found.items() if band is not None},
+        bands={name: as_vector(band, n) for name, band in bands.items() if band is not None},
         slides=result.slides,
+        certificates=result.certificates if result.certified and not result.arm_changed else {},
+        fuzzy=fuzzy_in_use(experiment),
+        fired=fired_rules(result),
     )
-    if result.certified and not result.arm_changed:
-        figures["certificates"] = certificate_figure(
-            result.certificates, experiment.name, result.conditions, list(result.runs)
-        )
-    return figures | dict(fuzzy_figures(result))
+    return draw_figures(view)
 
 
-def fuzzy_figures(result: ExperimentResult) -> Iterator[tuple[str, Figure]]:
-    """Draw the fuzzy systems in use, and which of their rules fired in each run; yield name and figure."""
-    from torquebench.analysis.firing import rule_shares
-    from torquebench.analysis.fuzzy_figures import system_figures
-    from torquebench.analysis.fuzzy_rules import firing_figure
+def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
+    """Return which rules of its fuzzy system fired in each run, by controller."""
+    from torquebench.report.figures.fuzzy_rules import rule_shares
+    from torquebench.report.figures.run_view import FiredRules
 
-    experiment = result.experiment
-    systems = fuzzy_in_use(experiment)
-    for name, prepared in systems.items():
-        for what, figure in system_figures(prepared).items():
-            yield f"fuzzy-{name}-{what}", figure
-    for keys, controller in zip(experiment.controllers, build_controllers(experiment), strict=True):
+    fired = {}
+    for keys, controller in zip(result.experiment.controllers, build_controllers(result.experiment), strict=True):
         for field, rules in controller.law.rules.items():
             if keys.fuzzy is None or rules.inputs is None:
                 continue
-            fis = getattr(controller.gains, field)
-            shares = rule_shares(controller.gains, fis, rules.inputs, result.runs[controller.name])
-            title = f"{experiment.name}: rules of {keys.fuzzy} that fired under {controller.name}"
-            figure = firing_figure(systems[keys.fuzzy], shares, result.joints.names, title, result.conditions)
-            yield f"fuzzy-{controller.name}-rules", figure
+            fis, run = getattr(controller.gains, field), result.runs[controller.name]
+            fired[controller.name] = FiredRules(keys.fuzzy, rule_shares(controller.gains, fis, rules.inputs, run))
+    return fired
 
 
 def stored_page(

@@ -5,22 +5,13 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-from torquebench.experiment.dump import dump_experiment
+from torquebench.experiment.dump import dump_experiment, plain
 from torquebench.experiment.run import ExperimentResult
+from torquebench.report.figures.declare import figure_title
 from torquebench.report.render import Picture, render
 from torquebench.report.tables import by_joint, certificate_rows, gain_rows, headline_table
-
-TITLES = {
-    "position": "Position",
-    "error": "Tracking error",
-    "torque": "Torque",
-    "sliding": "Sliding variable",
-    "spectrum": "Spectrum of the torque",
-    "certificates": "Stability certificates over time",
-}
-"""Headings of figures by file name."""
+from torquebench.sweep.plan import flattened
 
 
 def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes | None = None) -> bytes:
@@ -64,7 +55,7 @@ def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes
         config=dump_experiment(experiment),
         facts=json.dumps(result.facts, indent=2),
         video=None if film is None else base64.b64encode(film).decode(),
-        figures=[Picture(TITLES.get(name, name), svg) for name, svg in figures.items()],
+        figures=[Picture(figure_title(name), svg) for name, svg in figures.items()],
     )
 
 
@@ -115,22 +106,7 @@ def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[P
 
 def flat(result: ExperimentResult) -> dict[str, str]:
     """Return every key of a run's experiment with its value, as text; controllers by name."""
-    from torquebench.experiment.dump import plain
-
-    found: dict[str, str] = {}
-
-    def walk(prefix: str, value: Any) -> None:
-        if isinstance(value, dict):
-            for key, inner in value.items():
-                walk(f"{prefix}.{key}" if prefix else key, inner)
-        elif isinstance(value, list) and value and all(isinstance(x, dict) for x in value):
-            for index, inner in enumerate(value):
-                walk(f"{prefix}.{inner.get('name', index)}", inner)
-        else:
-            found[prefix] = json.dumps(value)
-
-    walk("", plain(result.experiment))
-    return found
+    return {key: json.dumps(value) for key, value in flattened(plain(result.experiment))}
 
 
 def differences(configs: Mapping[str, Mapping[str, str]]) -> list[list[str]]:

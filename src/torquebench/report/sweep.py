@@ -11,7 +11,7 @@ from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import json_bytes, machine
-from torquebench.experiment.sweep_schema import Worst
+from torquebench.experiment.sweep_section import Worst
 from torquebench.report.render import PAGE
 from torquebench.report.run import FORMATS
 from torquebench.report.sweep_page import SweepInfo, sweep_page
@@ -78,8 +78,8 @@ def drawn(
         found: What its metrics depend on.
         progress: Told each file when it is drawn.
     """
-    from torquebench.analysis.style import figure_bytes
-    from torquebench.analysis.sweep_figures import sweep_figures
+    from torquebench.report.figures.style import figure_bytes
+    from torquebench.report.figures.sweep import sweep_figures
 
     said = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
     pages = sweep_figures(table, info.name, said, found, slides=info.slides)

@@ -76,7 +76,7 @@ def sweep_page(
     Args:
         table: The sweep's table.
         info: What it is.
-        figures: Name, as `analysis.sweep_figures` has them, -> SVG document, in order.
+        figures: Name, as `figures.sweep` has them, -> SVG document, in order.
         found: What its metrics depend on; of those in `SHOWN` it is told.
         reference: Controller that the ratios are to; None for the first.
 

@@ -1,4 +1,4 @@
-"""The tables of a sweep, as text: each law over all cases and in each case, and what its figures depend on."""
+"""Tables of a sweep as text: each law over all cases and in each case, failures, sensitivities."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import TAIL, Figure, Group, Overall, Summary
 
 SHOWN = ("rmse", "hf")
-"""Metrics that tables tell more of than the mean."""
+"""Metrics with tables of their own."""
 Titles = Mapping[str, tuple[str, float]]
 """Title with unit and scale of each metric, as of `headlines`."""
 Cells = tuple[list[str], list[list[str]]]
@@ -21,7 +21,7 @@ Cells = tuple[list[str], list[list[str]]]
 
 
 def means_table(summary: Summary, titles: Titles) -> Cells:
-    """Return a row for each law: how many runs completed, and the means of these over all cases and draws.
+    """A row for each law: how many runs completed, and their means over all cases and draws.
 
     Args:
         summary: The sweep's summary.
@@ -36,7 +36,7 @@ def means_table(summary: Summary, titles: Titles) -> Cells:
 
 
 def overall_table(summary: Summary, metric: str, titles: Titles) -> Cells:
-    """Return a row for each law with one metric over all cases: mean, tail, worst run, ratio to the reference.
+    """A row for each law with one metric over all cases: mean, tail, worst run, ratio to the reference.
 
     There is no median: where cases differ much it is a figure that no run has.
 
@@ -54,7 +54,7 @@ def _without_median(cells: list[str]) -> list[str]:
 
 
 def case_table(summary: Summary, groups: Sequence[Group], metric: str, titles: Titles) -> Cells:
-    """Return a row for each law in one case: completed runs with interval, then as `overall_table`, and the median.
+    """A row for each law in one case: completed runs with interval, median, and the columns of `overall_table`.
 
     Args:
         summary: The sweep's summary.
@@ -92,7 +92,7 @@ def _mean(figures: Mapping[str, Figure], key: str, titles: Titles) -> str:
 
 
 def ratio_text(ratio: Ratio | None) -> str:
-    """Return a ratio with its interval, where draws differ, and in how many draws one of the two had no value."""
+    """Format a ratio with its interval, if draws differ, and the number of draws that were left out."""
     if ratio is None:
         return "-"
     interval = f" [{ratio.low:.3g}, {ratio.high:.3g}]" if math.isfinite(ratio.low) else ""
@@ -101,14 +101,14 @@ def ratio_text(ratio: Ratio | None) -> str:
 
 
 def share_text(share: Share) -> str:
-    """Return how many of how many, with the interval of the probability in %, where draws differ."""
+    """Format a share with the interval of its probability in %, if draws differ."""
     if not math.isfinite(share.low):
         return f"{share.successes} of {share.trials}, all alike"
     return f"{share.successes} of {share.trials} [{100 * share.low:.3g}, {100 * share.high:.3g}] %"
 
 
 def case_text(*groups: Group) -> str:
-    """Return the values of a case as text: of the keys that one of some laws has."""
+    """Values of a case as text; keys that none of these laws has are left out."""
     merged: dict[str, float | str | None] = {}
     for group in groups:
         merged |= {key: value for key, value in group.values.items() if value is not None or key not in merged}
@@ -121,7 +121,7 @@ def case_text(*groups: Group) -> str:
 
 
 def failures_table(summary: Summary) -> Cells:
-    """Return a row for each law and case in which a run failed: how many, how, and the first of them."""
+    """A row for each law and case in which runs failed: how many, how, and the earliest of them."""
     rows = []
     for group in summary.groups:
         first = group.earliest_failure
@@ -132,7 +132,7 @@ def failures_table(summary: Summary) -> Cells:
 
 
 def effects_table(found: Sequence[Sensitivity]) -> Cells:
-    """Return a row for each law and metric of which something matters: what, ranked, and in which terms."""
+    """A row for each law and metric that depends on something: on what, ranked, and how strongly."""
     rows = []
     for one in found:
         effects = () if one.effects is None else one.effects.effects
@@ -158,7 +158,7 @@ def effects_table(found: Sequence[Sensitivity]) -> Cells:
 
 
 def silent_text(found: Sequence[Sensitivity]) -> str:
-    """Return of which laws and metrics nothing is said to matter, and why; empty when there are none."""
+    """Explain where no effect was found; empty if every law and metric has one."""
     reasons: dict[str, list[str]] = {}
     for one in found:
         if one.effects is None:
@@ -170,9 +170,3 @@ def silent_text(found: Sequence[Sensitivity]) -> str:
             reason = f"none of {count} and of their {one.effects.pairs} products shows in {one.draws} draws"
         reasons.setdefault(reason, []).append(f"{METRICS[one.metric].short_title} of {one.controller}")
     return "; ".join(f"{', '.join(dict.fromkeys(names))}: {reason}" for reason, names in reasons.items())
-
-
-def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table as Markdown, figures aligned to the right."""
-    lines = [list(header), ["---", *("---:" for _ in header[1:])], *map(list, rows)]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"

@@ -1,4 +1,4 @@
-"""The tables of a run, as text: headline metrics, every metric by joint, certificates, gains with their units."""
+"""Tables of a run as text: headline metrics, every metric by joint, certificates, gains with their units."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from typing import Any
 
 import numpy as np
 
+from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult, is_step_like
-from torquebench.experiment.units import joint_units
 from torquebench.laws import find_law
 from torquebench.metrics import METRICS, Metric, MetricInfo
 
 
 def columns(steps: bool) -> list[MetricInfo]:
-    """Return the metrics that have a column in tables of headlines; those that only a step has come last.
+    """Metrics with a column in tables of headlines; those of the step response come last.
 
     Args:
-        steps: Whether to have those too.
+        steps: Whether to include those.
     """
     shown = [info for info in METRICS.values() if info.column]
     return [info for info in shown if not info.steps_only] + [info for info in shown if steps and info.steps_only]
 
 
 def heading(info: MetricInfo, slides: Sequence[bool]) -> str:
-    """Return the title of a metric's column, with its unit.
+    """Title of a metric's column, with its unit.
 
     Args:
         info: The metric.
@@ -35,17 +35,17 @@ def heading(info: MetricInfo, slides: Sequence[bool]) -> str:
 
 
 def headlines(slides: Sequence[bool], steps: bool = False) -> dict[str, tuple[str, float]]:
-    """Return title with unit and scale of each metric that has a column, whose joints make one number together.
+    """Title with unit, and scale, of each metric with a column, all joints making one number.
 
     Args:
         slides: Of each joint, whether it slides.
-        steps: Whether to have those that only a step has.
+        steps: Whether to include those of the step response.
     """
     return {info.key: (heading(info, slides), info.scale) for info in columns(steps)}
 
 
 def outcome_text(result: ExperimentResult, name: str) -> str:
-    """Return how a run ended, with the time of a failure.
+    """How a run ended, with the time of a failure.
 
     Args:
         result: The experiment's runs.
@@ -80,7 +80,7 @@ def headline_table(result: ExperimentResult) -> tuple[list[str], list[list[str]]
 
 
 def joined(info: MetricInfo, metric: Metric, kinds: Sequence[bool], slides: bool) -> float | None:
-    """Return the headline of the joints that slide, or of those that turn; None where one of them has none.
+    """Headline of the joints that slide, or of those that turn; None where one of them has no value.
 
     Args:
         info: The metric.
@@ -96,17 +96,17 @@ def joined(info: MetricInfo, metric: Metric, kinds: Sequence[bool], slides: bool
 
 
 def number(value: float | None, scale: float = 1.0) -> str:
-    """Return a figure as text, a dash where there is none.
+    """Format a number; a dash for none.
 
     Args:
-        value: The figure.
+        value: The number.
         scale: By how much it is multiplied.
     """
     return "-" if value is None else f"{value * scale:.4g}"
 
 
 def by_joint(result: ExperimentResult) -> list[dict[str, Any]]:
-    """Return, for each controller with metrics, its name and a line for each metric: headline and every joint."""
+    """For each controller with metrics: its name, and a line for each metric with headline and every joint."""
     found = []
     for name, metrics in result.metrics.items():
         lines = [
@@ -118,7 +118,7 @@ def by_joint(result: ExperimentResult) -> list[dict[str, Any]]:
 
 
 def _value(info: MetricInfo, metric: Metric, slides: Sequence[bool]) -> dict[str, str]:
-    """Return unit and headline; joints that turn and joints that slide have no headline in common."""
+    """Unit and headline; joints that turn and joints that slide have no headline in common."""
     if not info.is_angle or not any(slides):
         return {"unit": info.unit, "value": number(metric.value)}
     unit = info.unit.replace("rad", "m")
@@ -137,7 +137,7 @@ def _cells(metric: Metric) -> list[str]:
 
 
 def certificate_rows(result: ExperimentResult) -> list[list[str]]:
-    """Return a row for each controller with certificates."""
+    """A row for each controller with certificates."""
     rows = []
     for name, facts in result.certified.items():
         worst = facts["worst_margin"]
@@ -157,7 +157,7 @@ def certificate_rows(result: ExperimentResult) -> list[list[str]]:
 
 
 def gain_rows(result: ExperimentResult) -> list[list[str]]:
-    """Return a row for each choice and gain of each controller: controller, name, value, unit, meaning."""
+    """A row for each option and gain of each controller: controller, name, value, unit, meaning."""
     rows = []
     for keys in result.experiment.controllers:
         law = find_law(keys.law)

@@ -1,0 +1,325 @@
+"""Compare two models or plants: which term differs, by how much, on which joint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from torquebench import references
+from torquebench.errors import ConfigError, ModelError, Problem, did_you_mean
+from torquebench.kernel import Array
+from torquebench.robot import RobotModel, load_model
+from torquebench.robot.flat_model import STRUCTURES, own_copy
+from torquebench.sim.plants import Plant
+from torquebench.sim.session import Controller
+from torquebench.sim.simulate import simulate
+from torquebench.sim.trajectory import Trajectory
+
+ROLLOUT_TOLERANCE = 1e-12
+"""Largest joint-angle gap of two closed loops that still counts as agreement [rad]."""
+ROLLOUT_LAWS: tuple[tuple[str, str, dict[str, float]], ...] = (
+    ("sign", "smc", {"lam": 10, "k": 0.3}),
+    ("linear band", "linear-band-smc", {"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20}),
+)
+"""Laws of the closed loops: title, name, gains."""
+ROLLOUT_MOTIONS = ("sine", "step", "ramp")
+LOOPS = len(ROLLOUT_LAWS) * len(ROLLOUT_MOTIONS)
+"""Number of closed loops on each side."""
+SPEED, ACCELERATION = 3.0, 5.0
+"""Random states: |qd| [rad/s] and |qdd| [rad/s^2] up to these, positions over the full circle."""
+ENGINES = ("mujoco", "analytic")
+
+
+class Dynamics(Protocol):
+    """Terms of the dynamics, each for a batch of states (N, n)."""
+
+    n: int
+    joint_names: tuple[str, ...]
+
+    def mass_matrix(self, q: npt.ArrayLike) -> Array:
+        """M(q), (N, n, n) [kg m^2]."""
+        ...
+
+    def bias_forces(self, q: npt.ArrayLike, qd: npt.ArrayLike) -> Array:
+        """N(q, qd), (N, n) [N m]."""
+        ...
+
+    def gravity(self, q: npt.ArrayLike) -> Array:
+        """g(q), (N, n) [N m]."""
+        ...
+
+    def inverse_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, qdd: npt.ArrayLike) -> Array:
+        """Torque for the acceleration `qdd`, (N, n) [N m]."""
+        ...
+
+    def forward_kinematics(self, q: npt.ArrayLike) -> Array:
+        """Pose of the tool, (N, 4, 4) [-, m]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One side of a comparison."""
+
+    label: str
+    """As the user wrote it."""
+    engine: str
+    """``mujoco`` or ``analytic``."""
+    source: str
+    """Model name or path of an MJCF file."""
+    dynamics: Any
+    """Terms of the dynamics; see `Dynamics`."""
+    links: RobotModel | None
+    """Link parameters behind it; None for closed forms, which have none."""
+
+    def plant(self, timestep: float) -> Plant:
+        """Return this side as a plant, RK4."""
+        if self.engine == "mujoco":
+            from torquebench.sim.plants.mujoco import MujocoPlant
+
+            return MujocoPlant(self.source, timestep)
+        from torquebench.sim.plants.analytic import AnalyticPlant
+
+        return AnalyticPlant(self.dynamics, timestep)
+
+
+def parse_side(text: str, argument: str) -> Side:
+    """Read ``mujoco:MODEL``, ``analytic:MODEL[:STRUCTURE[:CONSTANTS]]`` or ``FILE.xml``.
+
+    Args:
+        text: What the user wrote.
+        argument: Name of the argument, for messages.
+
+    Raises:
+        ConfigError: it is none of these, or the model cannot be used.
+    """
+    engine, _, rest = text.partition(":")
+    if text.endswith(".xml"):
+        engine, rest = ("mujoco", text) if engine not in ENGINES else (engine, rest)
+    try:
+        if engine == "mujoco":
+            return _mujoco_side(text, rest)
+        if engine == "analytic":
+            source, *more = rest.split(":")
+            if len(more) > 2:
+                raise ModelError("too many parts, wanted analytic:MODEL[:STRUCTURE[:CONSTANTS]]")
+            if more and more[0] not in STRUCTURES:
+                raise ModelError(f"unknown structure '{more[0]}'{did_you_mean(more[0], STRUCTURES)}")
+            model = load_model(source, *more)
+            exact = not more or more[0] == "exact"
+            return Side(text, engine, source, model, model if exact else None)
+        raise ModelError(
+            f"unknown engine '{engine}', wanted mujoco:MODEL, analytic:MODEL[:STRUCTURE[:CONSTANTS]] or FILE.xml"
+            + did_you_mean(engine, ENGINES)
+        )
+    except (ModelError, ValueError) as error:
+        message = str(error).removeprefix(f"{source_of(text)}: ")
+        raise ConfigError([Problem(argument, text, message)]) from error
+
+
+def source_of(text: str) -> str:
+    """Name or file of the model in a side's text."""
+    engine, _, rest = text.partition(":")
+    return rest.split(":")[0] if engine in ENGINES else text
+
+
+def _mujoco_side(text: str, source: str) -> Side:
+    from torquebench.robot import mjcf
+    from torquebench.robot.library import mjcf_path
+    from torquebench.sim.plants.mujoco import MujocoModel
+
+    compiled = mjcf.compile_mjcf(mjcf_path(source))
+    links = RobotModel(source, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, source))
+    return Side(text, "mujoco", source, MujocoModel(source), links)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One compared quantity."""
+
+    term: str
+    unit: str
+    absolute: float
+    """Largest difference of one element."""
+    relative: float
+    """Largest norm of the difference at a state, over the root mean square of the norm of A's value."""
+    where: str
+    """Element with the largest difference."""
+    limit: float
+    """Largest value of `relative` (for rollouts: of `absolute`) that counts as agreement."""
+    measure: str = "relative"
+    """Which of the two is held against the limit."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the difference is within the limit; NaN is not."""
+        return bool(getattr(self, self.measure) <= self.limit)
+
+
+def compare(
+    a: Side,
+    b: Side,
+    *,
+    states: int = 1000,
+    seed: int = 0,
+    tolerance: float = 1e-6,
+    frozen: Sequence[int] = (),
+    rollout: float = 0.0,
+    progress: Callable[[str], None] = lambda loop: None,
+) -> list[Row]:
+    """Compare two models or plants: every term of the dynamics, link parameters, and closed loops if asked for.
+
+    Args:
+        a, b: The two sides, with the same joints; see `parse_side`.
+        states: Number of random states.
+        seed: Seed of the states.
+        tolerance: Relative difference that counts as agreement.
+        frozen: Joints, counted from 0, at zero position and speed.
+        rollout: Length of the closed loops [s]; 0 for none.
+        progress: Called with the name of each closed loop before it runs.
+    """
+    rows = compare_terms(a.dynamics, b.dynamics, random_states(a.dynamics.n, states, seed, frozen), tolerance)
+    if a.links is not None and b.links is not None:
+        rows += compare_links(a.links, b.links, tolerance)
+    if rollout > 0:
+        rows += compare_rollouts(a, b, slightly_wrong(a, b), rollout, progress=progress)
+    return rows
+
+
+def random_states(n: int, count: int, seed: int, frozen: Sequence[int] = ()) -> tuple[Array, Array, Array]:
+    """Return positions [rad], velocities [rad/s] and accelerations [rad/s^2], each (count, n).
+
+    Args:
+        n: Number of joints.
+        count: Number of states.
+        seed: Seed of the states.
+        frozen: Joints, counted from 0, at zero position and speed.
+    """
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-np.pi, np.pi, (count, n))
+    qd = rng.uniform(-SPEED, SPEED, (count, n))
+    qdd = rng.uniform(-ACCELERATION, ACCELERATION, (count, n))
+    q[:, list(frozen)] = qd[:, list(frozen)] = 0.0
+    return q, qd, qdd
+
+
+def compare_terms(a: Dynamics, b: Dynamics, states: tuple[Array, Array, Array], tolerance: float) -> list[Row]:
+    """Compare every term of the dynamics over a batch of states.
+
+    Args:
+        a, b: The two sides, with the same joints.
+        states: Positions, velocities and accelerations, each (N, n).
+        tolerance: Relative difference that counts as agreement.
+    """
+    q, qd, qdd = states
+    gravity_a, gravity_b = a.gravity(q), b.gravity(q)
+    torque_a = a.inverse_dynamics(q, qd, qdd)
+    # a term that is zero but for round-off (gravity of a vertical axis) is held to the arm's torques
+    floor = {"N m": 1e-3 * _typical(torque_a)}
+    pairs = (
+        ("mass matrix", "kg m^2", a.mass_matrix(q), b.mass_matrix(q)),
+        ("gravity", "N m", gravity_a, gravity_b),
+        ("Coriolis + centrifugal", "N m", a.bias_forces(q, qd) - gravity_a, b.bias_forces(q, qd) - gravity_b),
+        ("inverse dynamics", "N m", torque_a, b.inverse_dynamics(q, qd, qdd)),
+        ("tool pose", "-, m", a.forward_kinematics(q), b.forward_kinematics(q)),
+    )
+    return [_row(term, unit, x, y, tolerance, floor.get(unit, 0.0)) for term, unit, x, y in pairs]
+
+
+def compare_links(a: RobotModel, b: RobotModel, tolerance: float) -> list[Row]:
+    """Compare the link parameters themselves: some inertias (link 1's Ixx, say) no joint torque can show.
+
+    Args:
+        a, b: Two models with link parameters in the same frames.
+        tolerance: Relative difference that counts as agreement.
+    """
+    parameters = (
+        ("link masses", "kg", "mass"),
+        ("centres of mass", "m", "com"),
+        ("link inertias", "kg m^2", "inertia"),
+        ("armatures", "kg m^2", "armature"),
+        ("torque limits", "N m", "tau_max"),
+    )
+    return [_row(title, unit, getattr(a.flat, key), getattr(b.flat, key), tolerance) for title, unit, key in parameters]
+
+
+def slightly_wrong(a: Side, b: Side) -> RobotModel:
+    """Return the model the laws use on both plants: links 5 % too heavy.
+
+    With a perfect model s is mere round-off while the arm rests, and its sign differs between any two plants.
+    """
+    true = a.links or b.links
+    if true is None:
+        closed_form: RobotModel = a.dynamics
+        return closed_form
+    flat = own_copy(true.flat, mass=1.05 * true.flat.mass, inertia=1.05 * true.flat.inertia)
+    return RobotModel(true.name, true.joint_names, flat)
+
+
+def compare_rollouts(
+    a: Side,
+    b: Side,
+    model: RobotModel,
+    duration: float,
+    timestep: float = 0.001,
+    progress: Callable[[str], None] = lambda loop: None,
+) -> list[Row]:
+    """Compare closed loops on both plants, linear band and sign, on `sine`, `step` and `ramp`.
+
+    The law computes with the same `model` on both sides; only the plants differ. RK4, zero-order hold.
+
+    Args:
+        a, b: The two sides.
+        model: The law's belief.
+        duration: Length of each loop [s].
+        timestep: Integration step and control period [s].
+        progress: Called with the name of each loop before it runs.
+    """
+    n, rows = model.n, []
+    odd = np.arange(n) % 2 == 1
+    motions = (
+        references.sine(np.where(odd, -1.0, 1.2), 0.4 + 0.6 * (np.arange(1, n + 1) / n)),
+        references.step(np.where(odd, -0.8, 0.8), 0.2),
+        references.ramp(np.where(odd, -1.5, 1.5), 3.0),
+    )
+    plant_a, plant_b = a.plant(timestep), b.plant(timestep)
+    for title, law, gains in ROLLOUT_LAWS:
+        controller = Controller.of(law, n, gains, name=title)
+        for name, motion in zip(ROLLOUT_MOTIONS, motions, strict=True):
+            progress(f"{title}, {name}")
+            runs = [
+                simulate(p, controller, model, motion, duration=duration, control_period=timestep, throw=False)
+                for p in (plant_a, plant_b)
+            ]
+            rows.append(_rollout_row(f"closed loop, {title}, {name}", *runs))
+    return rows
+
+
+def _rollout_row(term: str, x: Trajectory, y: Trajectory) -> Row:
+    nan = float("nan")
+    if not (x.completed and y.completed):
+        ends = ", ".join(f"{side} {run.outcome.name} at {run.t[-1]:g} s" for side, run in (("A", x), ("B", y)))
+        return Row(term, "rad", nan, nan, ends, ROLLOUT_TOLERANCE, "absolute")
+    return replace(_row(term, "rad", x.q, y.q, ROLLOUT_TOLERANCE), measure="absolute")
+
+
+def _typical(x: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(x.reshape(len(x), -1) ** 2, axis=1))))
+
+
+def _row(term: str, unit: str, x: Array, y: Array, limit: float, floor: float = 0.0) -> Row:
+    if x.shape != y.shape:
+        return Row(term, unit, float("nan"), float("nan"), f"shapes {x.shape} and {y.shape}", limit)
+    gap = np.abs(x - y)
+    missed = np.linalg.norm(gap.reshape(len(x), -1), axis=1)
+    # over the typical, not the state's own size: at some state a term is zero, and any difference infinite
+    scale = max(_typical(x), floor)
+    largest = float(np.max(missed))
+    relative = largest / scale if scale > 0 else (0.0 if largest == 0 else float("inf"))
+    worst = np.unravel_index(int(np.argmax(gap)), gap.shape)
+    element = ", ".join(str(i + 1) for i in worst[1:]) or str(worst[0] + 1)
+    return Row(term, unit, float(np.max(gap)), relative, element, limit)

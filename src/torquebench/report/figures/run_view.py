@@ -1,0 +1,261 @@
+"""The runs of one experiment as its figures show them: each controller has the same look on every page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from torquebench.certificates import Certificate
+from torquebench.errors import ResultError
+from torquebench.fuzzy import Prepared
+from torquebench.kernel import Array
+from torquebench.metrics import Metrics
+from torquebench.metrics.torque import measure_torques
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figures_in_order
+from torquebench.report.figures.layout import finish_page, printable
+from torquebench.sim.trajectory import Outcome, Trajectory
+
+CHATTERING = 20.0
+"""Total variation of the torque from which a run is drawn thin where its line fills an area [tau_max/s]."""
+SHADE: dict[str, Any] = {"color": "0.95", "linewidth": 0.0, "zorder": 0.5}
+REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": (0, (4.0, 2.5)), "zorder": 3.0}
+LIMIT: dict[str, Any] = {"color": "0.4", "linewidth": 0.8, "linestyle": (0, (1.5, 1.5))}
+TIME = "time [s]"
+
+_OUTCOMES = {
+    Outcome.DIVERGED: " (diverged)",
+    Outcome.BAD_TORQUE: " (non-finite torque)",
+    Outcome.CONTROLLER_ERROR: " (law failed)",
+}
+_POINTS = 36_000  # samples drawn per page: about 1 MB of SVG
+
+
+class Run(NamedTuple):
+    """One controller's run and its look, which is the same on every page."""
+
+    name: str
+    data: Trajectory
+    chatters: bool
+    look: dict[str, Any]
+
+
+class FiredRules(NamedTuple):
+    """Shares of the rules of a law's fuzzy system in a run."""
+
+    system: str
+    """Name of the system."""
+    shares: Array
+    """Share of each rule in the firing of all, (n, n1, n2)."""
+
+
+@dataclass(frozen=True)
+class RunView:
+    """What the figures of one experiment show."""
+
+    runs: tuple[Run, ...]
+    """In the order of the legend."""
+    title: str
+    """Heading of every page."""
+    subtitle: str
+    """What was run; line breaks are kept."""
+    joint_names: Sequence[str]
+    tau_max: Array
+    """Torque limits, (n,) [N m]; force limits [N] of slides."""
+    metrics_from: float
+    """Start of the metrics' window [s]."""
+    control_period: float
+    """Time between control instants [s]."""
+    metrics: Mapping[str, Metrics]
+    """Controller -> metrics of its run; a run that failed has none."""
+    bands: Mapping[str, Array]
+    """Controller -> half-widths phi of its band |s| <= phi, (n,) [rad/s] ([m/s] of slides), of those that have one."""
+    slides: tuple[bool, ...]
+    """Whether each joint slides instead of turning."""
+    certificates: Mapping[str, Certificate] = field(default_factory=dict)
+    """Controller -> stability certificates of its run, of those that have some."""
+    fuzzy: Mapping[str, Prepared] = field(default_factory=dict)
+    """Fuzzy systems in use, by name."""
+    fired: Mapping[str, FiredRules] = field(default_factory=dict)
+    """Controller -> rules that fired in its run, of laws with a fuzzy system."""
+
+    def by_kind(self, hinge: str, slide: str) -> list[str]:
+        """Return one of two texts per joint: `hinge` for a joint that turns, `slide` for one that slides."""
+        return [slide if slides else hinge for slides in self.slides]
+
+    @property
+    def longest(self) -> Trajectory:
+        """The run that lasted longest; the others see the same reference."""
+        return max((run.data for run in self.runs), key=lambda data: len(data.t))
+
+    @property
+    def bins(self) -> int:
+        """Stretches per line that keep a page within its size."""
+        return max(60, min(600, _POINTS // (2 * len(self.runs) * len(self.joint_names))))
+
+    def hf_note(self, run: Run) -> str:
+        """Chattering index of a run for the legend; empty where it has none."""
+        metrics = self.metrics.get(run.name)
+        value = None if metrics is None else metrics.hf.value
+        return "" if value is None else f" (HF {value:.3g} %)"
+
+    def finish(self, fig: Figure, note: Callable[[Run], str], *others: Artist) -> Figure:
+        """Add title, subtitle and legend; `note` returns what follows a run's name in the legend."""
+        keys: list[Artist] = []
+        for run in self.runs:
+            label = printable(run.name) + _OUTCOMES.get(run.data.outcome, "") + note(run)
+            look = run.look | {"linewidth": max(1.2, run.look["linewidth"]), "label": label}
+            keys.append(Line2D([], [], marker="" if run.data.completed else "x", markersize=5.0, **look))
+        finish_page(fig, self.title, self.subtitle, [*keys, *others])
+        return fig
+
+    def shade(self) -> list[Artist]:
+        """Return the legend entry of the time before the metrics' window, if there is such a time."""
+        label = f"before the metrics' window (t < {self.metrics_from:g} s)"
+        return [Patch(label=label, **SHADE | {"color": "0.9"})] if self.metrics_from > 0.0 else []
+
+
+def run_view(
+    runs: Mapping[str, Trajectory],
+    *,
+    title: str,
+    subtitle: str,
+    joint_names: Sequence[str],
+    tau_max: npt.ArrayLike,
+    metrics_from: float,
+    control_period: float,
+    metrics: Mapping[str, Metrics] | None = None,
+    bands: Mapping[str, npt.ArrayLike] | None = None,
+    slides: Sequence[bool] | None = None,
+    certificates: Mapping[str, Certificate] | None = None,
+    fuzzy: Mapping[str, Prepared] | None = None,
+    fired: Mapping[str, FiredRules] | None = None,
+) -> RunView:
+    """Collect what the figures of one experiment are drawn from.
+
+    Args:
+        runs: Controller name -> its run, in the order of the legend, which sets colour and dash. A failed run is
+            drawn up to its end, which is marked with a cross, and does not set the range of an axis.
+        title: Heading of every page.
+        subtitle: What was run: reference, chain, definition of the noise. Line breaks are kept.
+        joint_names: One name per panel, n of them.
+        tau_max: Torque limits, (n,) [N m]; force limits [N] of slides.
+        metrics_from: Start of the metrics' window [s].
+        control_period: Time between control instants [s].
+        metrics: Controller name -> metrics of its run; headlines are quoted in the legends.
+        bands: Controller name -> half-widths phi of its band |s| <= phi, (n,) [rad/s] ([m/s] of slides), of
+            those that have one; drawn in the sliding figure.
+        slides: Whether each joint slides instead of turning, (n,); no joint does by default.
+        certificates: Controller name -> stability certificates of its run.
+        fuzzy: Fuzzy systems in use, by name.
+        fired: Controller name -> rules of its fuzzy system that fired in its run.
+
+    Raises:
+        ResultError: there is no run, or the runs, bands or slides do not all have n joints.
+    """
+    n, limits = len(joint_names), np.asarray(tau_max, dtype=np.float64)
+    if not runs or n == 0 or limits.shape != (n,) or any(data.q.shape[1] != n for data in runs.values()):
+        raise ResultError(f"figures need at least one run, and {n} joints in every run and in the torque limits")
+    widths = {name: np.asarray(phi, dtype=np.float64) for name, phi in (bands or {}).items()}
+    kinds = (False,) * n if slides is None else tuple(bool(slide) for slide in slides)
+    if len(kinds) != n or any(name not in runs or phi.shape != (n,) for name, phi in widths.items()):
+        raise ResultError(f"figures need one slide flag per joint, and {n} half-widths per band of a controller")
+    return RunView(
+        looks(runs, limits, control_period),
+        title,
+        subtitle,
+        joint_names,
+        limits,
+        metrics_from,
+        control_period,
+        metrics or {},
+        widths,
+        kinds,
+        certificates or {},
+        fuzzy or {},
+        fired or {},
+    )
+
+
+def draw_figures(x: RunView) -> dict[str, Figure]:
+    """Draw every registered figure that has something to show, by the name of its file, in page order.
+
+    Raises:
+        ResultError: a figure of a plug-in cannot be drawn.
+    """
+    pages: dict[str, Figure] = {}
+    for info in figures_in_order():
+        try:
+            with style.journal_style():
+                drawn = info.draw(x)
+        except Exception as error:  # a user's function may raise anything
+            if info.draw.__module__.startswith("torquebench."):
+                raise
+            raise ResultError(f"figure '{info.name}': {type(error).__name__}: {error}") from error
+        if isinstance(drawn, Mapping):
+            pages |= {f"{info.name}-{rest}": page for rest, page in drawn.items()}
+        elif drawn is not None:
+            pages[info.name] = drawn
+        wrong = next((page for page in pages.values() if not isinstance(page, Figure)), None)
+        if wrong is not None:
+            raise ResultError(f"figure '{info.name}' returned {type(wrong).__name__}, wanted a matplotlib Figure")
+    return pages
+
+
+def looks(runs: Mapping[str, Trajectory], tau_max: Array, control_period: float) -> tuple[Run, ...]:
+    """Give each run its look: colour and dash by its place in the legend, layer and width by how much it chatters.
+
+    A controller therefore looks the same in every experiment that has the same controllers. The most restless
+    torque is drawn first and widest, so that calmer lines lie over it and a line that coincides with another
+    shows at its edges or through its gaps.
+    """
+    restless = {name: _restlessness(data.tau, tau_max, control_period) for name, data in runs.items()}
+    rank = {name: k for k, name in enumerate(sorted(runs, key=lambda name: -restless[name]))}
+    chosen = []
+    for k, (name, data) in enumerate(runs.items()):
+        look = {
+            "color": style.COLOURS[k % len(style.COLOURS)],
+            "linestyle": style.DASHES[k % len(style.DASHES)],
+            "linewidth": max(0.9, 1.6 - 0.25 * rank[name]),
+            "zorder": 2.0 + 0.01 * rank[name],
+        }
+        chosen.append(Run(name, data, restless[name] >= CHATTERING, look))
+    return tuple(chosen)
+
+
+def _restlessness(tau: Array, tau_max: Array, control_period: float) -> float:
+    finite = tau[np.isfinite(tau).all(axis=1)]
+    return float(np.mean(measure_torques(finite, control_period, tau_max).total_variation)) if len(finite) > 1 else 0.0
+
+
+def draw(ax: Axes, x: RunView, signals: Mapping[str, Array], thin: bool, more: Sequence[Array] = ()) -> None:
+    """Draw one joint's signals (N,) by controller; set the ranges of both axes from them and from `more`."""
+    failed = [signals[run.name] for run in x.runs if run.name in signals and not run.data.completed]
+    whole = [signals[run.name] for run in x.runs if run.name in signals and run.data.completed]
+    low, high = style.limits([*whole, *more], failed)
+    room = 9.0 * (high - low)  # beyond the page, yet within what a renderer can handle
+    for run in x.runs:
+        if run.name not in signals:
+            continue
+        y = signals[run.name]
+        finite = np.isfinite(y)
+        t, y = run.data.t[finite], y[finite]
+        if len(y) == 0:
+            continue
+        look = run.look | ({"linewidth": 0.5, "alpha": 0.85} if thin and run.chatters else {})
+        ax.plot(*style.decimate(t, np.clip(y, low - room, high + room), x.bins), **look)
+        if not run.data.completed:
+            end = min(max(y[-1], low), high)
+            ax.plot(t[-1], end, "x", color=look["color"], ms=6.0, mew=1.6, zorder=4.0, clip_on=False)
+    ax.set_ylim(low, high)
+    ax.set_xlim(0.0, x.longest.t[-1] + x.control_period)
+    style.plain_numbers(ax)

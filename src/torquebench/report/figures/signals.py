@@ -1,0 +1,113 @@
+"""Figures of signals over time, a panel for each joint: position, tracking error, sliding variable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from torquebench.kernel import Array
+from torquebench.metrics import METRICS
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.layout import level_lines, panel_grid, printable, write_note
+from torquebench.report.figures.run_view import REFERENCE, SHADE, TIME, Run, RunView, draw
+from torquebench.sim.trajectory import Trajectory
+
+_BAND: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (1.0, 1.5)), "zorder": 3.0}
+
+
+def _time_panels(
+    x: RunView, what: str, per: str, signal: Callable[[Trajectory], Array], *, thin: bool, reference: bool
+) -> tuple[Figure, list[style.Unit]]:
+    """Draw a signal of all runs over time, one panel per joint; return the page and the unit of each joint.
+
+    The unit is rad or m followed by `per`, with the prefix that the signal's size in all joints of a kind asks for.
+    """
+    values = {run.name: signal(run.data) for run in x.runs}
+    values = {name: y for name, y in values.items() if np.isfinite(y).any()}
+    trusted = [values[run.name] for run in x.runs if run.data.completed and run.name in values]
+    reference_q = [x.longest.q_ref] if reference else []
+    kinds = np.array(x.by_kind("rad", "m"))
+    chosen = {}
+    for kind in dict.fromkeys(kinds.tolist()):
+        whole = [y[:, kinds == kind] for y in (*trusted, *reference_q)]
+        low, high = style.limits(whole, [] if trusted else [y[:, kinds == kind] for y in values.values()])
+        chosen[kind] = style.choose_unit(max(-low, high), kind + per)
+    units = [chosen[kind] for kind in kinds.tolist()]
+    fig, panels = panel_grid(x.joint_names, TIME, [f"{what} [{unit.name}]" for unit in units])
+    for i, (ax, unit) in enumerate(zip(panels, units, strict=True)):
+        ax.axvspan(0.0, x.metrics_from, **SHADE)
+        more = [q_ref[:, i] * unit.factor for q_ref in reference_q]
+        draw(ax, x, {name: y[:, i] * unit.factor for name, y in values.items()}, thin, more)
+        for y in more:
+            ax.plot(*style.decimate(x.longest.t, y, x.bins), **REFERENCE)
+    return fig, units
+
+
+@figure("position", title="Position", order=10)
+def draw_position(x: RunView) -> Figure:
+    """Draw positions with their reference."""
+    fig, _ = _time_panels(x, "position", "", lambda data: data.q, thin=False, reference=True)
+    return x.finish(fig, lambda _: "", Line2D([], [], label="reference", **REFERENCE), *x.shade())
+
+
+@figure("error", title="Tracking error", order=20)
+def draw_error(x: RunView) -> Figure:
+    """Draw tracking errors, with RMSE in the legend."""
+    fig, _ = _time_panels(x, "error e", "", lambda data: data.q_ref - data.q, thin=False, reference=False)
+    return x.finish(fig, lambda run: rmse_note(x, run), *x.shade())
+
+
+@figure("sliding", title="Sliding variable", order=40)
+def draw_sliding(x: RunView) -> Figure | None:
+    """Draw sliding variables with their bands; None where no law has one."""
+    has = {run.name: bool(np.isfinite(run.data.s).any()) for run in x.runs}
+    if not any(has.values()):
+        return None
+    fig, units = _time_panels(x, "sliding variable s", "/s", lambda data: data.s, thin=True, reference=False)
+    keys = band_lines(x, fig, units)
+    return x.finish(fig, lambda run: "" if has[run.name] else " (has none)", *keys, *x.shade())
+
+
+def rmse_note(x: RunView, run: Run) -> str:
+    """Return the RMS error for the legend: in mrad and in mm, as in tables, whatever its size."""
+    metrics = x.metrics.get(run.name)
+    if metrics is None or metrics.rmse.value is None:
+        return ""
+    kinds = x.by_kind("mrad", "mm")
+    texts = []
+    for unit in dict.fromkeys(kinds):
+        errors = [e for e, kind in zip(metrics.rmse.per_joint, kinds, strict=True) if kind == unit and e is not None]
+        rmse = 1e3 * METRICS["rmse"].over(np.array(errors))
+        texts.append(f"{rmse:.3g} {unit}" if rmse < 999.5 else f"{rmse:.0f} {unit}")
+    return f" (RMSE {', '.join(texts)})"
+
+
+def band_lines(x: RunView, fig: Figure, units: Sequence[style.Unit]) -> list[Artist]:
+    """Draw the bands |s| <= phi and return their legend entries; equal ones are drawn once, in grey.
+
+    A lone band too wide for a panel is written there instead.
+    """
+    owners: dict[tuple[float, ...], list[Run]] = {}
+    for run in x.runs:
+        if run.name in x.bands:
+            owners.setdefault(tuple(x.bands[run.name].tolist()), []).append(run)
+    used = [ax.get_ylim() for ax in fig.axes]
+    keys: list[Artist] = []
+    for phi in sorted(owners, reverse=True):
+        shared, alone = len(owners[phi]) > 1, len(owners) == 1
+        look = _BAND | {"color": "0.4" if shared else owners[phi][0].look["color"]}
+        seen = []
+        for ax, width, unit, used_here in zip(fig.axes, phi, units, used, strict=True):
+            seen.append(level_lines(ax, width * unit.factor, used_here, look))
+            if alone and not seen[-1]:
+                write_note(ax, f"band \u00b1{width * unit.factor:.4g} {unit.name}")
+        label = "band \u00b1phi" + ("" if shared or alone else f" of {printable(owners[phi][0].name)}")
+        if any(seen) or not alone:
+            keys.append(Line2D([], [], label=label + ("" if any(seen) else " (beyond the axes)"), **look))
+    return keys

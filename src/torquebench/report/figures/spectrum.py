@@ -1,0 +1,85 @@
+"""The figure of the torque's spectrum, with the frequency from which HF counts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from torquebench.kernel import Array
+from torquebench.metrics.chattering import HF_FROM_HZ, hann_spectrum
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.layout import panel_grid
+from torquebench.report.figures.run_view import LIMIT, SHADE, Run, RunView
+from torquebench.sim.trajectory import Trajectory
+
+SPECTRUM_FLOOR = 1e-4
+"""Lowest torque amplitude shown in the spectrum [% of tau_max]."""
+BEYOND = 1.3
+"""End of the spectrum's axis [half the control rate]: a law that switches every instant has its line at 1."""
+
+_BANDS = 24  # per octave, in the spectrum
+_PEAK: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4.0, "markeredgewidth": 0.0}
+
+
+@figure("spectrum", title="Spectrum of the torque", order=50)
+def draw_spectrum(x: RunView) -> Figure | None:
+    """Draw amplitudes over frequency; None where no run completed."""
+    lines = {run.name: fa for run in x.runs if (fa := amplitudes(x, run.data)) is not None}
+    if not lines:
+        return None
+    top = max(10.0 * SPECTRUM_FLOOR, 2.0 * max(float(a.max()) for _, a in lines.values()))
+    half_rate = 0.5 / x.control_period
+    y_labels = x.by_kind("torque amplitude [% of limit]", "force amplitude [% of limit]")
+    fig, panels = panel_grid(x.joint_names, "frequency [Hz]", y_labels)
+    marked = False
+    for i, ax in enumerate(panels):
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.axvspan(half_rate, BEYOND * half_rate, **SHADE)
+        ax.axvline(HF_FROM_HZ, **LIMIT)
+        for run in x.runs:
+            if run.name in lines:
+                f, a = lines[run.name][0], np.maximum(lines[run.name][1][:, i], 0.1 * SPECTRUM_FLOOR)
+                hair = run.look | {"linewidth": 0.4, "linestyle": "-", "alpha": 0.35}
+                ax.plot(*style.decimate(f, a, x.bins, logarithmic=True), **hair)
+                ax.plot(*style.band_maxima(f, a, _BANDS), **run.look | {"linewidth": 1.1})
+                peaks = style.isolated_peaks(f, a)
+                peaks = peaks[(f[peaks] >= HF_FROM_HZ) & (a[peaks] > SPECTRUM_FLOOR)]
+                if len(peaks):
+                    marked = True
+                    ax.plot(f[peaks], a[peaks], color=run.look["color"], zorder=run.look["zorder"] + 1.0, **_PEAK)
+        ax.set_xlim(min(f[0] for f, _ in lines.values()), BEYOND * half_rate)
+        ax.set_ylim(SPECTRUM_FLOOR, top)
+        style.plain_decades(ax)
+    others: list[Artist] = [
+        Line2D([], [], label=f"{HF_FROM_HZ:g} Hz: HF counts from here", **LIMIT),
+        Line2D([], [], color="0.75", linewidth=3.0, label=f"each line (bold: greatest of 1/{_BANDS} octave)"),
+        *([Line2D([], [], color="0.4", label="line that stands alone", **_PEAK)] if marked else []),
+        Patch(label=f"above half the control rate ({half_rate:g} Hz)", **SHADE | {"color": "0.9"}),
+    ]
+
+    def note(run: Run) -> str:
+        if run.name not in lines:
+            return " (no spectrum)"
+        below = lines[run.name][1].max() < SPECTRUM_FLOOR
+        return x.hf_note(run) + (" (below axis)" if below else "")
+
+    return x.finish(fig, note, *others)
+
+
+def amplitudes(x: RunView, data: Trajectory) -> tuple[Array, Array] | None:
+    """Return frequencies (N,) [Hz] and amplitudes (N, n) [% of tau_max] of the torque of a completed run."""
+    tau = data.tau[data.t > x.metrics_from - 1e-6 * x.control_period]
+    if not data.completed or len(tau) < 8:
+        return None
+    frequency, spectrum = hann_spectrum(tau, x.control_period)
+    # The taper's mean is 1/2, and a line has a mirror image; only the one at half the control rate has none.
+    a = 400.0 * np.abs(spectrum) / len(tau) / x.tau_max
+    a[-1] *= 0.5 if len(tau) % 2 == 0 else 1.0
+    return frequency[1:], a[1:]

@@ -1,0 +1,239 @@
+"""The look shared by all figures: colours, fonts, units, ranges, decimation, and bytes that do not vary."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, Literal, NamedTuple
+
+import matplotlib.style
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis, XAxis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+
+from torquebench.kernel import Array
+from torquebench.metrics import MetricInfo
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#882255")
+"""Okabe-Ito without black, which is the reference's; a wine red stands for its yellow, which is lost on white."""
+DASHES: tuple[Any, ...] = ("-", (0, (5.0, 1.6)), (0, (6.0, 1.4, 1.2, 1.4)), (0, (1.4, 1.2)), (0, (9.0, 2.0)))
+"""Prime to the number of colours in number: both together repeat after 35 controllers only."""
+MARKERS = "osD^vP"
+PNG_DPI = 150
+
+_RC: dict[str, Any] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": "0.35",
+    "axes.grid": True,
+    "axes.labelsize": 8.0,
+    "axes.linewidth": 0.6,
+    "axes.titlesize": 8.0,
+    "figure.dpi": float(PNG_DPI),
+    "font.family": ["DejaVu Sans"],  # comes with matplotlib: the same page on every machine
+    "font.size": 8.0,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.5,
+    "legend.fontsize": 8.0,
+    "lines.solid_capstyle": "butt",
+    "lines.solid_joinstyle": "round",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "torquebench",
+    "text.parse_math": False,  # titles and names come from users; a dollar sign is a dollar sign
+    "xtick.labelsize": 7.0,
+    "xtick.major.size": 2.5,
+    "xtick.major.width": 0.6,
+    "ytick.labelsize": 7.0,
+    "ytick.major.size": 2.5,
+    "ytick.major.width": 0.6,
+}
+
+
+@contextmanager
+def journal_style() -> Iterator[None]:
+    """Apply the figures' style, whatever the user's own matplotlib settings are; restore them afterwards.
+
+    Settings belong to the process: draw from one thread at a time.
+    """
+    with matplotlib.style.context(["default", _RC]):
+        yield
+
+
+def spot_look(place: int) -> dict[str, Any]:
+    """Return colour, dash and marker of the family, or law, at a place of the legend."""
+    return {
+        "color": COLOURS[place % len(COLOURS)],
+        "linestyle": DASHES[place % len(DASHES)],
+        "marker": MARKERS[place % len(MARKERS)],
+    }
+
+
+def figure_bytes(fig: Figure, fmt: Literal["svg", "png"]) -> bytes:
+    """Return the figure as a file's bytes; the same figure gives the same bytes (PNG at 150 dpi)."""
+    buffer = io.BytesIO()
+    metadata = {"Date": None, "Creator": "torquebench"} if fmt == "svg" else {"Software": "torquebench"}
+    with journal_style():
+        fig.savefig(buffer, format=fmt, dpi=PNG_DPI, metadata=metadata)
+    return buffer.getvalue()
+
+
+def decimate(t: Array, y: Array, bins: int, logarithmic: bool = False) -> tuple[Array, Array]:
+    """Thin a signal (N,) to at most 2 `bins` + 2 samples without changing its envelope.
+
+    Of each of `bins` stretches the least and the greatest sample are kept, in order of time, as well as the
+    first and the last of all. The stretches are equal, or grow in proportion to the distance from the start
+    for a logarithmic axis. A signal that is short enough comes back as it is.
+    """
+    n = len(y)
+    if n <= 2 * bins + 2:
+        return t, y
+    spaced = np.geomspace(1, n + 1, bins + 1) - 1.0 if logarithmic else np.linspace(0, n, bins + 1)
+    edges = np.unique(np.round(spaced).astype(np.int64))
+    kept = {0, n - 1}
+    for low, high in itertools.pairwise(edges.tolist()):
+        kept.update((low + int(np.argmin(y[low:high])), low + int(np.argmax(y[low:high]))))
+    index = np.array(sorted(kept))
+    return t[index], y[index]
+
+
+def band_maxima(f: Array, a: Array, per_octave: int) -> tuple[Array, Array]:
+    """Return the frequency and size of the greatest line in each band of 1/`per_octave` octave that holds one."""
+    band = np.floor(np.log2(f / f[0]) * per_octave)
+    first = np.flatnonzero(np.diff(band, prepend=-1.0))
+    index = np.array([low + int(np.argmax(part)) for low, part in zip(first, np.split(a, first[1:]), strict=True)])
+    return f[index], a[index]
+
+
+def isolated_peaks(f: Array, a: Array, ratio: float = 10.0) -> npt.NDArray[np.intp]:
+    """Find isolated lines of a spectrum, such as the one line of a torque that switches every instant.
+
+    A line counts when it is `ratio` times as high as every other line within a quarter of an octave and at least
+    six lines on either side. The two lines next to it on either side only must not be higher: a Hann taper spreads
+    a sinusoid over them. Of equal neighbours the last counts.
+
+    Args:
+        f: Frequencies of all lines, equally spaced, (N,) [Hz].
+        a: Their amplitudes, (N,).
+        ratio: How much higher the line must be.
+
+    Returns:
+        Indices of the lines, ascending.
+    """
+    beside = np.pad(a, 3)
+    found = []
+    for k in np.flatnonzero((a > 0.0) & (a >= ratio * np.maximum(beside[:-6], beside[6:]))).tolist():
+        low = max(0, min(int(np.searchsorted(f, f[k] * 2.0**-0.25)), k - 6))
+        high = max(int(np.searchsorted(f, f[k] * 2.0**0.25, side="right")), k + 7)
+        far = np.concatenate([a[low : max(0, k - 2)], a[k + 3 : high]])
+        highest = (
+            a[k] >= (1.0 - 1e-9) * a[max(0, k - 2) : k + 1].max() and (a[k] > a[k + 1 : k + 3] * (1.0 + 1e-9)).all()
+        )
+        if highest and far.size and a[k] >= ratio * far.max():
+            found.append(k)
+    return np.array(found, dtype=np.intp)
+
+
+class Unit(NamedTuple):
+    """Unit of an axis."""
+
+    name: str
+    """The unit with its prefix."""
+    factor: float
+    """By how much an SI value is multiplied."""
+
+
+def choose_unit(peak: float, unit: str) -> Unit:
+    """Choose the SI prefix that writes `peak` as 0.5 to 500, so that no axis needs a power of ten.
+
+    The prefix goes to the first unit of a compound: 2e-3 rad/s is 2 mrad/s. A larger value keeps the unit.
+    """
+    if peak > 0.0 and math.isfinite(peak):
+        for prefix, factor in (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9), ("p", 1e12)):
+            if peak * factor >= 0.5:
+                return Unit(prefix + unit, factor)
+    return Unit(unit, 1.0)
+
+
+def limits(base: Iterable[Array], extra: Iterable[Array] = (), floor: float = 0.0) -> tuple[float, float]:
+    """Choose the range of an axis.
+
+    Args:
+        base: Signals that must be seen whole.
+        extra: Signals of failed runs: they may widen the range by its own width on either side, not more, so
+            that a state on its way to infinity does not flatten the others.
+        floor: Least half-width of the range.
+
+    Returns:
+        Lower and upper end, with a margin of 6 %.
+    """
+    whole = _finite(base)
+    failed = _finite(extra)
+    if whole.size == 0:
+        whole, failed = failed, failed[:0]
+        if whole.size:  # only failed runs: the last tenth of the way to infinity may leave the page
+            whole = np.clip(whole, -np.quantile(np.abs(whole), 0.9), np.quantile(np.abs(whole), 0.9))
+        else:
+            whole = np.zeros(1)
+    low, high = float(whole.min()), float(whole.max())
+    span = max(high - low, 2.0 * floor, 1e-12 * max(abs(low), abs(high)))
+    if failed.size:
+        low, high = (
+            max(min(low, float(failed.min())), low - span),
+            min(max(high, float(failed.max())), high + span),
+        )
+    middle, half = (low + high) / 2.0, max((high - low) / 2.0, floor, 1e-9 * max(abs(low), abs(high)), 1e-15)
+    return middle - 1.12 * half, middle + 1.12 * half
+
+
+def _finite(signals: Iterable[Array]) -> Array:
+    joined: Array = np.concatenate([np.zeros(0), *(np.ravel(signal) for signal in signals)])
+    finite: Array = joined[np.isfinite(joined)]
+    return finite
+
+
+def plain_numbers(ax: Axes, x_bins: int = 6, y_bins: int = 5) -> None:
+    """Write tick labels as plain decimal numbers, never with an offset or a common power of ten."""
+    for axis, bins in ((ax.xaxis, x_bins), (ax.yaxis, y_bins)):
+        axis.set_major_locator(MaxNLocator(nbins=bins, steps=[1, 2, 2.5, 5, 10]))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "\u2212")))
+
+
+def plain_decades(ax: Axes) -> None:
+    """Write the powers of ten of two logarithmic axes as plain numbers."""
+    for axis in (ax.xaxis, ax.yaxis):
+        plain_powers(axis)
+
+
+def plain_powers(axis: Axis) -> None:
+    """Write the powers of ten of one logarithmic axis as plain numbers."""
+    axis.set_major_locator(LogLocator(numticks=6))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
+
+
+def fit_scale(axis: Axis, values: npt.ArrayLike) -> bool:
+    """Make an axis logarithmic if its values are positive and span a decade; return whether it is.
+
+    Over fewer than three decades 2 and 5 are written between the powers of ten, on a linear axis plain numbers.
+    """
+    known = _finite([np.asarray(values, dtype=np.float64)])
+    span = float(known.max() / known.min()) if known.size and known.min() > 0.0 else 1.0
+    if span < 10.0:
+        axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "\u2212")))
+        return False
+    (axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale)("log")
+    plain_powers(axis)
+    if span < 1000.0:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    return True
+
+
+def metric_unit(info: MetricInfo, peak: float) -> Unit:
+    """Choose the unit for values of a metric up to `peak`; only angles and times take a prefix."""
+    return choose_unit(peak, info.unit) if info.unit.startswith(("rad", "s")) else Unit(info.unit, 1.0)

@@ -1,0 +1,90 @@
+"""The figure of the torque of each joint, with a few instants enlarged."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from torquebench.report.figures import style
+from torquebench.report.figures.declare import figure
+from torquebench.report.figures.layout import level_lines, new_page, printable, write_note
+from torquebench.report.figures.run_view import LIMIT, SHADE, TIME, RunView, draw
+
+ZOOM = 0.060
+"""Length of the torque figure's zoomed window [s]; at least 20 control periods."""
+_ZOOMED: dict[str, Any] = {"facecolor": "#F0E442", "alpha": 0.6, "linewidth": 0.0, "zorder": 0.6}
+
+
+@figure("torque", title="Torque", order=30)
+def draw_torque(x: RunView) -> Figure:
+    """Draw the torque after clipping, with its limits and HF in the legend."""
+    n = len(x.joint_names)
+    zoom = zoom_window(x)
+    fig = new_page(n, 1.05, 3.0)
+    grid = fig.add_gridspec(n, 2, width_ratios=(3.6, 1.4)) if zoom else fig.add_gridspec(n, 1)
+    limit_seen = False
+    for i, name in enumerate(x.joint_names):
+        ax = fig.add_subplot(grid[i, 0])
+        ax.set_label(name)
+        ax.set_ylabel(f"{printable(name)}\n{x.by_kind('torque [N m]', 'force [N]')[i]}")
+        ax.axvspan(0.0, x.metrics_from, **SHADE)
+        draw(ax, x, {run.name: run.data.tau[:, i] for run in x.runs}, thin=True)
+        if level_lines(ax, float(x.tau_max[i]), ax.get_ylim(), LIMIT):
+            limit_seen = True
+        else:
+            write_note(ax, f"limit \u00b1{x.tau_max[i]:.4g} {x.by_kind('N m', 'N')[i]}")
+        panels = [ax]
+        if zoom:
+            ax.axvspan(*zoom, **_ZOOMED)
+            panels.append(draw_zoom(fig.add_subplot(grid[i, 1]), x, i, zoom))
+        for panel in panels:
+            panel.set_xlabel(TIME if i == n - 1 else "")
+            panel.tick_params(labelbottom=i == n - 1)
+    word = "/".join(dict.fromkeys(x.by_kind("torque", "force")))
+    others: list[Artist] = [Line2D([], [], label=f"{word} limit", **LIMIT)] if limit_seen else []
+    if zoom:
+        others.append(Patch(label=f"zoomed at the right ({1e3 * (zoom[1] - zoom[0]):.4g} ms)", **_ZOOMED))
+    return x.finish(fig, lambda run: x.hf_note(run), *others, *x.shade())
+
+
+def zoom_window(x: RunView) -> tuple[float, float] | None:
+    """Time span to enlarge [s]: the middle of the metrics' window, or of a shorter run.
+
+    None where there is nothing to enlarge: the span would be most of the run, or holds no torque.
+    """
+    end = float(x.longest.t[-1])
+    start = x.metrics_from if x.metrics_from < end else 0.0
+    middle, half = (start + end) / 2.0, max(ZOOM, 20.0 * x.control_period) / 2.0
+    if 4.0 * half > end or not any(
+        np.isfinite(run.data.tau[np.abs(run.data.t - middle) < half]).any() for run in x.runs
+    ):
+        return None
+    return middle - half, middle + half
+
+
+def draw_zoom(ax: Axes, x: RunView, joint: int, zoom: tuple[float, float]) -> Axes:
+    """Draw the torque of `joint` of all runs of `x` into `ax`, held between control instants.
+
+    The panel shows the time span `zoom` [s], and is returned.
+    """
+    ax.set_label(f"{x.joint_names[joint]} zoom")
+    shown = []
+    for run in x.runs:
+        t, tau = run.data.t, run.data.tau[:, joint]
+        inside = (np.abs(t - sum(zoom) / 2.0) < (zoom[1] - zoom[0]) / 2.0 + 1.5 * x.control_period) & np.isfinite(tau)
+        if not inside.any():
+            continue
+        shown.append(tau[inside])
+        # Solid: dashes would take the edges off a torque that switches every instant.
+        look = run.look | {"linewidth": 0.7 * run.look["linewidth"], "linestyle": "-"}
+        ax.plot(t[inside], tau[inside], drawstyle="steps-post", **look)
+    ax.set_xlim(*zoom)
+    ax.set_ylim(*style.limits(shown, floor=1e-3 * float(x.tau_max[joint])))
+    style.plain_numbers(ax, x_bins=3, y_bins=4)
+    return ax

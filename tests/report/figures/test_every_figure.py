@@ -1,0 +1,231 @@
+"""Every kind of figure: what its axes mean, whether colour-blind readers can tell its lines apart, size of its text."""
+
+from __future__ import annotations
+
+import ast
+import itertools
+import re
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from tests.report.figures.colour_vision import SIGHT, difference, lab
+from tests.report.figures.test_fuzzy_figures import SYSTEMS
+from tests.report.figures.test_run_figures import diverged, make
+from tests.report.figures.test_sweep_figures import TABLE, effects
+from tests.source_tree import FILES, TREES
+from torquebench.certificates import Certificate
+from torquebench.fuzzy import prepare
+from torquebench.report.figures.layout import PAGE_WIDTH
+from torquebench.report.figures.paper_pages import comparison_page
+from torquebench.report.figures.pareto import Front, Spot, draw_pareto
+from torquebench.report.figures.run_view import FiredRules, draw_figures, run_view
+from torquebench.report.figures.sensitivity import draw_sensitivity
+from torquebench.report.figures.style import COLOURS, DASHES
+from torquebench.report.figures.sweep import sweep_figures
+from torquebench.statistics import Ratio
+from torquebench.sweep.sensitivity import Sensitivity
+
+N = 2
+COLUMN = 183.0 / 25.4
+"""Width at which figures are printed [in]: both columns of a journal's page."""
+SMALLEST = 6.0
+"""Least size of printed text [pt]."""
+APART = 10.0
+"""Least CIEDE2000 difference: about ten times what can just be seen side by side, as lines are thin and apart."""
+HOMES = {
+    f"report/figures/{name}.py"
+    for name in (
+        "certificates",
+        "pareto",
+        "fuzzy",
+        "fuzzy_rules",
+        "paper_pages",
+        "signals",
+        "spectrum",
+        "torque",
+    )
+}
+"""Files whose figures are drawn below."""
+SWEEPS = {f"report/figures/{name}.py" for name in ("heatmap", "lines", "sensitivity", "violins")}
+"""Files of a sweep's figures, whose axes `test_sweep_figures` reads: some are words."""
+
+
+def certificate() -> Certificate:
+    """Certificates of a run that decays."""
+    t = 0.001 * np.arange(500)
+    column = np.exp(-5.0 * t)[:, None] * np.ones(N)
+    one = np.ones(N)
+    return Certificate(
+        K=one,
+        t=t,
+        s=column,
+        V=column[:, 0],
+        V_rate=-5.0 * column[:, 0],
+        demand=column,
+        margin=1.0 - column,
+        eta=1.0 - column,
+        K_u=one,
+        layer=one,
+        reaching_from=0.0,
+        reaching_time=0.1,
+        reaching_bound=0.2,
+    )
+
+
+def draw_all() -> dict[str, Figure]:
+    """Draw every kind of figure once."""
+    runs = {"smc": make(N, 9.0, switching=True), "calm": make(N, 1.0), "wild": diverged(N)}
+    names = [f"joint {i + 1}" for i in range(N)]
+    common = {"joint_names": names, "tau_max": np.full(N, 20.0), "metrics_from": 0.5, "control_period": 0.001}
+    bands = {"calm": np.full(N, 0.05)}
+    systems = {system.name: prepare(system) for system in (SYSTEMS[0], SYSTEMS[-1])}  # two inputs; one, and functions
+    fired = {}
+    for name, prepared in systems.items():
+        sizes = [len(variable.names) for variable in prepared.system.inputs]
+        shares = np.random.default_rng(1).random((N, sizes[0], sizes[-1] if len(sizes) > 1 else 1))
+        fired[name] = FiredRules(name, shares)
+    view = run_view(
+        runs,
+        title="t",
+        subtitle="s",
+        bands=bands,
+        slides=(False, True),
+        certificates={"smc": certificate()},
+        fuzzy=systems,
+        fired=fired,
+        **common,  # type: ignore[arg-type]
+    )
+    found = draw_figures(view)
+    ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0), 0) for k in range(1, 9)]
+    spots = [Spot(f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
+    found["front"] = draw_pareto(Front(tuple(spots), "its phi [rad/s]"), "t", "s")
+    found["paper"] = comparison_page({k: runs[k] for k in ("smc", "calm")}, {}, "t", "s", **common)  # type: ignore[arg-type]
+    return found
+
+
+@pytest.fixture(scope="module")
+def every() -> dict[str, Figure]:
+    """Every kind of figure."""
+    return draw_all()
+
+
+@pytest.fixture(scope="module")
+def swept() -> dict[str, Figure]:
+    """Every kind of a sweep's figures."""
+    told = [Sensitivity("a", "rmse", (0,), 40, 2, effects(np.array([0.8, -0.5, 0.1])), "")]
+    return sweep_figures(TABLE, "t", "s") | {"effects": draw_sensitivity(told, "t", "s")}
+
+
+def test_every_kind_is_here() -> None:
+    """Whatever module makes a page of its own is drawn in this file."""
+    makers = {
+        name
+        for name, tree in TREES.items()
+        if name.startswith("report/figures/")
+        and name != "report/figures/layout.py"
+        and any(isinstance(node, ast.Name) and node.id in ("new_page", "panel_grid") for node in ast.walk(tree))
+    }
+    assert makers == HOMES | SWEEPS
+
+
+def labelled(ax: Axes, fig: Figure, which: str) -> str:
+    """Return the label that is read for an axis: its own, or that of the panel at whose edge it is written once."""
+    own = str(ax.get_xlabel() if which == "x" else ax.get_ylabel())
+    if own or ax.get_label() == "<colorbar>":
+        return own
+    box = ax.get_position()
+    found = []
+    for other in fig.axes:
+        place = other.get_position()
+        if which == "x" and abs(place.x0 - box.x0) < 0.02 and place.y0 < box.y0:
+            found.append((place.y0, str(other.get_xlabel())))
+        if which == "y" and abs(place.y0 - box.y0) < 0.02 and place.x0 < box.x0:
+            found.append((-place.x0, str(other.get_ylabel())))
+    return next((text for _, text in sorted(found) if text), "")
+
+
+def test_every_axis_has_a_label_with_its_unit(every: dict[str, Figure]) -> None:
+    """A unit in brackets, [1] for a pure number, [term] for names; axes without any number on them need none."""
+    wrong = []
+    for name, fig in every.items():
+        for ax in fig.axes:
+            for which, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
+                label = labelled(ax, fig, which)
+                blank = not any(text.get_text() for text in axis.get_ticklabels()) and not label
+                if not blank and not re.search(r"[a-z0-9),\n ] ?\[[^\[\]]+\]", label):
+                    wrong.append(f"{name}: {which} axis of {ax.get_label() or ax.get_title(loc='left')!r}: {label!r}")
+    assert wrong == []
+
+
+def test_every_text_is_legible_in_print(every: dict[str, Figure], swept: dict[str, Figure]) -> None:
+    """At both columns' width, which is the figures' own, no text is smaller than 6 pt."""
+    assert pytest.approx(COLUMN, abs=0.01) == PAGE_WIDTH
+    for name, fig in (every | swept).items():
+        scale = COLUMN / fig.get_figwidth()
+        for text in fig.findobj(Text):
+            if text.get_text().strip() and text.get_visible():  # type: ignore[attr-defined]
+                assert text.get_fontsize() * scale >= SMALLEST - 0.01, (name, text.get_text())  # type: ignore[attr-defined]
+
+
+def test_the_difference_of_colours_is_the_published_one() -> None:
+    """Pairs 1, 7, 17 and 25 of Sharma, Wu and Dalal's table."""
+    for one, two, wanted in (
+        ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
+        ((50.0, 0.0, 0.0), (50.0, -1.0, 2.0), 2.3669),
+        ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
+        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+    ):
+        assert difference(np.array(one), np.array(two)) == pytest.approx(wanted, abs=1e-4)
+
+
+def test_greys_stay_grey_to_every_eye() -> None:
+    """The rows of each matrix add up to 1."""
+    for matrix in SIGHT.values():
+        assert matrix.sum(axis=1) == pytest.approx(1.0, abs=2e-6)
+
+
+def closest(colours: tuple[str, ...], sight: str) -> tuple[float, str, str]:
+    """Return the least difference of two colours, and which they are."""
+    return min((difference(lab(a, sight), lab(b, sight)), a, b) for a, b in itertools.combinations(colours, 2))
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_the_palette_is_told_apart(sight: str) -> None:
+    """Any two of the colours, and each from white and from black, which the page and the reference have."""
+    assert closest((*COLOURS, "#FFFFFF", "#000000"), sight)[0] >= APART
+
+
+def test_the_check_catches_a_bad_palette() -> None:
+    """A red and a green of equal lightness are one colour without the green cones."""
+    pair = ("#B05A00", "#6E7A00")
+    assert closest(pair, "normal")[0] > APART > closest(pair, "deuteranopia")[0]
+
+
+def test_lines_that_share_a_colour_differ_in_dash() -> None:
+    """Whatever number of controllers up to 35: with more than the palette has, dashes tell equal colours apart."""
+    looks = [(COLOURS[k % len(COLOURS)], k % len(DASHES)) for k in range(35)]
+    assert len(set(looks)) == 35
+
+
+def test_pages_are_white_in_light_and_dark(every: dict[str, Figure], swept: dict[str, Figure]) -> None:
+    """Figures bring their own white page, so that the palette meets the same background in a dark report."""
+    for fig in (every | swept).values():
+        assert to_hex(fig.get_facecolor()) == "#ffffff"
+    base = (FILES["__init__.py"].parent / "report" / "templates" / "base.html.j2").read_text()
+    assert re.search(r"figure \{[^}]*background: #ffffff", base)
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_verdicts_are_read_on_the_page(scheme: str, sight: str) -> None:
+    """Green, red and yellow words are clear of the report's background, light and dark; words tell them apart."""
+    base = (FILES["__init__.py"].parent / "report" / "templates" / "base.html.j2").read_text()
+    block = re.findall(r":root \{(.*?)\}", base, flags=re.DOTALL)[scheme == "dark"]
+    colours = dict(re.findall(r"--(\w+): (#\w{6})", block))
+    for word in ("good", "bad", "mixed", "ink", "soft"):
+        assert difference(lab(colours[word], sight), lab(colours["page"], sight)) >= 25.0

@@ -1,0 +1,113 @@
+"""Decimation keeps the envelope; units and ranges follow the size of what is drawn."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from torquebench.report.figures.style import COLOURS, DASHES, band_maxima, choose_unit, decimate, isolated_peaks, limits
+
+
+@settings(max_examples=50, deadline=None)
+@given(n=st.integers(1, 3000), bins=st.integers(1, 300), log=st.booleans(), seed=st.integers(0, 2**32 - 1))
+def test_decimate_keeps_the_envelope(n: int, bins: int, log: bool, seed: int) -> None:
+    """Every sample kept is one of the signal's, in order, with both ends and the global extremes."""
+    y = np.random.default_rng(seed).normal(size=n)
+    t = np.arange(n) * 0.001
+    kept_t, kept_y = decimate(t, y, bins, log)
+    assert len(kept_t) <= 2 * bins + 2
+    index = np.searchsorted(t, kept_t)
+    assert np.array_equal(t[index], kept_t)
+    assert np.array_equal(y[index], kept_y)
+    assert np.all(np.diff(index) > 0)
+    assert (kept_t[0], kept_t[-1]) == (t[0], t[-1])
+    assert (kept_y.min(), kept_y.max()) == (y.min(), y.max())
+
+
+def test_decimate_keeps_the_least_and_greatest_of_every_stretch() -> None:
+    """The extremes of each equal stretch survive exactly, so that no spike of a switching signal is lost."""
+    y = np.random.default_rng(5).normal(size=4000)
+    t = np.arange(4000.0)
+    kept_t, kept_y = decimate(t, y, 100)
+    for low in range(0, 4000, 40):
+        stretch = y[low : low + 40]
+        kept = kept_y[(kept_t >= low) & (kept_t < low + 40)]
+        assert (kept.min(), kept.max()) == (stretch.min(), stretch.max())
+
+
+def test_short_signals_come_back_unchanged() -> None:
+    """What fits is not thinned."""
+    t, y = np.arange(202.0), np.random.default_rng(0).normal(size=202)
+    kept_t, kept_y = decimate(t, y, 100)
+    assert np.array_equal(kept_t, t)
+    assert np.array_equal(kept_y, y)
+
+
+def test_band_maxima() -> None:
+    """Octave bands of 1..64 Hz hold 1, 2, 4 .. 32 lines; each gives its greatest, where it is."""
+    f = np.arange(1.0, 64.0)
+    a = np.where(f == 11.0, 5.0, 1.0 / f)
+    where, greatest = band_maxima(f, a, 1)
+    assert where.tolist() == [1.0, 2.0, 4.0, 11.0, 16.0, 32.0]
+    assert greatest == pytest.approx([1.0, 0.5, 0.25, 5.0, 1 / 16, 1 / 32])
+
+
+def test_isolated_peaks() -> None:
+    """A line 20 times as high as all around counts, inside or last, alone or with a taper's skirts; others do not."""
+    f = np.arange(1.0, 501.0)
+    flat = 1.0 + 0.5 * np.random.default_rng(3).random(500)
+    assert isolated_peaks(f, flat).tolist() == []
+    for place in (99, 499):
+        a = flat.copy()
+        a[place] = 30.0
+        assert isolated_peaks(f, a).tolist() == [place]
+        a[place - 1] = 15.0
+        assert isolated_peaks(f, a).tolist() == [place]
+        a[place - 1] = 30.0  # the taper makes the last two lines of a torque switching every instant equal
+        assert isolated_peaks(f, a).tolist() == [place]
+        a[place - 4] = 15.0  # no longer alone
+        assert isolated_peaks(f, a).tolist() == []
+    assert isolated_peaks(f, np.exp(f / 100.0)).tolist() == []  # a rise is no line
+    assert isolated_peaks(f, np.zeros(500)).tolist() == []
+    assert isolated_peaks(f[:3], np.array([1.0, 50.0, 1.0])).tolist() == []  # nothing to stand out from
+
+
+def test_looks_repeat_late() -> None:
+    """Seven controllers have seven colours; 35 differ in colour or in dash."""
+    assert len(set(COLOURS)) == 7
+    assert len({(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]) for k in range(35)}) == 35
+
+
+@pytest.mark.parametrize(
+    ("peak", "name", "factor"),
+    [
+        (1.2, "rad", 1.0),
+        (0.5, "rad", 1.0),
+        (0.3, "mrad", 1e3),
+        (8e-4, "mrad", 1e3),
+        (3e-4, "µrad", 1e6),
+        (2e-9, "nrad", 1e9),
+        (0.0, "rad", 1.0),
+        (float("inf"), "rad", 1.0),
+        (1e-30, "rad", 1.0),
+    ],
+)
+def test_choose_unit(peak: float, name: str, factor: float) -> None:
+    """The prefix makes the peak a number from 0.5 to 500."""
+    assert choose_unit(peak, "rad") == (name, factor)
+
+
+def test_limits() -> None:
+    """Completed runs are seen whole with 6 % to spare; a failed run adds at most as much again."""
+    good = np.array([-1.0, 3.0, np.nan])
+    assert limits([good]) == pytest.approx((-1.24, 3.24))
+    assert limits([good], [np.array([1e12])]) == pytest.approx((3.0 - 4.48, 3.0 + 4.48))
+    assert limits([good], [np.array([-1e12])]) == pytest.approx((-1.0 - 4.48, -1.0 + 4.48))
+    assert limits([good], [np.array([-1.5])]) == pytest.approx((0.75 - 2.52, 0.75 + 2.52))
+    low, high = limits([], [np.append(np.linspace(-1.0, 1.0, 99), 1e12)])
+    assert -1.2 < low < -0.8  # all failed: the last tenth may leave the page
+    assert 0.8 < high < 1.2
+    for flat in ([], [np.zeros(3)], [np.full(3, 1e6)]):
+        low, high = limits(flat)
+        assert low < high
+    assert limits([np.zeros(2)], floor=0.5) == pytest.approx((-0.56, 0.56))
