@@ -38,7 +38,7 @@ def kernels() -> dict[str, FunctionType]:
     """Return every kernel of the package as a plain function, by ``module.name``."""
     found = {}
     for file, tree in TREES.items():
-        name = file.removesuffix(".py").replace("/", ".")
+        name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         if marked(tree, "kernel"):
             module = importlib.import_module(f"torquebench.{name}")
             mine = {k: plain(v) for k, v in vars(module).items() if is_kernel(v) and v.__module__ == module.__name__}
@@ -59,8 +59,8 @@ def test_the_checker_sees_the_kernels_and_the_laws() -> None:
         "kernel.sat",
         "robot.rigid_body.newton_euler",
         "robot.dynamics.forward_dynamics",
-        "sim.integration.rk4_steps",
-        "sim.integration.euler_steps",
+        "sim.plants.analytic.rk4_steps",
+        "sim.plants.analytic.euler_steps",
         "robot.puma560.closed_form.fill_bias",
         "fuzzy.inference.infer",
         "sim.closed_loop.measure",

@@ -6,7 +6,7 @@ import sys
 def start() -> int:
     """Run the command line and return its exit status."""
     try:
-        from torquebench.cli.main import main
+        from torquebench.cli.app import main
 
         return main()
     except KeyboardInterrupt:  # before or after what main itself guards

@@ -39,7 +39,7 @@ from torquebench.robot.flat_model import own_copy
 from torquebench.sim.chain import IDEAL
 from torquebench.sim.interpreted import call_law
 from torquebench.sim.job import set_up
-from torquebench.sim.native import RUN_SIGNATURE, NativeRun, job_at, law_of, native, obstacle
+from torquebench.sim.native import RUN_SIGNATURE, NativeRun, compile_native, job_at, law_of, obstacle
 from torquebench.sim.plants import Plant
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant
@@ -458,4 +458,4 @@ def _calls() -> Any:
             law_of(job, k)
         return 0
 
-    return native(RUN_SIGNATURE, repeat).ctypes
+    return compile_native(RUN_SIGNATURE, repeat).ctypes

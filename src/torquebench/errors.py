@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 
 class TorquebenchError(Exception):
@@ -70,18 +71,44 @@ class VideoError(TorquebenchError):
     """A film or picture could not be made."""
 
 
-class Problem(NamedTuple):
-    """One mistake in a user's input."""
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One mistake in a user's input; its text and its JSON are made from these parts."""
 
-    where: str
-    """Place of the mistake: ``file:line:column``, or the command-line option."""
-    key: str
+    source: str = ""
+    """The file, or the option or argument of the command; empty when there is neither."""
+    key: str = ""
     """Dotted path of the offending key; empty when the mistake concerns the whole input."""
-    message: str
-    """What was wrong, what was wanted, and the nearest valid name where there is one."""
+    text: str = ""
+    """What is wrong, in words; empty where `got` and `wanted` say it."""
+    got: str = ""
+    """What the user wrote."""
+    wanted: str = ""
+    """What would have been right."""
+    nearest: str = ""
+    """The valid name nearest to what the user wrote."""
+    note: str = ""
+    """What else helps."""
+    line: int | None = None
+    """Line in the file, from 1."""
+    column: int | None = None
+    """Column in the file, from 1."""
+
+    @property
+    def where(self) -> str:
+        """Place of the mistake: ``file:line:column``, or the command-line option."""
+        return self.source if self.line is None else f"{self.source}:{self.line}:{self.column}"
+
+    @property
+    def message(self) -> str:
+        """What was wrong, what was wanted, and the nearest valid name where there is one."""
+        got = f"got {self.got}" if self.got else ""
+        parts = [self.text, got, f"wanted {self.wanted}" if self.wanted else ""]
+        near = f" (did you mean '{self.nearest}'?)" if self.nearest else ""
+        return ", ".join(part for part in parts if part) + near + (f"; {self.note}" if self.note else "")
 
     def __str__(self) -> str:
-        return ": ".join(part for part in self if part)
+        return ": ".join(part for part in (self.where, self.key, self.message) if part)
 
     def to_json(self) -> dict[str, str | int | None]:
         """Return the mistake with its place taken apart.
@@ -89,29 +116,35 @@ class Problem(NamedTuple):
         Returns:
             `file`, `line`, `column` (None where the mistake is in no file, or has no line), `option` (the command-line
             option or argument; None where it is in a file), `key`, `message`, and `wanted`: what would have been right,
-            None where the message does not say.
+            None where that is not known.
         """
-        place = _PLACE.fullmatch(self.where)
-        file, line, column = (place[1], int(place[2]), int(place[3])) if place else (None, None, None)
-        option = None if file or not self.where else self.where
-        if option is not None and not _OPTION.match(option):
-            file, option = option, None
-        wanted = _WANTED.search(self.message)
+        is_option = self.line is None and (self.source.startswith("-") or self.source.isupper())
         return {
-            "file": file,
-            "line": line,
-            "column": column,
-            "option": option,
+            "file": None if is_option else self.source or None,
+            "line": self.line,
+            "column": self.column,
+            "option": self.source if is_option else None,
             "key": self.key or None,
             "message": self.message,
-            "wanted": next((text for text in wanted.groups() if text), None) if wanted else None,
+            "wanted": self.nearest or self.wanted or None,
         }
 
 
-_PLACE = re.compile(r"(.*):(\d+):(\d+)", flags=re.DOTALL)
-_OPTION = re.compile(r"-|[A-Z][A-Z0-9]*$")
-"""An option, or the name of an argument in the help."""
-_WANTED = re.compile(r"\(did you mean '(.*?)'\?\)|\(one of: (.*)\)|\bwanted (.*?)\)?$", flags=re.DOTALL)
+class Fault(NamedTuple):
+    """A mistake in an object, told by its rules, before its place in a file is known."""
+
+    path: tuple[str | int, ...]
+    """The offending key, below the object's own."""
+    text: str = ""
+    """As of a `Problem`; so are the next four."""
+    got: str = ""
+    wanted: str = ""
+    nearest: str = ""
+    note: str = ""
+    at: Literal["key", "value"] = "value"
+    """Whether the mistake is in the key's name or in its value."""
+    unless: tuple[str | int, ...] = ()
+    """Another key, from the top: where the offending one is not written but this one is, the mistake is there."""
 
 
 class ConfigError(TorquebenchError):
@@ -164,8 +197,20 @@ def _is_like(path: Path, ending: str) -> bool:
     return path.is_file() and re.fullmatch(ending, path.suffix) is not None if ending else path.is_dir()
 
 
-def nearest(wrote: str, names: Collection[str]) -> str | None:
-    """Return the name nearest to what a user wrote, whatever the case of letters; None where none is near."""
-    close = difflib.get_close_matches(wrote.lower(), {known.lower() for known in names}, n=1, cutoff=0.5)
+MAX_NAME = 64
+"""Longer words are near no name."""
+
+
+def nearest(wrote: str, names: Collection[str], least: float = 0.5) -> str | None:
+    """Return the name nearest to what a user wrote, whatever the case of letters; None where none is near.
+
+    Args:
+        wrote: What the user wrote.
+        names: Names that would have been accepted.
+        least: How alike the two must be, 0 to 1.
+    """
+    if len(wrote) > MAX_NAME:
+        return None
+    close = difflib.get_close_matches(wrote.lower(), {known.lower() for known in names}, n=1, cutoff=least)
     alike = [known for known in names if known.lower() in close]
     return max(alike, key=lambda known: difflib.SequenceMatcher(None, wrote, known).ratio(), default=None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator
 from typing import Any, Generic, TypeVar
@@ -83,6 +84,12 @@ class Registry(Generic[T]):
         """Names of the items that a module, such as a plug-in file, has registered."""
         return tuple(name for name, maker in self._makers.items() if maker.__module__ == module)
 
+    def forget(self, module: str) -> None:
+        """Remove the items that a module has registered."""
+        for name in self.registered_by(module):
+            del self._makers[name]
+            self._items.pop(name, None)
+
     __getitem__ = find
 
     def __iter__(self) -> Iterator[str]:
@@ -98,6 +105,20 @@ class Registry(Generic[T]):
 def registered_by(module: str) -> tuple[str, ...]:
     """Names of all items, of whatever kind, that a module has registered."""
     return tuple(name for registry in REGISTRIES for name in registry.registered_by(module))
+
+
+@contextlib.contextmanager
+def registering_again(module: str) -> Iterator[None]:
+    """Let a module that is run again register its items again; if it fails, those of before are there again."""
+    before = [(registry, dict(registry._items), dict(registry._makers)) for registry in REGISTRIES]
+    for registry in REGISTRIES:
+        registry.forget(module)
+    try:
+        yield
+    except BaseException:
+        for registry, items, makers in before:
+            registry._items, registry._makers = items, makers
+        raise
 
 
 def _is_rerun(old: Any, new: Any) -> bool:

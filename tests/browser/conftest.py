@@ -8,7 +8,7 @@ import pytest
 
 from tests.browser import chromium
 from tests.browser.chromium import WEBGL, Chromium, Page
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.laws.law import LAWS
 from torquebench.report.figures import style
 

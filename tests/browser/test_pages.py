@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tests.video.films import camera_of_scene, pixel, tool_mark
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import add_to_run
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.sim.trajectory import load_trajectory
-from torquebench.video.stored import read_footage
+from torquebench.video.film import read_footage
 from torquebench.view.replay import replay_json
 from torquebench.view.server import serve
 

@@ -15,14 +15,15 @@ from tests.user_files import load
 from torquebench import check, check_cases, check_law, find_law, law_names
 from torquebench.check import FAIL, NOTE, PASS, Check, Report
 from torquebench.errors import ControllerError
-from torquebench.laws import Law, Option, base
+from torquebench.laws import Law, Option
+from torquebench.laws.law import LAWS
 from torquebench.robot.library import data_root
 
 
 @pytest.fixture(autouse=True)
 def registry(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Forget the laws that a test registers, and try fewer loops: the full number is tried on the package's laws."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     monkeypatch.setattr(check, "SCALES", (1.0,))
     monkeypatch.setattr(check, "DURATION", 0.03)
     return
@@ -160,7 +161,7 @@ def test_an_option_without_effect_is_caught(tmp_path: Path) -> None:
     option = '    mode: Annotated[int, Option("mode", ("soft", "hard"))]\n\n\nclass Memory'
     head = HEAD.replace("\n\nclass Memory", option)
     assert "option 'mode' makes no difference (" in detail(report_on(tmp_path, SPRING, head), "gains")
-    base._REGISTRY.pop("user-law")
+    LAWS._items.pop("user-law")
     assert report_on(tmp_path, SPRING + "    tau[i] *= 1.0 + gains.mode", head).held
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 
 QUICK = """\
 name: quick

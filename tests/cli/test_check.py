@@ -6,7 +6,7 @@ import re
 import pytest
 
 from torquebench import check
-from torquebench.laws import base
+from torquebench.laws.law import LAWS
 
 GOOD = '''"""A user's file."""
 
@@ -47,7 +47,7 @@ def bad(gains, model, t, q, qd, ref, memory, tau):
 def short(tmp_path, monkeypatch):
     """Run in an empty folder, with few and short loops, and forget the laws afterwards."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     monkeypatch.setattr(check, "SCALES", (1.0,))
     monkeypatch.setattr(check, "DURATION", 0.02)
 

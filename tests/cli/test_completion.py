@@ -1,176 +1,148 @@
-"""``torquebench completion``: what each shell offers, asked of the shells themselves where they are installed."""
+"""``torquebench completion``: what is offered for a line, asked of bash itself, and of the answer to any shell."""
 
 import json
 import os
-import pty
-import select
 import shutil
 import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
+from click.shell_completion import FishComplete
 
-from torquebench.cli import words
-from torquebench.cli.completion import commands_of
-from torquebench.cli.main import main, parser
+import torquebench
+from tests.command_line import COMMANDS, flags
+from torquebench.cli.app import app, main
+from torquebench.cli.compare import SideName
+from torquebench.cli.discover import Thing
+from torquebench.cli.fuzzy import SYSTEMS
 from torquebench.comparison import parse_side
 from torquebench.fuzzy import BUILTIN
-from torquebench.robot.library import data_root
-from torquebench.video.settings import QUALITIES
+from torquebench.laws import law_names
+from torquebench.shipped import config_keys, configs
 
 LINES = {
-    "torquebench bound": "boundary-layer",
-    "torquebench video --qual": "--quality",
-    "torquebench video --quality pre": "pretty",
-    "torquebench compare a mujoco:pu": "puma560",
-    "torquebench run --set run.dur": "run.duration=",
-    "torquebench completion f": "fish",
-    "torquebench run conf": "config.yaml",
-    "torquebench run --plugin my": "my law.py",
-    "torquebench report a": "a-run/",
-    "torquebench doctor --js": "--json",
+    "torquebench bound": ["boundary-layer"],
+    "torquebench video --qual": ["--quality"],
+    "torquebench video --quality pre": ["pretty"],
+    "torquebench video --quality=pre": ["pretty"],
+    "torquebench compare a mujoco:pu": ["puma560"],
+    "torquebench run --set run.dur": ["run.duration="],
+    "torquebench run config.yaml --set controllers.b": [
+        "controllers.band.gains.phi=",
+        "controllers.band.law=",
+        "controllers.band.name=",
+    ],
+    "torquebench completion f": ["fish"],
+    "torquebench run confi": ["config.yaml"],
+    "torquebench run fig9-ch": ["fig9-chattering"],
+    "torquebench run --plugin my": ["my law.py"],
+    "torquebench report a": ["a-run/"],
+    "torquebench run --out a": ["a-run/"],
+    "torquebench show linear": ["linear-band-smc"],
+    "torquebench fuzzy pd-4": ["pd-49"],
+    "torquebench doctor --js": ["--json"],
+    "torquebench fly x": [],
 }
 """What is typed -> what must be offered, alone."""
 
 
 @pytest.fixture
-def script(tmp_path, monkeypatch, capsys):
-    """Print a shell's script to a file and return its path, in a folder with files to offer."""
+def folder(tmp_path, monkeypatch):
+    """A folder, also the current one, with files to offer, and the command on PATH."""
     monkeypatch.chdir(tmp_path)
-    for name in ("config.yaml", "config.txt", "my law.py", "my law.txt"):
+    (tmp_path / "config.yaml").write_text("controllers:\n  - {name: band, law: smc, gains: {phi: 1}}\n")
+    for name in ("config.txt", "my law.py", "my law.txt", "a-file"):
         (tmp_path / name).touch()
     (tmp_path / "a-run").mkdir()
-    (tmp_path / "a-file").touch()
-
-    def make(shell):
-        assert main(["completion", shell]) == 0
-        path = tmp_path / "script"
-        path.write_text(capsys.readouterr().out)
-        return path
-
-    return make
+    program = tmp_path / "bin" / "torquebench"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m torquebench "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PYTHONPATH", str(Path(torquebench.__file__).parents[1]))
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    return tmp_path
 
 
 BASH = """
 source ./script
 while IFS= read -r COMP_LINE; do
     COMP_POINT=${#COMP_LINE}
-    COMPREPLY=()
-    _torquebench
+    _torquebench_completion torquebench
     (IFS='|'; echo "${COMPREPLY[*]}")
 done
 """
 
 
-def offered_by_bash(lines):
-    """Return what bash is told to offer for each line."""
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
+def test_bash(folder, capsys):
+    """Commands, options, choices, values after = and after a colon, files of the right kind, folders; nothing else."""
+    assert main(["completion", "bash"]) == 0
+    (folder / "script").write_text(capsys.readouterr().out)
+    lines = [*LINES, "torquebench ", "torquebench fuzzy "]
     done = subprocess.run(["bash", "--norc", "-c", BASH], input="\n".join(lines) + "\n", capture_output=True, text=True)
     assert done.stderr == ""
-    return [line.split("|") if line else [] for line in done.stdout.splitlines()]
+    offered = [line.split("|") if line else [] for line in done.stdout.splitlines()]
+    for line, wanted, found in zip(LINES, LINES.values(), offered, strict=False):
+        assert found == wanted, line
+    assert offered[-2] == list(COMMANDS)
+    assert set(offered[-1]) >= {*SYSTEMS, *configs(), "config.yaml", "a-run/"}
+    assert "config.txt" not in offered[-1]
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
-def test_bash(script):
-    """Commands, options, choices, values after = and after a colon, files of the right kind, folders; nothing else."""
-    script("bash")
-    more = {
-        "torquebench video --quality=pre": ["pretty"],
-        "torquebench run --out a": ["a-run"],
-        "torquebench fly x": [],
-    }
-    found = offered_by_bash([*LINES, *more, "torquebench ", "torquebench fuzzy "])
-    for line, wanted, offered in zip(LINES, LINES.values(), found, strict=False):
-        assert offered == [wanted.rstrip("/")], line
-    assert found[len(LINES) : -2] == list(more.values())
-    assert set(found[-2]) == {command.name for command in commands_of(parser()) if command.name}
-    assert set(found[-1]) >= {*words.SYSTEMS, "config.yaml", "a-run"}
-    assert "config.txt" not in found[-1]
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells(folder, shell):
+    """The program answers the scripts of zsh and fish with the same words."""
+    for line in ("torquebench video --qual", "torquebench run --set run.dur", "torquebench report a"):
+        words = line.split()
+        count = str(len(words) - 1) if shell == "zsh" else words[-1]
+        asked = {"_TORQUEBENCH_COMPLETE": f"{shell}_complete", "COMP_WORDS": line, "COMP_CWORD": count}
+        done = subprocess.run(["torquebench"], env=os.environ | asked, capture_output=True, text=True, check=True)
+        assert LINES[line][0] in done.stdout.replace("\t", "\n").replace(",", "\n").splitlines()
 
 
-@pytest.mark.skipif(shutil.which("fish") is None, reason="fish is not installed")
-def test_fish(script):
-    """The same lines, asked with fish's own `complete -C`; fish offers other files too, after the right ones."""
-    script("fish")
-    lines = LINES | {"torquebench compare a mujoco:pu": "mujoco:puma560"}
-    code = "source ./script\n" + "\n".join(f"echo; complete -C '{line}'" for line in lines)
-    done = subprocess.run(["fish", "--no-config", "-c", code], capture_output=True, text=True, check=True)
-    answers = done.stdout.split("\n\n")
-    assert done.stderr == ""
-    for (line, wanted), answer in zip(lines.items(), answers, strict=True):
-        offered = [row.partition("\t")[0].replace("\\ ", " ") for row in answer.strip().splitlines()]
-        assert wanted in offered, (line, answer)
-
-
-@pytest.mark.skipif(shutil.which("zsh") is None, reason="zsh is not installed")
-def test_zsh(script):
-    """The same lines, typed into an interactive zsh and completed with Tab."""
-    script("zsh")
-    terminal, other = pty.openpty()
-    zsh = subprocess.Popen(
-        ["zsh", "-f", "-i"],
-        stdin=other,
-        stdout=other,
-        stderr=other,
-        start_new_session=True,
-        env=os.environ | {"TERM": "dumb"},
+def test_completing_is_light(folder):
+    """No shell waits for numpy, numba or pydantic: asking for keys of a config on the line needs YAML alone."""
+    code = (
+        "import sys; from torquebench.cli.app import app, main; main();"
+        "print(sorted({'numpy', 'numba', 'pydantic', 'mujoco', 'rich'} & set(sys.modules)))"
     )
-    os.close(other)
-    try:
-        os.write(terminal, b"autoload -Uz compinit; compinit -D -u; unsetopt prompt_sp; . ./script; echo rea''dy\n")
-        read(terminal, "ready")
-        for line, wanted in LINES.items():
-            os.write(terminal, f"{line}\t".encode())
-            shown = (
-                line.rpartition(" ")[0] + " " + {"puma560": "mujoco:puma560"}.get(wanted, wanted).replace(" ", "\\ ")
-            )
-            read(terminal, shown)
-            os.write(terminal, b"\x15")
-    finally:
-        zsh.kill()
-        zsh.wait()
-        os.close(terminal)
+    line = "torquebench run config.yaml --set controllers.b"
+    asked = {"_TORQUEBENCH_COMPLETE": "bash_complete", "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    begun = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert time.perf_counter() - begun < 10.0
 
 
-def read(terminal, wanted):
-    """Read what the shell writes until it has written `wanted`."""
-    seen, end = "", time.monotonic() + 60.0
-    while wanted not in seen:
-        assert time.monotonic() < end, seen
-        if select.select([terminal], [], [], 1.0)[0]:
-            seen += os.read(terminal, 65536).decode()
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_install(folder, monkeypatch, capsys, shell):
+    """The script is written where the shell looks for it, and nothing else is."""
+    monkeypatch.setenv("HOME", str(folder / "home"))
+    assert main(["completion", shell, "--install", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    (file,) = (path for path in Path(folder, "home").rglob("*") if path.is_file())
+    assert data["installed"] == str(file)
+    assert file.read_text() == data["script"] + "\n"
 
 
-def test_every_command_and_option_is_in_every_script(capsys):
-    """Nothing of the parser is forgotten."""
-    for shell in ("bash", "zsh", "fish"):
-        main(["completion", shell, "--json"])
-        text = json.loads(capsys.readouterr().out)["script"]
-        for command in commands_of(parser()):
-            assert command.name in text
-            for option in command.options:
-                long = option.flags[-1].removeprefix("--")
-                assert f"-l {long}" in text if shell == "fish" else f"--{long}" in text
+def test_every_option_is_offered(folder):
+    """Nothing of any command is forgotten."""
+    for name in COMMANDS:
+        shell = FishComplete(app, {}, "torquebench", "_TORQUEBENCH_COMPLETE")
+        offered = {item.value for item in shell.get_completions([name], "--")}
+        assert offered >= {flag for flag in flags(name) if flag.startswith("--")}
 
 
 def test_the_words_are_those_that_are_accepted():
-    """Names are kept by hand, as asking for them would take a second: they are the registries' own."""
-    assert set(words.SYSTEMS) == set(BUILTIN)
-    assert set(words.QUALITIES) == set(QUALITIES)
-    for side in words.SIDES:
-        parse_side(side, "A")
-    schema = json.loads((data_root() / "configs" / "schema.json").read_text())
-    for word in words.SETTINGS:
-        place = schema
-        for key in word.rstrip("=.").split("."):
-            place = find(schema, place, key)
-            assert place is not None, word
-
-
-def find(schema, place, key):
-    """Return the schema of a key below a place of a JSON schema, through references and alternatives; None without."""
-    if "$ref" in place:
-        place = schema["$defs"][place["$ref"].rpartition("/")[2]]
-    if key in place.get("properties", {}):
-        return place["properties"][key]
-    below = [find(schema, other, key) for word in ("anyOf", "oneOf", "allOf") for other in place.get(word, [])]
-    return next((found for found in below if found is not None), None)
+    """Names that are known without the registries, whose import would take a second, are the registries' own."""
+    assert set(SYSTEMS) == set(BUILTIN)
+    for engine in ("mujoco:", "analytic:"):
+        for item in SideName(".xml").shell_complete(None, None, engine):
+            parse_side(item.value, "A")
+    names = {item.value for item in Thing().shell_complete(None, None, "")}
+    assert names == {*law_names(), *configs()}
+    assert {"run.duration", "plant.payload", "chain.delay", "sweep.draws"} <= set(config_keys())

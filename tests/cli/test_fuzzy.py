@@ -5,7 +5,7 @@ import json
 import pytest
 
 from torquebench.experiment.store import check_run
-from torquebench.laws import base
+from torquebench.laws.law import LAWS
 from torquebench.robot.library import data_root
 
 CONFIG = """\
@@ -98,8 +98,8 @@ def test_the_systems_of_a_file(small, command):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["pd-94"], "pd-94: is neither a file nor a built-in fuzzy system (did you mean 'pd-9'?)"),
-        (["missing.yaml"], "missing.yaml: is neither a file nor a built-in fuzzy system"),
+        (["pd-94"], "pd-94: does not exist (did you mean 'pd-9'?)"),
+        (["missing.yaml"], "missing.yaml: does not exist"),
         (["small.yaml", "--name", "lopsid"], "--name: lopsid: no such fuzzy system in small.yaml (did you"),
         (["pd-9", "--name", "pd-25"], "--name: pd-25: goes with a config file; pd-9 is built in"),
         (["plain.yaml"], "plain.yaml: fuzzy: there is no fuzzy system in it, and no controller uses one"),
@@ -152,7 +152,7 @@ def rules_only(gains, model, t, q, qd, ref, memory, tau):
 
 def test_a_law_of_ones_own_with_a_fuzzy_system(small, command, monkeypatch):
     """A plug-in declares a field of type `Fis`, the config chooses its system; without scaling, no page of rules."""
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     (small.parent / "mine.py").write_text(LAW)
     small.write_text(
         CONFIG.replace(
@@ -168,6 +168,6 @@ def test_a_law_of_ones_own_with_a_fuzzy_system(small, command, monkeypatch):
     assert "figures/fuzzy-mine-rules.svg" not in files
     metrics = json.loads((small.parent / "result" / "metrics.json").read_text())["controllers"]
     assert metrics["mine"]["rmse"]["value"] < 0.05
-    monkeypatch.setattr(base, "_REGISTRY", {k: v for k, v in base._REGISTRY.items() if k != "rules-only"})
+    monkeypatch.setattr(LAWS, "_items", {k: v for k, v in LAWS._items.items() if k != "rules-only"})
     status, out, _ = command("fuzzy", small, "--plugin", "mine.py", "--name", "pd-9", "--out", "described")
     assert (status, "fuzzy system pd-9" in out) == (0, True)

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from torquebench.cli.main import parser
+from tests.command_line import COMMANDS, flags
 from torquebench.errors import did_you_mean_path
-
-COMMANDS = {name: action for action in parser()._actions if action.choices for name, action in action.choices.items()}
 
 
 def swapped(word):
@@ -17,15 +15,13 @@ def swapped(word):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_mistyped_command(command, name):
-    """Of every command, with whatever follows, the one that was meant is named, in one line after the usage."""
+    """Of every command, with whatever follows, the one that was meant is named, in one line."""
     status, out, err = command(swapped(name), "--whatever", "x")
     assert (status, out) == (2, "")
-    assert err.splitlines()[-1] == f"COMMAND: got '{swapped(name)}' (did you mean '{name}'?)"
+    assert err == f"COMMAND: got '{swapped(name)}' (did you mean '{name}'?)\n"
 
 
-OPTIONS = [
-    (name, flag) for name, c in COMMANDS.items() for a in c._actions for flag in a.option_strings if len(flag) > 4
-]
+OPTIONS = [(name, flag) for name in COMMANDS for flag in flags(name) if len(flag) > 4]
 
 
 @pytest.mark.parametrize(("name", "flag"), OPTIONS)
@@ -35,7 +31,7 @@ def test_a_mistyped_option(command, name, flag):
     for words in ([wrong], [wrong, "x"], [f"{wrong}=x"]):
         status, out, err = command(name, *words)
         assert (status, out) == (2, "")
-        assert err.splitlines()[-1] == f"{wrong}: torquebench {name} has no such option (did you mean '{flag}'?)"
+        assert err == f"{wrong}: torquebench {name} has no such option (did you mean '{flag}'?)\n"
 
 
 def test_every_mistyped_option_is_named(command):
@@ -46,8 +42,30 @@ def test_every_mistyped_option_is_named(command):
 
 def test_what_is_near_nothing_gets_the_list(command):
     """Dashes alone are no likeness."""
-    assert "(one of: --help, --version)" in command("--set")[2]
-    assert "(one of: run, compare, " in command("xyz")[2]
+    assert "(one of: --version, --help)" in command("--set")[2]
+    assert "(one of: run, sweep, " in command("xyz")[2]
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["--duration", "2"], "--set run.duration=2"),
+        (["--control-period=0.002"], "--set run.control_period=0.002"),
+        (["--payload", "--json"], "--set plant.payload="),
+        (["--draws", "5"], "--set sweep.draws=5"),
+    ],
+)
+def test_an_option_that_is_a_key(command, words, meant):
+    """What is no option but a key of a section: the --set that changes it, with the value that was given."""
+    status, _, err = command("run", "two-link", *words)
+    assert status == 2
+    assert err.endswith(f"(did you mean '{meant}'?)\n")
+
+
+def test_all_wrong_values_at_once(command):
+    """Each wrong value and each missing argument is a line of its own."""
+    err = command("compare", "--states", "0", "--seed", "x", "--frozen-joints", "0,1")[2]
+    assert [line.split(":")[0] for line in err.splitlines()] == ["--states", "--seed", "--frozen-joints", "A", "B"]
 
 
 def test_one_argument_too_many(command):

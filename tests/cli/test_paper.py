@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.cli.paper import claims_table
 from torquebench.experiment.store import check_run
 from torquebench.paper.claims import claims
@@ -145,7 +145,7 @@ def test_bad_arguments_write_nothing(tmp_path, command):
     for name in ("paper", "boundary-layer"):
         status, _, err = command(name, "--workers", "0", "--out", tmp_path / "out")
         assert status == 2
-        assert "--workers: 0: wanted at least 1" in err
+        assert "--workers: got 0, wanted" in err
         assert not (tmp_path / "out").exists()
 
 

@@ -11,10 +11,11 @@ from html.parser import HTMLParser
 import pytest
 
 from tests.cli.conftest import QUICK
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import add_to_run, check_run
 from torquebench.report.run_page import differences
 from torquebench.robot.library import data_root
+from torquebench.sim.session import Session
 
 PICTURE = r'<figure><img alt="[^"]*" src="data:image/svg\+xml;base64,([^"]*)">'
 
@@ -67,7 +68,7 @@ def no_simulation(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("something was simulated")
 
-    monkeypatch.setattr("torquebench.sim.simulate.simulate", refuse)
+    monkeypatch.setattr(Session, "run", refuse)
 
 
 @pytest.mark.parametrize("redraw", [(), ("--redraw",)])
@@ -247,9 +248,22 @@ def forget_metrics(folder):
     with_checksum(folder, "metrics.json", json.dumps(content).encode())
 
 
+def add_a_metric(folder):
+    """Have a metric that is registered nowhere, as one of a plug-in that was not loaded."""
+    content = json.loads((folder / "metrics.json").read_text())
+    for metrics in content["controllers"].values():
+        metrics["mine"] = metrics["rmse"]
+    with_checksum(folder, "metrics.json", json.dumps(content).encode())
+
+
 @pytest.mark.parametrize(
     ("spoil", "file"),
-    [(swap_trajectories, "trajectory.npz"), (change_a_gain, "experiment.yaml"), (forget_metrics, "metrics.json")],
+    [
+        (add_a_metric, "metrics.json"),
+        (swap_trajectories, "trajectory.npz"),
+        (change_a_gain, "experiment.yaml"),
+        (forget_metrics, "metrics.json"),
+    ],
 )
 def test_files_that_do_not_belong_together_are_refused(run, command, spoil, file):
     """Each with a right checksum, but of another run than the rest: exit 2, one line that names the file."""

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from torquebench import load_trajectory
-from torquebench.cli.main import main
+from torquebench.cli.app import Terminated, main
 from torquebench.disturbances import Stream, generator
-from torquebench.errors import ResultError
+from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment import load_experiment
 from torquebench.experiment.store import check_run
 from torquebench.robot import load_model
@@ -214,12 +214,12 @@ def with_failing_law(quick, expect=""):
 @pytest.fixture
 def forget_plugin():
     """Take the plugin's law out of the registry again."""
-    from torquebench.laws import base
+    from torquebench.laws.law import LAWS
 
-    before = dict(base._REGISTRY)
+    before = dict(LAWS._items)
     yield
-    base._REGISTRY.clear()
-    base._REGISTRY.update(before)
+    LAWS._items.clear()
+    LAWS._items.update(before)
 
 
 @pytest.mark.usefixtures("forget_plugin")
@@ -345,7 +345,7 @@ def test_the_analytic_plant_needs_no_mujoco(quick):
     """`engine: analytic` runs from YAML to manifest in a process where `import mujoco` fails."""
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from torquebench.cli.main import main\n"
+        "from torquebench.cli.app import Terminated, main\n"
         "sys.exit(main(['run', 'quick.yaml', '--out', 'analytic', '--no-figures', '--set', 'plant.engine=analytic']))"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=quick.parent, capture_output=True, text=True, check=False)
@@ -407,13 +407,50 @@ runpy.run_module("torquebench", run_name="__main__")
 """
 
 
-@pytest.mark.parametrize("name", ["torquebench.cli.main", "argparse", "torquebench.cli.doctor"])
+@pytest.mark.parametrize("name", ["torquebench.cli.app", "click", "torquebench.cli.doctor"])
 def test_interrupting_while_it_starts(name):
     """Ctrl-C while modules are still being read: status 130 and one line, no traceback."""
     done = subprocess.run([sys.executable, "-c", EARLY.format(name=name)], capture_output=True, text=True, check=False)
     assert done.returncode == 130
     assert len(done.stderr.splitlines()) == 1
     assert "interrupted" in done.stderr
+
+
+WRAPPED = {
+    "as Python 3.11 does": "try:\n    raise Kind\nexcept BaseException as error:\n    raise RuntimeError from error",
+    "while another is handled": "try:\n    raise Kind\nexcept BaseException:\n    raise ConfigError([])",
+    "twice": "try:\n    try:\n        raise Kind\n    except BaseException as error:\n"
+    "        raise OSError from error\nexcept OSError as error:\n    raise ValueError from error",
+}
+
+
+@pytest.mark.parametrize("code", WRAPPED.values(), ids=WRAPPED)
+@pytest.mark.parametrize(("kind", "status"), [(KeyboardInterrupt, 130), (Terminated, 143)])
+def test_an_interrupt_that_something_wrapped(code, kind, status, monkeypatch, command):
+    """Ctrl-C and SIGTERM are told from an internal error and from bad input whatever was made of them on the way."""
+
+    def fail(_wish):
+        exec(code, {"Kind": kind, "ConfigError": ConfigError})
+
+    monkeypatch.setattr("torquebench.cli.doctor.findings", fail)
+    found, _, err = command("doctor")
+    assert found == status
+    assert len(err.splitlines()) == 1
+    assert "internal error" not in err
+
+
+def test_a_loop_of_causes_ends(monkeypatch, command):
+    """An error that is its own cause is an internal error."""
+
+    def fail(_wish):
+        error, other = RuntimeError("one"), RuntimeError("other")
+        error.__cause__, other.__cause__ = other, error
+        raise error
+
+    monkeypatch.setattr("torquebench.cli.doctor.findings", fail)
+    status, _, err = command("doctor")
+    assert (status, err.startswith("torquebench: internal error: RuntimeError: one")) == (3, True)
+    assert "Traceback" in command("doctor", "--verbose")[2]
 
 
 def test_sigterm_is_left_as_it_was(quick, command):

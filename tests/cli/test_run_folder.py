@@ -8,7 +8,7 @@ import pytest
 
 from tests.cli.conftest import QUICK
 from tests.sweep.examples import SMALL
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 
 COMMANDS = ("report", "video", "view")

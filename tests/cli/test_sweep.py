@@ -20,7 +20,7 @@ import pytest
 
 from tests.sweep.examples import BASE, SMALL, user_law
 from torquebench import load_trajectory
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.metrics import METRICS
 from torquebench.sweep.folder import open_sweep
@@ -255,7 +255,7 @@ def test_other_software_is_refused(swept, command, monkeypatch):
         (("run", "small.yaml", "--index", "3"), "--index: has no effect without --from-sweep"),
         (("run", "--from-sweep", "s"), "--index: missing"),
         (("run", "--from-sweep", "s", "--index", "72"), "--index: got 72, wanted 0 to 71"),
-        (("run", "--from-sweep", "s", "--index", "-1"), "--index: got -1, wanted 0 to 71"),
+        (("run", "--from-sweep", "s", "--index", "-1"), "--index: got -1, wanted 0 or more"),
         (
             ("run", "--from-sweep", "s", "--index", "1", "--set", "run.duration=2"),
             "--set: has no effect with --from-sweep",
@@ -278,13 +278,15 @@ def test_absurd_work_is_refused_unless_asked_for(small, command, monkeypatch):
     """A cap on steps: exit 2 with the reason and the flag, nothing written; with the flag it is run."""
     from torquebench.sweep import estimate
 
-    monkeypatch.setattr(estimate, "MOST_STEPS", 1000)
+    monkeypatch.setattr(estimate, "MOST_STEPS", 20_000)
     status, out, err = command("sweep", small, "--out", "s", *THREADS)
     assert status == 2
     assert "43,200 steps" in out
-    assert err == "sweep: needs 4.32e+04 steps, at most 1e+03 are run: --no-cap lifts the caps\n"
+    assert err == "sweep: needs 4.32e+04 steps, at most 2e+04 are run: --no-cap lifts the caps\n"
     assert not Path("s").exists()
     assert command("sweep", small, "--out", "s", "--no-cap", *THREADS)[0] == 0
+    monkeypatch.setattr(estimate, "MOST_STEPS", 1000)
+    assert command("sweep", small, *THREADS)[:2] == (2, "")
 
 
 @pytest.mark.parametrize("quantity", ["MOST_HOURS", "MEMORY_SHARE", "DISK_SHARE"])
@@ -366,9 +368,9 @@ PLUGIN = user_law("swept-law")
 
 def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monkeypatch):
     """In processes too; a plug-in that is missing, or that has changed, is refused when the sweep goes on."""
-    from torquebench.laws import base
+    from torquebench.laws.law import LAWS
 
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     Path("law.py").write_text(PLUGIN)
     own = (
         "--set",
@@ -380,7 +382,7 @@ def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monk
     )
     for name, how in (("s", THREADS), ("t", ("--workers", 1))):
         with monkeypatch.context() as fresh:
-            fresh.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+            fresh.setattr(LAWS, "_items", dict(LAWS._items))
             status = command("sweep", small, "--out", name, "--plugin", "law.py", *own, *how)[0]
             assert status == 0
     assert files_of("s") == files_of("t")
@@ -390,7 +392,7 @@ def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monk
     assert "law.py: wanted --plugin with each of these files" in err
     Path("law.py").write_text(PLUGIN.replace("10.0", "12.0"))
     with monkeypatch.context() as fresh:
-        fresh.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+        fresh.setattr(LAWS, "_items", dict(LAWS._items))
         status, _, err = command("sweep", "--resume", "s", "--plugin", "law.py")
     assert status == 2
     assert "plugins.'law.py': was" in err

@@ -9,13 +9,17 @@ import sys
 
 import pytest
 
-from torquebench.cli import colour, terminal
-from torquebench.cli.colour import bad, good, visible
-from torquebench.cli.terminal import progress_bar, say, speaking, table, warn
+from torquebench.cli import terminal
+from torquebench.cli.terminal import bad, coloured, following, good, progress_bar, say, speaking, table, warn
 
 HEADER = ["controller", "law", "RMSE [mrad]", "HF [%]", "outcome"]
 ROWS = [["conventional", "smc", "0.5298", "30.15", "completed"], ["band", "linear-band-smc", "0.05", "0.1", "diverged"]]
 WORDS = {word for row in (HEADER, *ROWS) for word in row}
+
+
+def visible(text):
+    """The text without what colours it."""
+    return re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", text)
 
 
 class Terminal(io.StringIO):
@@ -59,10 +63,12 @@ def test_a_table_fits_the_terminal_and_loses_nothing(screen, columns):
     assert (len(parts) == 1) == (columns > 60)
 
 
-def test_a_terminal_too_narrow_for_two_columns_gets_lists(screen):
-    """Each row becomes a list of titles and values."""
-    screen(20)
-    assert "controller: band\nlaw: linear-band-smc\nRMSE [mrad]: 0.05" in table(HEADER, ROWS)
+def test_a_terminal_too_narrow_for_two_columns(screen):
+    """Cells are folded: every character of them is there, in order."""
+    screen(12)
+    lines = visible(table(["k", "value"], [["a", "0123456789" * 3]])).splitlines()
+    assert max(map(len, lines)) <= 12
+    assert "".join(line[1:].strip() for line in lines).endswith("0123456789" * 3)
 
 
 def test_prose_is_broken_between_words(screen):
@@ -105,7 +111,7 @@ def test_when_there_is_colour(monkeypatch, names, is_terminal, expected):
     """A terminal has it unless NO_COLOR or TERM=dumb; FORCE_COLOR brings it to a file; NO_COLOR has the last word."""
     for name, value in names.items():
         monkeypatch.setenv(name, value)
-    assert colour.coloured(Terminal() if is_terminal else io.StringIO()) == expected
+    assert coloured(Terminal() if is_terminal else io.StringIO()) == expected
 
 
 def test_colour_moves_nothing(screen, monkeypatch):
@@ -113,12 +119,12 @@ def test_colour_moves_nothing(screen, monkeypatch):
     rows = [["a", good("yes")], ["b", bad("NO")]]
     screen(80)
     painted = table(["term", "agrees"], rows)
-    assert "\x1b[32myes\x1b[0m" in painted
-    assert "\x1b[31mNO\x1b[0m" in painted
+    assert re.search(r"\x1b\[32m *yes", painted)
+    assert re.search(r"\x1b\[31m *NO", painted)
     monkeypatch.setenv("NO_COLOR", "1")
     plain = table(["term", "agrees"], rows)
     assert "\x1b" not in plain
-    assert visible(painted) == plain
+    assert [line.rstrip() for line in visible(painted).splitlines()] == plain.splitlines()
 
 
 def test_silence(capsys):
@@ -142,8 +148,26 @@ def test_progress_is_for_people(monkeypatch, is_terminal, quiet, seen):
     monkeypatch.setattr(sys, "stderr", stream)
     with speaking(quiet, as_json=False), progress_bar(4, "step", "starting", done=1) as bar:
         bar.update(1)
-        bar.set_description_str("going on", refresh=True)
+        bar.describe("going on")
     written = stream.getvalue()
     assert bool(written) == seen
     if seen:
-        assert re.search(r"going on: +50%.*2\.00/4\.00 \[00:00<\d\d:\d\d", written)
+        assert re.search(r"going on .* 50% +2 steps +0:00:00 +left +\S+", visible(written))
+
+
+def test_progress_inside_progress(monkeypatch):
+    """Both are seen, each in a line of its own; what is written to standard output meanwhile goes there."""
+    stream, out = Terminal(), io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(sys, "stdout", out)
+    with progress_bar(4, "step", "the whole"), progress_bar(2, "figure", "a part") as bar:
+        bar.total = 3
+        following(bar)("drawing", 1, 3)
+        terminal._PROGRESS[0].refresh()
+        say("a line")
+        warn("a warning")
+    assert out.getvalue() == "a line\n"
+    lines = visible(stream.getvalue()).replace("\r", "\n").splitlines()
+    assert any(line.startswith("the whole") for line in lines)
+    assert any(line.startswith("drawing") and "33%" in line and "1 figures" in line for line in lines)
+    assert any(line.rstrip() == "a warning" for line in lines)

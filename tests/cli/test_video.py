@@ -9,9 +9,9 @@ import sys
 import pytest
 
 from tests.cli.conftest import QUICK
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
-from torquebench.video.settings import FPS
+from torquebench.video.job import FPS
 
 
 @pytest.fixture(scope="module")
@@ -115,15 +115,15 @@ def limp(gains, model, t, q, qd, ref, memory, tau):
 
 def test_the_film_of_a_law_of_ones_own_needs_no_plug_in(quick, command, monkeypatch):
     """A run of a plug-in's law can be shown where nobody knows that law any more."""
-    from torquebench.laws import base
+    from torquebench.laws.law import LAWS
 
     monkeypatch.setenv("MUJOCO_GL", "off")
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     (quick.parent / "limp.py").write_text(PLUGIN)
     mine = "controllers=[{name: mine, law: limp, gains: {k: 0.01}}]"
     run = ("run", quick, "--plugin", "limp.py", "--out", "run", "--no-figures", "--set", mine)
     assert command(*run)[0] == 0
-    del base._REGISTRY["limp"]
+    del LAWS._items["limp"]
     assert command("video", "run", "--size", "320x240")[0] == 0
     assert check_run(quick.parent / "run")["video"]["controllers"] == ["mine"]
 
@@ -254,7 +254,7 @@ def test_doctor_tells_what_there_is(command, monkeypatch):
 def test_doctor_names_what_to_install(command, monkeypatch):
     """Where nothing draws and there is no encoder, the packages are named; the status is 0 all the same."""
     from torquebench.cli import doctor
-    from torquebench.video.backends import Backend
+    from torquebench.video.opengl import Backend
 
     monkeypatch.setattr(doctor, "probe", lambda name: Backend(name, False, "cannot load it"))
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)

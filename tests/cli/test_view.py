@@ -15,7 +15,7 @@ import pytest
 
 from tests.cli.conftest import QUICK
 from torquebench.cli import view
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 
 ADDRESS = r"view: (http://127\.0\.0\.1:\d+/[\w-]{20,}/)\n"
@@ -100,15 +100,14 @@ def test_a_window_is_preferred(finished, command, monkeypatch):
     """Where one opens it gets the run, and no page is served."""
     jobs = []
 
-    def child(module, argument, gl, silence, heard=None):
-        if module.endswith("display"):
-            return {"ok": True, "why": ""}
-        jobs.append(json.loads(argument))
+    def show(module, text, gl, silence):
+        jobs.append(json.loads(text))
         return {"closed": True}
 
-    monkeypatch.setattr(view, "run_module", child)
+    monkeypatch.setattr(view, "probe_window", lambda: "")
+    monkeypatch.setattr(view, "run_module", show)
     status, out, _ = command("view", finished, "--speed", "0.25")
     assert status == 0
     assert "http" not in out
     assert jobs[0]["settings"]["speed"] == 0.25
-    assert [shot["name"] for shot in jobs[0]["shots"]] == ["conventional", "linear-band"]
+    assert [shot["name"] for shot in jobs[0]["footage"]["shots"]] == ["conventional", "linear-band"]

@@ -331,7 +331,7 @@ def bad_fuzzy(old: str, new: str, key: str, word: str, on: str | None = None) ->
 FUZZY_SYSTEMS = [
     bad_fuzzy("fuzzy: three", "fuzzy: tree", "controllers[1].fuzzy", "did you mean 'three'"),
     bad_fuzzy("fuzzy: three", "fuzzy: pd-94", "controllers[1].fuzzy", "pd-49, pd-25, pd-9, s-7, three, list"),
-    bad_fuzzy("fuzzy: three", "fuzzy: 49", "controllers[1].fuzzy", "got 49, wanted a fuzzy system"),
+    bad_fuzzy("fuzzy: three", "fuzzy: 49", "controllers[1].fuzzy", "got 49, wanted text"),
     bad_fuzzy("    law: smc", "    law: smc\n    fuzzy: three", "controllers[0].fuzzy", "fuzzy-linear-band-smc"),
     bad_fuzzy("kv: 20", "kv: 20\n      fuzzy: pd-9", "controllers[1].gains.fuzzy", "unknown gain"),
     bad_fuzzy("kf: 0.3", "kf: -0.3", "controllers[1].gains.kf", "at least 0"),

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from tests.experiment.examples import FUZZY, MINIMAL, edited, parse
 from tests.experiment.test_bad_configs import VALUES, problems_of, typos
 from torquebench.experiment import dump_experiment, load_experiment
-from torquebench.experiment.build import build
-from torquebench.experiment.fuzzy_system import fuzzy_system, systems_of
+from torquebench.experiment.build import build, systems_of
+from torquebench.experiment.fuzzy_schema import fuzzy_system
 from torquebench.fuzzy import Functions, Rule, builtin_system, infer, prepare
 from torquebench.fuzzy.fis import STAIRCASE
 from torquebench.robot.library import data_root

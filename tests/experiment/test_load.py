@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import FrozenInstanceError
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 import torquebench
 from tests.experiment.examples import ALL, GOOD, MINIMAL, edited, parse, properties
 from torquebench.errors import ConfigError, ControllerError
 from torquebench.experiment import as_vector, dump_experiment, experiment_json_schema, load_experiment
-from torquebench.experiment.schema import ControllerKeys
+from torquebench.experiment.controllers import OWN_KEYS
 from torquebench.kernel import Array
 from torquebench.laws.declare import RESERVED, Gain, Option
 from torquebench.laws.law import LAWS, controller, find_law
@@ -114,11 +114,11 @@ def test_gains_fit_the_law() -> None:
 def test_experiment_is_read_only() -> None:
     """A loaded experiment cannot be changed by accident, nor built with unknown keys."""
     x = parse(GOOD)
-    with pytest.raises(ValidationError):
+    with pytest.raises(FrozenInstanceError):
         x.name = "other"  # type: ignore[misc]
-    with pytest.raises(ValidationError):
+    with pytest.raises(FrozenInstanceError):
         x.run.duration = 1.0  # type: ignore[misc]
-    with pytest.raises(ValidationError):
+    with pytest.raises(TypeError):
         type(x.run)(duration=1.0, metrics_from=0.0, colour="red")  # type: ignore[call-arg]
 
 
@@ -191,7 +191,7 @@ def test_an_option_may_not_take_the_name_of_a_common_key() -> None:
     """A law whose option would shadow ``expect`` cannot be registered, and the keys reserved are the schema's."""
     with pytest.raises(ControllerError, match="no option may be called 'expect'"):
         controller("clash", gains=ClashingGains)(lambda: None)
-    assert set(RESERVED) == {*ControllerKeys.model_fields, "gains", "fuzzy"}
+    assert set(RESERVED) == {*OWN_KEYS, "gains", "fuzzy"}
 
 
 TWO_LINKS = """\

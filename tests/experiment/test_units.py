@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from torquebench.experiment.units import unit_of
+from torquebench.experiment.reference import unit_of
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,8 @@ import yaml
 from tests.experiment.examples import GOOD, edited
 from torquebench.errors import ConfigError
 from torquebench.experiment import load_experiment, parse_experiment, yaml_tree
-from torquebench.experiment.document import BROKEN, Document
-from torquebench.experiment.yaml_source import MAX_BYTES, read_document
-from torquebench.experiment.yaml_tree import MAX_DEPTH, MAX_VALUES, parse_value, resolve
+from torquebench.experiment.source import MAX_BYTES, Document, read_document
+from torquebench.experiment.yaml_tree import BROKEN, MAX_DEPTH, MAX_VALUES, parse_value, resolve
 
 SCALARS: list[tuple[str, object]] = [
     ("true", True),
@@ -83,7 +82,7 @@ def refusal(text: str | bytes) -> list[str]:
 def read(text: str) -> Any:
     """Return the value of a YAML text that must have no mistakes."""
     document = Document("some.yaml")
-    value = parse_value(document, text)
+    value, _ = parse_value(text, document.report)
     document.raise_problems()
     return value
 
@@ -303,7 +302,7 @@ def test_pythons_own_parser_says_the_same(monkeypatch: pytest.MonkeyPatch) -> No
         found = []
         for text in texts:
             document = Document("f.yaml")
-            value = parse_value(document, text)
+            value, _ = parse_value(text, document.report)
             try:
                 document.raise_problems()
                 found.append([repr(value)])

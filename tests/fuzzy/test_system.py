@@ -237,13 +237,13 @@ def test_drastic_products_need_peaks_on_points() -> None:
 def test_operators_are_those_of_the_schema() -> None:
     """What a config accepts is what a system accepts."""
     from torquebench.experiment.fuzzy_schema import MamdaniSystem
-    from torquebench.experiment.values import choices
+    from torquebench.experiment.groups import group_of
     from torquebench.fuzzy.aggregation import AGGREGATIONS
 
-    fields = MamdaniSystem.model_fields
-    assert tuple(choices(fields["conjunction"])) == CONJUNCTIONS
-    assert tuple(choices(fields["aggregation"])) == tuple(AGGREGATIONS)
-    assert tuple(choices(fields["defuzzification"])) == DEFUZZIFICATIONS
+    fields = group_of(MamdaniSystem).fields
+    assert fields["conjunction"].choices == CONJUNCTIONS
+    assert fields["aggregation"].choices == tuple(AGGREGATIONS)
+    assert fields["defuzzification"].choices == DEFUZZIFICATIONS
 
 
 LAZY = """

@@ -16,9 +16,9 @@ from numba import types
 from tests.arms import two_link
 from torquebench import Puma560
 from torquebench.kernel import Array, IntArray, kernel
-from torquebench.kernel.struct import Structure, Table, at, is_structure, layout, structure, vector, words
+from torquebench.kernel.struct import Structure, Table, is_structure, layout, structure, structure_at, vector, words
 from torquebench.robot.flat_model import Model, own_copy
-from torquebench.sim.native import native
+from torquebench.sim.native import compile_native
 
 
 class Inner(NamedTuple):
@@ -216,7 +216,7 @@ def test_what_compiled_code_writes_is_seen() -> None:
 
 def test_a_table_passed_by_its_address() -> None:
     """A NamedTuple reaches a native function as its table's address, as gains and memory do; vectors likewise."""
-    deep_at = at(Deep)
+    deep_at = structure_at(Deep)
 
     def total(first: int, second: int, x: int, n: int) -> float:
         a, b, v = deep_at(first), structure(Deep, second), vector(x, n)
@@ -226,7 +226,7 @@ def test_a_table_passed_by_its_address() -> None:
             v[i] = -1.0
         return sum_of
 
-    call = native(types.float64(*[types.int64] * 4), total).ctypes
+    call = compile_native(types.float64(*[types.int64] * 4), total).ctypes
     deep, x = outer().deep, np.array([2.0, 3.0])
     wanted = -2500.0 - 3.0 + sum(x[i] * deep.last[i] * deep.inner.rows[1, i] for i in range(2))
     tables = Table(deep), Table(deep)
@@ -238,12 +238,12 @@ def test_a_table_passed_by_its_address() -> None:
 def test_a_table_keeps_its_arrays_alive() -> None:
     """Where nothing else refers to a structure and its arrays, its table still points to them."""
     wanted = outer().deep.last.tolist()
-    deep_at = at(Deep)
+    deep_at = structure_at(Deep)
 
     def last(table: int, i: int) -> float:
         return deep_at(table).last[i]
 
-    call = native(types.float64(types.int64, types.int64), last).ctypes
+    call = compile_native(types.float64(types.int64, types.int64), last).ctypes
     table = Table(outer().deep)
     gc.collect()
     others = [np.full(len(wanted), -1.0) for _ in range(1000)]  # would take the place of what was let go

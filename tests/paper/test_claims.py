@@ -206,11 +206,10 @@ def test_the_command_of_a_claim_runs_its_first_case() -> None:
         studied = [experiment_of(block) for block in found]
         keys = {keys.name: keys for experiment in studied for keys in experiment.controllers}
         assert any(keys.get(c.name) == c for c in own.controllers), claim.claim
-        same = own.model_copy(update={"controllers": (), "name": "", "description": ""})
-        assert all(
-            experiment.model_copy(update={"controllers": (), "name": "", "description": ""}) == same
-            for experiment in studied
-        ), claim.claim
+        same = replace(own, controllers=(), name="", description="")
+        assert all(replace(experiment, controllers=(), name="", description="") == same for experiment in studied), (
+            claim.claim
+        )
 
 
 def test_a_claim_without_cases_is_no_claim() -> None:

@@ -21,7 +21,7 @@ from torquebench.dialect import MATH, complaints
 from torquebench.laws.law import LAWS, Law
 from torquebench.sim import checked_math, interpreted
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
-from torquebench.sim.interpreted import Table, Vector, python_numbers
+from torquebench.sim.interpreted import Matrix, Vector, python_numbers
 from torquebench.sim.job import set_up
 from torquebench.sim.native import NativeRun, native_law
 
@@ -308,7 +308,7 @@ def test_elements_read_as_pythons_numbers() -> None:
     """Elements of vectors, tables, rows and structures; the arrays are the same memory, and writing reaches them."""
     array = np.arange(6.0).reshape(2, 3)
     table = python_numbers(array)
-    assert type(table) is Table
+    assert type(table) is Matrix
     assert type(table[1, 2]) is float
     assert type(table[0]) is Vector
     assert type(table[0][1]) is float

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from tests.sweep.examples import SMALL
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.sweep.folder import PLAN, open_sweep
 from torquebench.sweep.run import state_of
 

@@ -49,7 +49,7 @@ BAD = [
     Bad("{grid: {controllers.*.gains.phi: [0.1, 0]}}", "controllers[0].gains.phi", "more than 0", "0]}}"),
     Bad("{grid: {run.control_period: [0.001, 0.0015]}}", "run.control_period", "whole multiple", "0.0015"),
     Bad("{grid: {controllers.band.name: [x, y]}}", "controllers", "the same in every case", "y]"),
-    Bad("{grid: {controllers.sign.switching: [sign, sat]}}", "controllers[1].switching", "(in the sweep: ", "sat]"),
+    Bad("{grid: {controllers.sign.switching: [sign, sat]}}", "controllers[1].switching", "in the sweep: ", "sat]"),
     Bad(
         "{grid: {disturbances: [[{kind: bias, channel: torque, value: 1.23456789012345678}, {kind: bias, channel: "
         "torque, value: 2}]]}}",
@@ -91,7 +91,7 @@ BAD = [
     Bad("{grid: {plant.payload.mass: {start: 0, stop: 2, num: 5}}}", GRID, "looks like a range", "{start"),
     Bad("{grid: {name: [a, b]}}", "sweep.grid.name", "cannot be varied"),
     Bad("{random: {plant.payload.mass: {uniform: [0.4]}}}", f"{RANDOM}.uniform", "wanted two numbers", "[0.4]"),
-    Bad("{keep: some}", "sweep.keep", "wanted none, all, or a mapping", "some"),
+    Bad("{keep: some}", "sweep.keep", "wanted one of none, all, or a mapping", "some"),
     Bad("{keep: {worst: 0}}", "sweep.keep.worst", "at least 1", "0}"),
     Bad("{keep: {worst: 3, by: rsme}}", "sweep.keep.by", "did you mean 'rmse'?", "rsme"),
     Bad("{grid: {chain: [ideal]}, random: {chain: {choice: [fast]}}}", "sweep.random.chain", "one of the two"),

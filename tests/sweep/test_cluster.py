@@ -19,9 +19,10 @@ import pytest
 import yaml
 from distributed import Client, default_client
 
+from tests.command_line import parsed
 from tests.sweep.examples import SMALL, plan_of, user_law
 from tests.sweep.test_executors import same
-from torquebench.cli.main import main, parser
+from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
 from torquebench.robot.library import data_root
 from torquebench.sweep import cluster as cluster_module
@@ -340,4 +341,4 @@ def test_what_the_documentation_shows_can_be_read() -> None:
     assert set(yaml.safe_load(blocks[3][1])["distributed"]["comm"]) == {"require-encryption", "tls"}
     lines = [line.partition("#")[0].split() for _, block in blocks[:2] for line in block.splitlines()]
     commands = [words[1:] for words in lines if words and words[0].endswith("torquebench")]
-    assert [parser().parse_args(words).cluster for words in commands] == ["local", "local:3", "tcp://one:8786"]
+    assert [parsed(words)["cluster"] for words in commands] == ["local", "local:3", "tcp://one:8786"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,8 @@ DRAWS = 90
 def draws_of(override: str, draws: int = DRAWS) -> list[Experiment]:
     """The boundary layer's experiment with another mismatch, in many draws."""
     first = load_experiment(CONFIGS / "paper" / "boundary-layer.yaml", [override])
-    runs = [first.run.model_copy(update={"draw": draw}) for draw in range(draws)]
-    return [first.model_copy(update={"run": run}) for run in runs]
+    runs = [replace(first.run, draw=draw) for draw in range(draws)]
+    return [replace(first, run=run) for run in runs]
 
 
 RELATIVE = draws_of("model.mismatch={relative: 0.3}")

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from torquebench.cli.main import main
-from torquebench.video.backends import probe
+from torquebench.cli.app import main
+from torquebench.video.opengl import probe
 
 CONFIG = """\
 name: film-test

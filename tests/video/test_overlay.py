@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from torquebench.errors import VideoError
 from torquebench.laws.law import law_names
 from torquebench.sim.trajectory import Outcome, Trajectory
-from torquebench.video.job import APART
-from torquebench.video.layout import layout
-from torquebench.video.overlay import ALARM, JOINTS, PLAIN, Clip, Overlay, layout_for, note_lines
-from torquebench.video.text import curve_cover, fill, fitted, glyphs, write
-from torquebench.video.timeline import timeline
+from torquebench.video.job import SEPARATOR, Shot
+from torquebench.video.layout import layout, timeline
+from torquebench.video.overlay import ALARM, JOINTS, PLAIN, Overlay, layout_for, note_lines
+from torquebench.video.paint import band, fill, fit, font, write
 
 TAU_MAX = np.array([10.0, 20.0])
 
@@ -41,14 +41,20 @@ def overlay(*runs, endings=None, size=(640, 480)):
     """An overlay of runs, and its layout."""
     where = layout(len(runs), *size)
     endings = endings or [""] * len(runs)
-    clips = [Clip(f"law-{i}", "note", r, end) for i, (r, end) in enumerate(zip(runs, endings, strict=True))]
-    return Overlay(clips, where, timeline(0.5, 1.0, 0.001), "title", ["a", "b"], ["rad", "rad"], TAU_MAX), where
+    shots = [Shot(f"law-{i}", "note", end, "") for i, end in enumerate(endings)]
+    return around(shots, runs, where), where
+
+
+def around(shots, runs, where):
+    """An overlay of half a second."""
+    return Overlay(shots, runs, where, timeline(0.5, 1.0, 0.001), "title", ["a", "b"], ["rad", "rad"], TAU_MAX)
 
 
 def frame(over, where, i):
     """A frame around grey views."""
     view = where.panels[0].view
-    return over.frame(i, [np.full((view.height, view.width, 3), 128, np.uint8)] * len(where.panels))
+    grey = Image.new("RGB", (view.width, view.height), (128, 128, 128))
+    return np.asarray(over.draw(i, [grey] * len(where.panels)))
 
 
 def part(pixels, box):
@@ -93,24 +99,24 @@ def test_two_controllers_are_side_by_side():
 def test_filled_boxes_have_their_area_to_a_fraction_of_a_pixel():
     """A box from 2.25 to 7.5 by 1.5 to 4 covers 5.25 x 2.5 pixels' worth, cut off at the picture's edge."""
     for x0, x1, area in ((2.25, 7.5, 5.25 * 2.5), (-3.0, 2.0, 2.0 * 2.5), (9.5, 30.0, 0.5 * 2.5), (20.0, 30.0, 0.0)):
-        pixels = np.zeros((6, 10, 3), np.uint8)
-        fill(pixels, x0, 1.5, x1, 4.0, (200, 200, 200))
-        assert pixels[:, :, 0].sum() / 200.0 == pytest.approx(area, abs=0.05)
+        image = Image.new("RGB", (10, 6))
+        fill(image, x0, 1.5, x1, 4.0, (200, 200, 200))
+        assert np.asarray(image)[:, :, 0].sum() / 200.0 == pytest.approx(area, abs=0.05)
 
 
-def test_text_is_placed_by_its_anchor_and_cut_to_fit():
-    """Left, centred and right text ends where it is told to; a text too long ends in dots and fits."""
-    width = glyphs("RMSE 0.5 mrad", 12)[0].shape[1]
-    for anchor, left in (("left", 100), ("centre", 100 - width / 2), ("right", 100 - width)):
-        pixels = np.full((30, 300, 3), 255, np.uint8)
-        write(pixels, 100, 20, "RMSE 0.5 mrad", 12, (0, 0, 0), anchor=anchor)
-        columns = np.flatnonzero((pixels < 128).any(axis=(0, 2)))
+def test_text_is_aligned_and_shortened_to_fit():
+    """Left, centred and right text is where it must be; a text too long ends in an ellipsis and fits."""
+    width = font(12).getlength("RMSE 0.5 mrad")
+    for align, left in (("left", 100), ("middle", 100 - width / 2), ("right", 100 - width)):
+        image = Image.new("RGB", (300, 30), (255, 255, 255))
+        write(image, 100, 20, "RMSE 0.5 mrad", 12, (0, 0, 0), align=align)
+        columns = np.flatnonzero((np.asarray(image) < 128).any(axis=(0, 2)))
         assert abs(columns[0] - left) < 3
         assert abs(columns[-1] - (left + width)) < 3
-    shorter = fitted("a-controller-with-a-long-name", 12, 80)
+    shorter = fit("a-controller-with-a-long-name", 12, 80)
     assert shorter.endswith("…")
-    assert glyphs(shorter, 12)[0].shape[1] <= 80
-    assert fitted("short", 12, 80) == "short"
+    assert font(12).getlength(shorter) <= 80
+    assert fit("short", 12, 80) == "short"
 
 
 @pytest.mark.parametrize(("count", "size"), [(1, (640, 480)), (3, (640, 480)), (4, (640, 480)), (6, (1280, 720))])
@@ -118,23 +124,22 @@ def test_every_law_is_named_whole(count, size):
     """Figures and law are cut nowhere, whatever law of the package it is; they take one line where there is room."""
     widest = "RMSE 0.00123 mrad", "HF 0.00123 %"
     for law in law_names():
-        clips = [Clip("name", APART.join([*widest, law]), run(), "")] * count
-        where = layout_for(clips, *size)
-        lines = note_lines(clips[0], where)
-        assert "".join(lines).replace(" ", "") == clips[0].note.replace(" ", "")
+        shots = [Shot("name", SEPARATOR.join([*widest, law]), "", "")] * count
+        where = layout_for(shots, size)
+        lines = note_lines(shots[0], where)
+        assert "".join(lines).replace(" ", "") == shots[0].note.replace(" ", "")
         assert len(lines) == where.notes
-        font = round(PLAIN * where.unit)
-        assert all(glyphs(line, font)[0].shape[1] <= where.panels[0].title.width for line in lines)
-        assert len(lines) == 1 or glyphs(clips[0].note, font)[0].shape[1] > where.panels[0].title.width
+        width = font(round(PLAIN * where.unit)).getlength
+        assert all(width(line) <= where.panels[0].title.width for line in lines)
+        assert len(lines) == 1 or width(shots[0].note) > where.panels[0].title.width
         assert count > 1 or where == layout(1, *size)
 
 
 def test_each_line_of_a_note_is_seen():
     """In three panels the law has a line of its own: in the first panel's title are three rows of ink, apart."""
-    clips = [Clip("name", APART.join(["RMSE 0.123 mrad", "HF 30.1 %", "fuzzy-linear-band-smc"]), run(), "")] * 3
-    where = layout_for(clips, 640, 480)
-    over = Overlay(clips, where, timeline(0.5, 1.0, 0.001), "title", ["a", "b"], ["rad", "rad"], TAU_MAX)
-    title = part(frame(over, where, 0), where.panels[0].title)
+    shots = [Shot("name", SEPARATOR.join(["RMSE 0.123 mrad", "HF 30.1 %", "fuzzy-linear-band-smc"]), "", "")] * 3
+    where = layout_for(shots, (640, 480))
+    title = part(frame(around(shots, [run()] * 3, where), where, 0), where.panels[0].title)
     ink = (title.min(axis=2) < 240).any(axis=1)
     assert np.count_nonzero(np.diff(ink.astype(int)) == 1) == 3
     assert not ink[-1]
@@ -142,9 +147,19 @@ def test_each_line_of_a_note_is_seen():
 
 def test_a_curve_covers_its_envelope():
     """From row 3 to row 7 with a pen of half a pixel: rows 3 to 6 whole, half a row beyond; nothing where it is NaN."""
-    cover = curve_cover(np.array([3.0, np.nan]), np.array([7.0, np.nan]), 12, 0.5)
-    assert cover[:, 0].tolist() == [0, 0, 0.5, 1, 1, 1, 1, 0.5, 0, 0, 0, 0]
-    assert not cover[:, 1].any()
+    image = Image.new("RGB", (6, 12))
+    nan = [np.nan, np.nan]
+    band(image, 1, 0, 12, np.array([3.0, 3.0, *nan]), np.array([7.0, 7.0, *nan]), 0.5, (255, 255, 255))
+    cover = np.asarray(image)[:, :, 0] / 255
+    assert cover[:, 1].round(1).tolist() == cover[:, 2].round(1).tolist() == [0, 0, 0.5, 1, 1, 1, 1, 0.5, 0, 0, 0, 0]
+    assert not cover[:, [0, 3, 4, 5]].any()
+
+
+def test_a_curve_that_jumps_has_no_gap():
+    """Where neighbouring columns lie apart, every row between them is covered."""
+    image = Image.new("RGB", (4, 40))
+    band(image, 0, 0, 40, np.array([5.0, 5.0, 5.0, 30.0]), np.array([5.0, 5.0, 30.0, 30.0]), 0.5, (255, 255, 255))
+    assert (np.asarray(image)[5:30, :, 0].max(axis=1) > 120).all()
 
 
 def test_bars_are_as_long_as_torque_over_limit():

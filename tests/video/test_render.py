@@ -9,7 +9,7 @@ import pytest
 
 from tests.video.films import camera_of_scene, frames_of, pixel, tool_mark
 from torquebench import load_trajectory
-from torquebench.cli.main import main
+from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.video.layout import layout

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from torquebench.errors import VideoError
-from torquebench.video.settings import FPS
-from torquebench.video.timeline import ranges, timeline
+from torquebench.video.job import FPS
+from torquebench.video.layout import ranges, timeline
 
 
 @pytest.mark.parametrize(
@@ -24,14 +24,14 @@ from torquebench.video.timeline import ranges, timeline
 def test_the_number_of_frames_is_duration_over_speed_times_rate(duration, speed, frames):
     """At 25 frames a second, rounded, and never none."""
     assert FPS == 25
-    assert timeline(duration, speed, 0.001).frames == frames
+    assert timeline(duration, speed, 0.001).total == frames
 
 
 def test_a_film_without_end_is_refused():
     """Ten hours at their own speed are refused with the speed that would do; at that speed they are a film."""
     with pytest.raises(VideoError, match="--speed of 9 or more"):
         timeline(36_000.0, 1.0, 0.001)
-    assert timeline(36_000.0, 9.0, 0.001).frames == 100_000
+    assert timeline(36_000.0, 9.0, 0.001).total == 100_000
 
 
 @given(st.floats(0.05, 20.0), st.floats(0.05, 20.0), st.sampled_from([0.0005, 0.001, 0.002, 0.01, 0.1]))
@@ -39,9 +39,9 @@ def test_each_frame_shows_the_nearest_sample(duration, speed, period):
     """Frame i is at i speed/25 s, its sample at most half a period away; the last lies within the run."""
     frames = timeline(duration, speed, period)
     shown = frames.samples() * period
-    wanted = np.arange(frames.frames) * speed / 25
+    wanted = np.arange(frames.total) * speed / 25
     assert np.all(np.abs(shown - wanted) <= period / 2 * (1 + 1e-9))
-    assert frames.time(frames.frames - 1) <= duration + 0.5 * speed / 25
+    assert frames.time(frames.total - 1) <= duration + 0.5 * speed / 25
     assert np.array_equal(frames.samples(3)[::3], frames.samples())
 
 

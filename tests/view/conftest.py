@@ -2,8 +2,8 @@
 
 import pytest
 
+from torquebench.experiment import load_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.load import load_experiment
 from torquebench.experiment.run import run_experiment
 
 CONFIG = """\

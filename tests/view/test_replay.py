@@ -8,8 +8,7 @@ import pytest
 
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.sim.trajectory import SIGNALS, Outcome
-from torquebench.video.job import Shot
-from torquebench.video.stored import Footage
+from torquebench.video.job import Footage, Shot
 from torquebench.view.replay import MOST_FRAMES, frames_of, replay_json
 
 SHOTS = Shot("conventional", "smc", "", ""), Shot("pd", "pd", "", "")

@@ -1,11 +1,9 @@
-"""The window's clock and keys, and the trial that says whether one opens; the window itself needs a display."""
+"""The window's clock and keys; the window itself needs a display."""
 
 import numpy as np
 import pytest
 
-from torquebench.video.child import run_module
-from torquebench.video.job import Job, Shot
-from torquebench.video.settings import Settings
+from torquebench.video.job import Footage, Job, Settings, Shot
 from torquebench.view.window import ENTER, LEFT, RIGHT, SPACE, Replay
 
 
@@ -16,7 +14,7 @@ def replay(tmp_path, result):
     for path in paths:
         path.write_bytes(result.runs[path.stem].to_bytes())
     shots = tuple(Shot(path.stem, "", "", str(path)) for path in paths)
-    return Replay(Job("puma560", "title", shots, 0.001, Settings(speed=0.5), "window", ""))
+    return Replay(Job(Footage("title", "puma560", 0.001, 1.004, shots), Settings(speed=0.5)))
 
 
 def test_time_goes_by_at_the_chosen_speed(replay):
@@ -41,14 +39,3 @@ def test_enter_shows_the_next_controller(replay, result):
     assert np.array_equal(replay.run.q, result.runs["pd"].q)
     replay.key(ENTER)
     assert np.array_equal(replay.run.q, result.runs["conventional"].q)
-
-
-def test_without_a_display_the_trial_says_so(monkeypatch):
-    """Neither DISPLAY nor WAYLAND_DISPLAY, or one that nothing answers to: no window, a reason, and nothing dies."""
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    assert run_module("torquebench.view.display", "", "off", 60.0)["ok"] is False
-    monkeypatch.setenv("DISPLAY", ":9437")
-    found = run_module("torquebench.view.display", "", "off", 60.0)
-    assert found["ok"] is False
-    assert found["why"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
+from typing import Any
 
 from torquebench.cli.terminal import progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
@@ -12,7 +12,7 @@ from torquebench.paper.boundary_layer import Point, front, grid, study
 from torquebench.paper.workload import PAIRED_DRAWS
 
 
-def boundary_layer(options: argparse.Namespace) -> int:
+def boundary_layer(options: Any) -> int:
     """Run the study, write its table and its page; return 0.
 
     Args:
@@ -29,7 +29,7 @@ def boundary_layer(options: argparse.Namespace) -> int:
     with progress_bar(len(choices) * draws * experiment.n_steps, "step", "starting (compiles on first use)") as bar:
 
         def report(what: str, steps: int) -> None:
-            bar.set_description_str(what, refresh=False)
+            bar.describe(what)
             bar.update(steps)
 
         points = study(draws, options.workers, report)

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from torquebench.check import FAIL, PASS, Report, check_law
-from torquebench.check_cases import silence
-from torquebench.cli.colour import bad, good
-from torquebench.cli.terminal import broken, progress_bar, say, table, tell, width
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, argument, option
+from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem, did_you_mean
-from torquebench.laws.plugin import load_plugin
 
-WIDTH = 96
-"""Longest line of what was found, where standard output is no terminal."""
+if TYPE_CHECKING:
+    from torquebench.check import Report
 
 
+@command(example="torquebench check my_law.py")
+@argument("file", type=File(".py"), help="Python file of laws, as for --plugin")
+@option("--law", metavar="NAME", help="the only law of the file to try (default: all)")
 def check(file: Path, law: str | None) -> int:
-    """Try the laws of a file and return 0 when everything held, else 1.
+    """Test laws of your own: can the loop rely on them?
 
-    Args:
-        file: Python file that registers laws.
-        law: The only one to try; None for all.
-
-    Raises:
-        ConfigError: the file registers no law, or not this one.
+    Every law that FILE registers with @controller is tried, on two arms and on both paths; whether it can be
+    compiled is said too. The exit status is 0 when everything held, else 1.
     """
+    from torquebench.check import check_law
+    from torquebench.check_cases import silence
+    from torquebench.laws.plugin import load_plugin
+
     with silence():
         names = load_plugin(file, "FILE")
     if not names:
@@ -35,7 +37,7 @@ def check(file: Path, law: str | None) -> int:
     reports = []
     with progress_bar(len(names), "law", "starting (compiles on first use)") as bar:
         for name in names:
-            bar.set_description_str(name, refresh=True)
+            bar.describe(name)
             reports.append(check_law(name))
             bar.update(1)
     held = all(report.held for report in reports)
@@ -44,17 +46,14 @@ def check(file: Path, law: str | None) -> int:
     return 0 if held else 1
 
 
-def _rows(report: Report) -> list[list[str]]:
-    """Return the cells of a report's checks; off the terminal, which has a width of its own, long ones over rows."""
-    tones = {PASS: good, FAIL: bad}
-    rows = [[check.name, tones.get(check.verdict, str)(check.verdict), check.detail] for check in report.checks]
-    return broken(rows, WIDTH) if width() is None else rows
-
-
 def _text(report: Report) -> str:
     """Return a law's table, the places that keep it from being compiled, and the verdict."""
+    from torquebench.check import FAIL, PASS
+
+    tones = {PASS: good, FAIL: bad}
+    rows = [[check.name, tones.get(check.verdict, str)(check.verdict), check.detail] for check in report.checks]
     lines = [f"law '{report.law}' ({report.file}:{report.line})", ""]
-    lines.append(table(["check", "", "what was tried, or what was found"], _rows(report), left=3, prose=True))
+    lines.append(table(["check", "", "what was tried, or what was found"], rows, left=3, prose=True))
     if report.complaints:
         lines += ["", f"Outside the dialect ({len(report.complaints)}), so that the law is interpreted:"]
         lines += [f"  {report.file}:{c.line}: {c.what}: {c.cure}" for c in report.complaints]

@@ -2,63 +2,140 @@
 
 from __future__ import annotations
 
-import argparse
-import math
 from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
-from torquebench import comparison
-from torquebench.cli.colour import bad, good
-from torquebench.cli.terminal import progress_bar, say, table, tell
-from torquebench.comparison import LOOPS, Row, Side, parse_side
+import click
+
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, Number, argument, option
+from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 
+if TYPE_CHECKING:
+    from torquebench.comparison import Row, Side
 
-def compare(options: argparse.Namespace) -> int:
-    """Compare two sides and return 0 when every compared quantity agrees, else 1.
+SIDES = ("mujoco:puma560", "mujoco:two-link", "analytic:two-link", "analytic:puma560")
+"""Sides that completion offers, beside files."""
 
-    Args:
-        options: Arguments of the command; see ``torquebench compare --help``.
 
-    Raises:
-        ConfigError: bad arguments.
+class SideName(File):
+    """Name of a model or plant, or a file."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the text."""
+        return str(value)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[Any]:
+        """Return the names and files that begin as typed."""
+        from click.shell_completion import CompletionItem
+
+        forms = ("corrected", "corrected:fitted", "corrected:printed", "exact", "printed", "printed:fitted")
+        sides = [*SIDES, *(f"analytic:puma560:{form}" for form in forms)]
+        named = [CompletionItem(side) for side in sides if side.startswith(incomplete)]
+        return named + super().shell_complete(ctx, param, incomplete)
+
+
+class Joints(click.ParamType[list[int]]):
+    """Numbers of joints separated by commas."""
+
+    name = "joints"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[int]:
+        """Return the numbers."""
+        try:
+            joints = [int(word) for word in str(value).split(",")] if value else []
+        except ValueError:
+            self.fail(f"got '{value}', wanted joint numbers separated by commas", param, ctx)
+        if any(joint < 1 for joint in joints):
+            self.fail("joints are counted from 1", param, ctx)
+        return joints
+
+
+class Milliseconds(Number):
+    """A time in whole milliseconds."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the time [s]."""
+        seconds = super().convert(value, param, ctx)
+        steps = 1000 * seconds
+        if abs(steps - round(steps)) > 1e-6 or 0 < steps < 1:
+            self.fail(f"got {value}, wanted 0 to {self.high:g} s in whole milliseconds", param, ctx)
+        return seconds
+
+
+@command(example="torquebench compare mujoco:puma560 analytic:puma560 --rollout 5")
+@argument(
+    "a", type=SideName(".xml"), help="a model or plant: mujoco:MODEL, analytic:MODEL[:STRUCTURE[:CONSTANTS]], FILE.xml"
+)
+@argument("b", type=SideName(".xml"), help="the other one")
+@option("--states", type=Number(int, 1, 1_000_000), default=1000, help="random states (default 1000)")
+@option("--seed", type=Number(int, 0), default=0, help="seed of the states (default 0)")
+@option(
+    "--frozen-joints",
+    type=Joints(),
+    default="",
+    metavar="J,J",
+    help="joints held at zero position and speed, counted from 1, for example 4,5,6",
+)
+@option(
+    "--tolerance",
+    type=Number(float, 0),
+    default=1e-12,
+    help="relative difference that still counts as agreement (default 1e-12)",
+)
+@option(
+    "--rollout",
+    type=Milliseconds(float, 0, 1000),
+    default=0.0,
+    metavar="SECONDS",
+    help="also compare closed loops of this length on both plants (default: none)",
+)
+def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], tolerance: float, rollout: float) -> int:
+    """Show where two models or plants differ, and in which term.
+
+    The exit status is 0 when every compared quantity agrees, else 1.
     """
-    _check(options)
-    with progress_bar(LOOPS + 1 if options.rollout > 0 else 1, "comparison", "starting (compiles on first use)") as bar:
-        a, b = _sides(options)
-        n = a.dynamics.n
-        if b.dynamics.n != n:
-            raise ConfigError([Problem("B", b.label, f"has {b.dynamics.n} joints, wanted {n} as in {a.label}")])
-        if any(j > n for j in options.frozen_joints):
+    from torquebench import comparison
+
+    with progress_bar(
+        comparison.LOOPS + 1 if rollout > 0 else 1, "comparison", "starting (compiles on first use)"
+    ) as bar:
+        first, second = _sides(a, b)
+        n = first.dynamics.n
+        if second.dynamics.n != n:
             raise ConfigError(
-                [Problem("--frozen-joints", "", f"{max(options.frozen_joints)} is beyond the {n} joints")]
+                [Problem("B", second.label, f"has {second.dynamics.n} joints, wanted {n} as in {first.label}")]
             )
+        if any(j > n for j in frozen_joints):
+            raise ConfigError([Problem("--frozen-joints", "", f"{max(frozen_joints)} is beyond the {n} joints")])
 
         def report(loop: str) -> None:
-            bar.set_description_str(loop, refresh=False)
+            bar.describe(loop)
             bar.update(1)
 
         rows = comparison.compare(
-            a,
-            b,
-            states=options.states,
-            seed=options.seed,
-            tolerance=options.tolerance,
-            frozen=[j - 1 for j in options.frozen_joints],
-            rollout=options.rollout,
+            first,
+            second,
+            states=states,
+            seed=seed,
+            tolerance=tolerance,
+            frozen=[j - 1 for j in frozen_joints],
+            rollout=rollout,
             progress=report,
         )
     agree = all(row.agrees for row in rows)
     tell(
-        a=a.label,
-        b=b.label,
-        states=options.states,
-        seed=options.seed,
+        a=first.label,
+        b=second.label,
+        states=states,
+        seed=seed,
         agree=agree,
         rows=[asdict(row) | {"agrees": row.agrees} for row in rows],
     )
-    held = ", ".join(str(j) for j in options.frozen_joints)
+    held = ", ".join(str(j) for j in frozen_joints)
     say(
-        f"A = {a.label}\nB = {b.label}\n{options.states} random states (seed {options.seed})"
+        f"A = {first.label}\nB = {second.label}\n{states} random states (seed {seed})"
         + (f", joints {held} held at zero" if held else " of all joints")
         + "\n"
     )
@@ -67,12 +144,14 @@ def compare(options: argparse.Namespace) -> int:
     return 0 if agree else 1
 
 
-def _sides(options: argparse.Namespace) -> tuple[Side, Side]:
+def _sides(first: str, second: str) -> tuple[Side, Side]:
+    from torquebench.comparison import parse_side
+
     sides: list[Side] = []
     problems: list[Problem] = []
-    for text, argument in ((options.a, "A"), (options.b, "B")):
+    for text, place in ((first, "A"), (second, "B")):
         try:
-            sides.append(parse_side(text, argument))
+            sides.append(parse_side(text, place))
         except ConfigError as error:
             problems += error.problems
     if problems:
@@ -80,24 +159,7 @@ def _sides(options: argparse.Namespace) -> tuple[Side, Side]:
     return sides[0], sides[1]
 
 
-def _check(options: argparse.Namespace) -> None:
-    problems = []
-    if not 1 <= options.states <= 1_000_000:
-        problems.append(Problem("--states", "", f"got {options.states}, wanted 1 to 1000000"))
-    if options.seed < 0:
-        problems.append(Problem("--seed", "", f"got {options.seed}, wanted zero or more"))
-    if not (math.isfinite(options.tolerance) and options.tolerance >= 0):
-        problems.append(Problem("--tolerance", "", f"got {options.tolerance}, wanted a finite number, zero or more"))
-    steps = options.rollout * 1000
-    if not 0 <= options.rollout <= 1000 or abs(steps - round(steps)) > 1e-6 or 0 < steps < 1:
-        problems.append(Problem("--rollout", "", f"got {options.rollout}, wanted 0 to 1000 s in whole milliseconds"))
-    if any(j < 1 for j in options.frozen_joints):
-        problems.append(Problem("--frozen-joints", "", "joints are counted from 1"))
-    if problems:
-        raise ConfigError(problems)
-
-
-def _cells(row: Row) -> list[str]:
+def _cells(row: Row) -> list[object]:
     limit = f"{row.limit:.0e} {'rad' if row.measure == 'absolute' else 'rel.'}"
     gaps = [f"{row.absolute:.2e}", row.unit, f"{row.relative:.2e}", row.where]
     return [row.term, *gaps, limit, good("yes") if row.agrees else bad("NO")]

@@ -1,117 +1,136 @@
-"""``torquebench completion``: what a shell needs to know of the command line, read from the argument parser."""
+"""``torquebench completion``: the script by which a shell asks this program what may follow, and what it answers."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterator
+import contextlib
+import os
+import re
 from pathlib import Path
-from typing import NamedTuple
 
-from torquebench.cli import completion_scripts, words
+import click
+from click.shell_completion import (
+    BashComplete,
+    FishComplete,
+    ZshComplete,
+    add_completion_class,
+    get_completion_class,
+    split_arg_string,
+)
+
+from torquebench.cli.app import ENVIRONMENT, PROGRAM, app, command
+from torquebench.cli.parameters import Choice, argument, option
 from torquebench.cli.terminal import say, tell
+from torquebench.errors import ConfigError, Problem
+from torquebench.shipped import config_keys, find_config
 
-FOLDERS = "folders"
-"""Instead of an ending: only folders are offered."""
-
-
-class Value(NamedTuple):
-    """What an option or argument takes."""
-
-    words: tuple[str, ...] = ()
-    """Words to offer."""
-    files: str | None = None
-    """Ending of the files to offer besides, empty for all, FOLDERS for folders; None for none."""
-
-
-class Option(NamedTuple):
-    """An option of a command."""
-
-    flags: tuple[str, ...]
-    meaning: str
-    value: Value | None
-    """None for an option that takes nothing."""
-    optional: bool
-    """Whether the value may be left out."""
-    repeats: bool
-
-
-class Command(NamedTuple):
-    """A command: its options, and its arguments in order."""
-
-    name: str
-    meaning: str
-    options: tuple[Option, ...]
-    arguments: tuple[tuple[str, Value], ...]
-    """Name as shown, and what it takes; the last one repeats if `many`."""
-    many: bool
-
-
-VALUES = {
-    "config": Value(files=".yaml"),
-    "source": Value(words.SYSTEMS, ".yaml"),
-    "plugin": Value(files=".py"),
-    "file": Value(files=".py"),
-    "a": Value(words.SIDES, ".xml"),
-    "b": Value(words.SIDES, ".xml"),
-    "run": Value(files=FOLDERS),
-    "runs": Value(files=FOLDERS),
-    "resume": Value(files=FOLDERS),
-    "from_sweep": Value(files=FOLDERS),
-    "overrides": Value(words.SETTINGS),
-    "quality": Value(words.QUALITIES),
-    "camera": Value(words.CAMERAS),
+SHELLS = ("bash", "zsh", "fish")
+PLACES = {
+    "bash": "~/.local/share/bash-completion/completions/torquebench",
+    "zsh": "~/.zfunc/_torquebench",
+    "fish": "~/.config/fish/completions/torquebench.fish",
 }
-"""What is known of an option's or argument's values, by its `dest`; any other path is any file."""
+"""Where each shell looks for the script; zsh does where ~/.zfunc is in its fpath."""
+
+BASH = r"""# completion of torquebench in bash, printed by: torquebench completion bash
+%(complete_func)s() {
+    local IFS=$'\n' kind value
+    COMPREPLY=()
+    while IFS=, read -r kind value; do
+        [[ $kind == plain ]] && COMPREPLY+=("$value")
+    done < <(COMP_LINE=$COMP_LINE COMP_POINT=$COMP_POINT COMP_WORDBREAKS=$COMP_WORDBREAKS \
+        %(complete_var)s=bash_complete "$1" 2> /dev/null)
+    compopt -o filenames 2> /dev/null
+    if [[ ${COMPREPLY[0]-} == *[=.:/] ]]; then compopt -o nospace 2> /dev/null; fi
+}
+complete -o nosort -F %(complete_func)s %(prog_name)s
+"""
 
 
-def completion(shell: str, top: argparse.ArgumentParser) -> int:
-    """Print a completion script and return 0.
+@add_completion_class
+class _Bash(BashComplete):
+    """Completion in bash, which takes a colon or an equals sign for the end of a word."""
 
-    Args:
-        shell: bash, zsh or fish.
-        top: The parser of the command line.
+    source_template = BASH
+
+    def source(self) -> str:
+        """Return the script."""
+        return self.source_template % self.source_vars()
+
+    def get_completion_args(self) -> tuple[list[str], str]:
+        """Return the words before the one that is being typed, and that."""
+        line = os.environ["COMP_LINE"][: int(os.environ["COMP_POINT"])]
+        words = split_arg_string(line)
+        return (words[1:], "") if line[-1:].isspace() else (words[1:-1], words[-1])
+
+    def complete(self) -> str:
+        """Return what may stand in place of what bash takes for the word."""
+        typed = self.get_completion_args()[1]
+        breaks = [character for character in ":=" if character in os.environ.get("COMP_WORDBREAKS", "")]
+        before = max((typed.rfind(character) + 1 for character in breaks), default=0)
+        option_value = re.match(r"--[\w-]+=", typed)
+        cut = before - (option_value.end() if option_value and option_value.end() <= before else 0)
+        lines = super().complete().splitlines()
+        return "\n".join(f"{kind},{value[cut:]}" for kind, _, value in (line.partition(",") for line in lines))
+
+
+for _shell in (ZshComplete, FishComplete):
+    add_completion_class(_shell)
+
+
+@command(example="torquebench completion bash --install")
+@argument("shell", type=Choice(SHELLS), help="bash, zsh or fish")
+@option("--install", is_flag=True, help="write the script to where the shell looks for it")
+def completion(shell: str, install: bool) -> int:
+    """Let a shell complete commands, options and values.
+
+    The script that does is printed, or installed.
     """
-    script = getattr(completion_scripts, shell)(tuple(commands_of(top)))
+    found = get_completion_class(shell)
+    if found is None:
+        raise ConfigError([Problem("SHELL", "", f"got '{shell}'")])
+    script = found(app, {}, PROGRAM, f"_{ENVIRONMENT}_COMPLETE").source().rstrip("\n")
     tell(shell=shell, script=script)
-    say(script, fold=False)
+    if not install:
+        say(script, fold=False)
+        return 0
+    place = Path(PLACES[shell]).expanduser()
+    place.parent.mkdir(parents=True, exist_ok=True)
+    written = place.with_name(f".{place.name}.new")
+    written.write_text(script + "\n", encoding="utf-8")
+    written.replace(place)
+    tell(installed=place)
+    say(f"written: {place}; it works in shells that are started from now on")
+    if shell == "zsh":
+        say("for zsh, ~/.zshrc needs before compinit: fpath=(~/.zfunc $fpath)")
     return 0
 
 
-def commands_of(top: argparse.ArgumentParser) -> Iterator[Command]:
-    """Read the commands of a parser, the nameless one, with the parser's own options, first.
-
-    Args:
-        top: The parser.
-    """
-    (choice,) = (action for action in top._actions if isinstance(action, argparse._SubParsersAction))
-    meanings = {action.dest: action.help or "" for action in choice._choices_actions}
-    names = tuple(choice.choices)
-    yield _command("", "", top)._replace(arguments=(("COMMAND", Value(names)),))
-    for name, parser in choice.choices.items():
-        yield _command(name, meanings.get(name, ""), parser)
+def keys_for(context: click.Context) -> list[str]:
+    """Return the keys for ``--set``: those of any config, and those of the one that is on the line already."""
+    keys = list(config_keys())
+    # click leaves an unfinished line's arguments unread
+    for word in [context.params.get("config"), *context.args]:
+        with contextlib.suppress(ConfigError):
+            keys += _keys_in(find_config(str(word))) if word else []
+    return list(dict.fromkeys(keys))
 
 
-def _command(name: str, meaning: str, parser: argparse.ArgumentParser) -> Command:
-    options, arguments, many = [], [], False
-    for action in parser._actions:
-        if action.option_strings:
-            takes = None if action.nargs == 0 else _value(action)
-            repeats = isinstance(action, argparse._AppendAction)
-            flags = tuple(action.option_strings)
-            options.append(Option(flags, _meaning(action), takes, action.nargs == "?", repeats))
-        elif not isinstance(action, argparse._SubParsersAction):
-            arguments.append((str(action.metavar or action.dest), _value(action)))
-            many = action.nargs in ("+", "*")
-    return Command(name, meaning, tuple(options), tuple(arguments), many)
+def _keys_in(config: Path) -> list[str]:
+    """Return the dotted keys of a config, controllers by name; none of one that cannot be read."""
+    import yaml
 
-
-def _value(action: argparse.Action) -> Value:
-    if action.choices is not None:
-        return Value(tuple(str(choice) for choice in action.choices))
-    if action.dest == "out" and action.metavar is None:
-        return Value(files=FOLDERS)
-    return VALUES.get(action.dest, Value(files="" if action.type is Path else None))
-
-
-def _meaning(action: argparse.Action) -> str:
-    return " ".join((action.help or "").split())
+    try:
+        tree = yaml.safe_load(config.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError, RecursionError):
+        return []
+    found, rest = list[str](), [("", tree)]
+    while rest and len(found) < 1000:
+        key, value = rest.pop()
+        prefix = f"{key}." if key else ""
+        if isinstance(value, dict):
+            rest += [(f"{prefix}{name}", inner) for name, inner in value.items()]
+        elif isinstance(value, list) and value and all(isinstance(part, dict) and "name" in part for part in value):
+            rest += [(f"{prefix}{part['name']}", part) for part in value]
+        else:
+            found.append(key)
+    return sorted(found)

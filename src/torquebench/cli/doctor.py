@@ -7,27 +7,27 @@ import platform
 from importlib import metadata
 from typing import Any
 
+import click
+
 import torquebench
-from torquebench.cli.colour import bad, good
-from torquebench.cli.terminal import progress_bar, say, table, tell
+from torquebench.cli.app import command
+from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import TorquebenchError
-from torquebench.experiment.store import PACKAGES, machine
-from torquebench.kernel.cache import cache_folder
-from torquebench.video.backends import STICK, advice, candidates, probe
-from torquebench.video.encode import ffmpeg_program
 
-MORE_PACKAGES = ("scipy", "scikit-fuzzy", "jinja2", "tqdm", "imageio-ffmpeg")
+MORE_PACKAGES = ("scipy", "scikit-fuzzy", "jinja2", "click", "rich", "pandas", "pillow", "imageio-ffmpeg")
 
 
+@command(example="torquebench doctor")
+@click.pass_obj
 def doctor(gl: str | None) -> int:
-    """Try what depends on the machine, print what was found, and return 0.
+    """Show what this machine has, and what to install.
 
-    Args:
-        gl: The user's MUJOCO_GL.
+    These are versions, what can draw films, threads and caches. Everything that depends on the machine is tried. The
+    exit status is 0 whatever is found.
     """
     found = findings(gl)
     tell(**found)
-    say(table(["package", "version"], [[name, version] for name, version in found["software"].items()], left=2))
+    say(table(["package", "version"], list(found["software"].items()), left=2))
     say()
     for name, value in (found["machine"] | {"kernel cache": found["kernel_cache"], "ffmpeg": found["ffmpeg"]}).items():
         say(f"{name}: {value}")
@@ -53,6 +53,11 @@ def findings(gl: str | None) -> dict[str, Any]:
     Args:
         gl: The user's MUJOCO_GL.
     """
+    from torquebench.experiment.store import PACKAGES, machine
+    from torquebench.kernel.cache import cache_folder
+    from torquebench.video.encode import ffmpeg_program
+    from torquebench.video.opengl import STICK, advice, candidates, probe
+
     tried, names = [], candidates(gl)
     with progress_bar(len(names), "back end", "trying what draws") as bar:
         for name in names:

@@ -4,34 +4,57 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import click
+from click.shell_completion import CompletionItem
+
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Config, argument, option, out_folder, plugins
 from torquebench.cli.terminal import progress_bar, say, table, tell
-from torquebench.errors import ConfigError, Problem, did_you_mean, did_you_mean_path
-from torquebench.experiment import load_experiment
-from torquebench.experiment.describe import evaluation
-from torquebench.experiment.fuzzy_system import systems_of
-from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
-from torquebench.experiment.yaml_source import YAML
-from torquebench.fuzzy import BUILTIN, FuzzySystem, Prepared, builtin_system, prepare
-from torquebench.fuzzy.lint import lint
-from torquebench.laws.plugin import load_plugin
+from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.shipped import find_config
+
+if TYPE_CHECKING:
+    from torquebench.fuzzy import FuzzySystem, Prepared
+
+SYSTEMS = ("pd-49", "pd-25", "pd-9", "s-7")
+"""Built-in fuzzy systems, known before what defines them is imported."""
 
 
-def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Path]) -> int:
-    """Describe fuzzy systems, write their figures, and return the exit status, 0.
+class Source(Config):
+    """A config, or the name of a built-in fuzzy system."""
 
-    Args:
-        source: A config file, or the name of a built-in system.
-        name: The only system of the file to describe; None for all.
-        out: Folder for the figures; None for ``runs/fuzzy-NAME-UTC``.
-        plugins: Files that register laws which the config uses.
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the file, or the system's name as a path."""
+        return Path(value) if value in SYSTEMS else find_config(str(value), SYSTEMS)
 
-    Raises:
-        ConfigError: bad input; nothing has been written.
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Return systems, shipped configs and files."""
+        systems = [CompletionItem(name) for name in SYSTEMS if name.startswith(incomplete)]
+        return systems + super().shell_complete(ctx, param, incomplete)
+
+
+@command(example="torquebench fuzzy pd-49")
+@argument(
+    "source", type=Source(), metavar="CONFIG", help=f"experiment, a file or a shipped one; or {', '.join(SYSTEMS)}"
+)
+@option("--name", help="the only system of the file to describe (default: all)")
+@out_folder(help="folder for the figures, new or empty (default: runs/fuzzy-NAME-UTC)")
+@plugins
+def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Path]) -> int:
+    """Describe and draw the fuzzy systems of a config.
+
+    It is said how they are evaluated, and what is odd about them. A built-in system goes by its name.
     """
-    for plugin in plugins:
-        load_plugin(plugin)
+    from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
+    from torquebench.fuzzy import prepare
+    from torquebench.laws.plugin import load_plugin
+    from torquebench.report.figures.fuzzy import system_figures
+    from torquebench.report.figures.style import figure_bytes
+
+    for file in plugin:
+        load_plugin(file)
     label, systems = _systems(source, name)
     prepared = {}
     with progress_bar(len(systems), "system", "preparing (compiles on first use)") as bar:
@@ -39,11 +62,9 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
             prepared[key] = prepare(systems[key])
             bar.update(1)
     folder = claim_folder(out, f"fuzzy-{label}")
-    tell(directory=folder, systems={key: facts(system) for key, system in prepared.items()})
-    say("\n\n".join(description(system) for system in prepared.values()))
-    from torquebench.report.figures.fuzzy import system_figures
-    from torquebench.report.figures.style import figure_bytes
-
+    facts = {key: _facts(system) for key, system in prepared.items()}
+    tell(directory=folder, systems=facts)
+    say("\n\n".join(_description(system) for system in prepared.values()))
     with progress_bar(6 * len(prepared), "figure", "drawing") as bar:
         for key, system in prepared.items():
             for what, figure in system_figures(system).items():
@@ -52,24 +73,37 @@ def fuzzy(source: str, name: str | None, out: Path | None, plugins: Sequence[Pat
                     bar.update(1)
     (folder / CLAIM).unlink()
     header = ["system", "rules", "terms", "error at most", "remarks", "evaluated"]
-    say("\n" + table(header, [summary_row(key, system) for key, system in prepared.items()], prose=True))
+    rows = [
+        [
+            key,
+            str(fact["rules"]),
+            " x ".join(str(count) for count in fact["terms"]),
+            f"{fact['error_bound']:.2g}" if fact["error_bound"] else "0",
+            str(len(fact["findings"])),
+            fact["method"],
+        ]
+        for key, fact in facts.items()
+    ]
+    say("\n" + table(header, rows, prose=True))
     say(f"\nfigures: {folder}")
     return 0
 
 
-def _systems(source: str, name: str | None) -> tuple[str, Mapping[str, FuzzySystem]]:
+def _systems(source: Path, name: str | None) -> tuple[str, Mapping[str, FuzzySystem]]:
     """Return what to call the result, and the systems to describe by name."""
-    if source in BUILTIN and not Path(source).exists():
-        if name not in (None, source):
+    from torquebench.experiment import load_experiment
+    from torquebench.experiment.build import systems_of
+    from torquebench.fuzzy import builtin_system
+
+    if str(source) in SYSTEMS and not source.exists():
+        if name not in (None, str(source)):
             raise ConfigError([Problem("--name", str(name), f"goes with a config file; {source} is built in")])
-        return source, {source: builtin_system(source)}
-    if not Path(source).exists():
-        near = did_you_mean_path(Path(source), YAML) or did_you_mean(source, BUILTIN)
-        raise ConfigError([Problem(source, "", f"is neither a file nor a built-in fuzzy system{near}")])
-    experiment = load_experiment(Path(source))
+        return str(source), {str(source): builtin_system(str(source))}
+    experiment = load_experiment(source)
     systems = systems_of(experiment)
     if not systems:
-        raise ConfigError([Problem(source, "fuzzy", "there is no fuzzy system in it, and no controller uses one")])
+        message = "there is no fuzzy system in it, and no controller uses one"
+        raise ConfigError([Problem(str(source), "fuzzy", message)])
     if name is None:
         return experiment.name, systems
     if name not in systems:
@@ -77,40 +111,25 @@ def _systems(source: str, name: str | None) -> tuple[str, Mapping[str, FuzzySyst
     return name, {name: systems[name]}
 
 
-def description(prepared: Prepared) -> str:
+def _description(prepared: Prepared) -> str:
     """Return a system's size, how it is evaluated, the bound of the error, and what lint says, in lines."""
+    from torquebench.experiment.describe import evaluation
+    from torquebench.fuzzy.lint import lint
+
     system = prepared.system
     sizes = " x ".join(str(len(variable.terms)) for variable in system.inputs)
     findings = [f"  {finding}" for finding in lint(prepared)] or ["  nothing to remark"]
-    return "\n".join(
-        [
-            f"fuzzy system {system.name}: {len(system.rules)} rules on {sizes} terms",
-            f"evaluated: {evaluation(prepared)}",
-            "lint:",
-            *findings,
-        ]
-    )
+    head = f"fuzzy system {system.name}: {len(system.rules)} rules on {sizes} terms"
+    return "\n".join([head, f"evaluated: {evaluation(prepared)}", "lint:", *findings])
 
 
-def summary_row(name: str, prepared: Prepared) -> list[str]:
-    """Return the cells of a system in the table.
-
-    Args:
-        name: What it is called.
-        prepared: The system.
-    """
-    found = facts(prepared)
-    terms = " x ".join(str(count) for count in found["terms"])
-    bound = f"{prepared.bound:.2g}" if prepared.bound else "0"
-    return [name, str(found["rules"]), terms, bound, str(len(found["findings"])), prepared.method]
-
-
-def facts(prepared: Prepared) -> dict[str, Any]:
+def _facts(prepared: Prepared) -> dict[str, Any]:
     """Return what ``--json`` tells of a system: sizes, evaluation, and what lint says."""
-    system = prepared.system
+    from torquebench.fuzzy.lint import lint
+
     return {
-        "rules": len(system.rules),
-        "terms": [len(variable.terms) for variable in system.inputs],
+        "rules": len(prepared.system.rules),
+        "terms": [len(variable.terms) for variable in prepared.system.inputs],
         "method": prepared.method,
         "error_bound": prepared.bound,
         "findings": lint(prepared),

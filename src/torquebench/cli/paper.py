@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Mapping
 from typing import Any
 
-from torquebench.cli.colour import bad, good
-from torquebench.cli.terminal import progress_bar, say, table, tell
+from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment.describe import conditions_text, noise_text
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes, machine, versions
@@ -40,7 +38,7 @@ PAGES: dict[str, tuple[str, tuple[tuple[str, str, str], ...], str]] = {
 TONES = {HOLDS: good, FAILS: bad}
 
 
-def paper(options: argparse.Namespace) -> int:
+def paper(options: Any) -> int:
     """Run the study and write what came out; return 0.
 
     Args:
@@ -56,7 +54,7 @@ def paper(options: argparse.Namespace) -> int:
     with progress_bar(steps_of(draws), "step", "starting (compiles on first use)") as bar:
 
         def report(what: str, steps: int) -> None:
-            bar.set_description_str(what, refresh=False)
+            bar.describe(what)
             bar.update(steps)
 
         study = run_study(draws, options.workers, report)
@@ -138,7 +136,7 @@ def write_report(
     noisy = study.kept["fig11-noise", NOISE, "proposed-m"][0]
     with progress_bar(2, "check", "chattering by control period") as bar:
         chattering = chattering_by_period()
-        bar.set_description_str("spectrum of the noise")
+        bar.describe("spectrum of the noise")
         bar.update(1)
         noise = noise_spectrum(1_000_000) | {"definition": noise_text(noisy)}
     facts: Mapping[str, Any] = {

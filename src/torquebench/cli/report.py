@@ -4,39 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from torquebench.cli.options import check_out
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, argument, check_out, option, out_file, plugins, refuse
 from torquebench.cli.run import summary
 from torquebench.cli.run_folder import read_run
 from torquebench.cli.sweep import report_with_bar
 from torquebench.cli.terminal import following, progress_bar, say, tell, warn
 from torquebench.errors import ConfigError, Problem, ResultError
-from torquebench.experiment.folder import read_result
-from torquebench.experiment.run import ExperimentResult
-from torquebench.experiment.store import add_to_run, atomic_write
-from torquebench.laws.plugin import load_plugin
-from torquebench.report.render import PAGE
-from torquebench.report.run import compare_page, rewrite_page, stored_page
-from torquebench.report.run_page import changed_arm
-from torquebench.sweep.folder import PLAN, open_sweep, verify
+
+if TYPE_CHECKING:
+    from torquebench.experiment.run import ExperimentResult
 
 
-def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redraw: bool) -> int:
-    """Make the page of one run again, or a page with several; return 0.
+@command(example="torquebench report runs/one runs/two --out both.html")
+@argument("runs", type=File(folders=True), nargs=-1, required=True, metavar="RUN", help="what `run` or `sweep` left")
+@out_file(help="page to write (default: RUN/report.html; comparison.html for several)")
+@option("--redraw", is_flag=True, help="draw the figures again from the trajectories")
+@plugins
+def report(runs: Sequence[Path], out: Path | None, redraw: bool, plugin: Sequence[Path]) -> int:
+    """Write a stored run's page again, or compare several runs.
 
-    Args:
-        runs: Run directories.
-        out: File to write; None for ``report.html`` in the run, or ``comparison.html`` here for several.
-        plugins: Files that register laws which the runs use.
-        redraw: Draw the figures again from the trajectories instead of taking the stored ones.
-
-    Raises:
-        ConfigError: the file exists already, two runs have the same name, or runs cannot be read; each is named.
+    A sweep has a page too. Nothing is simulated.
     """
-    for plugin in plugins:
-        load_plugin(plugin)
+    from torquebench.experiment.folder import read_result
+    from torquebench.experiment.store import atomic_write
+    from torquebench.laws.plugin import load_plugin
+    from torquebench.report.run import compare_page, rewrite_page, stored_page
+    from torquebench.sweep.folder import PLAN
+
+    for file in plugin:
+        load_plugin(file)
     if len(runs) == 1 and out is None and (runs[0] / PLAN).is_file():
-        report_sweep(runs[0], plugins)
+        _report_sweep(runs[0], plugin)
         return 0
     stored: list[ExperimentResult] = []
     problems: list[Problem] = []
@@ -54,30 +55,29 @@ def report(runs: Sequence[Path], out: Path | None, plugins: Sequence[Path], redr
             page = out or Path("comparison.html")
             check_out(page)
             if page.exists():
-                raise ConfigError([Problem("--out", "", f"{page} exists; wanted a new file")])
+                refuse([("--out", f"{page} exists; wanted a new file")])
             names = [folder.resolve().name for folder in runs]
             if len(set(names)) < len(names):
-                raise ConfigError([Problem("RUN", "", f"two runs are called {max(names, key=names.count)}")])
+                refuse([("RUN", f"two runs are called {max(names, key=names.count)}")])
             content = (
                 stored_page(runs[0], stored[0], redraw, following(bar))
                 if len(stored) == 1
                 else compare_page(dict(zip(names, zip(runs, stored, strict=True), strict=True)))
             )
             atomic_write(page, content)
-    finish(page, dict(zip(runs, stored, strict=True)))
+    _print_page(page, dict(zip(runs, stored, strict=True)))
     return 0
 
 
-def report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
-    """Make summary, figures and page of a finished sweep again from its table.
+def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
+    """Make summary, figures and page of a finished sweep again from its table."""
+    from torquebench.experiment.store import add_to_run
+    from torquebench.report.render import PAGE
+    from torquebench.sweep.folder import open_sweep, verify
 
-    Raises:
-        ConfigError: the sweep is not finished, or cannot be read.
-    """
     stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN")
     if not stored.finished:
-        message = f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it"
-        raise ConfigError([Problem("RUN", "", message)])
+        refuse([("RUN", f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it")])
     try:
         verify(stored)
     except ResultError as error:
@@ -87,13 +87,10 @@ def report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
     say(f"report: {folder / PAGE}")
 
 
-def finish(page: Path, stored: Mapping[Path, ExperimentResult]) -> None:
-    """Say what is on a page and where it is.
+def _print_page(page: Path, stored: Mapping[Path, ExperimentResult]) -> None:
+    """Say what is on a page of stored runs, and where it is."""
+    from torquebench.report.run_page import changed_arm
 
-    Args:
-        page: The page.
-        stored: Folder -> the run that was read from it.
-    """
     tell(report=page, runs=[{"directory": folder, **result.to_json()} for folder, result in stored.items()])
     for folder, result in stored.items():
         for line in changed_arm(result):

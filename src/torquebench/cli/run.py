@@ -2,40 +2,63 @@
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from torquebench.cli.colour import bad, good
-from torquebench.cli.terminal import complain, following, progress_bar, say, table, tell, warn
-from torquebench.errors import ConfigError, Problem
-from torquebench.experiment import load_experiment
-from torquebench.experiment.build import build
-from torquebench.experiment.certify import flags
-from torquebench.experiment.describe import fuzzy_facts, fuzzy_remarks
-from torquebench.experiment.folder import write_experiment, write_trajectory
-from torquebench.experiment.run import ExperimentResult, run_experiment
-from torquebench.experiment.schema import Experiment
-from torquebench.experiment.store import RunDirectory, claim_folder
-from torquebench.laws.plugin import load_plugin
-from torquebench.report.run import certificate_lines, write_run
-from torquebench.report.tables import headline_table, outcome_text
+import click
+
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Config, File, Number, argument, option, out_folder, plugins, refuse, settings
+from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, warn
+
+if TYPE_CHECKING:
+    from torquebench.experiment.run import ExperimentResult
+    from torquebench.experiment.schema import Experiment
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run an experiment and return the exit status.
+@command(example="torquebench run fig9-chattering --set run.duration=2")
+@argument("config", type=Config(), required=False, help="experiment: a YAML file, or the name of a shipped one")
+@option("--from-sweep", type=File(folders=True), metavar="DIR", help="run one row of a sweep again instead")
+@option("--index", type=Number(int, 0), metavar="K", help="number of that row, from 0")
+@out_folder(help="folder for the results, new or empty (default: runs/NAME-UTC)")
+@settings(help="change one key, for example run.duration=2 or controllers.band.gains.phi=0.1")
+@plugins
+@option("--no-figures", is_flag=True, help="write numbers only: no figures, no film")
+@click.pass_obj
+def run(
+    gl: str | None,
+    /,
+    config: Path | None,
+    from_sweep: Path | None,
+    index: int | None,
+    out: Path | None,
+    overrides: Sequence[str],
+    plugin: Sequence[Path],
+    no_figures: bool,
+) -> int:
+    """Run one experiment: every controller in it, side by side."""
+    _check_options(config, from_sweep, index, overrides)
+    from torquebench.experiment import load_experiment
+    from torquebench.experiment.build import build
+    from torquebench.experiment.certify import flags
+    from torquebench.experiment.describe import fuzzy_facts, fuzzy_remarks
+    from torquebench.experiment.folder import write_experiment, write_trajectory
+    from torquebench.experiment.run import run_experiment
+    from torquebench.experiment.store import RunDirectory, claim_folder
+    from torquebench.laws.plugin import load_plugin
+    from torquebench.report.run import certificate_lines, write_run
 
-    Args:
-        options: Arguments of the command; see ``torquebench run --help``.
-
-    Raises:
-        ConfigError: bad input; nothing has been written.
-    """
-    for plugin in options.plugin:
-        load_plugin(plugin)
-    experiment = chosen(options)
+    for file in plugin:
+        load_plugin(file)
+    if config is not None:
+        experiment = load_experiment(config, overrides)
+    elif from_sweep is not None and index is not None:
+        experiment = _row_of_sweep(from_sweep, index, plugin)
     loop = build(experiment)
     for flag in flags(experiment, loop):
         warn(f"torquebench: {flag}")
-    directory = RunDirectory(claim_folder(options.out, experiment.name))
+    directory = RunDirectory(claim_folder(out, experiment.name))
     write_experiment(directory, experiment)
     steps = experiment.n_steps * len(experiment.controllers)
     with progress_bar(steps, "step", "starting (compiles on first use)") as bar:
@@ -46,77 +69,62 @@ def run(options: argparse.Namespace) -> int:
             finished=lambda name, trajectory: write_trajectory(directory, name, trajectory),
         )
     with progress_bar(0, "figure", "writing") as bar:
-        write_run(directory, result, options.plugin, not options.no_figures, following(bar))
-    tell(
-        directory=directory.folder,
-        **result.to_json(),
-        certificates=result.certified,
-        fuzzy=fuzzy_facts(experiment),
-    )
+        write_run(directory, result, plugin, not no_figures, following(bar))
+    certificates, fuzzy = result.certified, fuzzy_facts(experiment)
+    tell(directory=directory.folder, **result.to_json(), certificates=certificates, fuzzy=fuzzy)
     say(summary(result))
     say()
-    for line in certificate_lines(result):
+    for line in (*certificate_lines(result), *fuzzy_remarks(experiment)):
         say(line)
-    for remark in fuzzy_remarks(experiment):
-        say(remark)
     say()
     say(f"results: {directory.folder}")
-    if not options.no_figures and experiment.video is not None:
+    if not no_figures and experiment.video is not None:
         from torquebench.cli.video import film_of_run
 
-        film_of_run(result, directory.folder, options.gl)
-    return told_ending(result)
+        film_of_run(result, directory.folder, gl)
+    return _print_failures(result)
 
 
-def told_ending(result: ExperimentResult) -> int:
+def _check_options(config: Path | None, from_sweep: Path | None, index: int | None, overrides: Sequence[str]) -> None:
+    """Refuse arguments that do not go together."""
+    if from_sweep is None:
+        problems = [("CONFIG", "missing: wanted an experiment's file, or --from-sweep")] * (config is None)
+        refuse(problems or [("--index", "has no effect without --from-sweep")] * (index is not None))
+    else:
+        given = ["CONFIG"] * (config is not None) + ["--set"] * bool(overrides)
+        problems = [(name, "has no effect with --from-sweep: a row is run as it was") for name in given]
+        refuse(problems + [("--index", "missing: wanted the number of a row, from 0")] * (index is None))
+
+
+def _row_of_sweep(folder: Path, index: int, plugin: Sequence[Path]) -> Experiment:
+    """Return the experiment that a sweep's row is."""
+    from torquebench.sweep.folder import open_sweep
+
+    plan = open_sweep(folder, tuple(plugin), "--from-sweep").plan
+    if index >= plan.rows:
+        refuse([("--index", f"got {index}, wanted 0 to {plan.rows - 1}")])
+    return plan.experiment_of(plan.row(index))
+
+
+def _print_failures(result: ExperimentResult) -> int:
     """Say which runs were interpreted, and which ended otherwise than expected; return the exit status."""
+    from torquebench.report.tables import outcome_text
+
     for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
         warn(f"torquebench: interpreted, which is slower: {reason}")
     for name in result.unexpected:
-        trajectory = result.runs[name]
-        detail = f" ({trajectory.detail})" if trajectory.detail else ""
+        detail = f" ({result.runs[name].detail})" if result.runs[name].detail else ""
         wanted = next(keys.expect for keys in result.experiment.controllers if keys.name == name)
-        complain(
-            f"torquebench: controller '{name}': {outcome_text(result, name)}{detail}; the config expects: {wanted}"
-        )
+        text = f"{outcome_text(result, name)}{detail}; the config expects: {wanted}"
+        complain(f"torquebench: controller '{name}': {text}")
     return 1 if result.unexpected else 0
-
-
-def chosen(options: argparse.Namespace) -> Experiment:
-    """Return the experiment of a file, or that of a sweep's row.
-
-    Args:
-        options: Arguments of the command; see ``torquebench run --help``.
-
-    Raises:
-        ConfigError: it has mistakes, or the arguments do not go together.
-    """
-    if options.from_sweep is None:
-        if options.config is None:
-            raise ConfigError([Problem("CONFIG", "", "missing: wanted an experiment's file, or --from-sweep")])
-        if options.index is not None:
-            raise ConfigError([Problem("--index", "", "has no effect without --from-sweep")])
-        return load_experiment(options.config, options.overrides)
-    extra = [("CONFIG", options.config is not None), ("--set", bool(options.overrides))]
-    problems = [
-        Problem(name, "", "has no effect with --from-sweep: a row is run as it was")
-        for name, is_there in extra
-        if is_there
-    ]
-    if options.index is None:
-        problems.append(Problem("--index", "", "missing: wanted the number of a row, from 0"))
-    if problems:
-        raise ConfigError(problems)
-    from torquebench.sweep.folder import open_sweep
-
-    plan = open_sweep(options.from_sweep, tuple(options.plugin), "--from-sweep").plan
-    if not 0 <= options.index < plan.rows:
-        raise ConfigError([Problem("--index", "", f"got {options.index}, wanted 0 to {plan.rows - 1}")])
-    return plan.experiment_of(plan.row(options.index))
 
 
 def summary(result: ExperimentResult) -> str:
     """Return the table of headline metrics, one row a controller."""
+    from torquebench.report.tables import headline_table
+
     header, rows = headline_table(result)
-    rows = [[*row[:2], (bad if row[0] in result.unexpected else good)(row[2]), *row[3:]] for row in rows]
-    return f"{result.experiment.name}\n{result.conditions}\n\n{table(header, rows)}"
+    ended = [bad(row[2]) if row[0] in result.unexpected else good(row[2]) for row in rows]
+    cells = [[*row[:2], text, *row[3:]] for row, text in zip(rows, ended, strict=True)]
+    return f"{result.experiment.name}\n{result.conditions}\n\n{table(header, cells)}"

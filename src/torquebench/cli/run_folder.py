@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TypeVar
 
 from torquebench.errors import ConfigError, Problem, ResultError
-from torquebench.sweep.folder import PLAN
 
 T = TypeVar("T")
 
@@ -25,6 +24,8 @@ def read_run(folder: Path, command: str, read: Callable[[Path], T]) -> T:
     Raises:
         ConfigError: it is missing, unfinished, no run's folder, a sweep's, or altered; says which and what to do.
     """
+    from torquebench.sweep.folder import PLAN
+
     try:
         return read(folder)
     except ResultError as error:

@@ -2,188 +2,186 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from torquebench.cli.sweep_outcomes import summary
-from torquebench.cli.terminal import complain, following, progress_bar, say, tell, warn
-from torquebench.errors import ConfigError, Problem, ResultError, TorquebenchError
-from torquebench.experiment.store import RunDirectory, check_run, claim_folder
-from torquebench.experiment.yaml_source import read_bytes
-from torquebench.laws.plugin import load_plugin
-from torquebench.report.sweep import MOST_ROWS, report_files, sweep_facts, unexpected_outcomes
-from torquebench.sweep.checking import Survey, check_plan
-from torquebench.sweep.estimate import MOST_STEPS, Estimate, duration, estimate, shard_size, size
-from torquebench.sweep.executors import Executor, Processes, Threads
-from torquebench.sweep.folder import StoredSweep, create_sweep, lock_folder, open_sweep, refuse_changes, verify
-from torquebench.sweep.plan import Plan, Source
-from torquebench.sweep.run import State, conclude, rows_in, run_missing, state_of
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Choice, Config, File, argument, option, out_folder, plugins, refuse, settings
+from torquebench.cli.parameters import workers as workers_option
+from torquebench.cli.terminal import complain, following, progress_bar, say, table, tell, warn
+from torquebench.errors import ResultError, TorquebenchError
 
-DONE, FAILED = 0, 1
+if TYPE_CHECKING:
+    from torquebench.sweep.checking import Survey
+    from torquebench.sweep.estimate import Estimate
+    from torquebench.sweep.executors import Executor
+    from torquebench.sweep.folder import StoredSweep
+    from torquebench.sweep.plan import Plan, Source
+    from torquebench.sweep.run import State
+
 FAR_TOO_MANY = 3
 """How many times the cap is refused before anything is checked: to check so many draws takes long too."""
 
 
-def sweep(options: argparse.Namespace) -> int:
-    """Begin or continue a sweep and return the exit status.
+@dataclass(frozen=True)
+class Options:
+    """Arguments of the command."""
 
-    Args:
-        options: Arguments of the command; see ``torquebench sweep --help``.
+    config: Path | None
+    out: Path | None
+    resume: Path | None
+    workers: int | None
+    executor: str | None
+    cluster: str | None
+    overrides: Sequence[str]
+    plugin: Sequence[Path]
+    no_cap: bool
+    dry_run: bool
+    no_figures: bool
 
-    Raises:
-        ConfigError: bad input; nothing has been written.
-        ResultError, KeyboardInterrupt: something came in between; the message says how to go on.
+    def check(self) -> None:
+        """Refuse what does not go together."""
+        problems = [
+            (f"--{name}", "has no effect with --cluster, whose workers run the sweep")
+            for name in ("workers", "executor")
+            if self.cluster is not None and getattr(self, name) is not None
+        ]
+        if self.config is None and self.resume is None:
+            problems.append(("CONFIG", "missing: wanted a sweep's file, or --resume with a sweep's folder"))
+        if self.resume is not None and self.out is not None:
+            problems.append(("--out", "has no effect with --resume, which goes on in the sweep's own folder"))
+        if self.resume is not None and self.config is None and self.overrides:
+            problems.append(("--set", "has no effect with --resume alone: what was set is stored"))
+        refuse(problems)
+
+
+@command(example="torquebench sweep sweep --dry-run")
+@argument("config", type=Config(), required=False, help="experiment with a section `sweep`: a file, or a shipped one")
+@out_folder(help="folder for the results, new or empty (default: runs/NAME-UTC)")
+@option("--resume", type=File(folders=True), metavar="DIR", help="go on with the sweep in this folder")
+@workers_option(help="how many run (default: one per core)")
+@option("--executor", type=Choice(["processes", "threads"]), help="what the workers are (default: processes)")
+@option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="run on a Dask cluster: tcp://HOST:PORT or tls://HOST:PORT of its scheduler; local or local:N makes one here",
+)
+@settings(help="change one key, for example sweep.draws=10 or run.duration=2")
+@plugins
+@option("--no-cap", is_flag=True, help="start whatever it takes")
+@option("--dry-run", is_flag=True, help="check and estimate only")
+@option("--no-figures", is_flag=True, help="tables, summary and page only: no figures")
+def sweep(**given: Any) -> int:
+    """Run grids and random draws over any keys of an experiment.
+
+    Every case of a file's section `sweep` is run in every draw for every controller, and a table of their metrics is
+    stored. The work is estimated and shown first.
     """
-    check_options(options)
-    for plugin in options.plugin:
-        load_plugin(plugin)
-    if options.resume is None:
-        plan = Plan(source_of(options))
-        if plan.rows * plan.first.n_steps > FAR_TOO_MANY * MOST_STEPS and not options.no_cap:
-            message = f"needs about {plan.rows * plan.first.n_steps:.2g} steps, at most {MOST_STEPS:.0e} are run"
-            raise ConfigError([Problem("sweep", "", f"{message}: --no-cap lifts the caps")])
-        with progress_bar(plan.cases, "case", "checking") as bar:
-            survey = check_plan(plan, bar.update)
-        with open_executor(options) as executor:
-            stored = start(plan, survey, executor, options)
-            if stored is None:
-                return DONE
-            run_rest(stored, state_of(stored), executor, options)
-    else:
-        stored = resume(options)
-        if stored.finished:
-            verify_finished(stored)
-        else:
-            finish(stored, options)
+    options = Options(**given)
+    options.check()
+    from torquebench.experiment.store import check_run
+    from torquebench.laws.plugin import load_plugin
+    from torquebench.report.sweep import sweep_facts, unexpected_outcomes
+
+    for file in options.plugin:
+        load_plugin(file)
+    stored = _start(options) if options.resume is None else _resume(options, options.resume)
+    if stored is None:
+        return 0
     outcomes = check_run(stored.folder)["outcomes"]
-    found = sweep_facts(stored, outcomes)
-    tell(directory=stored.folder, **found)
-    say(summary(stored, found))
+    facts = sweep_facts(stored, outcomes)
+    tell(directory=stored.folder, **facts)
+    say(_summary(stored, facts))
     say()
     say(f"results: {stored.folder}")
     wrong = unexpected_outcomes(stored, outcomes)
     for name, text in wrong.items():
         complain(f"torquebench: controller '{name}': {text}")
-    return FAILED if wrong else DONE
+    return 1 if wrong else 0
 
 
-def check_options(options: argparse.Namespace) -> None:
-    """Refuse arguments that make no sense.
+def _start(options: Options) -> StoredSweep | None:
+    """Check, estimate and run a sweep; None if only the estimate is wanted."""
+    from torquebench.experiment.store import RunDirectory, claim_folder, runs_folder
+    from torquebench.sweep.checking import check_plan
+    from torquebench.sweep.estimate import MOST_STEPS, shard_size
+    from torquebench.sweep.folder import create_sweep
+    from torquebench.sweep.plan import Plan
+    from torquebench.sweep.run import state_of
 
-    Raises:
-        ConfigError: there are some.
-    """
-    problems = []
-    for option in ("workers", "executor"):
-        if options.cluster is not None and getattr(options, option) is not None:
-            problems.append(Problem(f"--{option}", "", "has no effect with --cluster, whose workers run the sweep"))
-    if options.workers is not None and options.workers < 1:
-        problems.append(Problem("--workers", "", f"got {options.workers}, wanted at least 1"))
-    if options.config is None and options.resume is None:
-        problems.append(Problem("CONFIG", "", "missing: wanted a sweep's file, or --resume with a sweep's folder"))
-    if options.resume is not None and options.out is not None:
-        problems.append(Problem("--out", "", "has no effect with --resume, which goes on in the sweep's own folder"))
-    if options.resume is not None and options.config is None and options.overrides:
-        problems.append(Problem("--set", "", "has no effect with --resume alone: what was set is stored"))
-    if problems:
-        raise ConfigError(problems)
-
-
-def start(plan: Plan, survey: Survey, executor: Executor, options: argparse.Namespace) -> StoredSweep | None:
-    """Say how much work a sweep is, and make its folder; None when the former was all that was wanted.
-
-    Args:
-        plan: The sweep.
-        survey: What checking it has found.
-        executor: What will run it.
-        options: Arguments of the command.
-
-    Raises:
-        ConfigError: the work is more than the caps allow, or a worker cannot take part.
-    """
-    work = print_estimate(plan, survey, executor)
-    refusals = work.refusals((options.out or Path("runs")).absolute())
-    if refusals and not options.no_cap:
-        raise ConfigError([Problem("sweep", "", f"needs {text}: --no-cap lifts the caps") for text in refusals])
-    if options.dry_run:
-        return None
-    prepare(executor, plan.source)
-    directory = RunDirectory(claim_folder(options.out, plan.first.name))
-    return create_sweep(directory, plan, shard_size(plan, survey))
-
-
-def resume(options: argparse.Namespace) -> StoredSweep:
-    """Return the sweep of a folder, which the file, if one is given, must still describe.
-
-    Raises:
-        ConfigError: there is none, or something that decides results has changed.
-    """
-    stored = open_sweep(options.resume, tuple(options.plugin), "--resume")
-    if options.config is not None:
-        plan = Plan(source_of(options))
-        check_plan(plan)
-        refuse_changes(stored, plan, "--resume")
+    plan = Plan(_source(options))
+    steps = plan.rows * plan.first.n_steps
+    if steps > FAR_TOO_MANY * MOST_STEPS and not options.no_cap:
+        message = f"needs about {steps:.2g} steps, at most {MOST_STEPS:.0e} are run: --no-cap lifts the caps"
+        refuse([("sweep", message)])
+    with progress_bar(plan.cases, "case", "checking") as bar:
+        survey = check_plan(plan, bar.update)
+    with _executor(options) as executor:
+        work = _print_estimate(plan, survey, executor)
+        if not options.no_cap:
+            refusals = work.refusals((options.out or runs_folder()).absolute())
+            refuse([("sweep", f"needs {text}: --no-cap lifts the caps") for text in refusals])
+        if options.dry_run:
+            return None
+        _prepare(executor, plan.source)
+        directory = RunDirectory(claim_folder(options.out, plan.first.name))
+        stored = create_sweep(directory, plan, shard_size(plan, survey))
+        _run_rest(stored, state_of(stored), executor, options)
     return stored
 
 
-def verify_finished(stored: StoredSweep) -> None:
-    """Verify the files of a finished sweep.
+def _resume(options: Options, folder: Path) -> StoredSweep:
+    """Run what is missing of a stored sweep, which the file, if one is given, must still describe."""
+    from torquebench.sweep.checking import check_plan
+    from torquebench.sweep.folder import open_sweep, refuse_changes, verify
+    from torquebench.sweep.plan import Plan
+    from torquebench.sweep.run import state_of
 
-    Raises:
-        ResultError: one is missing or altered.
-    """
-    verify(stored)
+    stored = open_sweep(folder, tuple(options.plugin), "--resume")
+    if options.config is not None:
+        plan = Plan(_source(options))
+        check_plan(plan)
+        refuse_changes(stored, plan, "--resume")
+    if stored.finished:
+        verify(stored)
     state = state_of(stored)
-    gone = len(state.missing) - len(state.damaged)
-    if state.missing:
-        what = f"{len(state.damaged)} of {stored.shards} shards are damaged, {gone} missing"
-        warn(f"torquebench: {what}; the tables, which were made from them, are as they were written")
-    say(f"finished already: {len(state.complete)} of {stored.shards} shards are there")
+    damaged, there = len(state.damaged), f"{len(state.complete)} of {stored.shards} shards are there"
+    if stored.finished:
+        if state.missing:
+            what = f"{damaged} of {stored.shards} shards are damaged, {len(state.missing) - damaged} missing"
+            warn(f"torquebench: {what}; the tables, which were made from them, are as they were written")
+        say(f"finished already: {there}")
+        return stored
+    say(f"{there}{f', {damaged} damaged' * bool(damaged)}; {len(state.missing)} to run")
+    with _executor(options) as executor:
+        _prepare(executor, stored.plan.source)
+        _run_rest(stored, state, executor, options)
+    return stored
 
 
-def finish(stored: StoredSweep, options: argparse.Namespace) -> None:
-    """Say how far a sweep is, and run the rest.
-
-    Raises:
-        ConfigError: a worker cannot take part.
-    """
-    state = state_of(stored)
-    damaged = f", {len(state.damaged)} damaged" if state.damaged else ""
-    say(f"{len(state.complete)} of {stored.shards} shards are there{damaged}; {len(state.missing)} to run")
-    with open_executor(options) as executor:
-        prepare(executor, stored.plan.source)
-        run_rest(stored, state, executor, options)
-
-
-def prepare(executor: Executor, source: Source) -> None:
-    """Have the workers ready.
-
-    Raises:
-        ConfigError: one cannot take part.
-    """
-    with progress_bar(0, "worker", "preparing the workers (compiles on first use)"):
-        executor.prepare(source)
-
-
-def source_of(options: argparse.Namespace) -> Source:
+def _source(options: Options) -> Source:
     """Return the file and the changes that the arguments name."""
-    text = read_bytes(options.config)
-    return Source(text, str(options.config), tuple(options.overrides), tuple(p.absolute() for p in options.plugin))
+    from torquebench.experiment.source import read_bytes
+    from torquebench.sweep.plan import Source
+
+    path = options.config or Path()
+    return Source(read_bytes(path), str(path), tuple(options.overrides), tuple(p.absolute() for p in options.plugin))
 
 
-def print_estimate(plan: Plan, survey: Survey, executor: Executor) -> Estimate:
+def _print_estimate(plan: Plan, survey: Survey, executor: Executor) -> Estimate:
     """Say how much work a sweep is, and return it."""
+    from torquebench.sweep.estimate import duration, estimate, size
+
     with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
         work = estimate(plan, survey, executor.count, executor.processes, executor.here)
     tell(estimate=work)
-    say(
-        f"{plan.first.name}: {plan.cases:,} case{'s' * (plan.cases != 1)} x {plan.draws:,} draw"
-        f"{'s' * (plan.draws != 1)} x {len(plan.controllers)} controller{'s' * (len(plan.controllers) != 1)}"
-    )
+    counts = {"case": plan.cases, "draw": plan.draws, "controller": len(plan.controllers)}
+    say(f"{plan.first.name}: " + " x ".join(f"{count:,} {what}{'s' * (count != 1)}" for what, count in counts.items()))
     say(
         f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} of running on {executor}, "
         f"{size(work.memory)} of memory, {size(work.disk)} on disk"
@@ -192,12 +190,10 @@ def print_estimate(plan: Plan, survey: Survey, executor: Executor) -> Estimate:
 
 
 @contextlib.contextmanager
-def open_executor(options: argparse.Namespace) -> Iterator[Executor]:
-    """Have what runs the shards.
+def _executor(options: Options) -> Iterator[Executor]:
+    """Have what runs the shards."""
+    from torquebench.sweep.executors import Processes, Threads
 
-    Raises:
-        ConfigError: there is no such cluster.
-    """
     if options.cluster is None:
         count = options.workers or os.cpu_count() or 1
         yield Threads(count) if options.executor == "threads" else Processes(count)
@@ -211,18 +207,18 @@ def open_executor(options: argparse.Namespace) -> Iterator[Executor]:
         yield cluster
 
 
-def run_rest(stored: StoredSweep, state: State, executor: Executor, options: argparse.Namespace) -> None:
-    """Run what is missing and conclude.
+def _prepare(executor: Executor, source: Source) -> None:
+    """Have the workers ready."""
+    with progress_bar(0, "worker", "preparing the workers (compiles on first use)"):
+        executor.prepare(source)
 
-    Args:
-        stored: The sweep.
-        state: How far it is.
-        executor: What runs the shards.
-        options: Arguments of the command.
 
-    Raises:
-        ResultError, KeyboardInterrupt: something came in between; the message says how to go on.
-    """
+def _run_rest(stored: StoredSweep, state: State, executor: Executor, options: Options) -> None:
+    """Run what is missing and write the tables; if something comes in between, the error says how to go on."""
+    from torquebench.report.sweep import MOST_ROWS
+    from torquebench.sweep.folder import lock_folder
+    from torquebench.sweep.run import conclude, rows_in, run_missing
+
     done = sum(rows_in(stored, shard) for shard in state.complete)
     ran = 0
     try:
@@ -234,25 +230,46 @@ def run_rest(stored: StoredSweep, state: State, executor: Executor, options: arg
                 bar.update(rows)
 
             run_missing(stored, state, executor, report)
-            bar.set_description_str("writing the tables")
+            bar.describe("writing the tables")
             if stored.plan.rows > MOST_ROWS:
                 warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
             conclude(stored, lambda done: report_with_bar(done, not options.no_figures))
     except KeyboardInterrupt as error:  # SIGTERM is one too
-        raise type(error)(resume_hint(stored, options)) from error
+        raise type(error)(_resume_hint(stored, options)) from error
     except (OSError, TorquebenchError) as error:
-        raise ResultError(f"{error}; {resume_hint(stored, options)}") from error
+        raise ResultError(f"{error}; {_resume_hint(stored, options)}") from error
     say(f"{ran} shards run, {len(state.complete)} were there")
 
 
 def report_with_bar(stored: StoredSweep, figures: bool) -> Iterator[tuple[str, bytes]]:
-    """Yield what `report_files` makes of a sweep, with a progress bar; arguments as there."""
+    """Yield name and content of the files about a sweep's table, with a progress bar.
+
+    Args:
+        stored: The sweep, with its final table.
+        figures: Whether to draw.
+    """
+    from torquebench.report.sweep import report_files
+
     with progress_bar(0, "figure", "drawing") as bar:
         yield from report_files(stored, figures, following(bar))
 
 
-def resume_hint(stored: StoredSweep, options: argparse.Namespace) -> str:
+def _resume_hint(stored: StoredSweep, options: Options) -> str:
     """Return what to type to go on."""
     words = ["torquebench", "sweep", "--resume", str(stored.folder)]
     words += [word for plugin in options.plugin for word in ("--plugin", str(plugin))]
     return f"what is stored is kept, go on with: {shlex.join(words)}"
+
+
+def _summary(stored: StoredSweep, facts: Mapping[str, Any]) -> str:
+    """Return the table of what came out: of each controller the runs that completed, and means of its metrics."""
+    from torquebench.experiment.schema import slide_joints
+    from torquebench.report.tables import headlines, number
+
+    columns, rows = headlines(slide_joints(stored.plan.first.plant.model)), []
+    for name, law in facts["controllers"].items():
+        means = [number(law["means"][key], scale) for key, (_, scale) in columns.items()]
+        last = "-" if law["worst_row"] is None else str(law["worst_row"])
+        rows.append([name, f"{law['runs']:,}", f"{law['completed']:,}", *means, last])
+    header = ["controller", "runs", "completed", *(title for title, _ in columns.values()), "worst RMSE: run"]
+    return f"{stored.plan.first.name}: means of the runs that completed\n\n{table(header, rows)}"

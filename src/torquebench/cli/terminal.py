@@ -1,34 +1,22 @@
-"""What the user sees in the terminal: lines, tables, progress bars; and how much of it."""
+"""What the user sees in the terminal: lines, tables, colour, progress; and how much of it."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, TextIO
 
-from torquebench.cli.colour import HEAD, RULE, Cell, paint, visible
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+    from rich.text import Text
 
 LEAST = 28
 """Narrowest column that text is broken into."""
-
-
-class Bar(Protocol):
-    """A progress bar."""
-
-    total: float | None
-    """Number of units of work, when it is known."""
-
-    def update(self, n: float | None = 1) -> bool | None:
-        """Advance by `n`."""
-        ...
-
-    def set_description_str(self, desc: str | None = None, refresh: bool | None = True) -> None:
-        """Say what is being done."""
-        ...
 
 
 @dataclass
@@ -39,6 +27,10 @@ class Voice:
     """Errors and nothing else."""
     as_json: bool = False
     """One JSON document on standard output instead of lines and tables."""
+    verbose: bool = False
+    """More lines, and tracebacks."""
+    command: str | None = None
+    """Name of the command, once it is understood."""
     facts: dict[str, Any] = field(default_factory=dict)
     """What the document says of this command."""
     remarks: list[str] = field(default_factory=list)
@@ -46,6 +38,11 @@ class Voice:
 
 
 _VOICES = [Voice()]
+
+
+def voice() -> Voice:
+    """Return the voice of the running command."""
+    return _VOICES[-1]
 
 
 @contextmanager
@@ -65,31 +62,29 @@ def speaking(quiet: bool, as_json: bool) -> Iterator[Voice]:
 
 def tell(**facts: Any) -> None:
     """Add to the document that ``--json`` prints: numbers as they are, paths, mappings, sequences, named tuples."""
-    _VOICES[-1].facts.update(facts)
+    voice().facts.update(facts)
 
 
 def say(text: str = "", fold: bool = True) -> None:
-    """Write lines to standard output, if there is one and nobody asked for silence or for JSON.
+    """Write lines to standard output unless silence or JSON is asked for.
 
     Args:
         text: One line or several.
         fold: Whether lines too long for the terminal are broken between words.
     """
-    voice = _VOICES[-1]
-    if not (voice.quiet or voice.as_json):
+    if not (voice().quiet or voice().as_json):
         emit("\n".join(_folded(line) for line in text.split("\n")) if fold else text)
 
 
 def answer(text: str) -> None:
-    """Write a line that the command was asked for, and needed while it goes on.
+    """Write a line that the user needs while the command goes on, such as the address of a page.
 
-    It goes to standard output though ``--quiet`` was asked for; with ``--json``, whose document comes at the end and
-    has standard output for itself, to standard error unless only errors are wanted there.
+    It goes to standard output even with ``--quiet``. With ``--json``, whose document has standard output for itself,
+    it goes to standard error unless ``--quiet`` is given too.
     """
-    voice = _VOICES[-1]
-    if not voice.as_json:
+    if not voice().as_json:
         emit(text)
-    elif not voice.quiet:
+    elif not voice().quiet:
         complain(text)
 
 
@@ -100,10 +95,9 @@ def emit(text: str) -> None:
 
 
 def warn(text: str) -> None:
-    """Write a line to standard error that is no error, unless only errors are wanted."""
-    voice = _VOICES[-1]
-    voice.remarks.append(text)
-    if not voice.quiet:
+    """Write a warning to standard error unless only errors are wanted, and keep it for the document."""
+    voice().remarks.append(text)
+    if not voice().quiet:
         complain(text)
 
 
@@ -124,88 +118,146 @@ def width() -> int | None:
     return max(1, shutil.get_terminal_size().columns)
 
 
+def coloured(stream: TextIO | None) -> bool:
+    """Return whether what is written to `stream` has colour.
+
+    NO_COLOR (https://no-color.org), set and not empty, forbids it; else FORCE_COLOR asks for it; else a terminal that
+    is not TERM=dumb has it.
+    """
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def good(text: str) -> Text:
+    """Return a table's cell for something that is as it should be."""
+    from rich.text import Text
+
+    return Text(text, "green")
+
+
+def bad(text: str) -> Text:
+    """Return a table's cell for something that is not as it should be."""
+    from rich.text import Text
+
+    return Text(text, "red")
+
+
 def table(
-    header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1, keys: int = 1, prose: bool = False
+    header: Sequence[str],
+    rows: Sequence[Sequence[object]],
+    left: int = 1,
+    keys: int = 1,
+    prose: bool = False,
 ) -> str:
-    """Return a table with a rule under the header.
+    """Return a table with a rule under the header, coloured where standard output is.
 
     One too wide for the terminal is continued below in as many parts as it takes, each with the columns that name the
-    row; where not even that fits, each row becomes a list.
+    row. Where standard output is no terminal, the table is as wide as it needs to be.
 
     Args:
         header: Titles of the columns.
-        rows: Their cells; `colour.good` and `colour.bad` make coloured ones.
+        rows: Their cells, text; `good` and `bad` make coloured ones.
         left: How many columns, from the first, are left-aligned; the others are right-aligned.
         keys: How many columns, from the first, name the row.
         prose: Whether the last column is text that may be broken over several lines.
     """
-    limit, whole = width(), rows
-    if limit is not None and prose:
-        rest = sum(w + 2 for w in _widths(header, rows)[:-1])
-        if limit - rest >= LEAST:
-            rows = broken(rows, limit - rest)
-    widths = _widths(header, rows)
-    columns = list(range(len(header)))
-    if limit is None or _across(widths, columns) <= limit:
-        return _block(header, rows, widths, columns, left)
-    parts = [columns[:keys]]
-    for column in columns[keys:]:
-        if _across(widths, [*columns[:keys], column]) > limit:
-            return _lists(header, whole)
-        if _across(widths, [*parts[-1], column]) > limit:
-            parts.append(columns[:keys])
-        parts[-1] = [*parts[-1], column]
-    return "\n\n".join(_block(header, rows, widths, part, left) for part in parts)
+    from rich.cells import cell_len
+
+    limit = width()
+    sizes = [max(cell_len(str(row[i])) for row in (header, *rows)) for i in range(len(header))]
+    least = [*sizes[:-1], min(sizes[-1], LEAST)] if prose else sizes
+    parts = [list(range(keys))]
+    for column in range(keys, len(header)):
+        across = sum(least[i] + 2 for i in parts[-1]) + least[column]
+        if limit is not None and across > limit and len(parts[-1]) > keys:
+            parts.append(list(range(keys)))
+        parts[-1].append(column)
+    return "\n\n".join(_part(header, rows, part, left, limit) for part in parts)
 
 
-def broken(rows: Sequence[Sequence[str]], room: int) -> list[list[str]]:
-    """Return rows whose last cell is at most `room` wide where words allow it: the rest of it stands in rows below."""
-    found = []
-    for row in rows:
-        first, *more = _wrapped(row[-1], room) or [""]
-        found.append([*row[:-1], first])
-        found += [[*[""] * (len(row) - 1), line] for line in more]
-    return found
-
-
-def _wrapped(text: str, room: int, **more: Any) -> list[str]:
-    return textwrap.wrap(text, room, break_long_words=False, break_on_hyphens=False, **more)
-
-
-def _widths(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
-    return [max(len(str(row[i])) for row in (header, *rows)) for i in range(len(header))]
-
-
-def _across(widths: Sequence[int], columns: Sequence[int]) -> int:
-    return sum(widths[i] + 2 for i in columns) - 2
-
-
-def _block(
-    header: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequence[int], columns: Sequence[int], left: int
+def _part(
+    header: Sequence[str], rows: Sequence[Sequence[object]], columns: Sequence[int], left: int, limit: int | None
 ) -> str:
-    def line(cells: Sequence[str], tone: str) -> str:
-        padded = []
-        for i in columns:
-            cell = cells[i]
-            room = " " * (widths[i] - len(cell))
-            painted = paint(cell, tone or (cell.tone if isinstance(cell, Cell) else ""))
-            padded.append(painted + room if i < left else room + painted)
-        return "  ".join(padded).rstrip()
+    """Return some columns of a table."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
 
-    rule = paint("  ".join("-" * widths[i] for i in columns), RULE)
-    return "\n".join([line(header, HEAD), rule, *(line(row, "") for row in rows)])
-
-
-def _lists(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return "\n\n".join("\n".join(f"{title}: {cell}" for title, cell in zip(header, row, strict=True)) for row in rows)
+    grid = Table.grid(padding=(0, 2))
+    for i in columns:
+        grid.add_column(justify="left" if i < left else "right", overflow="fold")
+    lines = [[cell if isinstance(cell := row[i], Text) else Text(str(cell)) for i in columns] for row in rows]
+    rest = None if limit is None else limit - sum(max(len(x[k]) for x in lines) + 2 for k in range(len(columns) - 1))
+    rules = ["-" * max(len(header[i]), *(len(x[k]) for x in lines), 0) for k, i in enumerate(columns)]
+    if rest is not None and rest > 0:
+        rules[-1] = rules[-1][:rest]
+    grid.add_row(*(Text(header[i], "bold") for i in columns))
+    grid.add_row(*(Text(rule, "dim") for rule in rules))
+    for line in lines:
+        grid.add_row(*line)
+    colour = coloured(sys.stdout)
+    console = Console(
+        width=limit or 100_000,
+        color_system="standard" if colour else None,
+        force_terminal=colour,
+        no_color=False,
+        legacy_windows=False,
+        force_jupyter=False,
+    )
+    with console.capture() as capture:
+        console.print(grid)
+    return "\n".join(line.rstrip() for line in capture.get().rstrip("\n").split("\n"))
 
 
 def _folded(line: str) -> str:
     limit = width()
-    if limit is None or len(visible(line)) <= limit:
+    if limit is None or len(line) <= limit or "\x1b" in line:
         return line
     indent = " " * min(len(line) - len(line.lstrip()), limit // 2)
-    return "\n".join(_wrapped(line.strip(), limit, initial_indent=indent, subsequent_indent=indent + "  "))
+    return textwrap.fill(
+        line.strip(),
+        limit,
+        initial_indent=indent,
+        subsequent_indent=indent + "  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+class Bar:
+    """Progress of one piece of work; silent where there is nobody to see it."""
+
+    def __init__(self, progress: Progress | None = None, task: TaskID | None = None, total: float | None = None):
+        self._progress, self._task, self._total = progress, task, total
+
+    @property
+    def total(self) -> float | None:
+        """Number of units of work, when it is known."""
+        return self._total
+
+    @total.setter
+    def total(self, total: float | None) -> None:
+        """Set the number of units."""
+        self._total = total
+        if self._progress is not None and self._task is not None:
+            self._progress.update(self._task, total=total)
+
+    def update(self, n: float = 1) -> None:
+        """Advance by `n`."""
+        if self._progress is not None and self._task is not None:
+            self._progress.advance(self._task, n)
+
+    def describe(self, text: str) -> None:
+        """Say what is being done."""
+        if self._progress is not None and self._task is not None:
+            self._progress.update(self._task, description=text)
+
+
+_PROGRESS: list[Progress] = []
+"""The display that is on the screen; a bar inside another one's work is a second line of it."""
 
 
 @contextmanager
@@ -220,21 +272,49 @@ def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[B
         begin: What is being done until the first unit is finished.
         done: Units that were finished before.
     """
-    from tqdm import tqdm
+    if voice().quiet or sys.stderr is None or not sys.stderr.isatty():
+        yield Bar(total=total or None)
+        return
+    if _PROGRESS:
+        task = _PROGRESS[0].add_task(begin, total=total or None, completed=done, unit=unit)
+        try:
+            yield Bar(_PROGRESS[0], task, total or None)
+        finally:
+            _PROGRESS[0].remove_task(task)
+        return
+    with _display() as progress:
+        _PROGRESS.append(progress)
+        try:
+            yield Bar(progress, progress.add_task(begin, total=total or None, completed=done, unit=unit), total or None)
+        finally:
+            _PROGRESS.remove(progress)
 
-    hidden = _VOICES[-1].quiet or sys.stderr is None or not sys.stderr.isatty()
-    with tqdm(
-        total=total or None,
-        initial=done,
-        desc=begin,
-        unit=unit,
-        unit_scale=True,
-        leave=False,
-        disable=hidden,
-        file=sys.stderr,
-        dynamic_ncols=True,
-    ) as bar:
-        yield bar
+
+def _display() -> Progress:
+    """Return an empty display of progress on standard error; warnings written meanwhile appear above it."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(file=sys.stderr, force_terminal=True, no_color=not coloured(sys.stderr), legacy_windows=False)
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.completed:,.0f} {task.fields[unit]}s"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        redirect_stdout=False,
+    )
 
 
 def following(bar: Bar, every: int = 1) -> Callable[[str, int, int], None]:
@@ -250,7 +330,7 @@ def following(bar: Bar, every: int = 1) -> Callable[[str, int, int], None]:
         nonlocal shown
         if done - shown >= every or done >= whole:
             bar.total = whole or None
-            bar.set_description_str(what, refresh=False)
+            bar.describe(what)
             bar.update(done - shown)
             shown = done
 

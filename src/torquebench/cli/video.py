@@ -2,129 +2,156 @@
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from torquebench.cli.options import check_out
+import click
+
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, Number, Words, argument, check_out, option, out_file, refuse
 from torquebench.cli.run_folder import read_run
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
-from torquebench.errors import ConfigError, Problem, TorquebenchError
-from torquebench.experiment.folder import read_result
-from torquebench.experiment.run import ExperimentResult
-from torquebench.experiment.store import atomic_write, check_run
-from torquebench.report.run import rewrite_page
-from torquebench.video.film import FILM, Made, keep_failure, keep_film, make_film
-from torquebench.video.settings import Settings
-from torquebench.video.stored import Footage, model_changed, read_footage
+from torquebench.errors import TorquebenchError
 
-SHOWN = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
-"""What the table says of a film or a picture."""
+if TYPE_CHECKING:
+    from torquebench.experiment.run import ExperimentResult
+    from torquebench.video.film import Film
+    from torquebench.video.job import Footage, Settings
+
+COLUMNS = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
+"""Facts of a film or a picture that the table shows."""
 
 
-def video(options: argparse.Namespace) -> int:
-    """Make the film of a stored run; return 0.
+class Size(click.ParamType[tuple[int, int]]):
+    """Width and height of a frame."""
 
-    Args:
-        options: Arguments of the command; see ``torquebench video --help``.
+    name = "size"
 
-    Raises:
-        ConfigError: bad arguments; nothing has been written.
-        VideoError: it cannot be made.
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Return the two numbers."""
+        width, _, height = str(value).partition("x")
+        if not (width.isdecimal() and height.isdecimal() and len(str(value)) < 14):
+            self.fail(f"got '{value}', wanted WIDTHxHEIGHT, for example 640x480", param, ctx)
+        return int(width), int(height)
+
+
+@command(example="torquebench video runs/one --speed 0.5")
+@argument("run", type=File(folders=True), metavar="RUN", help="folder that `run` left")
+@option(
+    "--quality",
+    default="fast",
+    shell_complete=lambda context, parameter, typed: [word for word in ("fast", "pretty") if word.startswith(typed)],
+    help="fast, or pretty: with shadows, many times as slow",
+)
+@option(
+    "--size", type=Size(), default="640x480", metavar="WIDTHxHEIGHT", help="of a frame, even numbers (default 640x480)"
+)
+@option("--speed", type=Number(float), default=1.0, help="simulated seconds in one second (default 1)")
+@option("--camera", help="a camera of the arm, by name (default: its first)")
+@option("--controllers", type=Words(), metavar="NAME,NAME", help="those to show, in this order (default: all)")
+@option("--still", type=Number(float), metavar="SECONDS", help="one picture of this time, PNG; needs --out")
+@out_file(help="file to write, .mp4, or .png of a picture (default: RUN/video.mp4)")
+@click.pass_obj
+def video(
+    gl: str | None,
+    /,
+    run: Path,
+    quality: Any,
+    size: tuple[int, int],
+    speed: float,
+    camera: str | None,
+    controllers: Sequence[str] | None,
+    still: float | None,
+    out: Path | None,
+) -> int:
+    """Make the film of a stored run.
+
+    Nothing is simulated: the film shows the stored trajectories, one panel for each controller.
     """
-    settings = Settings(options.quality, options.size, options.speed, options.camera)
-    if options.still is not None and options.out is None:
-        raise ConfigError([Problem("--still", "", "wanted --out FILE as well, for the picture")])
-    if options.still is not None and not options.still >= 0.0:
-        raise ConfigError([Problem("--still", "", f"got {options.still:g}, wanted a time of the run [s]")])
-    check_out(options.out)
-    check_ending(options.out, options.still is not None)
-    manifest = read_run(options.run, "video", lambda folder: check_run(folder, leave_out=(FILM,)))
-    footage = read_run(options.run, "video", lambda folder: read_footage(folder, options.controllers))
-    if options.still is not None and options.still > footage.duration:
-        message = f"got {options.still:g}, wanted a time of the run, 0 to {footage.duration:g} s"
-        raise ConfigError([Problem("--still", "", message)])
+    if still is not None and out is None:
+        refuse([("--still", "wanted --out FILE as well, for the picture")])
+    if still is not None and not still >= 0.0:
+        refuse([("--still", f"got {still:g}, wanted a time of the run [s]")])
+    check_out(out)
+    _check_suffix(out, still is not None)
+    from torquebench.experiment.store import atomic_write, check_run
+    from torquebench.video.film import FILM, keep_film, model_changed, read_footage
+    from torquebench.video.job import Settings
+
+    manifest = read_run(run, "video", lambda folder: check_run(folder, leave_out=(FILM,)))
+    footage = read_run(run, "video", lambda folder: read_footage(folder, controllers or ()))
+    if still is not None and still > footage.duration:
+        refuse([("--still", f"got {still:g}, wanted a time of the run, 0 to {footage.duration:g} s")])
     if model_changed(footage, manifest):
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; the film shows it as it is now")
-    made = film(footage, settings, options.gl, options.still)
-    if options.out is None:
-        path = keep_film(options.run, made)
+    film = _draw(footage, Settings(quality, size, speed, camera), gl, still)
+    if out is None:
+        path = keep_film(run, film)
     else:
-        path = options.out
-        atomic_write(path, made.content)
-    announce(path, made)
-    shown = {key: made.facts[key] for key in SHOWN if key in made.facts}
-    say("\n" + table(list(shown), [[_text(value) for value in shown.values()]]))
+        path = out
+        atomic_write(path, film.content)
+    _announce(path, film)
+    facts = {key: film.facts[key] for key in COLUMNS if key in film.facts}
+    cells = [" x ".join(map(str, x)) if isinstance(x, list | tuple) else str(x) for x in facts.values()]
+    say("\n" + table(list(facts), [cells]))
     return 0
 
 
-def check_ending(out: Path | None, picture: bool) -> None:
-    """Refuse a file whose name promises another format than is written.
-
-    Args:
-        out: The file; None for the film of the run's folder.
-        picture: Whether one picture is made, not a film.
-
-    Raises:
-        ConfigError: the name ends otherwise.
-    """
+def _check_suffix(out: Path | None, picture: bool) -> None:
+    """Refuse a file whose name promises another format than is written."""
     wanted, what = (".png", "a picture of --still is PNG") if picture else (".mp4", "a film is MP4")
     if out is not None and out.suffix.lower() != wanted:
         other = "" if picture else " (one picture: --still SECONDS --out FILE.png)"
-        message = f"got {out}, wanted a name that ends in {wanted}: {what} and nothing else{other}"
-        raise ConfigError([Problem("--out", "", message)])
+        refuse([("--out", f"got {out}, wanted a name that ends in {wanted}: {what} and nothing else{other}")])
 
 
-def _text(value: object) -> str:
-    return " x ".join(str(part) for part in value) if isinstance(value, list | tuple) else str(value)
+def _draw(footage: Footage, settings: Settings, gl: str | None, still: float | None = None) -> Film:
+    """Make a film, or one picture, with a progress bar."""
+    from torquebench.video.film import make_film
 
-
-def film(footage: Footage, settings: Settings, gl: str | None, still: float | None = None) -> Made:
-    """Make a film, or one picture, with a progress bar.
-
-    Args:
-        footage: What it is made of.
-        settings: What it looks like.
-        gl: The user's MUJOCO_GL.
-        still: Time of the picture [s].
-    """
     with progress_bar(0, "frame", "looking for what draws") as bar:
 
         def report(done: int, total: int) -> None:
             bar.total = total
-            bar.set_description_str("film", refresh=False)
+            bar.describe("film")
             bar.update(1)
 
         return make_film(footage, settings, gl, still=still, progress=report)
 
 
-def announce(path: Path, made: Made) -> None:
+def _announce(path: Path, film: Film) -> None:
     """Say what was made, what drew it and why, and what to install for a better one."""
-    facts = made.facts
+    facts = film.facts
     tell(film=facts | {"file": path})
-    what = f"{facts['frames']} frames, {facts['seconds']:g} s" if "frames" in facts else f"t = {facts['at']:g} s"
-    say(
-        f"{'film' if 'frames' in facts else 'picture'}: {path} ({what}; drawn by {facts['backend']}: {facts['reason']})"
-    )
-    if made.advice:
-        warn(f"torquebench: drawn as a stick figure; for the whole arm: {made.advice}")
+    is_film = "frames" in facts
+    size = f"{facts['frames']} frames, {facts['seconds']:g} s" if is_film else f"t = {facts['at']:g} s"
+    say(f"{'film' if is_film else 'picture'}: {path} ({size}; drawn by {facts['backend']}: {facts['reason']})")
+    if film.advice:
+        warn(f"torquebench: drawn as a stick figure; for the whole arm: {film.advice}")
 
 
 def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
-    """Make the film that a run's config asks for, and show it on the run's page; a failure is told and recorded.
+    """Make the film that a run's config asks for, and show it on the run's page; report and record a failure.
 
     Args:
         result: The run, whose folder is finished.
         folder: Its folder.
         gl: The user's MUJOCO_GL.
     """
+    from torquebench.experiment.folder import read_result
+    from torquebench.report.run import rewrite_page
+    from torquebench.video.film import keep_failure, keep_film, read_footage
+    from torquebench.video.job import Settings
+
     keys = result.experiment.video
     if keys is None:
         return
     try:
-        made = film(read_footage(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
-        announce(keep_film(folder, made), made)
+        film = _draw(read_footage(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
+        _announce(keep_film(folder, film), film)
         rewrite_page(folder, read_result(folder))
-    except Exception as error:  # noqa: BLE001  whatever it is, the run stands as it is
+    except Exception as error:  # noqa: BLE001  whatever it is, the run is complete without its film
         tell(film={"failed": str(error)})
         complain(f"torquebench: the run is complete, its film failed: {error}")
         try:

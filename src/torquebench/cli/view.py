@@ -2,96 +2,73 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import threading
 import webbrowser
+from collections.abc import Sequence
 from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+from torquebench.cli.app import command
+from torquebench.cli.parameters import File, Number, Words, argument, option, refuse
 from torquebench.cli.run_folder import read_run
 from torquebench.cli.terminal import answer, complain, say, tell, warn
-from torquebench.errors import ConfigError, Problem, VideoError
-from torquebench.experiment.store import check_run
-from torquebench.sim.trajectory import load_trajectory
-from torquebench.video.child import run_module
-from torquebench.video.job import Job
-from torquebench.video.settings import FASTEST, SLOWEST, Settings
-from torquebench.video.stored import Footage, model_changed, read_footage
-from torquebench.view.replay import replay_json
-from torquebench.view.server import HOST, serve
+from torquebench.errors import VideoError
+
+if TYPE_CHECKING:
+    from torquebench.video.job import Footage
 
 SILENCE = 60.0
 """Longest time that the window's process may send nothing [s]."""
-TRIAL = 30.0
-"""Longest time that opening a hidden window may take [s]."""
 
 
-def view(options: argparse.Namespace) -> int:
-    """Replay a stored run until the window is closed or the user interrupts; return 0.
+@command(example="torquebench view runs/one --browser")
+@argument("run", type=File(folders=True), metavar="RUN", help="folder that `run` left")
+@option("--controllers", type=Words(), metavar="NAME,NAME", help="those to show, in this order (default: all)")
+@option("--browser", is_flag=True, help="in the browser, even where a window opens")
+@option("--no-open", is_flag=True, help="print the page's address; do not open the browser")
+@option("--speed", type=Number(float, 0.001, 1000), help="simulated seconds in one second, at first (default 1)")
+@option("--port", type=Number(int, 0, 65535), help="port of the page, for a tunnel (default: a free one)")
+def view(
+    run: Path,
+    controllers: Sequence[str] | None,
+    browser: bool,
+    no_open: bool,
+    speed: float | None,
+    port: int | None,
+) -> int:
+    """Replay a stored run, to look at it from all sides.
 
-    Args:
-        options: Arguments of the command; see ``torquebench view --help``.
-
-    Raises:
-        ConfigError: bad arguments.
-        ModelError: the arm no longer exists.
+    MuJoCo's viewer is used where a window opens, else a page in the browser, served to this machine alone until Ctrl-C.
     """
-    speed, port = options.speed or 1.0, options.port or 0
-    check_options(options.speed, port)
-    manifest = read_run(options.run, "view", check_run)
-    footage = read_run(options.run, "view", lambda folder: read_footage(folder, options.controllers))
+    from torquebench.experiment.store import check_run
+    from torquebench.video.film import model_changed, read_footage
+    from torquebench.video.opengl import probe_window
+
+    manifest = read_run(run, "view", check_run)
+    footage = read_run(run, "view", lambda folder: read_footage(folder, controllers or ()))
     if model_changed(footage, manifest):
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; it is shown as it is now")
-    in_browser = options.browser or options.no_open or port > 0
     try:
-        if not in_browser and window_opens() and show_window(footage, speed):
-            return 0
-        serve_page(footage, speed, port, open_browser=not options.no_open)
+        if not (browser or no_open or port):
+            if why := probe_window():
+                say(f"in the browser, as no window opens here ({why})")
+            elif _show_window(footage, speed or 1.0):
+                return 0
+        _serve_page(footage, speed or 1.0, port or 0, open_browser=not no_open)
     except KeyboardInterrupt:
         say()
     return 0
 
 
-def check_options(speed: float | None, port: int) -> None:
-    """Refuse an impossible speed or port.
+def _show_window(footage: Footage, speed: float) -> bool:
+    """Replay a run in MuJoCo's viewer until it is closed; return whether that worked, and say why if it did not."""
+    from torquebench.video.job import Job, Settings
+    from torquebench.video.opengl import run_module
 
-    Args:
-        speed: Value of ``--speed``; None if it was not given.
-        port: Value of ``--port``; 0 for a free one.
-
-    Raises:
-        ConfigError: at least one is impossible; all are listed.
-    """
-    problems = []
-    if speed is not None and not SLOWEST <= speed <= FASTEST:
-        problems.append(Problem("--speed", "", f"got {speed:g}, wanted {SLOWEST:g} to {FASTEST:g}"))
-    if not 0 <= port <= 65535:
-        problems.append(Problem("--port", "", f"got {port}, wanted 1 to 65535, or 0 for a free one"))
-    if problems:
-        raise ConfigError(problems)
-
-
-def window_opens() -> bool:
-    """Try to open a hidden window; if it fails, say why the browser is used instead."""
-    try:
-        reply = run_module("torquebench.view.display", "", "off", TRIAL)
-        opens, why = bool(reply.get("ok")), str(reply.get("why", ""))
-    except VideoError as error:
-        opens, why = False, f"its trial {error}"
-    if not opens:
-        say(f"in the browser, as no window opens here ({why})")
-    return opens
-
-
-def show_window(footage: Footage, speed: float) -> bool:
-    """Replay a run in MuJoCo's viewer until it is closed; return whether that worked, and say why if it did not.
-
-    Args:
-        footage: The run.
-        speed: Simulated seconds shown in one second.
-    """
-    job = Job(footage.model, footage.title, footage.shots, footage.control_period, Settings(speed=speed), "window", "")
+    job = Job(footage, Settings(speed=speed))
     say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")
     try:
         reply = run_module("torquebench.view.window", job.to_json(), "glfw", SILENCE)
@@ -102,20 +79,12 @@ def show_window(footage: Footage, speed: float) -> bool:
     return "failed" not in reply
 
 
-def serve_page(footage: Footage, speed: float, port: int, open_browser: bool) -> None:
-    """Serve the replay page, print its address, open the browser, and wait for an interrupt.
-
-    Args:
-        footage: The run.
-        speed: Simulated seconds shown in one second at the start.
-        port: Port of the page; 0 for a free one.
-        open_browser: Whether to open the browser where that does not take over the terminal.
-
-    Raises:
-        ConfigError: the port is taken.
-        KeyboardInterrupt: always, in the end.
-    """
+def _serve_page(footage: Footage, speed: float, port: int, open_browser: bool) -> None:
+    """Serve the replay page, print its address, open the browser, and wait for an interrupt."""
     from torquebench.report.figures.style import COLOURS
+    from torquebench.sim.trajectory import load_trajectory
+    from torquebench.view.replay import replay_json
+    from torquebench.view.server import HOST, serve
 
     runs = [load_trajectory(shot.trajectory) for shot in footage.shots]
     replay = replay_json(footage, runs, COLOURS, speed)
@@ -123,7 +92,7 @@ def serve_page(footage: Footage, speed: float, port: int, open_browser: bool) ->
         try:
             address = stack.enter_context(serve(replay, port))
         except OSError as error:
-            raise ConfigError([Problem("--port", "", f"{HOST}:{port} cannot be used ({error.strerror})")]) from error
+            refuse([("--port", f"{HOST}:{port} cannot be used ({error.strerror})")])
         tell(address=address)
         answer(f"view: {address}")
         say("Ctrl-C ends it")

@@ -1,10 +1,10 @@
 """Experiments as YAML files: strict reading, resolved writing, and the schema of every key."""
 
+from torquebench.experiment.config import load_experiment, parse_experiment
 from torquebench.experiment.dump import config_hash, dump_experiment
-from torquebench.experiment.law_schema import experiment_json_schema
-from torquebench.experiment.load import load_experiment, parse_experiment
+from torquebench.experiment.reference import experiment_json_schema
 from torquebench.experiment.schema import Controller, Experiment
-from torquebench.experiment.values import as_vector
+from torquebench.keys import as_vector
 
 __all__ = [
     "Controller",

@@ -13,11 +13,12 @@ from torquebench import references
 from torquebench.disturbances import Stream, band_limited_noise, bias, generator, sinusoid
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment import schema
-from torquebench.experiment.fuzzy_system import systems_of
+from torquebench.experiment.fuzzy_schema import fuzzy_system
 from torquebench.experiment.scenario_schema import BandLimitedNoise, Bias, Mismatch, Sinusoid
 from torquebench.experiment.scenario_schema import Chain as ChainKeys
-from torquebench.experiment.values import as_vector
+from torquebench.fuzzy import BUILTIN, FuzzySystem, builtin_system
 from torquebench.kernel import Array
+from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource
 from torquebench.robot import RobotModel, load_model
@@ -124,6 +125,21 @@ class Builder:
         del kept[: max(0, len(kept) - most + 1)]
         kept.append((key, value))
         return value
+
+
+def systems_of(experiment: schema.Experiment) -> dict[str, FuzzySystem]:
+    """Return the fuzzy systems of an experiment by name: its own, and the built-in ones that its controllers use."""
+    used = names_used(experiment)
+    own = {name: fuzzy_system(name, keys) for name, keys in experiment.fuzzy.items()}
+    return own | {name: builtin_system(name) for name in BUILTIN if name in used}
+
+
+def names_used(experiment: schema.Experiment) -> list[str]:
+    """Return the names of the fuzzy systems that an experiment's controllers use: those chosen, and the laws' own."""
+    controllers = experiment.controllers
+    chosen = [c.fuzzy for c in controllers if c.fuzzy is not None]
+    fixed = [own.system for c in controllers for own in find_law(c.law).fixed.values()]
+    return list(dict.fromkeys(chosen + fixed))
 
 
 def build(experiment: schema.Experiment) -> Loop:

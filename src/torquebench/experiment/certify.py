@@ -10,14 +10,16 @@ import numpy as np
 from torquebench.certificates import Certificate, Phases, SlidingLaw, certify, required_gain
 from torquebench.experiment import schema
 from torquebench.experiment.build import Loop, payload_of, plant_factors
-from torquebench.experiment.values import as_vector
+from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
+from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
 from torquebench.robot.perturbation import perturbed
 from torquebench.sim.trajectory import Trajectory
+from torquebench.timing import whole_steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,7 @@ def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
     first, later = phases(model, payload)
     if payload is None or later is None:
         return first
-    return Phases(first, later, schema.whole_steps(payload.at, experiment.run.control_period))
+    return Phases(first, later, whole_steps(payload.at, experiment.run.control_period))
 
 
 def resistance(experiment: schema.Experiment, qd: Array) -> Array:
@@ -68,7 +70,7 @@ def resistance(experiment: schema.Experiment, qd: Array) -> Array:
     return -(as_vector(friction.viscous, n) * qd + as_vector(friction.coulomb, n) * rising)
 
 
-def sliding_law(keys: schema.Controller, loop: Loop, n: int) -> SlidingLaw | None:
+def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
     """Return what a controller's certificates need, or None where they are not defined for its law.
 
     They are for laws with a slope ``lam``, a switching gain ``k`` that acts, and the surface s = de + lambda e, whose

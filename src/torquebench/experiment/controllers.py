@@ -1,132 +1,113 @@
-"""Checking the list of controllers: each against the keys, options and gains of the law it names."""
+"""A controller in a config: its own keys, and those that its law declares."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+import functools
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
-from torquebench.experiment.document import BROKEN, Document, KeyPath
-from torquebench.experiment.fuzzy_checks import check_fuzzy_name
-from torquebench.experiment.law_schema import OWN_KEYS, gains_model, law_model
-from torquebench.experiment.schema import MAX_CONTROLLERS, Controller, ControllerKeys
-from torquebench.experiment.sections import Checked, as_mapping, check_tagged, check_value, nearest_key
-from torquebench.experiment.values import Vector, shown
+import torquebench.laws  # noqa: F401  (registers the built-in laws)
+from torquebench.experiment.groups import SLUG, EachJoint, Group, OneOf, Spec, option_type, spec_of
+from torquebench.fuzzy import BUILTIN
+from torquebench.keys import Key, Vector, declared_keys
+from torquebench.laws.declare import RESERVED, Gain
 from torquebench.laws.law import Law, find_law, law_names
 
-TAKEN = frozenset({"figures"})  # each controller has a folder of its name beside this one
+MAX_CONTROLLERS = 64
 
 
-def check_controllers(document: Document, path: KeyPath, raw: Any) -> list[Checked[ControllerKeys]]:
-    """Return what could be made of each controller; the gains of each are under ``values['gains']``."""
-    if not isinstance(raw, list) or not raw:
-        if raw is not BROKEN:
-            document.add(path, f"got {shown(raw)}, wanted a list of at least one controller")
-        return []
-    if len(raw) > MAX_CONTROLLERS:
-        document.add(path, f"got {len(raw)} controllers, wanted at most {MAX_CONTROLLERS}")
-    found = [_check_controller(document, (*path, i), item) for i, item in enumerate(raw[:MAX_CONTROLLERS])]
-    controllers = [controller for controller in found if controller is not None]
-    first: dict[str, KeyPath] = {}
-    for controller in controllers:
-        name = controller.values.get("name")
-        if name in first:
-            where = document.where(document.place(first[name]))
-            document.add((*controller.path, "name"), f"'{name}' is already the name of another controller ({where})")
-        elif name in TAKEN:
-            message = f"a controller may not be called '{name}': in the run's folder, that is the figures' folder"
-            document.add((*controller.path, "name"), message)
-        elif name is not None:
-            first[name] = (*controller.path, "name")
-    return controllers
+@dataclass(frozen=True)
+class Controller:
+    """One controller: a law, the choices that set its form, and its gains."""
+
+    name: Annotated[
+        str, Key("Name of the controller, unique in the file; also the name of its folder, so not figures"), SLUG
+    ]
+    law: Annotated[str, Key("Name of the torque law")]
+    options: dict[str, str | bool]
+    """Option name -> value; in the file at the controller's level."""
+    gains: dict[str, Vector]
+    """Gain name -> one number, or one for each joint."""
+    expect: Annotated[
+        Literal["completed", "failed"],
+        Key(
+            "Outcome that counts as right; failed makes a failing run the expected outcome, and one that completes the "
+            "wrong one"
+        ),
+    ] = "completed"
+    fuzzy: str | None = None
+    """Name of the law's fuzzy system, of a law that has one."""
 
 
-def build_controller(checked: Checked[ControllerKeys]) -> Controller:
-    """Return a controller that was found to have no mistakes."""
-    values = checked.values
-    common = {key: values[key] for key in ControllerKeys.model_fields}
-    options = {key: value for key, value in values.items() if key not in OWN_KEYS}
-    fuzzy = values.get("fuzzy") if find_law(values["law"]).fuzzy_problem(options) is None else None
-    return Controller(**common, options=options, gains=values["gains"], fuzzy=fuzzy)
+OWN_KEYS = tuple(declared.name for declared in declared_keys(Controller))
+"""Keys that every controller has, whatever its law."""
 
 
-def _check_controller(document: Document, path: KeyPath, raw: Any) -> Checked[ControllerKeys] | None:
-    raw_gains: list[Any] = []
+class Laws(OneOf):
+    """A controller, whose law decides which options and gains there are."""
 
-    def keep(here: KeyPath, value: Any) -> Any:
-        raw_gains.append(value)
-        return BROKEN
+    def __init__(self) -> None:
+        self.tag, self.meaning = "law", "Name of the torque law."
+        self.more = "a law of your own needs --plugin FILE, the file that registers it"
 
-    def elsewhere(key: str) -> str | None:
-        name = raw.get("law")
-        is_gain = name in law_names() and key in find_law(name).gains
-        return f"is a gain of law '{name}': write it under gains" if is_gain else None
+    def names(self) -> tuple[str, ...]:
+        """Names of the registered laws."""
+        return law_names()
 
-    checked = check_tagged(
-        document,
-        path,
-        raw,
-        "law",
-        ControllerKeys,
-        _LawModels(),
-        {"gains": keep, "fuzzy": lambda here, value: check_fuzzy_name(document, here, value)},
-        noun="key or option",
-        elsewhere=elsewhere,
-        more="; a law of your own needs --plugin FILE, the file that registers it",
-    )
-    if checked is None or checked.model is None:
-        return checked
-    law = find_law(checked.values["law"])
-    judged = all(rules.only_with is None or rules.only_with[0] in checked.values for rules in law.rules.values())
-    if "fuzzy" in checked.given and judged and (problem := law.fuzzy_problem(checked.values)):
-        document.add((*path, "fuzzy"), problem, at="key")
-    gains = {}
-    if raw_gains or "gains" in checked.values:
-        gains = _check_gains(document, (*path, "gains"), raw_gains[0] if raw_gains else {}, law, checked.values)
-    return Checked(path, checked.model, {**checked.values, "gains": gains}, checked.given)
+    def group(self, name: str) -> Group:
+        """Return the keys of a controller with a law of this name."""
+        return _group(find_law(name))
 
 
-class _LawModels(Mapping[str, type[ControllerKeys]]):
-    """Registered laws by name, as models that are made when first needed."""
-
-    def __getitem__(self, name: str) -> type[ControllerKeys]:
-        return law_model(find_law(name))
-
-    def __contains__(self, name: object) -> bool:
-        return name in law_names()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(law_names())
-
-    def __len__(self) -> int:
-        return len(law_names())
+LAWS = Laws()
 
 
-def _check_gains(
-    document: Document, path: KeyPath, raw: Any, law: Law, options: Mapping[str, Any]
-) -> dict[str, Vector]:
-    """Return the valid gains; `options` holds the valid options, defaults included."""
-    mapping = as_mapping(document, path, raw, f"a mapping of gains ({', '.join(law.gains)})")
-    if mapping is None:
-        return {}
-    absent = [name for name in law.gains if name not in mapping]
-    meant = set()
-    for key in mapping:
-        if key not in law.gains and not document.full:
-            every = list(law.gains)
-            near, hint = nearest_key(key, every if document.overridden((*path, key)) else absent, every)
-            meant.add(near)
-            is_option = f": '{key}' is an option of the law, write it beside gains" if key in law.options else hint
-            document.add((*path, key), f"unknown gain{is_option}", at="key")
-    gains = {}
-    for name, gain in law.gains.items():
-        judged = gain.only_with is None or gain.only_with[0] in options
-        problem = law.gain_problem(name, name in mapping, options) if judged else None
-        here = (*path, name)
-        if problem is not None:
-            if name in mapping or name not in meant:
-                document.add(here, problem, at="key")
-        elif name in mapping and mapping[name] is not BROKEN:
-            value = check_value(document, here, mapping[name], gains_model(law), name)
-            if value is not BROKEN:
-                gains[name] = value
-    return gains
+@functools.cache
+def _group(law: Law) -> Group:
+    own = {declared.name: spec_of(declared) for declared in declared_keys(Controller)}
+    kind: Any = Literal[law.name]
+    key = Key(f"Name of the torque law. {law.summary.removesuffix('.')}")
+    own["law"] = Spec(key, lambda _: kind, choices=(law.name,))
+    names = ", ".join(f"{key} [{gain.unit}]" for key, gain in law.gains.items())
+    gains = _gains(law)
+    needed = any(spec.required for spec in gains.fields.values())
+    key = Key(f"Gains of the law: {names or 'none'}")
+    own["gains"] = Spec(key, gains.type, own["name"].default if needed else {}, gains)
+    for name, option in law.options.items():
+        choices: tuple[Any, ...] = option.values
+        own[name] = Spec(
+            Key(option.meaning, end=""), functools.partial(_same, option_type(choices)), choices[0], None, choices
+        )
+    for rules in law.rules.values():
+        only = "" if rules.only_with is None else f"; only with {rules.condition}"
+        text = f"{rules.meaning}: a name under the top level's fuzzy, or {', '.join(BUILTIN)}{only}"
+        own["fuzzy"] = Spec(Key(text), functools.partial(_same, str), rules.default)
+
+    def make(values: dict[str, Any]) -> Controller:
+        options = {key: value for key, value in values.items() if key not in RESERVED}
+        fuzzy = values.get("fuzzy") if law.fuzzy_problem(options) is None else None
+        return Controller(values["name"], law.name, options, values["gains"] or {}, values["expect"], fuzzy)
+
+    return Group(law.name, law.summary, own, make, noun="key or option")
+
+
+def _gains(law: Law) -> Group:
+    def make(values: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in values.items() if value is not None}
+
+    fields = {name: _gain(gain) for name, gain in law.gains.items()}
+    return Group(f"{law.name} gains", f"Gains of the law {law.name}.", fields, make, noun="gain")
+
+
+def _gain(gain: Gain) -> Spec:
+    note = "" if gain.only_with is None else f"; only with {gain.condition}"
+    above, at_least = (0, None) if gain.positive else (None, 0)
+    key = Key(gain.meaning, gain.unit, note, above, at_least, end="")
+    vector = functools.partial(_same, Annotated[Any, EachJoint(key)])
+    if gain.only_with is None:
+        return Spec(key, vector, vector=True)
+    return Spec(key, vector, None, vector=True)
+
+
+def _same(kind: Any, describes: bool) -> Any:
+    return kind

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from torquebench.experiment.fuzzy_system import names_used, systems_of
+from torquebench.experiment.build import names_used, systems_of
 from torquebench.experiment.scenario_schema import (
     BandLimitedNoise,
     Bias,
@@ -14,9 +14,9 @@ from torquebench.experiment.scenario_schema import (
     Sinusoid,
 )
 from torquebench.experiment.schema import AnalyticPlant, Experiment, slide_joints
-from torquebench.experiment.values import Vector
 from torquebench.fuzzy import BUILTIN, Prepared, prepare
 from torquebench.fuzzy.lint import lint
+from torquebench.keys import Vector
 
 
 def conditions_text(experiment: Experiment) -> str:

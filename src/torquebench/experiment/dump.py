@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import yaml
 
-from torquebench.experiment.schema import ControllerKeys, Experiment
+from torquebench.experiment.controllers import Controller
+from torquebench.experiment.schema import Experiment
 from torquebench.experiment.yaml_tree import NUMBER
+from torquebench.keys import values_of
 
 
 class _Dumper(yaml.SafeDumper):
@@ -26,21 +30,39 @@ _Dumper.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.012345
 
 def plain(experiment: Experiment) -> dict[str, Any]:
     """Return the resolved experiment as plain values, keys as in the file, every default filled in."""
-    data = experiment.model_dump(mode="json", exclude_none=True)
+    data: dict[str, Any] = plain_values(experiment)
     if not data["fuzzy"]:
         del data["fuzzy"]
-    for controller in data["controllers"]:
-        options, gains = controller.pop("options"), controller.pop("gains")
-        common = {key: controller.pop(key) for key in ControllerKeys.model_fields}
-        expect = common.pop("expect")
-        fuzzy = {"fuzzy": controller.pop("fuzzy")} if "fuzzy" in controller else {}
-        controller.update(common | options | fuzzy | {"gains": gains, "expect": expect})
     return data
+
+
+def plain_values(item: Any) -> Any:
+    """Return an object that declares its keys, or a collection of such, as plain values; keys without one left out."""
+    if isinstance(item, Controller):
+        fuzzy = {} if item.fuzzy is None else {"fuzzy": item.fuzzy}
+        common = {"name": item.name, "law": item.law}
+        return {**common, **item.options, **fuzzy, "gains": plain_values(item.gains), "expect": item.expect}
+    if isinstance(item, Mapping):
+        return {key: plain_values(value) for key, value in item.items()}
+    if isinstance(item, tuple | list):
+        return [plain_values(value) for value in item]
+    if not dataclasses.is_dataclass(item):
+        return item
+    cls: Any = type(item)
+    tags = [cls.tag] if hasattr(cls, "tag") else []
+    found = {tag: getattr(item, tag) for tag in (*tags, *getattr(cls, "also", ()))}
+    found |= {key: plain_values(value) for key, value in values_of(item).items() if value is not None}
+    return found
 
 
 def dump_experiment(experiment: Experiment) -> str:
     """Return the resolved experiment as YAML that loads to an equal experiment."""
-    return yaml.dump(plain(experiment), Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
+    return dump_tree(plain(experiment))
+
+
+def dump_tree(tree: Any) -> str:
+    """Return plain values as YAML that reads back equal."""
+    return yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
 
 
 def config_hash(experiment: Experiment) -> str:

@@ -12,11 +12,12 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from torquebench.errors import ConfigError, ModelError, Problem, ResultError, did_you_mean
 from torquebench.experiment.build import build
 from torquebench.experiment.certify import flags
+from torquebench.experiment.config import load_experiment
 from torquebench.experiment.describe import chain_text, conditions_text, fuzzy_facts, noise_text
 from torquebench.experiment.dump import canonical_hash, dump_experiment
-from torquebench.experiment.load import load_experiment
 from torquebench.experiment.run import ExperimentResult, Joints, joints_in, outcome_facts
 from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import read_document
 from torquebench.experiment.store import (
     EXPERIMENT,
     RunDirectory,
@@ -26,7 +27,6 @@ from torquebench.experiment.store import (
     model_checksums,
     refuse_without_experiment,
 )
-from torquebench.experiment.yaml_source import read_document
 from torquebench.metrics import METRICS, Metric, Metrics
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 

@@ -9,14 +9,15 @@ from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.certificates import Certificate
 from torquebench.disturbances import Stream
+from torquebench.errors import ResultError
 from torquebench.experiment.build import Loop, build, build_chain, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
 from torquebench.experiment.schema import Controller as ControllerKeys
-from torquebench.experiment.schema import Experiment, whole_steps
+from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import machine, model_checksums, versions
-from torquebench.experiment.values import as_vector
+from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
 from torquebench.robot.flat_model import SLIDE
@@ -24,6 +25,7 @@ from torquebench.robot.perturbation import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.sim.session import Controller, PathName, SampledTrial, Session
 from torquebench.sim.trajectory import Trajectory
+from torquebench.timing import whole_steps
 
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with what is being done, how many units of it are done, and of how many; the last is 0 when not known."""
@@ -92,7 +94,13 @@ class ExperimentResult:
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:
-        """Controller name -> its stability certificates over time, by the arm as it is now."""
+        """Controller name -> its stability certificates over time, from its run and the arm.
+
+        Raises:
+            ResultError: the files of the arm are no longer those of the run.
+        """
+        if self.arm_changed:
+            raise ResultError(f"the files of the arm '{self.experiment.plant.model}' have changed since the run")
         return certificates(self.experiment, self.loop, self.runs)
 
     @cached_property
@@ -129,7 +137,9 @@ class ExperimentResult:
 
     @property
     def scenario(self) -> dict[str, Any]:
-        """What was drawn for model and plant, and the step at which the payload was taken up; of a fresh run only."""
+        """What was drawn for model and plant, and the step at which the payload was taken up."""
+        if self.stored is not None:
+            return dict(self.stored.get("scenario", {}))
         experiment, flat, facts = self.experiment, self.loop.model.flat, dict[str, Any]()
         if experiment.model.mismatch is not None:
             if len(flat.constants):

@@ -50,6 +50,11 @@ def sync_folder(path: Path) -> None:
         os.close(folder)
 
 
+def runs_folder() -> Path:
+    """Return where results go that no folder was chosen for: ``runs``, or what TORQUEBENCH_RUNS names."""
+    return Path(os.environ.get("TORQUEBENCH_RUNS") or "runs")
+
+
 def claim_folder(out: Path | None, name: str) -> Path:
     """Create the folder a run will write to and return it; no other run can have claimed it.
 
@@ -80,7 +85,7 @@ def claim_folder(out: Path | None, name: str) -> Path:
     stamp = datetime.datetime.now(datetime.UTC).strftime("%Y%m%dT%H%M%SZ")
     attempt = 1
     while True:
-        folder = Path("runs") / (f"{name}-{stamp}" + (f"-{attempt}" if attempt > 1 else ""))
+        folder = runs_folder() / (f"{name}-{stamp}" + (f"-{attempt}" if attempt > 1 else ""))
         if not folder.exists():
             try:
                 return claim_folder(folder, name)

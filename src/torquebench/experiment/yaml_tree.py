@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
-from torquebench.experiment.document import BROKEN, Document, KeyPath, Place, shortened
+KeyPath: TypeAlias = tuple[str | int, ...]
 
 MAX_DEPTH = 32
-MAX_VALUES = 50_000
+MAX_VALUES = 20_000
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DIGITS = r"(?:0|[1-9][0-9]*)"
@@ -33,44 +33,110 @@ FORBIDDEN = re.compile(
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
 
+class Broken:
+    """Stands for a value that could not be read and is already reported; checks pass over it."""
+
+
+BROKEN = Broken()
+
+
+class Place(NamedTuple):
+    """Where a value was written; places sort in reading order, the file before the command line."""
+
+    override: int
+    """0 for the file, else the number of the ``--set`` option, from 1."""
+    line: int = 0
+    """Line, from 1."""
+    column: int = 0
+    """Column, from 1."""
+
+
+class Map(dict[str, Any]):
+    """A mapping that knows where each key and its value were written."""
+
+    __slots__ = ("places",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.places: dict[str, tuple[Place, Place]] = {}
+        """Key -> place of the key, place of its value."""
+
+    def put(self, key: str, value: Any, key_place: Place, value_place: Place) -> None:
+        """Set the value of `key`, which was written at `value_place`; the key itself at `key_place`."""
+        self[key] = value
+        self.places[key] = key_place, value_place
+
+
+class Seq(list[Any]):
+    """A list that knows where each item was written."""
+
+    __slots__ = ("places",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.places: list[Place] = []
+
+
+def copied(node: Any) -> Any:
+    """Return a copy of a tree; places are shared, as they never change."""
+    if isinstance(node, Map):
+        mapping = Map()
+        mapping.update((key, copied(value)) for key, value in node.items())
+        mapping.places = dict(node.places)
+        return mapping
+    if isinstance(node, Seq):
+        items = Seq()
+        items.extend(map(copied, node))
+        items.places = list(node.places)
+        return items
+    return node
+
+
+def shortened(text: str, limit: int = 64) -> str:
+    """Return `text` quoted, on one line, in at most about `limit` characters."""
+    return ascii(text) if len(text) <= limit else ascii(text[:limit]) + "..."
+
+
+Report: TypeAlias = Callable[[KeyPath, str, Place], None]
+"""Records a mistake: the offending key, what is wrong, and where."""
+
+
 class _Stop(Exception):
     """Reading ends here; the reason is already recorded."""
 
 
-def parse_value(document: Document, text: str, path: KeyPath = (), place: Place | None = None) -> Any:
-    """Parse one YAML value; its places and mistakes go into `document`.
+def parse_value(text: str, report: Report, path: KeyPath = (), place: Place | None = None) -> tuple[Any, Place]:
+    """Parse one YAML value.
 
     Args:
-        document: Receives places and mistakes.
         text: The YAML.
-        path: Where in the document the value belongs.
-        place: Where the text was written, when it is not the document's file.
+        report: Receives mistakes.
+        path: Where the value belongs.
+        place: Where the text was written, when it is not a file of its own.
 
     Returns:
-        Nested dict, list, str, int, float, bool and None; BROKEN where a value could not be read.
+        `Map`, `Seq`, str, int, float, bool and None, nested, with BROKEN for what could not be read; and where it was
+        written.
     """
+    start = place or Place(0, 1, 1)
     bad = FORBIDDEN.search(text)
     if bad:
         lines = _LINE_END.split(text[: bad.start()])
         here = place or Place(0, len(lines), len(lines[-1]) + 1)
-        document.add(path, f"has the control character U+{ord(bad.group()):04X}", place=here)
-        return BROKEN
-    builder = _Builder(document, text, place)
+        report(path, f"has the control character U+{ord(bad.group()):04X}", here)
+        return BROKEN, start
+    builder = _Builder(report, text, place)
     try:
         return builder.whole(path)
     except _Stop:
-        return BROKEN
+        pass
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         here = _place(mark)
-        document.add(path, _syntax_message(error, text, here), place=place or here)
-    except (
-        yaml.YAMLError,
-        ValueError,
-        OverflowError,
-    ) as error:  # the last two: PyYAML's own parser on \U escapes
-        document.add(path, "not valid YAML: " + " ".join(str(error).split()), place=place or Place(0, 1, 1))
-    return BROKEN
+        report(path, _syntax_message(error, text, here), place or here)
+    except (yaml.YAMLError, ValueError, OverflowError) as error:  # the last two: PyYAML's own parser on \U escapes
+        report(path, "not valid YAML: " + " ".join(str(error).split()), start)
+    return BROKEN, start
 
 
 def resolve(text: str) -> bool | int | float | str | None:
@@ -111,28 +177,30 @@ def _syntax_message(error: yaml.MarkedYAMLError, text: str, here: Place) -> str:
 class _Builder:
     """Turns the parser's events into values; never deeper than MAX_DEPTH, never more than MAX_VALUES."""
 
-    def __init__(self, document: Document, text: str, place: Place | None) -> None:
-        self._document = document
+    def __init__(self, report: Report, text: str, place: Place | None) -> None:
+        self._report = report
         self._place = place
         self._events: Iterator[yaml.Event] = yaml.parse(text, Loader=_LOADER)
         self._count = 0
 
-    def whole(self, path: KeyPath) -> Any:
+    def whole(self, path: KeyPath) -> tuple[Any, Place]:
         next(self._events)
         if not isinstance(next(self._events), yaml.DocumentStartEvent):
-            return None
-        value = self._value(next(self._events), path, None, 1)
+            return None, self._place or Place(0, 1, 1)
+        event = next(self._events)
+        start = self._here(event)
+        value = self._value(event, path, 1)
         next(self._events)
         more = next(self._events)
         if not isinstance(more, yaml.StreamEndEvent):
             self._add(path, "a second YAML document starts here; one file holds one experiment", more)
-        return value
+        return value, start
 
     def _here(self, event: yaml.Event) -> Place:
         return self._place or _place(event.start_mark)
 
     def _add(self, path: KeyPath, message: str, event: yaml.Event) -> None:
-        self._document.add(path, message, place=self._here(event))
+        self._report(path, message, self._here(event))
 
     def _enter(self, event: yaml.Event, path: KeyPath, depth: int) -> None:
         self._count += 1
@@ -158,18 +226,17 @@ class _Builder:
             )
         return isinstance(event, yaml.AliasEvent) or tag is not None
 
-    def _value(self, event: yaml.Event, path: KeyPath, key: Place | None, depth: int) -> Any:
+    def _value(self, event: yaml.Event, path: KeyPath, depth: int) -> Any:
         self._enter(event, path, depth)
-        if self._place is None:
-            self._document.mark(path, key, self._here(event))
         odd = self._odd(event, path)
         value: Any = BROKEN
         if isinstance(event, yaml.ScalarEvent):
             value = self._scalar(event, path)
         elif isinstance(event, yaml.SequenceStartEvent):
-            value = []
+            value = Seq()
             while not isinstance(item := next(self._events), yaml.SequenceEndEvent):
-                value.append(self._value(item, (*path, len(value)), None, depth + 1))
+                value.places.append(self._here(item))
+                value.append(self._value(item, (*path, len(value)), depth + 1))
         elif isinstance(event, yaml.MappingStartEvent):
             value = self._mapping(path, depth)
         return BROKEN if odd else value
@@ -181,20 +248,20 @@ class _Builder:
             return BROKEN
         return event.value if event.style else resolve(event.value)
 
-    def _mapping(self, path: KeyPath, depth: int) -> dict[str, Any]:
-        values: dict[str, Any] = {}
-        places: dict[str, Place] = {}
+    def _mapping(self, path: KeyPath, depth: int) -> Map:
+        values = Map()
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             key = self._key(event, path, depth)
             if key is None:
                 self._skip(next(self._events), path, depth + 1)
             elif key in values:
-                first = "" if self._place else f" on line {places[key].line}"
+                first = "" if self._place else f" on line {values.places[key][0].line}"
                 self._add((*path, key), f"duplicate key, first given{first}", event)
                 self._skip(next(self._events), path, depth + 1)
             else:
-                places[key] = self._here(event)
-                values[key] = self._value(next(self._events), (*path, key), places[key], depth + 1)
+                value = next(self._events)
+                values.put(key, None, self._here(event), self._here(value))
+                values[key] = self._value(value, (*path, key), depth + 1)
         return values
 
     def _key(self, event: yaml.Event, path: KeyPath, depth: int) -> str | None:

@@ -57,7 +57,7 @@ def _compiled(function: _F, inline: bool) -> _F:
 
 
 def is_foreign(function: Callable[..., Any]) -> bool:
-    """Whether a function is a user's: its indices are checked, those of this package's own kernels are tested."""
+    """True for a user's function, whose indices are checked at run time; this package's own kernels are tested."""
     return not function.__module__.startswith("torquebench.")
 
 

@@ -1,4 +1,4 @@
-"""Compiled kernels on disk: where they lie, and that only intact ones of this user are loaded.
+"""The cache of compiled kernels on disk, which loads only intact files of this user.
 
 numba keeps what it compiles in two kinds of file, an index (``.nbi``) and machine code (``.nbc``), both pickles. Here
 each of them begins with a checksum. A file that is cut short, altered, misplaced or unreadable is deleted and compiled
@@ -37,7 +37,7 @@ CHECKSUM = 32
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Suspend garbage collection: a compiler makes millions of objects that live on, searched in vain."""
+    """Suspend garbage collection: a compiler makes millions of objects that live on, and searching them is wasted."""
     collecting = gc.isenabled()
     gc.disable()
     try:
@@ -60,7 +60,7 @@ class _Locator(UserProvidedCacheLocator):  # type: ignore[misc]
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> _Locator:
-        """Return the locator; unlike numba's, it does not try out for every function whether the folder is writable."""
+        """Return the locator, without numba's test for each function that the folder is writable."""
         return cls(function, file)
 
 
@@ -164,7 +164,7 @@ def _checksum(path: str, content: bytes) -> bytes:
 
 
 def _exposed(status: os.stat_result) -> str:
-    """Return why what has this status must not be trusted; an empty text if only this user can write to it."""
+    """Return why a file or folder must not be trusted; an empty text if only this user can write to it."""
     if not hasattr(os, "geteuid"):
         return ""
     if status.st_uid != os.geteuid():
@@ -173,7 +173,7 @@ def _exposed(status: os.stat_result) -> str:
 
 
 def _say(kind: str, message: str) -> None:
-    """Log a warning, of each kind one in a process."""
+    """Log a warning, at most one of each kind in a process."""
     if kind not in _said:
         _said.add(kind)
         _log.warning("%s", message)

@@ -69,7 +69,7 @@ def layout(structure: type[Any]) -> tuple[dict[str, Field], int]:
     hints = get_type_hints(structure, include_extras=True)
     found: dict[str, Field] = {}
     offset = 0
-    for name in names(structure):
+    for name in field_names(structure):
         kind, dimensions = _kind(f"{structure.__name__}.{name}", hints[name])
         found[name] = Field(kind, dimensions, offset)
         offset += layout(kind)[1] if is_structure(kind) else 1 + dimensions
@@ -77,7 +77,7 @@ def layout(structure: type[Any]) -> tuple[dict[str, Field], int]:
     return found, offset
 
 
-def names(cls: type[Any]) -> tuple[str, ...]:
+def field_names(cls: type[Any]) -> tuple[str, ...]:
     """Return the names of a structure's fields, in order."""
     if issubclass(cls, tuple):
         return tuple(cls._fields)  # type: ignore[attr-defined]
@@ -85,7 +85,7 @@ def names(cls: type[Any]) -> tuple[str, ...]:
 
 
 def is_structure(kind: Any) -> bool:
-    """Whether a class is a structure's."""
+    """True if a class describes a structure: a `Structure` or a NamedTuple."""
     return isinstance(kind, type) and (issubclass(kind, Structure) or hasattr(kind, "_fields"))
 
 
@@ -166,7 +166,7 @@ class Structure:
 
     @cached_property
     def address(self) -> int:
-        """Address of the table, for compiled code; made when it is first asked for."""
+        """Address of the table, for compiled code; built on first use."""
         table = np.array(words(self), dtype=np.int64)
         object.__setattr__(self, "_table", table)  # kept alive
         return int(table.ctypes.data)
@@ -185,7 +185,7 @@ class StructureType(types.Type):  # type: ignore[misc]
 
     @property
     def key(self) -> Any:
-        """What makes two types the same."""
+        """Types with equal keys are the same type."""
         return self.cls
 
 
@@ -288,7 +288,7 @@ def vector(typingctx: Any, address: Any, length: Any) -> Any:
     return kind(types.int64, types.int64), build
 
 
-def at(cls: type[Any]) -> Any:
+def structure_at(cls: type[Any]) -> Any:
     """Return a function for compiled code that makes the structure of class `cls` whose table lies at an address."""
 
     @intrinsic

@@ -1,4 +1,4 @@
-"""How a law declares what its gains, choices and fuzzy systems are: the notes on the fields of its gains."""
+"""Declaring a law's gains, options and fuzzy systems: annotations on the fields of its gains class."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ def _condition(only_with: tuple[str | bool, ...] | None) -> str:
 
 
 class Gain(NamedTuple):
-    """What a vector gain means: shown in help, checked when a config is read."""
+    """Meaning, unit and range of a vector gain: shown in help, checked when a config is read."""
 
     meaning: str
-    """What the gain does, in words."""
+    """Effect of the gain, in words."""
     unit: str
     """SI unit; ``1`` for a pure number."""
     positive: bool = True
-    """Whether zero is refused too (negative gains always are)."""
+    """Refuse zero too; negative gains are always refused."""
     only_with: tuple[str | bool, ...] | None = None
     """(option, value, ...): the gain has an effect with these values of the option only, and is refused with others."""
 
     def acts(self, chosen: Mapping[str, str | bool]) -> bool:
-        """Whether the gain has an effect under the chosen options."""
+        """True if the gain has an effect under the chosen options."""
         return _acts(self.only_with, chosen)
 
     @property
     def condition(self) -> str:
-        """What `only_with` asks for, as in a config."""
+        """The condition of `only_with`, as written in a config."""
         return _condition(self.only_with)
 
 
@@ -48,7 +48,7 @@ class Option(NamedTuple):
     """A choice that changes the law's form; the law receives 1 or 0 for a boolean, else the value's index."""
 
     meaning: str
-    """What is chosen, in words."""
+    """The choice, in words."""
     values: tuple[str | bool, ...]
     """Accepted values; the first is the default."""
 
@@ -57,22 +57,22 @@ class Rules(NamedTuple):
     """The law's fuzzy system: a field of type `Fis`, at most one; a config chooses the system by name."""
 
     meaning: str
-    """What its output does, in words."""
+    """Effect of its output, in words."""
     inputs: Callable[[Any, int, float, float], tuple[float, float]] | None = None
     """Kernel (gains, joint, e, de) -> the system's two normalised inputs, by which the law scales them. Figures use it
     to tell which rules fired; without it they do not."""
     default: str = DEFAULT
     """Built-in system that the law has where a config names none."""
     only_with: tuple[str | bool, ...] | None = None
-    """As of a gain: the system has an effect with these values of the option only, and is refused with others."""
+    """As for a gain: the system has an effect with these values of the option only, and is refused with others."""
 
     def acts(self, chosen: Mapping[str, str | bool]) -> bool:
-        """Whether the system has an effect under the chosen options."""
+        """True if the system has an effect under the chosen options."""
         return _acts(self.only_with, chosen)
 
     @property
     def condition(self) -> str:
-        """What `only_with` asks for, as in a config."""
+        """The condition of `only_with`, as written in a config."""
         return _condition(self.only_with)
 
 
@@ -80,7 +80,7 @@ class FixedRules(NamedTuple):
     """Another fuzzy system of the law, a field of type `Fis` that a config does not choose; any number of them."""
 
     meaning: str
-    """What its output does, in words."""
+    """Effect of its output, in words."""
     system: str
     """Name of the built-in system."""
 

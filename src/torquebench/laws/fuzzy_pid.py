@@ -66,7 +66,7 @@ class IntegralMemory(NamedTuple):
 
 @kernel
 def integrate(integral: Array, joint: int, e: float, scale: float, control_period: float) -> None:
-    """Add the error to its integral, unless that is already beyond what the fuzzy system tells apart.
+    """Integrate the error, unless the integral already lies beyond the fuzzy system's range.
 
     Args:
         integral: Integral of the error, (n,) [rad s]; written.

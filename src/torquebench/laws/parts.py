@@ -28,7 +28,7 @@ UseModel: TypeAlias = Annotated[
     ),
 ]
 WITHOUT_MODEL, WITH_MODEL, MEASURED = 0, 1, 2
-"""What the option `UseModel` is to a law."""
+"""Values of the option `UseModel` as a law receives them."""
 
 
 @kernel

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import sys
 from pathlib import Path
 
 from torquebench.errors import ConfigError, ControllerError, Problem, RegistryError, did_you_mean_path
 from torquebench.laws.law import law_names
-from torquebench.registry import registered_by
+from torquebench.registry import registered_by, registering_again
 
 PYTHON = r"\.py"
-"""What a plug-in's name ends in, a regular expression."""
+"""Ending of a plug-in's file name, a regular expression."""
 
 
 def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
     """Run a Python file that registers laws, metrics or figures, and return the names of the laws it added.
+
+    A file that was loaded before is run again, and what it registers now replaces what it registered then.
 
     Args:
         path: The file; its code runs with the user's rights.
@@ -24,7 +27,15 @@ def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
     Raises:
         ConfigError: the file cannot be read, raises, or registers nothing.
     """
-    before, name = set(law_names()), f"torquebench_plugin_{path.stem.replace('-', '_')}"
+    name = f"torquebench_plugin_{path.stem.replace('-', '_')}"
+    loaded = getattr(sys.modules.get(name), "__file__", None)
+    again = loaded is not None and path.exists() and Path(loaded).resolve() == path.resolve()
+    with registering_again(name) if again else contextlib.nullcontext():
+        return _load(path, where, name)
+
+
+def _load(path: Path, where: str, name: str) -> tuple[str, ...]:
+    before = set(law_names())
     try:
         spec = importlib.util.spec_from_file_location(name, path)
         if not path.exists():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from torquebench.errors import ResultError
@@ -53,7 +54,7 @@ def grid() -> tuple[Experiment, list[tuple[float, float, float]]]:
             gains["phi"] = phi
         options = band.options | {"switching": "saturation" if phi > 0.0 else "sign"}
         controllers.append(Controller(name=f"p{index}", law=band.law, options=options, gains=gains))
-    return experiment.model_copy(update={"controllers": tuple(controllers)}), choices
+    return replace(experiment, controllers=tuple(controllers)), choices
 
 
 def study(draws: int, workers: int, progress: Callable[[str, int], None] | None = None) -> list[Point]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -111,7 +111,7 @@ def draws_of(
 
     def trials() -> Iterator[SampledTrial]:
         for draw in range(draws):
-            here = experiment.model_copy(update={"run": experiment.run.model_copy(update={"draw": draw})})
+            here = replace(experiment, run=replace(experiment.run, draw=draw))
             there = redrawn(here, loop)
             for keys, controller in zip(here.controllers, there.controllers, strict=True):
                 order.append((keys, draw, (here, there)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from torquebench.experiment import load_experiment
@@ -135,7 +136,7 @@ def experiment_of(block: Block, plant: str = "mujoco") -> Experiment:
 def chosen(experiment: Experiment, controllers: Sequence[str]) -> Experiment:
     """Return an experiment with only some of its controllers."""
     kept = tuple(keys for keys in experiment.controllers if keys.name in controllers)
-    return experiment.model_copy(update={"controllers": kept})
+    return replace(experiment, controllers=kept)
 
 
 def under(experiment: Experiment, condition: str) -> Experiment:
@@ -146,12 +147,11 @@ def under(experiment: Experiment, condition: str) -> Experiment:
     change = _CHANGES.get(condition)
     disturbances = () if change is None else tuple(change(d) for d in noise if isinstance(d, BandLimitedNoise))
     error = Mismatch(relative=RELATIVE) if condition in (UNCERTAIN, MISMATCH, SLOW_NOISE, LIMIT_NOISE) else None
-    plant = experiment.plant.model_copy(update=_BURDENS.get(condition, {}))
-    belief = experiment.model.model_copy(update={"mismatch": error})
+    plant = replace(experiment.plant, **_BURDENS.get(condition, {}))  # type: ignore[arg-type]
+    belief = replace(experiment.model, mismatch=error)
     if condition == EXACT and isinstance(chain, str):
         chain = exact_encoders(chain)
-    changed = {"plant": plant, "model": belief, "chain": chain, "disturbances": disturbances}
-    return experiment.model_copy(update=changed)
+    return replace(experiment, plant=plant, model=belief, chain=chain, disturbances=disturbances)
 
 
 def exact_encoders(name: str) -> Chain:
@@ -169,13 +169,13 @@ def exact_encoders(name: str) -> Chain:
 _CHANGES: dict[str, Callable[[BandLimitedNoise], Disturbance]] = {
     NOISE: lambda noise: noise,
     UNCERTAIN: lambda noise: noise,
-    SLOW_NOISE: lambda noise: noise.model_copy(update={"hold": 0.1}),
-    LIMIT_NOISE: lambda noise: noise.model_copy(update={"hold": 0.1, "sigma": OF_LIMIT}),
-    BIAS: lambda noise: Bias(kind="bias", channel="torque", value=noise.sigma),
-    SINUSOID: lambda noise: Sinusoid(kind="sinusoid", channel="torque", rms=noise.sigma),
+    SLOW_NOISE: lambda noise: replace(noise, hold=0.1),
+    LIMIT_NOISE: lambda noise: replace(noise, hold=0.1, sigma=OF_LIMIT),
+    BIAS: lambda noise: Bias(value=noise.sigma),
+    SINUSOID: lambda noise: Sinusoid(rms=noise.sigma),
 }
 _BURDENS: dict[str, dict[str, Payload | Friction]] = {
-    PAYLOAD: {"payload": Payload(mass=2.0)},
+    PAYLOAD: {"payload": Payload(2.0)},
     FRICTION: {
         "friction": Friction(viscous=(5.8, 9.3, 4.0, 0.36, 0.36, 0.22), coulomb=(26.0, 14.0, 6.5, 1.0, 1.3, 0.7))
     },

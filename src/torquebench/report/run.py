@@ -11,7 +11,7 @@ from torquebench.experiment.describe import fuzzy_in_use
 from torquebench.experiment.folder import manifest_of, write_numbers
 from torquebench.experiment.run import ExperimentResult, Progress, band_of
 from torquebench.experiment.store import RunDirectory, add_to_run
-from torquebench.experiment.values import as_vector
+from torquebench.keys import as_vector
 from torquebench.report.render import PAGE, Picture
 from torquebench.report.run_page import comparison_page, run_page
 
@@ -78,8 +78,9 @@ def run_figures(result: ExperimentResult) -> dict[str, Figure]:
     """
     from torquebench.report.figures.run_view import draw_figures, run_view
 
-    experiment, n = result.experiment, len(result.joints.names)
-    found = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
+    experiment = result.experiment
+    bands = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
+    n = len(result.joints.names)
     view = run_view(
         result.runs,
         title=experiment.name,
@@ -89,9 +90,9 @@ def run_figures(result: ExperimentResult) -> dict[str, Figure]:
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
         metrics=result.metrics,
-        bands={name: as_vector(band, n) for name, band in found.items() if band is not None},
+        bands={name: as_vector(band, n) for name, band in bands.items() if band is not None},
         slides=result.slides,
-        certificates={} if result.arm_changed or not result.certified else result.certificates,
+        certificates=result.certificates if result.certified and not result.arm_changed else {},
         fuzzy=fuzzy_in_use(experiment),
         fired=fired_rules(result),
     )
@@ -103,14 +104,14 @@ def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
     from torquebench.report.figures.fuzzy_rules import rule_shares
     from torquebench.report.figures.run_view import FiredRules
 
-    found = {}
+    fired = {}
     for keys, controller in zip(result.experiment.controllers, build_controllers(result.experiment), strict=True):
         for field, rules in controller.law.rules.items():
             if keys.fuzzy is None or rules.inputs is None:
                 continue
             fis, run = getattr(controller.gains, field), result.runs[controller.name]
-            found[controller.name] = FiredRules(keys.fuzzy, rule_shares(controller.gains, fis, rules.inputs, run))
-    return found
+            fired[controller.name] = FiredRules(keys.fuzzy, rule_shares(controller.gains, fis, rules.inputs, run))
+    return fired
 
 
 def stored_page(

@@ -11,7 +11,7 @@ from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import json_bytes, machine
-from torquebench.experiment.sweep_schema import Worst
+from torquebench.experiment.sweep_section import Worst
 from torquebench.report.render import PAGE
 from torquebench.report.run import FORMATS
 from torquebench.report.sweep_page import SweepInfo, sweep_page

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult, is_step_like
-from torquebench.experiment.units import joint_units
 from torquebench.laws import find_law
 from torquebench.metrics import METRICS, Metric, MetricInfo
 

@@ -44,7 +44,7 @@ class Scratch(NamedTuple):
     zeros: Array
     """Zeros, never written, (n,)."""
     free: Array
-    """Not used by the dynamics: for a law's own intermediate results within one call, (n,)."""
+    """Free for a law's intermediate results within one call; the dynamics do not use it, (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ def scratch_for(n: int) -> Scratch:
 
 
 def own_copy(model: Model, **changes: Any) -> Model:
-    """Return a model for another user: the same constants, which nobody can write to, and scratch space of its own.
+    """Return a copy that shares the read-only constants and has its own scratch space.
 
     Args:
         model: What to copy.

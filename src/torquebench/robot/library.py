@@ -10,7 +10,7 @@ from pathlib import Path
 from torquebench.errors import ModelError, did_you_mean, did_you_mean_path
 
 MJCF = r"\.xml"
-"""What a model's file ends in, a regular expression."""
+"""Ending of a model's file name, a regular expression."""
 
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
@@ -67,11 +67,11 @@ def mjcf_path(source: str | Path) -> Path:
 
 
 CAMERAS = ("overview", "side")
-"""Cameras that an arm has whose files have none."""
+"""Cameras of an arm whose files define none."""
 
 
 def scene_path(model: str) -> Path | None:
-    """Return the file with an arm's look, ``scene.xml`` beside its own file, or None when it has none.
+    """Return an arm's scene file, ``scene.xml`` beside its MJCF file; None if there is none.
 
     Raises:
         ModelError: there is no such arm.
@@ -81,7 +81,7 @@ def scene_path(model: str) -> Path | None:
 
 
 def camera_names(model: str) -> tuple[str, ...]:
-    """Names of the cameras of an arm: those of its look or its own file, else `CAMERAS`.
+    """Names of an arm's cameras: those in its scene file or MJCF file, else `CAMERAS`.
 
     Raises:
         ModelError: there is no such arm, or its file cannot be read.

@@ -28,7 +28,7 @@ def modified_dh(alpha: float, a: float, d: float) -> tuple[Array, Array]:
 
 
 def inertia_tensor(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:
-    """Return the symmetric tensor (3, 3) with these elements; products are the tensor's own, sign included."""
+    """Return the symmetric tensor (3, 3) with these elements; the products are tensor elements, sign included."""
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 

@@ -50,7 +50,7 @@ def links_of(m: Any) -> Links:
 
 
 def with_links(m: Any, links: Links) -> Any:
-    """Return a copy of a compiled arm whose links are these; bodies of links that stay as they are stay too.
+    """Return a copy of a compiled arm with other links; bodies of unchanged links are left alone.
 
     Args:
         m: The arm.
@@ -101,7 +101,7 @@ def carrier(m: Any, body: int) -> int:
 
 
 def _joint_frame(m: Any, d: Any, joint: int) -> Array:
-    """World orientation of the joint's frame: the body's own where its z axis is the joint's, else turned to be."""
+    """World orientation of the joint's frame: the body's, turned where its z axis is not the joint's."""
     body = d.xmat[m.jnt_bodyid[joint]].reshape(3, 3)
     axis = m.jnt_axis[joint]
     if np.array_equal(axis, [0.0, 0.0, 1.0]):

@@ -30,7 +30,7 @@ class Payload:
     """Where it is in that frame, three coordinates [m]; the origin is on the joint's axis: the PUMA's wrist centre."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no load."""
+        """Refuse a mass, time or position that no payload can have."""
         if not (math.isfinite(self.mass) and self.mass > 0.0):
             raise ValueError(f"payload: mass is {self.mass}, wanted a finite positive number of kg")
         if not (math.isfinite(self.at) and self.at >= 0.0):
@@ -73,7 +73,7 @@ def carrying(model: RobotModel, payload: Payload) -> RobotModel:
 
 
 def phases(model: RobotModel, payload: Payload | None) -> tuple[RobotModel, RobotModel | None]:
-    """Return the arm with which a run starts, and the one with which it goes on once the payload is taken up."""
+    """Return the model at the start of a run, and the model after a payload is taken up in its middle."""
     if payload is None:
         return model, None
     loaded = carrying(model, payload)

@@ -12,7 +12,7 @@ from torquebench.robot.flat_model import EXACT, Model, own_copy
 from torquebench.robot.robot_model import RobotModel
 
 FACTORS = ("mass", "com x", "com y", "com z", "spread x", "spread y", "spread z", "motor inertia")
-"""What `scaled` multiplies by: spread is the second moment of mass about the centre of mass, along an axis."""
+"""Parameters of a link that `scaled` multiplies; spread: second moment of mass about its centre, along an axis."""
 
 
 class Links(NamedTuple):
@@ -64,7 +64,7 @@ def scaled(links: Links, factors: Array) -> Links:
 
 
 def perturbed(model: RobotModel, factors: Array) -> RobotModel:
-    """Return a rigid body whose links are scaled; see `scaled`.
+    """Return a rigid-body model with scaled links; see `scaled`.
 
     Raises:
         ModelError: the model is a closed form, whose constants are no link's.

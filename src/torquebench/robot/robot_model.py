@@ -15,6 +15,24 @@ from torquebench.robot.rigid_body import place_frames
 
 
 @kernel
+def tool_pose(model: Model, q: Array, T: Array) -> None:
+    """Fill `T` (4, 4) with the tool frame in the base frame at joint position `q` (n,): rotation and origin [m]."""
+    place_frames(model, q)
+    n = len(q)
+    for r in range(4):
+        for c in range(4):
+            T[r, c] = 1.0 if r == c else 0.0
+    for i in range(n + 1):
+        R = model.scratch.rotation[i] if i < n else model.tool_rotation
+        p = model.scratch.offset[i] if i < n else model.tool_offset
+        for r in range(3):
+            x, y, z = T[r, 0], T[r, 1], T[r, 2]
+            T[r, 3] += x * p[0] + y * p[1] + z * p[2]
+            for c in range(3):
+                T[r, c] = x * R[0, c] + y * R[1, c] + z * R[2, c]
+
+
+@kernel
 def _each_mass_matrix(model: Model, q: Array, out: Array) -> None:
     for i in range(len(q)):
         dynamics.mass_matrix(model, q[i], out[i])
@@ -175,21 +193,3 @@ class RobotModel:
         lead = np.broadcast_shapes(*(array.shape[:-1] for array in arrays.values()))
         flat = [np.ascontiguousarray(np.broadcast_to(a, (*lead, self.n))).reshape(-1, self.n) for a in arrays.values()]
         return flat, lead
-
-
-@kernel
-def tool_pose(model: Model, q: Array, T: Array) -> None:
-    """Fill `T` (4, 4) with the tool frame in the base frame at joint position `q` (n,): rotation and origin [m]."""
-    place_frames(model, q)
-    n = len(q)
-    for r in range(4):
-        for c in range(4):
-            T[r, c] = 1.0 if r == c else 0.0
-    for i in range(n + 1):
-        R = model.scratch.rotation[i] if i < n else model.tool_rotation
-        p = model.scratch.offset[i] if i < n else model.tool_offset
-        for r in range(3):
-            x, y, z = T[r, 0], T[r, 1], T[r, 2]
-            T[r, 3] += x * p[0] + y * p[1] + z * p[2]
-            for c in range(3):
-                T[r, c] = x * R[0, c] + y * R[1, c] + z * R[2, c]

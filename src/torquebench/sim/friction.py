@@ -1,4 +1,4 @@
-"""Joint friction: a torque of the velocity alone, which every stage of an integrator evaluates anew."""
+"""Joint friction: a function of velocity, evaluated at every stage of an integrator."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torquebench.kernel import Array, kernel, sat
 from torquebench.kernel.struct import Structure
 
 SPEED = 0.01
-"""Speed from which on Coulomb friction is whole [rad/s]."""
+"""Speed above which Coulomb friction is fully developed [rad/s]."""
 STABLE = {"rk4": 2.785, "euler": 2.0}
 """Largest (rate of decay) x (time step) at which an integrator decays: the end of its stability interval."""
 POSES = 300
@@ -30,7 +30,7 @@ class Resistance(Structure):
     coulomb: Array
     """Coulomb friction, (n,) [N m]."""
     speed: float
-    """Speed from which on Coulomb friction is whole [rad/s]."""
+    """Speed above which Coulomb friction is fully developed [rad/s]."""
 
 
 NONE = Resistance(np.zeros(0), np.zeros(0), 1.0)
@@ -38,7 +38,7 @@ NONE = Resistance(np.zeros(0), np.zeros(0), 1.0)
 
 @kernel
 def resist(friction: Resistance, qd: Array, torque: Array, net: Array) -> None:
-    """Fill `net` (n,) [N m] with `torque` less the friction at velocity `qd`: viscous qd + coulomb sat(qd/speed)."""
+    """Fill `net` (n,) [N m] with `torque` minus the friction at velocity `qd`: viscous qd + coulomb sat(qd/speed)."""
     for i in range(len(qd)):
         drag = friction.viscous[i] * qd[i] + friction.coulomb[i] * sat(qd[i] / friction.speed)
         net[i] = torque[i] - drag
@@ -60,7 +60,7 @@ class Friction:
     coulomb: npt.ArrayLike = 0.0
     """Coulomb friction [N m]."""
     speed: float = SPEED
-    """Speed from which on Coulomb friction is whole [rad/s]."""
+    """Speed above which Coulomb friction is fully developed [rad/s]."""
 
     def __post_init__(self) -> None:
         """Refuse what is no friction."""

@@ -35,7 +35,7 @@ class PythonRun:
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
         self.detail = ""
-        """What went wrong, when something did."""
+        """Reason of a failure; empty if there was none."""
         setup.job.q[:], setup.job.qd[:] = setup.plant.state()
 
     def attach(self) -> None:
@@ -70,7 +70,7 @@ class PythonRun:
 
 
 MATH_ERROR = re.compile(r"math domain error|expected a (\w+ input|number in range)")
-"""What `math` says of an argument outside a function's domain, up to Python 3.13 and from 3.14 on."""
+"""Text of `math`'s domain errors, up to Python 3.13 and from 3.14 on."""
 
 
 def call_law(
@@ -162,7 +162,7 @@ class Vector(np.ndarray[Any, Any]):
     __getitem__ = np.ndarray.item  # type: ignore[assignment]
 
 
-class Table(np.ndarray[Any, Any]):
+class Matrix(np.ndarray[Any, Any]):
     """An array of more dimensions; its rows are vectors of Python's numbers."""
 
     __slots__ = ()
@@ -173,16 +173,16 @@ class Table(np.ndarray[Any, Any]):
 
 
 def python_numbers(value: Any) -> Any:
-    """Return views of an array, or of all arrays in a structure, whose elements are Python's numbers; no copies."""
+    """Return an array, or a structure of arrays, as views whose elements read as Python numbers."""
     kind = type(value)
     if kind is np.ndarray:
-        return value.view(Vector if value.ndim == 1 else Table)
+        return value.view(Vector if value.ndim == 1 else Matrix)
     if kind is float or kind is int:
         return value
     if isinstance(value, Structure):
         return _structure(value)
     if isinstance(value, np.ndarray):
-        return value.view(Vector if value.ndim == 1 else Table)
+        return value.view(Vector if value.ndim == 1 else Matrix)
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, tuple) and hasattr(value, "_fields"):

@@ -185,6 +185,6 @@ def set_up(
 
 
 def is_fixed(x: Array) -> bool:
-    """Whether an array is immutable and can be shared."""
+    """True if an array is immutable and can be shared."""
     flags = x.flags
     return not flags.writeable and flags.c_contiguous and x.base is None and x.dtype == np.float64

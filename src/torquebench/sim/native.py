@@ -17,7 +17,7 @@ from numba.extending import intrinsic, register_jitable
 from torquebench.dialect import compiler_message, complaints
 from torquebench.kernel import is_foreign
 from torquebench.kernel.cache import KernelCache, without_collection
-from torquebench.kernel.struct import WORD, Table, at, is_structure, layout, structure, vector
+from torquebench.kernel.struct import WORD, Table, is_structure, layout, structure, structure_at, vector
 from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
@@ -56,7 +56,7 @@ def caller(signature: Any) -> Any:
     return call
 
 
-def native(signature: Any, function: Any, error_model: str = "numpy") -> Any:
+def compile_native(signature: Any, function: Any, error_model: str = "numpy") -> Any:
     """Compile a function to native form, or load it from the cache on disk.
 
     Args:
@@ -80,7 +80,7 @@ RUN_SIGNATURE = types.int64(types.int64, types.int64, types.int64)
 """status = run(job, first, last)."""
 
 
-job_at = at(Job)
+job_at = structure_at(Job)
 
 
 @register_jitable(_nrt=False)
@@ -118,14 +118,14 @@ def compiled_loop() -> Any:
     def run(address: int, first: int, last: int) -> int:
         return compiled_closed_loop(job_at(address), first, last, law_of, step_of)
 
-    return native(RUN_SIGNATURE, run)
+    return compile_native(RUN_SIGNATURE, run)
 
 
-belief_at = at(Model)
+belief_at = structure_at(Model)
 law_function: Any = None
 gains_class: Any = Nothing
 memory_class: Any = Nothing
-"""What `adapter` names; each law has an adapter of its own, which means something else by them."""
+"""Placeholders for the names in `adapter`; each law's copy of it binds them to that law."""
 
 
 def adapter(
@@ -141,7 +141,7 @@ def adapter(
     memory: int,
     tau: int,
 ) -> int:
-    """Call a law with what lies at some addresses; arguments as of `LAW_SIGNATURE`."""
+    """Call a law on the data at the given addresses; arguments as in `LAW_SIGNATURE`."""
     try:
         law_function(
             structure(gains_class, gains),
@@ -187,7 +187,7 @@ def compile_law(law: Law) -> Any:
     # numba finds an adapter on disk by its name and code; the code is the same for all laws, so the name tells
     own = FunctionType(adapter.__code__, {**globals(), **means})
     own.__name__ = own.__qualname__ = f"{law.name}_{law_digest(law)}"
-    return native(LAW_SIGNATURE, own)
+    return compile_native(LAW_SIGNATURE, own)
 
 
 def law_digest(law: Law) -> str:
@@ -289,7 +289,7 @@ class NativeRun:
         self.setup, self._plant = setup, plant
         self._tables = gains or Table(setup.gains), Table(setup.memory)
         self.detail = ""
-        """What went wrong, when something did."""
+        """Reason of a failure; empty if there was none."""
         job.call[:] = [
             native_law(setup.law).address,
             self._tables[0].address,
@@ -302,7 +302,7 @@ class NativeRun:
         self._loop = compiled_loop().ctypes
 
     def restart(self, plant: NativePlant) -> None:
-        """Make the run anew, on the same arrays, without the payload that the plant may have taken up."""
+        """Prepare to run again on the same arrays, without a payload taken up before."""
         self.detail, self._plant = "", plant
         self.setup.job.call[5] = plant.structure.address
 

@@ -1,4 +1,4 @@
-"""Running closed loops one after another, each with what the one before has left prepared."""
+"""Run closed loops one after another, reusing what the last one prepared."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Session:
         self._overwrite = overwrite
         self._busy = threading.Lock()
         self._checked: tuple[Array | None, ...] = (None, None, None)
-        """Desired motion that is known to be finite, as far as nobody can change it."""
+        """The last desired motion found finite; None in place of an array that can be written to."""
         self._belief: _Belief | None = None
         self._tables: deque[tuple[Any, Table]] = deque(maxlen=16)
         self._last: _Last | None = None
@@ -220,7 +220,7 @@ class Session:
     def _compiled(
         self, plant: Plant, trial: SampledTrial, desired: Reference, substeps: int, native: NativePlant
     ) -> NativeRun:
-        """Return a compiled run that is ready to go; the last one anew, if it is of the same kind."""
+        """Return a compiled run, ready to start; the last one again if it is of the same kind."""
         belief = self._belief_of(trial.model.flat, trial.control_period)
         kind = _kind_of(plant, trial, desired, substeps, native, belief)
         if self._last is not None and self._last.kind.fits(kind):
@@ -248,7 +248,7 @@ class Session:
         return run
 
     def _trajectory(self, setup: Setup, t: Array, status: int, detail: str) -> Trajectory:
-        """Return the trajectory of a compiled run that has ended; arguments as of `trajectory_of`."""
+        """Return the trajectory of a compiled run that has ended; arguments as for `trajectory_of`."""
         last = self._last
         if last is None:
             return trajectory_of(setup, t, status, detail, "native", "")
@@ -302,7 +302,7 @@ class _Belief:
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """What two runs must have in common to use the same memory."""
+    """Identity of a run: two runs of equal kind can use the same memory."""
 
     same: tuple[Any, ...]
     """Objects that must be the same ones."""
@@ -333,7 +333,7 @@ class _Last:
     """The trajectory of the last run, if it completed."""
 
     def restart(self, trial: SampledTrial, native: NativePlant) -> None:
-        """Prepare the run anew with the signals of another trial."""
+        """Reset the run, with the signals of another trial."""
         job = self.run.setup.job
         if trial.position_noise is not None:
             job.position_noise[...] = trial.position_noise
@@ -349,11 +349,11 @@ class _Last:
 _SHARED = operator.attrgetter(
     *(field.name for field in fields(Model) if field.name not in ("constants", "control_period", "scratch"))
 )
-"""What draws of one model have in common."""
+"""Fields that all draws of one model share."""
 
 
 def _alike(a: Model, b: Model) -> bool:
-    """Whether two models share everything but their constants."""
+    """True if two models differ in their constants at most."""
     same = a is b or all(x is y for x, y in zip(_SHARED(a), _SHARED(b), strict=True))
     return same and len(a.constants) == len(b.constants)
 

@@ -15,7 +15,7 @@ from torquebench.sim.chain import Chain
 
 @runtime_checkable
 class Disturbance(Protocol):
-    """A torque on the joints beside the actuators', which knows how to sample itself."""
+    """A torque on the joints in addition to the actuators', which samples itself."""
 
     def sample(self, n: int, t: Array, control_period: float, rng: np.random.Generator) -> Array:
         """Return the torque from each control instant to the next, (N, n) [N m].

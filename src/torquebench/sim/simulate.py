@@ -1,4 +1,4 @@
-"""Running closed loops: one, or many on several threads, everything random drawn from seeds."""
+"""Run closed loops, one or many on several threads; all random numbers come from a seed."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def simulate(
 
 
 AHEAD = 2
-"""Runs asked for in advance for each thread: enough to keep it busy, few enough to keep memory flat."""
+"""Runs queued per thread: enough to keep it busy, few enough to keep memory flat."""
 
 
 class Workers:

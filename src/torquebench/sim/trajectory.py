@@ -1,9 +1,10 @@
-"""What a run leaves behind: its samples, its outcome, and how they are stored."""
+"""The result of a run: its samples and its outcome, in memory and on disk."""
 
 from __future__ import annotations
 
 import hashlib
 import io
+import tokenize
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,7 +28,7 @@ from torquebench.sim.job import Setup
 
 
 class Outcome(Enum):
-    """How a run ended; the value is what the user is told."""
+    """How a run ended; the value is the text shown to users."""
 
     COMPLETED = "completed"
     DIVERGED = "the plant state became non-finite or left the bounds"
@@ -65,7 +66,7 @@ class Trajectory:
     s: Array
     """Sliding variable as the law computed it [rad/s]; NaN for a law that has none."""
     tau_law: Array
-    """Torque asked by the law, before clipping [N m]."""
+    """Torque commanded by the law, before clipping [N m]."""
     tau: Array
     """Torque after clipping to the limits [N m]."""
     tau_applied: Array
@@ -74,7 +75,7 @@ class Trajectory:
     failed_at: int | None = None
     """Index of the control instant at which the run failed."""
     detail: str = ""
-    """What exactly failed: joint and value, or the exception's text."""
+    """Details of a failure: joint and value, or the exception's text."""
     extra: Mapping[str, Array] = field(default_factory=dict)
     """The law's remaining memory channels by name, each (N, n)."""
     path: str = ""
@@ -98,7 +99,7 @@ class Trajectory:
 
     @property
     def completed(self) -> bool:
-        """Whether the run reached its end."""
+        """True if the run reached its end."""
         return self.outcome is Outcome.COMPLETED
 
     def arrays(self) -> dict[str, Array]:
@@ -126,7 +127,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
     """Read a stored trajectory.
 
     Raises:
-        ResultError: the file is missing, torn, or lacks an array.
+        ResultError: the file is missing or torn, or what is in it is no trajectory.
     """
     try:
         with np.load(io.BytesIO(Path(path).read_bytes()), allow_pickle=False) as stored:
@@ -134,12 +135,61 @@ def load_trajectory(path: str | Path) -> Trajectory:
         failed_at = int(content.pop("failed_at"))
         outcome = Outcome[str(content.pop("outcome"))]
         detail = str(content.pop("detail"))
-        extra = {k.removeprefix("memory_"): content.pop(k) for k in list(content) if k.startswith("memory_")}
-        return Trajectory(
-            **content, outcome=outcome, failed_at=None if failed_at < 0 else failed_at, detail=detail, extra=extra
-        )
-    except (OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile) as error:
+        refuse_what_is_no_run(content, outcome, failed_at)
+    except UNREADABLE as error:
         raise ResultError(f"{path}: not a readable trajectory ({error})") from error
+    extra = {k.removeprefix("memory_"): content.pop(k) for k in list(content) if k.startswith("memory_")}
+    return Trajectory(
+        **content, outcome=outcome, failed_at=None if failed_at < 0 else failed_at, detail=detail, extra=extra
+    )
+
+
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    OverflowError,
+    SyntaxError,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+)
+"""Whatever numpy raises for a file that is torn or made up."""
+
+
+def refuse_what_is_no_run(arrays: Mapping[str, Array], outcome: Outcome, failed_at: int) -> None:
+    """Refuse arrays that no run leaves.
+
+    Args:
+        arrays: As of `Trajectory.arrays`.
+        outcome: How the run ended.
+        failed_at: Index of the control instant at which it failed; -1 for none.
+
+    Raises:
+        ValueError: one is missing, unknown, of another type or shape, or holds what it cannot.
+    """
+    names = {name for name in arrays if not name.startswith("memory_")}
+    if wrong := names ^ {"t", *SIGNALS}:
+        raise ValueError(f"{', '.join(sorted(wrong))}: wanted exactly t, {', '.join(SIGNALS)}")
+    t, shape = arrays["t"], arrays["q"].shape
+    if t.ndim != 1 or len(t) == 0 or len(shape) != 2 or shape[0] != len(t) or shape[1] == 0:
+        raise ValueError(f"t has shape {t.shape} and q {shape}, wanted (N,) and (N, n)")
+    for name, array in arrays.items():
+        if array.dtype != np.float64 or array.shape != (shape if name != "t" else t.shape):
+            raise ValueError(f"{name} has type {array.dtype} and shape {array.shape}, wanted float64 and {shape}")
+    if failed_at != (-1 if outcome is Outcome.COMPLETED else len(t) - 1):
+        raise ValueError(f"failed_at is {failed_at}, which does not go with {outcome.name} after {len(t)} instants")
+    if not np.isfinite(t).all() or np.any(np.diff(t) <= 0.0):
+        raise ValueError("t does not rise")
+    sure = len(t) if outcome is Outcome.COMPLETED else len(t) - 1
+    for name in SIGNALS:
+        if name != "s" and not np.isfinite(arrays[name][:sure]).all():
+            raise ValueError(f"{name} is not finite before the end of the run")
+    if np.any(np.abs(arrays["q"][1:]) > MAX_POSITION) or np.any(np.abs(arrays["qd"][1:]) > MAX_VELOCITY):
+        raise ValueError("q or qd is beyond what a run reaches")
 
 
 OUTCOMES = {

@@ -5,14 +5,15 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment.build import Builder
-from torquebench.experiment.document import Document, Place
-from torquebench.experiment.load import check_experiment
+from torquebench.experiment.config import check_experiment
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.sweep_values import Random, Value, in_words
+from torquebench.experiment.source import Document
+from torquebench.experiment.sweep_section import Random, Value, in_words
+from torquebench.experiment.yaml_tree import Place
 from torquebench.sweep.plan import Combination, Plan
 
 MAX_CORNERS = 64
@@ -130,7 +131,7 @@ class _Checker:
             placed = [(Place(0, 1, 1), Problem("", "", " ".join(str(error).split())))]
         for place, problem in placed:
             if not problem.where:
-                problem = problem._replace(where=document.where(place))
+                problem = document.problem(place, key=problem.key, text=problem.message)
             mistake = self._found.setdefault(
                 (place, problem.key, problem.message), _Mistake(problem, [set() for _ in values])
             )
@@ -143,8 +144,8 @@ class _Checker:
         self._names = self._names or names
         if names != self._names:
             place = next((v.place for key, v in values if key.startswith("controllers")), Place(0, 1, 1))
-            message = f"the controllers are {', '.join(names)} here and {', '.join(self._names)} in the first case"
-            document.add(("controllers",), f"{message}: wanted the same in every case", place=place)
+            text = f"the controllers are {', '.join(names)} here and {', '.join(self._names)} in the first case"
+            document.add(("controllers",), text, place=place, wanted="the same in every case")
             document.raise_problems()
 
     def raise_problems(self) -> None:
@@ -165,4 +166,5 @@ class _Checker:
         ]
         if not causes:
             return mistake.problem
-        return mistake.problem._replace(message=f"{mistake.problem.message} (in the sweep: {', '.join(causes)})")
+        note = mistake.problem.note
+        return replace(mistake.problem, note=f"{note}{'; ' if note else ''}in the sweep: {', '.join(causes)}")

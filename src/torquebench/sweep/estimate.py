@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from torquebench.experiment.sweep_schema import Worst
+from torquebench.experiment.sweep_section import Worst
 from torquebench.sweep.checking import Survey
 from torquebench.sweep.plan import Plan
 from torquebench.sweep.table import empty_columns

@@ -11,14 +11,21 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.disturbances import Stream, generator
-from torquebench.experiment.document import Document, KeyPath, dotted
-from torquebench.experiment.load import SWEEP, check_experiment
-from torquebench.experiment.overrides import apply_overrides
+from torquebench.experiment.config import SWEEP, check_experiment
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.sweep_keys import take_sweep
-from torquebench.experiment.sweep_values import Random, Value, between
-from torquebench.experiment.variants import overwritten, varied, with_draw, with_number
-from torquebench.experiment.yaml_source import read_document
+from torquebench.experiment.source import Document, apply_overrides, dotted, read_document
+from torquebench.experiment.sweep_section import (
+    Random,
+    Value,
+    between,
+    overwritten,
+    take_sweep,
+    varied,
+    with_draw,
+    with_number,
+)
+from torquebench.experiment.yaml_tree import KeyPath
+from torquebench.keys import altered
 
 Combination: TypeAlias = tuple[int, ...]
 """Which of its choices each random key with choices has."""
@@ -164,7 +171,7 @@ class Plan:
             ConfigError: it has mistakes.
         """
         experiment = self.experiment(row.case, row.draw)
-        return experiment.model_copy(update={"controllers": (experiment.controllers[row.controller],)})
+        return altered(experiment, controllers=(experiment.controllers[row.controller],))
 
     def assigned(self, case: int, combination: Combination, numbers: Sequence[float]) -> list[tuple[str, Value]]:
         """Return what every varied key is set to.
@@ -192,8 +199,8 @@ class Plan:
                 places_of = {axis.key: axis.place for axis in self.keys.axes} | {
                     r.key: r.place for r in self.keys.random
                 }
-                message = f"{key}: {other} of the sweep sets it too: wanted one of the two"
-                document.add((SWEEP,), message, place=places_of[key])
+                text = f"{key}: {other} of the sweep sets it too"
+                document.add((SWEEP,), text, place=places_of[key], wanted="one of the two")
         return document, places
 
     def _checked(self, case: int, combination: Combination) -> _Fixed:

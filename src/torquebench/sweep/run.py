@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from torquebench.experiment.store import RunDirectory, atomic_write, claim_folder
-from torquebench.experiment.sweep_schema import Worst
+from torquebench.experiment.sweep_section import Worst
 from torquebench.metrics import METRICS
 from torquebench.sweep.checking import check_plan
 from torquebench.sweep.estimate import shard_size

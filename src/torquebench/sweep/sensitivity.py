@@ -153,7 +153,7 @@ def _alike(
     groups: dict[bytes, tuple[list[int], dict[str, Array]]] = {}
     for case in np.unique(table["case"].to_numpy()).tolist():
         experiments = [experiment_of(case, draw) for draw in draws.tolist()]
-        key = "\n".join(f"{e.plant.model} {e.run.seed} {e.model.model_dump_json()}" for e in experiments)
+        key = "\n".join(f"{e.plant.model} {e.run.seed} {e.model}" for e in experiments)
         if key not in cache:
             changes = constant_changes(experiments) if any(e.model.mismatch for e in experiments) else {}
             varying = {name: x for name, x in {**changes, **drawn}.items() if _varies(x)}

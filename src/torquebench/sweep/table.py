@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torquebench.errors import ResultError
-from torquebench.experiment.sweep_values import Axis, Value
+from torquebench.experiment.sweep_section import Axis, Value
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.sim.trajectory import Outcome

@@ -1,37 +1,30 @@
-"""Frames to files: H.264 in MP4 through imageio-ffmpeg's program, and PNG; the same frames give the same bytes."""
+"""Writing a film, H.264 in MP4, with the ffmpeg of imageio-ffmpeg; the same frames give the same bytes."""
 
 from __future__ import annotations
 
-import contextlib
-import struct
 import subprocess
 import tempfile
-import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Protocol
+from typing import IO, cast
 
-import numpy as np
+from PIL.Image import Image
 
 from torquebench.errors import VideoError
-from torquebench.video.settings import FPS
-from torquebench.video.text import Pixels
+from torquebench.video.job import FPS
 
 INSTALL = "pip install imageio-ffmpeg"
+READ = "-y -loglevel error -f rawvideo -pix_fmt rgb24".split()
+WRITE = "-an -c:v libx264 -preset veryfast -crf 20 -pix_fmt yuv420p -movflags +faststart".split()
+REPEATABLE = "-threads 1 -fflags +bitexact -flags:v +bitexact".split()
+"""No threads that race, no dates, no versions."""
 _TAIL = 600
-"""How much of the program's complaint is passed on [characters]."""
-
-
-class Sink(Protocol):
-    """Takes one frame after the other."""
-
-    def write(self, pixels: Pixels) -> None:
-        """Take a frame."""
-        ...
+"""How much of ffmpeg's complaint is passed on [characters]."""
 
 
 def ffmpeg_program() -> str:
-    """Return the path of the program that makes films.
+    """Return the path of ffmpeg.
 
     Raises:
         VideoError: it is not installed.
@@ -46,93 +39,39 @@ def ffmpeg_program() -> str:
         raise VideoError(f"imageio-ffmpeg has no program for this machine ({error}); set IMAGEIO_FFMPEG_EXE") from error
 
 
-class _Pipe:
-    def __init__(self, process: subprocess.Popen[bytes]) -> None:
-        self._process = process
+@contextmanager
+def film_writer(path: Path, size: tuple[int, int]) -> Iterator[Callable[[Image], None]]:
+    """Yield a function that adds a frame to a film, which is complete when this context ends without an error.
 
-    def write(self, pixels: Pixels) -> None:
-        """Take a frame."""
-        if self._process.stdin is None:
-            raise VideoError("the film's encoder takes no input")
-        self._process.stdin.write(pixels.tobytes())
-
-
-@contextlib.contextmanager
-def film_writer(path: Path, width: int, height: int) -> Iterator[Sink]:
-    """Make a film of the frames written in this context; whole when it ends without an error.
-
-    One thread and no dates: the same frames give the same bytes wherever the same program runs.
+    ``imageio_ffmpeg.write_frames`` would hide ffmpeg's exit status, and with it a film that was not finished.
 
     Args:
         path: The film, ``.mp4``.
-        width, height: Size of the frames [px].
+        size: Width and height of the frames [px], even.
 
     Raises:
-        VideoError: the program is missing or failed.
+        VideoError: ffmpeg is missing or failed.
     """
-    command = [
-        ffmpeg_program(),
-        "-y",
-        "-loglevel",
-        "error",
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-s",
-        f"{width}x{height}",
-        "-r",
-        str(FPS),
-        "-i",
-        "-",
-        "-an",
-        "-c:v",
-        "libx264",
-        "-preset",
-        "veryfast",
-        "-crf",
-        "20",
-        "-pix_fmt",
-        "yuv420p",
-        "-threads",
-        "1",
-        "-fflags",
-        "+bitexact",
-        "-flags:v",
-        "+bitexact",
-        "-movflags",
-        "+faststart",
-        str(path),
-    ]
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=said)
+    frames = ["-s", f"{size[0]}x{size[1]}", "-r", str(FPS), "-i", "-"]
+    command = [ffmpeg_program(), *READ, *frames, *WRITE, *REPEATABLE, str(path)]
+    with tempfile.TemporaryFile() as stderr:
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=stderr)
+        stdin = cast(IO[bytes], process.stdin)
+
+        def write(frame: Image) -> None:
+            stdin.write(frame.tobytes())
+
         try:
-            with contextlib.suppress(BrokenPipeError):  # it has ended: its status and words tell why
-                yield _Pipe(process)
+            with suppress(BrokenPipeError):  # ffmpeg has ended: its status and words tell why
+                yield write
         except BaseException:
             process.kill()
             raise
         finally:
-            if process.stdin is not None:
-                with contextlib.suppress(BrokenPipeError):
-                    process.stdin.close()
+            with suppress(BrokenPipeError):
+                stdin.close()
             process.wait()
-        said.seek(0)
-        complaint = " ".join(said.read().decode(errors="replace").split())[-_TAIL:]
+        stderr.seek(0)
+        words = " ".join(stderr.read().decode(errors="replace").split())[-_TAIL:]
     if process.returncode != 0:
-        raise VideoError(
-            f"the film's encoder failed with status {process.returncode}: {complaint or 'it said nothing'}"
-        )
-
-
-def png_bytes(pixels: Pixels) -> bytes:
-    """Return a picture, (height, width, 3), as a PNG file."""
-    height, width, _ = pixels.shape
-    # each row predicted from the one above it (filter type 2), which suits smooth surfaces
-    above = np.vstack([np.zeros((1, width * 3), np.uint8), pixels.reshape(height, width * 3)[:-1]])
-    rows = np.hstack([np.full((height, 1), 2, np.uint8), pixels.reshape(height, width * 3) - above])
-    parts = [b"\x89PNG\r\n\x1a\n"]
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    for kind, data in ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 9)), (b"IEND", b"")):
-        parts.append(struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)))
-    return b"".join(parts)
+        raise VideoError(f"the film's encoder failed with status {process.returncode}: {words or 'it said nothing'}")

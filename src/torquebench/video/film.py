@@ -1,104 +1,152 @@
-"""Making a film of a stored run, on the first back end that draws, and recording what was made and why so."""
+"""Making the film of a stored run from its files alone: laws of plug-ins are not needed."""
 
 from __future__ import annotations
 
+import json
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from torquebench.errors import VideoError
-from torquebench.experiment.store import add_to_run
-from torquebench.video.backends import STICK, Backend, advice, reason, usable
-from torquebench.video.child import run_module
+from torquebench.errors import ConfigError, Problem, ResultError, VideoError, did_you_mean
+from torquebench.experiment.source import read_document
+from torquebench.experiment.store import EXPERIMENT, add_to_run, checksums, refuse_without_experiment
+from torquebench.robot.library import mjcf_path
+from torquebench.sim.trajectory import load_trajectory
 from torquebench.video.encode import ffmpeg_program
-from torquebench.video.job import Job
-from torquebench.video.settings import Settings, check_settings
-from torquebench.video.stored import Footage
+from torquebench.video.job import SEPARATOR, Footage, Job, Settings, Shot, check_settings
+from torquebench.video.opengl import STICK, Backend, advice, drawing_backends, reason, run_module
 
 FILM = "video.mp4"
 SILENCE = 300.0
 """Longest time between two frames [s]."""
+HEADLINES = (("rmse", "RMSE", 1e3, "mrad"), ("hf", "HF", 1.0, "%"))
+"""Metrics quoted beside a controller's name: key, title, factor and unit."""
+LEAST = 1e-3
+"""Smaller figures are written as ``<0.001``."""
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
-    """A film or picture."""
+class Film:
+    """A film or picture that was made."""
 
     content: bytes
     facts: dict[str, Any]
-    """What it is: back end and reason, size, frames and so on, as recorded in the manifest."""
+    """Back end and why, size, frames and so on, as the manifest records them."""
     advice: str
-    """What to install for a better back end; empty if there is none better."""
+    """How to install a better back end; empty if there is none."""
+
+
+def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
+    """Read what a film needs from a run's folder.
+
+    Args:
+        folder: The run; its files have been checked, or were just written.
+        controllers: Names of those to show, in this order; all of them if empty.
+
+    Raises:
+        ResultError: it is not the folder of an experiment.
+        ConfigError: the run has no such controller.
+    """
+    refuse_without_experiment(folder)
+    try:
+        config = read_document((folder / EXPERIMENT).read_bytes(), str(folder / EXPERIMENT)).root
+        metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["controllers"]
+        laws = {str(keys["name"]): str(keys["law"]) for keys in config["controllers"]}
+        wrong = [f"the run has no '{name}'{did_you_mean(name, laws)}" for name in controllers if name not in laws]
+        wrong += [f"'{name}' is there twice" for name in dict.fromkeys(controllers) if controllers.count(name) > 1]
+        if wrong:
+            raise ConfigError([Problem("--controllers", "", text) for text in wrong])
+        shots = tuple(_shot(folder, name, laws[name], metrics.get(name)) for name in controllers or laws)
+        period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
+        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResultError(f"{folder}: its files are not those of a run ({type(error).__name__}: {error})") from error
+
+
+def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
+    path = folder / name / "trajectory.npz"
+    figures = []
+    for key, title, factor, unit in HEADLINES if metrics else ():
+        value = metrics[key]["value"]
+        if value is not None:
+            text = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
+            figures.append(f"{title} {text} {unit}")
+    return Shot(name, SEPARATOR.join([*figures, law]), load_trajectory(path).ending, str(path.resolve()))
+
+
+def model_changed(footage: Footage, manifest: Mapping[str, Any]) -> bool:
+    """Return whether the arm's file differs from the one that was run, according to the run's manifest."""
+    path = mjcf_path(footage.model)
+    return bool(manifest.get("model_files", {}).get(path.name) != checksums([path])[path.name])
 
 
 def make_film(
-    run: Footage,
+    footage: Footage,
     settings: Settings,
-    wish: str | None = None,
+    gl: str | None = None,
     *,
     still: float | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Made:
-    """Make a film, or one picture of it, from a run's stored trajectories.
+) -> Film:
+    """Make a film of a stored run, or one picture of it, on the first back end that draws.
 
     Args:
-        run: The run.
+        footage: The run.
         settings: What the film looks like.
-        wish: The user's MUJOCO_GL; None if not set.
-        still: Time of the one picture to make instead [s].
+        gl: The user's MUJOCO_GL; None if not set.
+        still: Time of the picture to make instead of a film [s].
         progress: Called with the number of frames made and their total.
 
     Raises:
         ConfigError: impossible settings.
         VideoError: it cannot be made.
-        ModelError: there is no such arm any more.
+        ModelError: the arm no longer exists.
     """
-    check_settings(settings, run.model)
+    check_settings(settings, footage.model)
     if still is None:
-        ffmpeg_program()  # to say it at once, not after a back end has been sought
+        ffmpeg_program()  # fail before a back end is sought
 
-    def heard(message: Mapping[str, Any]) -> None:
+    def on_message(message: Mapping[str, Any]) -> None:
         if progress is not None and "frame" in message:
             progress(message["frame"], message["of"])
 
     crashed: tuple[Backend, ...] = ()
     with tempfile.TemporaryDirectory(prefix="torquebench-") as folder:
         out = Path(folder) / ("still.png" if still is not None else FILM)
-        job = Job(run.model, run.title, run.shots, run.control_period, settings, "", str(out), still)
-        for backend, failed in usable(wish):
-            gl = "off" if backend.name == STICK else backend.name
+        job = Job(footage, settings, out=str(out), still=still)
+        for backend, failed in drawing_backends(gl):
+            text = replace(job, backend=backend.name).to_json()
+            gl_there = "off" if backend.name == STICK else backend.name
             try:
-                told = run_module(
-                    "torquebench.video.render", replace(job, backend=backend.name).to_json(), gl, SILENCE, heard
-                )
+                message = run_module("torquebench.video.render", text, gl_there, SILENCE, on_message)
             except VideoError as error:
                 if backend.name == STICK:
                     raise VideoError(f"drawing the film {error}") from error
                 crashed = (*crashed, Backend(backend.name, False, f"drawing {error}"))
                 continue
-            if "failed" in told:
-                raise VideoError(str(told["failed"]))
-            if "made" not in told:
-                raise VideoError(f"drawing the film ended after {told.get('frame', 0)} frames")
+            if "failed" in message:
+                raise VideoError(str(message["failed"]))
+            if "made" not in message:
+                raise VideoError(f"drawing the film ended after {message.get('frame', 0)} frames")
             worse = (*failed, *crashed)
             facts = {
-                "reason": reason(backend, worse, wish),
+                "reason": reason(backend, worse, gl),
                 "renderer": backend.renderer,
-                "controllers": [shot.name for shot in run.shots],
-                **told["made"],
+                "controllers": [shot.name for shot in footage.shots],
+                **message["made"],
             }
-            return Made(out.read_bytes(), facts, advice(worse) if backend.name == STICK else "")
+            return Film(out.read_bytes(), facts, advice(worse) if backend.name == STICK else "")
     raise VideoError("no back end was left to draw with")
 
 
-def keep_film(folder: Path, made: Made) -> Path:
-    """Write a film into its run's folder, say in the manifest what it is, and return its path."""
-    add_to_run(folder, {FILM: made.content}, {"video": {"file": FILM} | made.facts})
+def keep_film(folder: Path, film: Film) -> Path:
+    """Write a film into its run's folder, record it in the manifest, and return its path."""
+    add_to_run(folder, {FILM: film.content}, {"video": {"file": FILM} | film.facts})
     return folder / FILM
 
 
 def keep_failure(folder: Path, error: str) -> None:
-    """Say in the manifest of a run that its film could not be made, and why."""
+    """Record in a run's manifest that its film could not be made, and why."""
     add_to_run(folder, {FILM: None}, {"video": {"backend": None, "failed": error}})

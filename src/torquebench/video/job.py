@@ -1,15 +1,36 @@
-"""What the process that draws is told: a film of a stored run, as plain values that travel as JSON."""
+"""A film as plain values: what it shows and how it looks; they travel as JSON to the process that draws it."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
-from torquebench.video.settings import Settings
+from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.robot.library import camera_names
 
-APART = "   "
+Quality: TypeAlias = Literal["fast", "pretty"]
+QUALITIES: tuple[str, ...] = get_args(Quality)
+FPS = 25
+"""Frames per second: one every 40 ms, a whole number of the usual control periods."""
+SLOWEST, FASTEST = 1e-3, 1e3
+"""Range of the simulated seconds shown in one second."""
+SEPARATOR = "   "
 """Between the parts of a note."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a film looks."""
+
+    quality: Quality = "fast"
+    """``pretty`` has shadows and takes several times as long."""
+    size: tuple[int, int] = (640, 480)
+    """Width and height [px], even."""
+    speed: float = 1.0
+    """Simulated seconds shown in one second."""
+    camera: str | None = None
+    """Name of a camera of the arm; None for its first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +39,7 @@ class Shot:
 
     name: str
     note: str
-    """Headline figures and law, parts that are `APART`."""
+    """Headline metrics and law, with `SEPARATOR` between them."""
     ending: str
     """How and when the run failed; empty if it completed."""
     trajectory: str
@@ -26,22 +47,31 @@ class Shot:
 
 
 @dataclass(frozen=True, slots=True)
+class Footage:
+    """A stored run as a film or a replay needs it."""
+
+    title: str
+    model: str
+    """Name of the arm, or path of its ``.xml`` file."""
+    control_period: float
+    """Time between samples [s]."""
+    duration: float
+    """Length of the run that the config asks for [s]."""
+    shots: tuple[Shot, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Job:
     """A film, or one picture of it."""
 
-    model: str
-    """Name of the arm."""
-    title: str
-    shots: tuple[Shot, ...]
-    control_period: float
-    """Time between samples [s]."""
+    footage: Footage
     settings: Settings
-    backend: str
+    backend: str = ""
     """What draws: ``egl``, ``osmesa`` and so on, or ``stick``."""
-    out: str
+    out: str = ""
     """File to write."""
     still: float | None = None
-    """Time of the one picture to make instead of a film [s]."""
+    """Time of the picture to make instead of a film [s]."""
 
     def to_json(self) -> str:
         """Return the job as JSON."""
@@ -51,6 +81,36 @@ class Job:
 def job_from(text: str) -> Job:
     """Read a job from its JSON."""
     data: dict[str, Any] = json.loads(text)
-    settings = data["settings"]
+    footage, settings = data.pop("footage"), data.pop("settings")
+    footage["shots"] = tuple(Shot(**shot) for shot in footage["shots"])
     settings["size"] = tuple(settings["size"])
-    return Job(**data | {"shots": tuple(Shot(**shot) for shot in data["shots"]), "settings": Settings(**settings)})
+    return Job(Footage(**footage), Settings(**settings), **data)
+
+
+def check_settings(settings: Settings, model: str) -> None:
+    """Refuse settings that no film can have.
+
+    Args:
+        settings: The user's choices.
+        model: Name of the arm, or path of its ``.xml`` file.
+
+    Raises:
+        ConfigError: some are impossible; all of them are listed.
+        ModelError: there is no such arm.
+    """
+    from torquebench.experiment.schema import LARGEST_SIDE, LEAST_SIDE  # slow to load, and not needed to draw
+
+    problems = []
+    if settings.quality not in QUALITIES:
+        problems.append(("--quality", f"got {settings.quality!r}, wanted {' or '.join(QUALITIES)}"))
+    if any(not LEAST_SIDE <= side <= LARGEST_SIDE or side % 2 for side in settings.size):
+        wanted = f"wanted even numbers from {LEAST_SIDE} to {LARGEST_SIDE}"
+        problems.append(("--size", f"got {settings.size[0]}x{settings.size[1]}, {wanted}"))
+    if not SLOWEST <= settings.speed <= FASTEST:
+        problems.append(("--speed", f"got {settings.speed:g}, wanted {SLOWEST:g} to {FASTEST:g}"))
+    names = camera_names(model)
+    if settings.camera is not None and settings.camera not in names:
+        hint = did_you_mean(settings.camera, names)
+        problems.append(("--camera", f"{model} has no camera {settings.camera!r}{hint}"))
+    if problems:
+        raise ConfigError([Problem(option, "", text) for option, text in problems])

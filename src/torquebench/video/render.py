@@ -1,42 +1,42 @@
-"""The process that draws a film (``python -m torquebench.video.render``): a `Job` comes in, a film comes out.
+"""The process that draws a film (``python -m torquebench.video.render``): reads a `Job`, writes the film.
 
-It is told which OpenGL to use by MUJOCO_GL, which must be set before MuJoCo is imported; hence a process of its own.
-A line for each frame on standard output says how far it is, the last line what was made.
+MUJOCO_GL, which says which OpenGL to use, must be set before MuJoCo is imported; hence a process of its own.
+It reports each frame on standard output, and what was made at the end.
 """
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+from PIL import Image
 
 from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
 from torquebench.robot.library import camera_names
 from torquebench.robot.mjcf import joint_names, torque_limits
 from torquebench.sim.trajectory import Trajectory, load_trajectory
-from torquebench.video.encode import film_writer, png_bytes
-from torquebench.video.job import Job, job_from
-from torquebench.video.layout import Box
-from torquebench.video.overlay import Clip, Overlay, layout_for
-from torquebench.video.scene import Scene, build_scene, joint_points
-from torquebench.video.settings import FPS
-from torquebench.video.stage import GlStage, Stage
-from torquebench.video.text import Pixels
-from torquebench.video.timeline import Timeline, timeline
+from torquebench.video.encode import film_writer
+from torquebench.video.job import FPS, Job, job_from
+from torquebench.video.layout import timeline
+from torquebench.video.opengl import STICK, send
+from torquebench.video.overlay import Overlay, layout_for
+from torquebench.video.scene import build_scene, tool_path
+from torquebench.video.stage import OpenGlStage, StickStage
 
-TRAIL, POINTS = 1.0, 3
-"""Length of the tool's trail in the film's own seconds, and its points for each frame."""
-POSES = 100
-"""Poses of each run by which a camera is placed, where the arm's files have none."""
+POINTS = 3
+"""Points of the tool's trail per frame."""
+TRAIL = POINTS * FPS
+"""Length of the trail in points: one second of the film."""
+CAMERA_POSES = 100
+"""Poses of each run from which a camera is placed if the arm's files have none."""
 
 
-class Film:
-    """The frames of a job.
+class FilmRenderer:
+    """Draws the frames of a job.
 
     Args:
         job: What to draw.
@@ -46,118 +46,86 @@ class Film:
     """
 
     def __init__(self, job: Job) -> None:
-        self._runs = [load_trajectory(shot.trajectory) for shot in job.shots]
-        lasting = max(len(run.t) for run in self._runs) * job.control_period
-        self.frames: Timeline = timeline(lasting, job.settings.speed, job.control_period)
-        clips = [Clip(s.name, s.note, run, s.ending) for s, run in zip(job.shots, self._runs, strict=True)]
-        where = layout_for(clips, *job.settings.size)
-        scene = build_scene(job.model, np.concatenate([poses(run) for run in self._runs]))
+        footage = job.footage
+        self._runs = runs = [load_trajectory(shot.trajectory) for shot in footage.shots]
+        self._longest = max(runs, key=lambda run: len(run.t))
+        duration = len(self._longest.t) * footage.control_period
+        self.timeline = timeline(duration, job.settings.speed, footage.control_period)
+        self._samples = self.timeline.samples()
+        where = layout_for(footage.shots, job.settings.size)
+        scene = build_scene(footage.model, np.concatenate([sample_poses(run) for run in runs]))
         m = scene.model
-        slides = m.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
-        self._overlay = Overlay(
-            clips,
-            where,
-            self.frames,
-            job.title,
-            joint_names(m),
-            ["m" if slide else "rad" for slide in slides],
-            torque_limits(m, job.model),
-        )
-        names = camera_names(job.model)
-        self.camera = job.settings.camera or names[0]
+        units = ["m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for kind in m.jnt_type]
+        limits = torque_limits(m, footage.model)
+        self._overlay = Overlay(footage.shots, runs, where, self.timeline, footage.title, joint_names(m), units, limits)
+        fine = self.timeline.samples(POINTS)
+        self._paths = [tool_path(m, run.q[np.minimum(fine, last_pose(run))]) for run in runs]
+        self.camera = job.settings.camera or camera_names(footage.model)[0]
         camera = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_CAMERA, self.camera)
-        self._paths = [tool_path(scene, run, self.frames) for run in self._runs]
-        self.stage = open_stage(scene, where.panels[0].view, camera, job)
-        self._samples = self.frames.samples()
-        self._longest = max(self._runs, key=lambda run: len(run.t))
+        size = where.panels[0].view[2:]
+        self.stage = (
+            StickStage(scene, size, camera)
+            if job.backend == STICK
+            else OpenGlStage(scene, size, camera, job.settings.quality, TRAIL + 1)
+        )
 
-    def draw(self, i: int) -> Pixels:
+    def draw(self, i: int) -> Image.Image:
         """Return frame `i`."""
+        k, now = int(self._samples[i]), POINTS * i
+        q_ref = self._longest.q_ref[min(k, len(self._longest.t) - 1)]
         views = []
         for run, path in zip(self._runs, self._paths, strict=True):
-            k = int(self._samples[i])
-            trail = path[max(0, POINTS * i - round(TRAIL * FPS * POINTS)) : POINTS * i + 1]
-            q_ref = self._longest.q_ref[min(k, len(self._longest.t) - 1)]
+            trail = path[max(0, now - TRAIL) : now + 1]
             views.append(self.stage.draw(run.q[min(k, last_pose(run))], q_ref, trail))
-        return self._overlay.frame(i, views)
+        return self._overlay.draw(i, views)
 
 
-def poses(run: Trajectory) -> Array:
+def sample_poses(run: Trajectory) -> Array:
     """Return some positions of a run and of its reference, (N, n) [rad]."""
-    every = max(1, len(run.t) // POSES)
-    found: Array = np.nan_to_num(np.concatenate([run.q[::every], run.q_ref[::every]]))
-    return found
+    every = max(1, len(run.t) // CAMERA_POSES)
+    poses: Array = np.nan_to_num(np.concatenate([run.q[::every], run.q_ref[::every]]))
+    return poses
 
 
 def last_pose(run: Trajectory) -> int:
-    """Return the index of the last position that is made of numbers."""
+    """Return the index of a run's last position that is made of numbers."""
     return int(np.max(np.flatnonzero(np.isfinite(run.q).all(axis=1)), initial=0))
 
 
-def tool_path(scene: Scene, run: Trajectory, frames: Timeline) -> Array:
-    """Return where the tool is at `POINTS` instants a frame, (frames * POINTS, 3) [m]."""
-    samples = np.minimum(frames.samples(POINTS), last_pose(run))
-    d = mujoco.MjData(scene.model)
-    joints = scene.model.njnt + 1
-    return joint_points(scene.model, d, run.q[samples])[joints - 1 :: joints]
-
-
-def open_stage(scene: Scene, view: Box, camera: int, job: Job) -> Stage:
-    """Return what draws the arm.
-
-    Args:
-        scene: The arm.
-        view: Size of the picture.
-        camera: Number of the camera.
-        job: Which back end, and how well.
-    """
-    if job.backend == "stick":
-        from torquebench.video.stick import StickStage
-
-        return StickStage(scene, view.width, view.height, camera)
-    return GlStage(scene, view.width, view.height, camera, job.settings.quality, round(TRAIL * FPS * POINTS) + 1)
-
-
 def make(job: Job) -> dict[str, Any]:
-    """Make the film or picture of a job and return what it is.
+    """Make the film or picture of a job; return its facts.
 
     Raises:
         TorquebenchError: it cannot be made.
     """
-    film = Film(job)
-    width, height = job.settings.size
+    renderer, settings = FilmRenderer(job), job.settings
+    total = renderer.timeline.total
     try:
         if job.still is not None:
-            i = min(round(job.still * FPS / job.settings.speed), film.frames.frames - 1)
-            Path(job.out).write_bytes(png_bytes(film.draw(i)))
-            made = {"at": film.frames.time(i)}
+            i = min(round(job.still * FPS / settings.speed), total - 1)
+            renderer.draw(i).save(job.out)
+            made = {"at": renderer.timeline.time(i)}
         else:
-            made = {"fps": FPS, "frames": film.frames.frames, "seconds": film.frames.frames / FPS}
-            with film_writer(Path(job.out), width, height) as film_file:
-                for i in range(film.frames.frames):
-                    film_file.write(film.draw(i))
-                    tell({"frame": i + 1, "of": film.frames.frames})
+            made = {"fps": FPS, "frames": total, "seconds": total / FPS}
+            with film_writer(Path(job.out), settings.size) as write:
+                for i in range(total):
+                    write(renderer.draw(i))
+                    send({"frame": i + 1, "of": total})
     finally:
-        film.stage.close()
+        renderer.stage.close()
     return {
-        "backend": film.stage.backend,
-        "quality": job.settings.quality,
-        "size": [width, height],
-        "speed": job.settings.speed,
-        "camera": film.camera,
+        "backend": renderer.stage.backend,
+        "quality": settings.quality,
+        "size": list(settings.size),
+        "speed": settings.speed,
+        "camera": renderer.camera,
         **made,
     }
-
-
-def tell(message: dict[str, Any]) -> None:
-    """Send a line to the process that started this one."""
-    sys.stdout.write(json.dumps(message) + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":
     mujoco.set_mju_user_warning(lambda message: None)
     try:
-        tell({"made": make(job_from(sys.stdin.read()))})
+        send({"made": make(job_from(sys.stdin.read()))})
     except TorquebenchError as error:
-        tell({"failed": str(error)})
+        send({"failed": str(error)})

@@ -1,4 +1,4 @@
-"""The arm as it is shown: its look from ``scene.xml``, or links drawn along its kinematics; physics never see it."""
+"""The arm's look and cameras: from its ``scene.xml``, or made along its kinematics; the simulation never sees them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from torquebench.robot.library import CAMERAS, mjcf_path, scene_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame
 
 FIELD_OF_VIEW = 32.0
-"""Vertical opening of the cameras made here [deg]."""
+"""Vertical field of view of the cameras made here [deg]."""
 FLAT = 0.02
-"""An arm whose points lie within this fraction of its size of one plane is looked at from across that plane."""
+"""An arm that leaves its plane by less than this fraction of its size is seen from across that plane."""
 SHELL, DARK = (0.96, 0.94, 0.88, 1.0), (0.17, 0.18, 0.20, 1.0)
 _UNSEEN: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 2}
 _SAME = 1e-9  # m; poses of the two files of one arm agree to rounding
@@ -57,20 +57,25 @@ def build_scene(name: str, poses: Array) -> Scene:
             dress(spec, arm, poses)
             m = spec.compile()
     moving = tuple(i for i in range(m.ngeom) if m.body_weldid[m.geom_bodyid[i]] != 0)
-    return Scene(m, moving, reach_of(chain_of(arm)))
+    return Scene(m, moving, stretched_length(joint_chain(arm)))
 
 
-def check_same_arm(arm: Any, shown: Any, where: str) -> None:
-    """Refuse a look with other joints than the arm's, or whose tool is elsewhere.
+def check_same_arm(arm: Any, look: Any, where: str) -> None:
+    """Refuse a look whose joints are not the arm's, or whose tool is elsewhere.
+
+    Args:
+        arm: The arm, compiled.
+        look: Its look, compiled.
+        where: File of the look, for messages.
 
     Raises:
         ModelError: it would show another motion than the one that was run.
     """
-    if joint_names(arm) != joint_names(shown):
+    if joint_names(arm) != joint_names(look):
         raise ModelError(f"{where}: its joints are not those of the arm ({', '.join(joint_names(arm))})")
     for angle in (0.0, 0.5, -1.0):
         tools = []
-        for m in (arm, shown):
+        for m in (arm, look):
             d = mujoco.MjData(m)
             d.qpos[:] = angle
             mujoco.mj_kinematics(m, d)
@@ -80,7 +85,7 @@ def check_same_arm(arm: Any, shown: Any, where: str) -> None:
 
 
 def dress(spec: Any, arm: Any, poses: Array) -> None:
-    """Add what a scene needs and does not have: links, a floor, light, sky, and cameras that see every pose.
+    """Add what a scene lacks: links, a floor, lights, a sky, and cameras that see every pose.
 
     Args:
         spec: The arm's ``MjSpec``; changed in place.
@@ -90,12 +95,12 @@ def dress(spec: Any, arm: Any, poses: Array) -> None:
     d = mujoco.MjData(arm)
     points = joint_points(arm, d, poses)
     low, high = points.min(axis=0), points.max(axis=0)
-    chain = chain_of(arm)
-    reach = reach_of(chain)
-    shown = [g for g in spec.geoms if g.group <= 2]
-    if not shown:
+    chain = joint_chain(arm)
+    reach = stretched_length(chain)
+    visible = [g for g in spec.geoms if g.group <= 2]
+    if not visible:
         add_links(spec, arm, chain, reach)
-    if not any(g.type == mujoco.mjtGeom.mjGEOM_PLANE for g in shown):
+    if not any(g.type == mujoco.mjtGeom.mjGEOM_PLANE for g in visible):
         ground = min(float(low[2]), float(chain[0, 2])) - 0.12 * reach
         spec.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -139,20 +144,25 @@ def joint_points(arm: Any, d: Any, poses: Array) -> Array:
         d: Its data; changed.
         poses: Joint positions, (N, n) [rad].
     """
-    found = []
+    points = []
     for q in poses:
         d.qpos[:] = q
         mujoco.mj_kinematics(arm, d)
-        found += [*d.xanchor.copy(), tool_frame(arm, d, "arm")[1].copy()]
-    return np.array(found)
+        points += [*d.xanchor.copy(), tool_frame(arm, d, "arm")[1].copy()]
+    return np.array(points)
 
 
-def chain_of(arm: Any) -> Array:
+def tool_path(arm: Any, poses: Array) -> Array:
+    """Return where the tool is at each pose, (N, 3) [m]; arguments as for `joint_points`."""
+    return joint_points(arm, mujoco.MjData(arm), poses)[arm.njnt :: arm.njnt + 1]
+
+
+def joint_chain(arm: Any) -> Array:
     """Return where joints and tool are at zero position, (n + 1, 3) [m]."""
     return joint_points(arm, mujoco.MjData(arm), np.zeros((1, arm.nq)))
 
 
-def reach_of(chain: Array) -> float:
+def stretched_length(chain: Array) -> float:
     """Return the length of the stretched arm [m]; never zero."""
     return max(float(np.sum(np.linalg.norm(np.diff(chain, axis=0), axis=1))), 1e-3)
 
@@ -233,3 +243,43 @@ def add_cameras(spec: Any, points: Array, reach: float) -> None:
         camera = spec.worldbody.add_camera(name=name, pos=centre + distance * back, fovy=FIELD_OF_VIEW)
         camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
         camera.alt.xyaxes = [*right, *np.cross(back, right)]
+
+
+class Lens(NamedTuple):
+    """A camera fixed in the world."""
+
+    position: Array
+    """(3,) [m]."""
+    axes: Array
+    """Columns: right, up and backward in the world, (3, 3)."""
+    slope: float
+    """Tangent of half the vertical field of view."""
+
+
+def set_lens(model: Any, camera: int, width: int, height: int) -> Lens:
+    """Fit a camera to a frame, which it must see as wide as high if that is higher than wide, and return it.
+
+    Args:
+        model: Compiled model; the camera's vertical field of view is set in it.
+        camera: Number of the camera.
+        width, height: Size of the frame [px].
+    """
+    slope = float(np.tan(np.deg2rad(model.cam_fovy[camera]) / 2.0)) * max(1.0, height / width)
+    model.cam_fovy[camera] = 2.0 * np.rad2deg(np.arctan(slope))
+    d = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, d)
+    mujoco.mj_camlight(model, d)
+    return Lens(d.cam_xpos[camera].copy(), d.cam_xmat[camera].reshape(3, 3).copy(), slope)
+
+
+def project(lens: Lens, points: Array, width: int, height: int) -> Array:
+    """Return where points are in a frame, (N, 2) [px]: to the right and down from its upper left corner.
+
+    Args:
+        lens: The camera.
+        points: (N, 3) [m], in front of it.
+        width, height: Size of the frame [px].
+    """
+    inside = (points - lens.position) @ lens.axes
+    scale = 0.5 * height / lens.slope / np.maximum(-inside[:, 2], 1e-9)
+    return np.stack([0.5 * width + scale * inside[:, 0], 0.5 * height - scale * inside[:, 1]], axis=1)

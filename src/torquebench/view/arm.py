@@ -11,14 +11,13 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.mjcf import joint_names, tool_frame, torque_limits
 from torquebench.video.scene import Scene, build_scene
+from torquebench.video.stage import VISIBLE_GROUPS
 from torquebench.view import shapes
 from torquebench.view.shapes import Triangles
 
 _KIND = mujoco.mjtGeom
 _UNSET = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 """MuJoCo's colour of a geom that has none: its material's is shown."""
-_SHOWN = 2
-"""Geoms of higher groups are hidden by the arm's files."""
 
 
 class Part(NamedTuple):
@@ -60,7 +59,7 @@ class Arm:
         self._d = mujoco.MjData(m)
         mujoco.mj_kinematics(m, self._d)
         mujoco.mj_camlight(m, self._d)
-        seen = [g for g in range(m.ngeom) if m.geom_group[g] <= _SHOWN and m.geom_type[g] != _KIND.mjGEOM_PLANE]
+        seen = [g for g in range(m.ngeom) if m.geom_group[g] <= VISIBLE_GROUPS and m.geom_type[g] != _KIND.mjGEOM_PLANE]
         self._bodies = sorted({int(m.geom_bodyid[g]) for g in seen})
         self.parts = tuple(self._part([g for g in seen if m.geom_bodyid[g] == body], body) for body in self._bodies)
         self.joints: list[str] = joint_names(m)

@@ -11,7 +11,7 @@ import numpy as np
 
 from torquebench.kernel import Array
 from torquebench.sim.trajectory import Trajectory
-from torquebench.video.stored import Footage
+from torquebench.video.job import Footage
 from torquebench.view.arm import Arm
 
 FRAME = 0.01

@@ -6,7 +6,6 @@ One controller is shown at a time. A line a second on standard output says that 
 from __future__ import annotations
 
 import itertools
-import json
 import sys
 import time
 from typing import Any
@@ -19,8 +18,9 @@ from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 from torquebench.video.job import Job, job_from
-from torquebench.video.scene import Scene, build_scene, joint_points
-from torquebench.video.stage import GHOST, GROWN, TOOL, TOOL_SIZE, TRAIL, TRAIL_SIZE
+from torquebench.video.opengl import send
+from torquebench.video.scene import Scene, build_scene, tool_path
+from torquebench.video.stage import GHOST, GROWN, TOOL, TOOL_SIZE, TRAIL, TRAIL_SIZE, VISIBLE_GROUPS
 
 RATE = 60.0
 """Pictures a second."""
@@ -31,7 +31,6 @@ SPACE, ENTER, RIGHT, LEFT = 32, 257, 262, 263
 STEP = 0.01
 """What an arrow key moves the time by [s]."""
 _ALPHA = 0.35
-_SHOWN = 2
 
 
 class Replay:
@@ -43,14 +42,14 @@ class Replay:
 
     def __init__(self, job: Job) -> None:
         self.job, self.time, self.playing, self.shown = job, 0.0, True, 0
-        self._runs = [load_trajectory(shot.trajectory) for shot in job.shots]
+        self._runs = [load_trajectory(shot.trajectory) for shot in job.footage.shots]
 
     def key(self, code: int) -> None:
         """Do what a key asks for."""
         if code == SPACE:
             self.playing = not self.playing
         elif code == ENTER:
-            self.shown = (self.shown + 1) % len(self.job.shots)
+            self.shown = (self.shown + 1) % len(self.job.footage.shots)
         elif code in (LEFT, RIGHT):
             self.playing = False
             self.time = max(0.0, self.time + (STEP if code == RIGHT else -STEP))
@@ -64,7 +63,7 @@ class Replay:
         """Let `passed` seconds go by, from the start again after the end; return the sample of `run` to show."""
         if self.playing:
             self.time += passed * self.job.settings.speed
-        k = round(self.time / self.job.control_period)
+        k = round(self.time / self.job.footage.control_period)
         if k >= len(run.t):
             if self.playing and self.time > run.t[-1] + self.job.settings.speed:  # stands still for a second
                 self.time = 0.0
@@ -76,7 +75,7 @@ def add_ghost(view: Any, scene: Scene, d: Any) -> None:
     """Add the moving geoms of the arm at the pose of `d` to a viewer's own scene, translucent."""
     m = scene.model
     for i in scene.moving:
-        if m.geom_group[i] > _SHOWN:
+        if m.geom_group[i] > VISIBLE_GROUPS:
             continue
         geom = view.geoms[view.ngeom]
         view.ngeom += 1
@@ -109,21 +108,20 @@ def replay(job: Job) -> None:
         TorquebenchError: a run or the arm cannot be read.
     """
     state = Replay(job)
-    scene = build_scene(job.model, np.nan_to_num(state.run.q[::50]))
+    scene = build_scene(job.footage.model, np.nan_to_num(state.run.q[::50]))
     m = scene.model
     d, reference = mujoco.MjData(m), mujoco.MjData(m)
-    joints = m.njnt + 1
     with mujoco.viewer.launch_passive(m, d, key_callback=state.key, show_left_ui=False, show_right_ui=False) as viewer:
         with viewer.lock():
             viewer.cam.type, viewer.cam.fixedcamid = mujoco.mjtCamera.mjCAMERA_FREE, -1
             _look_like_first_camera(viewer.cam, m)
-        before, told = time.perf_counter(), 0.0
+        before, reported = time.perf_counter(), 0.0
         while viewer.is_running():
             now = time.perf_counter()
             run = state.run
             k = state.advance(now - before, run)
-            back = np.linspace(max(0, k - TRAIL_TIME / job.control_period), k, TRAIL_POINTS).astype(int)
-            path = joint_points(m, reference, np.nan_to_num(run.q[np.unique(back)]))[joints - 1 :: joints]
+            back = np.linspace(max(0, k - TRAIL_TIME / job.footage.control_period), k, TRAIL_POINTS).astype(int)
+            path = tool_path(m, np.nan_to_num(run.q[np.unique(back)]))
             reference.qpos[:] = run.q_ref[k]
             mujoco.mj_kinematics(m, reference)
             with viewer.lock():
@@ -133,15 +131,15 @@ def replay(job: Job) -> None:
                 viewer.user_scn.ngeom = 0
                 add_ghost(viewer.user_scn, scene, reference)
                 add_trail(viewer.user_scn, path, scene.reach)
-            shot = job.shots[state.shown]
+            shot = job.footage.shots[state.shown]
             place, font = mujoco.mjtGridPos.mjGRID_TOPLEFT, mujoco.mjtFontScale.mjFONTSCALE_150
             viewer.set_texts(
                 (font, place, f"{shot.name}\n{shot.ending}", f"t = {state.time:.2f} s\nspace, arrows, enter")
             )
             viewer.sync()
-            if now - told > 1.0:
-                tell({"time": state.time, "shown": shot.name})
-                told = now
+            if now - reported > 1.0:
+                send({"time": state.time, "shown": shot.name})
+                reported = now
             before = now
             time.sleep(max(0.0, 1.0 / RATE - (time.perf_counter() - now)))
 
@@ -159,15 +157,9 @@ def _look_like_first_camera(camera: Any, m: Any) -> None:
     camera.elevation = float(np.rad2deg(np.arcsin(ahead[2])))
 
 
-def tell(message: dict[str, Any]) -> None:
-    """Send a line to the process that started this one."""
-    sys.stdout.write(json.dumps(message) + "\n")
-    sys.stdout.flush()
-
-
 if __name__ == "__main__":
     try:
         replay(job_from(sys.stdin.read()))
-        tell({"closed": True})
+        send({"closed": True})
     except TorquebenchError as error:
-        tell({"failed": str(error)})
+        send({"failed": str(error)})

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from torquebench.experiment.units import joint_units
+from torquebench.experiment.reference import joint_units
 from torquebench.metrics import METRICS
 from torquebench.report.figures.heatmap import draw_heatmap
 from torquebench.report.figures.lines import draw_lines

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from torquebench.experiment.units import joint_units, unit_of
+from torquebench.experiment.reference import joint_units, unit_of
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.figures import style

@@ -1,4 +1,4 @@
-"""Which constants a rigid PUMA can have: the ties among them, and link parameters that realise given ones.
+"""Constants that a rigid PUMA can have: the ties among them, and link parameters that realise given ones.
 
 I1..I23 and g1..g5 are linear in the links' parameters (mass, first moment, inertia about the frame's origin; 60 in all).
 Links of a form without terms beyond these 28 reach only 21 independent values, and links that are bodies, with a
@@ -18,9 +18,9 @@ PER_LINK = len(FIELDS)
 PARAMETERS = 6 * PER_LINK
 MAX_STEPS = 200
 REPEATED = 1e-8
-"""A condition of which less than this share is not said by the others repeats them."""
+"""A condition is redundant if less than this share of it is independent of the others."""
 SHORTEST = 1e-4
-"""A Newton step that may be taken to less than this share, twice running, leads to no body."""
+"""If two Newton steps in a row must be cut below this share, there is no such body."""
 
 
 def linear_map(geometry: Geometry, g: float) -> Array:

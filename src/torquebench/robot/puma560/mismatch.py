@@ -142,14 +142,14 @@ def _sines() -> Array:
 
 
 def _acceptable(model: RobotModel, constants: Array) -> bool:
-    """Whether a closed form with these constants has its least eigenvalue above `LEAST_EIGENVALUE`."""
+    """True if a closed form with these constants has its least eigenvalue above `LEAST_EIGENVALUE`."""
     work = np.zeros((model.n, model.n))
     return bool(_all_above(constants, model.flat.literal, _sines(), LEAST_EIGENVALUE, work))
 
 
 @kernel
 def _all_above(constants: Array, literal: IntArray, sines: Array, least: float, A: Array) -> bool:
-    """Whether the symmetric part of the mass matrix less `least` times 1 is positive definite at every pose.
+    """True if the symmetric part of the mass matrix less `least` times 1 is positive definite at every pose.
 
     It is just when all pivots of its elimination are positive (Sylvester); a tenth of the time of its eigenvalues.
     """

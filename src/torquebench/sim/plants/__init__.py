@@ -1,4 +1,4 @@
-"""What the loop asks of a plant: the protocol, and the timing every plant shares."""
+"""Plants: the protocol that the loop needs, and the timing that all share."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Carrier(Plant, Protocol):
     """A plant that takes up a payload in the middle of a run; `simulate` tells it when. Others need none of this."""
 
     payload: Payload | None
-    """What it takes up."""
+    """The payload."""
 
     def attach(self) -> None:
         """Go on with the payload, from the same position and velocity; `reset` takes it away again."""
@@ -63,22 +63,22 @@ class NativeError(TorquebenchError):
 
 
 class NativePlant(NamedTuple):
-    """What the compiled loop needs of a plant, from its method ``native()``; a plant without one is not compiled."""
+    """A plant as the compiled loop sees it, from its method ``native()``; a plant without one is interpreted."""
 
     step: int
     """Address of a native function (structure, torque (3, n), substeps, varying) -> 0."""
     structure: Structure
-    """What that function works on; kept alive by whoever holds this."""
+    """The structure that the function works on; kept alive by this tuple."""
     q: Array
-    """The plant's own position, which the function moves on, (n,) [rad]."""
+    """The plant's position, advanced by the function, (n,) [rad]."""
     qd: Array
-    """The plant's own velocity, likewise, (n,) [rad/s]."""
+    """The plant's velocity, likewise, (n,) [rad/s]."""
     loaded: Structure | None = None
-    """What the function works on once the payload is taken up in the middle of a run; with the same `q` and `qd`."""
+    """The structure with the payload, for the rest of a run after it is taken up; with the same `q` and `qd`."""
 
 
 def check_own(plant: Plant, known: type[Any]) -> None:
-    """Refuse the native form of a plant whose methods may not be those that form stands for.
+    """Refuse to compile an instance of a subclass, whose methods may differ from the compiled ones.
 
     Raises:
         NativeError: `plant` is an instance of a subclass of `known`.

@@ -10,13 +10,13 @@ from typing import Annotated, Any
 import numpy as np
 
 from torquebench.kernel import Array, kernel
-from torquebench.kernel.struct import Structure, at, vector
+from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.robot.dynamics import forward_dynamics
 from torquebench.robot.flat_model import Model, own_copy
 from torquebench.robot.payload import Payload, phases
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.friction import NONE, Friction, Resistance, check_stable, poses, resist
-from torquebench.sim.native import STEP_SIGNATURE, native
+from torquebench.sim.native import STEP_SIGNATURE, compile_native
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
 
 
@@ -190,7 +190,7 @@ def integrate(arm: Integrated, start: Array, middle: Array, end: Array, steps: i
         euler_steps(arm.model, arm.friction, arm.q, arm.qd, start, arm.timestep, steps, arm.work)
 
 
-arm_at = at(Integrated)
+arm_at = structure_at(Integrated)
 
 
 @lru_cache(maxsize=1)
@@ -206,4 +206,4 @@ def compiled_step() -> Any:
         integrate(arm, start, middle, end, substeps)
         return 0
 
-    return native(STEP_SIGNATURE, step)
+    return compile_native(STEP_SIGNATURE, step)

@@ -137,13 +137,13 @@ class MujocoPlant:
             mujoco.mj_step(self._now, self._d, substeps)
 
     def _apply(self, torque: Array) -> None:
-        """Have `torque` (n,) [N m] act on the joints, less the friction at their velocity."""
+        """Apply `torque` (n,) [N m] minus the friction at the current velocity."""
         self._d.qfrc_applied[:] = torque
         if self.friction is not None:
             resist(self._resistance, self._d.qvel, self._d.qfrc_applied, self._d.qfrc_applied)
 
     def _runge_kutta(self, start: Array, middle: Array, end: Array) -> None:
-        """One step as ``mj_step`` makes it, but with the torque of each stage's own time."""
+        """One Runge-Kutta step like ``mj_step``'s, with the torque at the time of each stage."""
         d, h = self._d, self.timestep
         q, qd = d.qpos.copy(), d.qvel.copy()
         velocity, acceleration = np.zeros(self.n), np.zeros(self.n)

@@ -22,10 +22,10 @@ from numba import types
 from numba.extending import register_jitable
 
 from torquebench.kernel import Array, IntArray
-from torquebench.kernel.struct import Structure, at, vector
+from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.robot.mjcf import features
 from torquebench.sim.friction import NONE, Resistance, resist
-from torquebench.sim.native import STEP_SIGNATURE, native
+from torquebench.sim.native import STEP_SIGNATURE, compile_native
 from torquebench.sim.plants import NativeError
 
 _STATE = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_QVEL)
@@ -41,7 +41,7 @@ SIGNATURES = {
     "mj_factorI": types.void(types.intp, types.intp, types.int32, *[types.intp] * 4),
     "mj_solveLD": types.void(types.intp, types.intp, types.intp, types.int32, types.int32, *[types.intp] * 4),
 }
-"""What is called, by name; the last two are exported by the library but not declared in its header."""
+"""C functions by name; the last two are exported by the library but not declared in its header."""
 
 
 def c_function(name: str) -> Any:
@@ -111,7 +111,7 @@ class Stepped(Structure):
     lean: bool
     rk4: bool
     implicit_damping: bool
-    """Whether Euler's method takes the damping implicitly, as MuJoCo does where there is any."""
+    """True if Euler's method treats damping implicitly, as MuJoCo does when there is any."""
     timestep: float
     q: Array
     qd: Array
@@ -135,9 +135,9 @@ class Stepped(Structure):
     diagonal: IntArray
     """Index of each diagonal element in M, (n,)."""
     stages: Annotated[Array, 2]
-    """Working memory of the Runge-Kutta method, and a row for the torque less friction, (11, n)."""
+    """Working memory of the Runge-Kutta method, and a row for the torque minus friction, (11, n)."""
     friction: Resistance
-    """Friction of the joints beside the model's own damping."""
+    """Friction of the joints in addition to the model's damping."""
 
 
 @register_jitable(_nrt=False)
@@ -218,7 +218,7 @@ def euler(arm: Stepped, torque: Array) -> None:
 
 @register_jitable(_nrt=False)
 def runge_kutta(arm: Stepped, start: Array, middle: Array, end: Array) -> None:
-    """Classical Runge-Kutta on `arm` as ``mj_RungeKutta`` does it, with the torque of each stage's own time.
+    """Classical Runge-Kutta on `arm` as ``mj_RungeKutta`` does it, with the torque at the time of each stage.
 
     Args:
         arm: The arm; moved on by one time step.
@@ -244,7 +244,7 @@ def runge_kutta(arm: Stepped, start: Array, middle: Array, end: Array) -> None:
         arm.warmstart[i] = arm.qdd[i]  # where constraints start from in the next step
 
 
-stepped_at = at(Stepped)
+stepped_at = structure_at(Stepped)
 
 
 @lru_cache(maxsize=1)
@@ -278,13 +278,13 @@ def compiled_step() -> Any:
                 mj_step(arm.m, arm.d)
         return 0
 
-    return native(STEP_SIGNATURE, step)
+    return compile_native(STEP_SIGNATURE, step)
 
 
 PROOF_STEPS = 20
 """Steps over which the lean step is compared with ``mj_step`` before it is used."""
 SERVED = ("joint damping",)
-"""Features the lean step serves although the analytic side has no counterpart for them."""
+"""Features that the lean step supports although the analytic model does not."""
 
 
 def native_arm(m: Any, d: Any, friction: Resistance, lean: bool | None = None) -> Stepped:
@@ -304,13 +304,13 @@ def native_arm(m: Any, d: Any, friction: Resistance, lean: bool | None = None) -
 
 
 def _is_plain(m: Any) -> bool:
-    """Whether an arm has nothing but hinges, slides, viscous damping and motors."""
+    """True if an arm has only hinges, slides, viscous damping and motors."""
     poly = np.any(m.dof_dampingpoly != 0.0) or m.opt.enableflags != 0 or m.nhistory > 0
     return not poly and not any(present for name, present in features(m).items() if name not in SERVED)
 
 
 def _lean_is_equal(m: Any) -> bool:
-    """Whether the lean step equals ``mj_step`` in every byte, from a random state under random torques."""
+    """True if the lean step equals ``mj_step`` in every byte, from a random state under random torques."""
     own = copy.copy(m)
     lean, whole = mujoco.MjData(own), mujoco.MjData(own)
     rng = np.random.default_rng(0)

@@ -1,0 +1,203 @@
+"""What commands take: options and arguments whose mistakes come all at once, their types, and those that many share."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.shipped import configs, find_config
+
+
+def mistakes(context: click.Context) -> list[Problem]:
+    """Return the list of what is wrong with a command's arguments so far."""
+    found: list[Problem] = context.meta.setdefault("torquebench.mistakes", [])
+    return found
+
+
+class _Collected(click.Parameter):
+    """A parameter whose bad value does not hide the mistakes in other ones."""
+
+    def handle_parse_result(self, ctx: click.Context, opts: Any, args: list[str]) -> tuple[Any, list[str]]:
+        """Convert the value; note what is wrong with it."""
+        try:
+            return super().handle_parse_result(ctx, opts, args)
+        except ConfigError as error:
+            mistakes(ctx).extend(error.problems)
+        except click.UsageError as error:
+            mistakes(ctx).append(Problem(self._place(ctx), "", self._message(ctx, error)))
+        return None, args
+
+    def _place(self, ctx: click.Context) -> str:
+        name = self.human_readable_name if isinstance(self, click.Argument) else max(self.opts, key=len)
+        if ctx.get_parameter_source(self.name or "") is not click.core.ParameterSource.ENVIRONMENT:
+            return name
+        return f"{name} (from {self.envvar})"
+
+    def _message(self, ctx: click.Context, error: click.UsageError) -> str:
+        if isinstance(error, click.MissingParameter):
+            return f"missing: wanted {getattr(self, 'help', None) or 'a value'}"
+        return error.message
+
+
+class Option(_Collected, click.Option):
+    """An option of a command."""
+
+
+class Argument(_Collected, click.Argument):
+    """An argument of a command."""
+
+
+option = functools.partial(click.option, cls=Option)
+
+
+argument = functools.partial(click.argument, cls=Argument)
+
+
+class Choice(click.Choice[str]):
+    """One of some words; a wrong one is answered with the nearest."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the word."""
+        if value not in self.choices:
+            self.fail(f"got '{value}'{did_you_mean(value, self.choices)}", param, ctx)
+        return str(value)
+
+
+class Number(click.ParamType[float]):
+    """A number in a range."""
+
+    name = "number"
+
+    def __init__(self, cast: type[int] | type[float], low: float | None = None, high: float | None = None) -> None:
+        """Take numbers from `low`, any if it is None, to `high`; whole ones if `cast` is int."""
+        self.cast, self.low, self.high = cast, low, high
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number."""
+        span = f"{self.low} or more" if self.high is None else f"{self.low} to {self.high}"
+        try:
+            number = self.cast(value)
+        except ValueError:
+            what = "a whole number" if self.cast is int else "a number"
+            self.fail(f"got '{value}', wanted {what}{f', {span}' if self.low is not None else ''}", param, ctx)
+        if self.low is not None and not self.low <= number <= (sys.float_info.max if self.high is None else self.high):
+            self.fail(f"got {value}, wanted {span}", param, ctx)
+        return number
+
+
+class Words(click.ParamType[list[str]]):
+    """Names separated by commas."""
+
+    name = "names"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[str]:
+        """Return the names."""
+        return value if isinstance(value, list) else str(value).split(",")
+
+
+class File(click.Path):
+    """A file or folder; completion offers those with one of some endings, or folders alone."""
+
+    def __init__(self, *endings: str, folders: bool = False) -> None:
+        """Offer files that end in one of `endings`, all without any; no files if only `folders` are wanted."""
+        super().__init__(path_type=Path)
+        self.endings, self.folders = endings, folders
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Return paths that begin as typed, folders with a slash."""
+        folder, _, begun = incomplete.rpartition("/")
+        base = Path(f"{folder}/" if "/" in incomplete else ".")
+        found = []
+        with contextlib.suppress(OSError):
+            for path in sorted(base.iterdir()):
+                hidden = path.name.startswith(".") and not begun.startswith(".")
+                wanted = not self.folders and (not self.endings or path.name.endswith(self.endings))
+                if path.name.startswith(begun) and not hidden and (path.is_dir() or wanted):
+                    shown = (f"{folder}/" if "/" in incomplete else "") + path.name
+                    found.append(CompletionItem(shown + "/" * path.is_dir()))
+        return found
+
+
+class Config(File):
+    """A config: a YAML file, or the name of one that comes with the package."""
+
+    def __init__(self) -> None:
+        """Offer YAML files and shipped configs."""
+        super().__init__(".yaml", ".yml")
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return its path; that there is none is said before anything large is imported."""
+        return find_config(str(value))
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Return names of shipped configs, and files."""
+        names = [CompletionItem(name) for name in configs() if name.startswith(incomplete)]
+        return names + super().shell_complete(ctx, param, incomplete)
+
+
+def _complete_settings(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    from torquebench.cli.completion import keys_for
+
+    return [CompletionItem(f"{key}=") for key in keys_for(context) if key.startswith(typed)]
+
+
+out_folder = functools.partial(option, "-o", "--out", type=File(folders=True), metavar="DIR")
+
+
+out_file = functools.partial(option, "-o", "--out", type=File(), metavar="FILE")
+
+
+plugins = option(
+    "-p",
+    "--plugin",
+    type=File(".py"),
+    multiple=True,
+    metavar="FILE",
+    help="Python file that registers laws of your own with @controller; may be given several times",
+)
+
+
+settings = functools.partial(
+    option, "-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", shell_complete=_complete_settings
+)
+
+
+workers = functools.partial(option, "-j", "--workers", metavar="N", type=Number(int, 1, 4096))
+
+
+def refuse(problems: Iterable[tuple[str, str]]) -> None:
+    """Refuse a command's arguments if anything is wrong with them.
+
+    Args:
+        problems: Option or argument, and what is wrong with it.
+
+    Raises:
+        ConfigError: there are some.
+    """
+    if found := [Problem(place, "", message) for place, message in problems]:
+        raise ConfigError(found)
+
+
+def check_out(path: Path | None) -> None:
+    """Refuse a file that cannot be written.
+
+    Raises:
+        ConfigError: it is a folder, or its own folder is not there or must not be written to.
+    """
+    if path is None:
+        return
+    if path.is_dir():
+        refuse([("--out", f"{path} is a folder, wanted a file")])
+    if not path.parent.is_dir():
+        refuse([("--out", f"{path.parent} is not a folder")])
+    if not os.access(path.parent, os.W_OK):
+        refuse([("--out", f"{path.parent} must not be written to")])

@@ -1,0 +1,345 @@
+"""Checking a config: pydantic's errors and those of the rules as mistakes with a place and the nearest valid name."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from torquebench.errors import nearest
+from torquebench.experiment.groups import FAULT, Group, Many, ManyNamed, Node, OneOf, Spec, group_of
+from torquebench.experiment.rules import check_rules
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import Document, apply_overrides, read_bytes, read_document
+from torquebench.experiment.words import explain, shown
+from torquebench.experiment.yaml_tree import BROKEN, KeyPath
+
+SWEEP = "sweep"
+TYPO = 0.8
+"""So alike are a word and the key that it surely was meant to be, wherever else such a key may be valid."""
+_STRUCTURE = frozenset(("model_type", "tuple_type", "list_type", "dict_type", "too_short", "too_long"))
+"""Errors that say of a section that it is none."""
+
+
+def load_experiment(path: Path | str, overrides: Sequence[str] = ()) -> Experiment:
+    """Read and check an experiment's file.
+
+    Args:
+        path: The YAML file.
+        overrides: Edits ``key=value`` made before the check.
+
+    Raises:
+        ConfigError: the file cannot be read, or it or an override has mistakes; all of them at once.
+    """
+    return parse_experiment(read_bytes(path), str(path), overrides)
+
+
+def parse_experiment(text: str | bytes, filename: str = "", overrides: Sequence[str] = ()) -> Experiment:
+    """Check an experiment given as YAML text.
+
+    Args:
+        text: The YAML.
+        filename: What to call it in messages.
+        overrides: Edits ``key=value`` made before the check.
+
+    Raises:
+        ConfigError: something in it or in an override is wrong; all mistakes at once, in reading order.
+    """
+    document = read_document(text, filename)
+    apply_overrides(document, overrides)
+    return check_experiment(document)
+
+
+def check_experiment(document: Document) -> Experiment:
+    """Check an experiment given as a document.
+
+    Raises:
+        ConfigError: something in it is wrong; all mistakes at once, in reading order. Sections are held against each
+            other where each is right by itself.
+    """
+    group = group_of(Experiment)
+    found = check_group(document, (), group)
+    check_rules(document, _parts(found) if found is not None else _valid(document, group))
+    document.raise_problems()
+    if found.run.metrics_from is None:
+        run = dataclasses.replace(found.run, metrics_from=found.reference.metrics_from)
+        found = dataclasses.replace(found, run=run)
+    return found  # type: ignore[no-any-return]
+
+
+def check_group(document: Document, path: KeyPath, node: Group | OneOf | Many) -> Any:
+    """Return the object of what a document has at a place, or None after recording what is wrong with it.
+
+    Args:
+        document: Holds the values, and receives the mistakes.
+        path: Where they are.
+        node: What they should be.
+    """
+    raw = _at(document.root, path)
+    before = len(document.found)
+    try:
+        found = _validated(node, raw)
+    except ValidationError as error:
+        _Explainer(document, path, node, raw).record(error)
+        return None
+    return found if len(document.found) == before else None
+
+
+def _validated(node: Any, raw: Any) -> Any:
+    return _adapter(node).validate_python(raw) if isinstance(node, Many) else node.validate(raw)
+
+
+@functools.lru_cache(maxsize=64)
+def _adapter(node: Many) -> Any:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(node.type(False))
+
+
+def _at(node: Any, path: KeyPath) -> Any:
+    for part in path:
+        node = node[part]
+    return node
+
+
+def _parts(experiment: Experiment) -> dict[str, Any]:
+    """Return the sections of an experiment as the rules take them."""
+    parts: dict[str, Any] = {key: getattr(experiment, key) for key in group_of(Experiment).fields}
+    for key in ("controllers", "disturbances"):
+        parts[key] = {(key, i): item for i, item in enumerate(parts[key])}
+    parts["fuzzy"] = {("fuzzy", name): item for name, item in experiment.fuzzy.items()}
+    return parts
+
+
+def _valid(document: Document, group: Group) -> dict[str, Any]:
+    """Return the sections of a document that are valid by themselves, as the rules take them."""
+    parts: dict[str, Any] = {}
+    for key, spec in group.fields.items():
+        raw = document.root.get(key, BROKEN)
+        node = spec.node
+        if isinstance(node, Many):
+            items = _items(node, raw)
+            found = {(key, name): _valid_or_none(node.item, item) for name, item in items}
+            parts[key] = {path: item for path, item in found.items() if item is not None}
+        elif raw is BROKEN:
+            parts[key] = None if key in document.root or spec.required else spec.default
+        else:
+            parts[key] = (
+                raw
+                if isinstance(raw, str) and raw in spec.choices
+                else None
+                if node is None
+                else _valid_or_none(node, raw)
+            )
+    return parts
+
+
+def _items(node: Many, raw: Any) -> list[tuple[Any, Any]]:
+    if isinstance(raw, dict if isinstance(node, ManyNamed) else list) and len(raw) <= node.most:
+        return list(raw.items()) if isinstance(raw, dict) else list(enumerate(raw))
+    return []
+
+
+def _valid_or_none(node: Group | OneOf, raw: Any) -> Any:
+    try:
+        return node.validate(raw)
+    except ValidationError:
+        return None
+
+
+class _Explainer:
+    """Turns the errors of one validation into mistakes of a document."""
+
+    def __init__(self, document: Document, base: KeyPath, node: Node, raw: Any) -> None:
+        self._document, self._base, self._node, self._raw = document, base, node, raw
+        self._meant: set[KeyPath] = set()
+        """Keys that are missing, but were only misspelt."""
+
+    def record(self, error: ValidationError) -> None:
+        """Record every mistake, misspelt keys first: what they were meant to be is not missing."""
+        details: Sequence[Mapping[str, Any]] = error.errors(include_url=False)
+        for detail in details:
+            if detail["type"] == "extra_forbidden" and not self._document.full:
+                self._unknown(detail["loc"])
+        for detail in details:
+            known = detail["type"] == "extra_forbidden" or detail["input"] is BROKEN or _is_echo(detail)
+            if not known and not self._document.full:
+                self._wrong(detail)
+
+    def _walk(self, loc: tuple[int | str, ...]) -> tuple[KeyPath, list[tuple[Group, Any]], Spec | None, Node, Any]:
+        """Follow an error's place through the raw values.
+
+        Returns:
+            The path; the groups on the way, each with its raw values; the last key passed; what is expected at the end;
+            and what is there.
+        """
+        path, groups, spec = self._base, list[tuple[Group, Any]](), None
+        node, raw = self._node, self._raw
+        for part in loc:
+            if isinstance(node, OneOf):
+                node = node.pick(raw)
+            if isinstance(node, Group) and isinstance(part, str):
+                groups.append((node, raw))
+                spec = node.fields.get(str(part))
+                node = None if spec is None else spec.node
+                path, raw = (*path, part), raw.get(part) if isinstance(raw, dict) else None
+            elif _has(raw, part):
+                node = node.item if isinstance(node, Many) else None
+                path, raw = (*path, part), raw[part]
+        return path, groups, spec, node, raw
+
+    def _unknown(self, loc: tuple[int | str, ...]) -> None:
+        path, groups, _, _, _ = self._walk(loc)
+        group, raw = groups[-1]
+        key, every = str(path[-1]), list(group.fields)
+        absent = [name for name in every if name not in raw]
+        first = every if self._document.overridden(path) else absent
+        near = nearest(key, first, TYPO)
+        reason = self._elsewhere(path, group, key) if near is None else None
+        if reason is not None:
+            self._document.add(path, reason, at="key")
+            return
+        near = near or nearest(key, first) or nearest(key, every)
+        self._meant.add((*path[:-1], near or ""))
+        wanted = "" if near else f"one of {', '.join(every)}" if every else "none"
+        self._document.add(path, f"unknown {group.noun}", at="key", nearest=near or "", wanted=wanted)
+
+    def _elsewhere(self, path: KeyPath, group: Group, key: str) -> str | None:
+        """Return why a key is not valid here but would be somewhere else."""
+        if group.noun == "gain":
+            beside = self._walk(path[len(self._base) : -1])[1][-1][0].fields
+            return f"unknown gain: '{key}' is an option of the law, write it beside gains" if key in beside else None
+        reason = self._belongs(path[len(self._base) : -1], group, key)
+        if reason is not None:
+            return reason
+        if key == SWEEP and len(path) == 1:
+            many = "is for many runs: wanted torquebench sweep FILE, or one of its runs by torquebench run --from-sweep"
+            return f"{many} DIR --index K"
+        home = homes().get(key)
+        return f"does not belong here, but in {home}" if home is not None and home != path[0] else None
+
+    def _belongs(self, loc: tuple[int | str, ...], group: Group, key: str) -> str | None:
+        """Return which other kinds have a key, or whose gain it is."""
+        for cut in range(len(loc), -1, -1):
+            owner, raw = self._owner(loc[:cut]), self._walk(loc[:cut])[4]
+            name = raw.get(owner.tag) if owner is not None and isinstance(raw, dict) else None
+            if owner is None or name not in owner.names():
+                continue
+            groups = {kind: _below(other, loc[cut:]) for kind, other in owner.groups().items()}
+            kinds = [kind for kind, other in groups.items() if other is not None and key in other.fields]
+            if kinds:
+                return f"has no effect with {owner.tag}: {name} (it belongs to {owner.tag}: {', '.join(kinds)})"
+            gains = group.fields["gains"].node if "gains" in group.fields else None
+            if isinstance(gains, Group) and key in gains.fields:
+                return f"is a gain of law '{name}': write it under gains"
+        return None
+
+    def _owner(self, loc: tuple[int | str, ...]) -> OneOf | None:
+        """Return the choice that a group of keys is one of, or None."""
+        node = self._walk(loc)[3]
+        return node if isinstance(node, OneOf) else None
+
+    def _wrong(self, detail: Mapping[str, Any]) -> None:
+        document, loc = self._document, detail["loc"]
+        named = bool(loc) and loc[-1] == "[key]"
+        path, groups, spec, node, _ = self._walk(loc)
+        if named and path and path[-1] == "[key]" and not document.written(path):
+            path, groups, spec, node, _ = self._walk(loc[:-1])
+        kind, value = detail["type"], detail["input"]
+        if kind == FAULT:
+            parts: dict[str, Any] = {"got": shown(value), **{key: part for key, part in detail["ctx"].items() if part}}
+            for other in ("path", "at", "unless"):
+                parts.pop(other, None)
+            if value is None and parts["got"] == "nothing" and isinstance(path[-1], str):
+                self._nothing(path, spec, node)
+            else:
+                document.add(path, parts.pop("text", ""), **parts)
+        elif kind == "missing":
+            if path not in self._meant and not (path and isinstance(path[-1], int)):
+                group = groups[-1][0]
+                what = f"gain '{path[-1]}' is missing" if group.noun == "gain" else "missing"
+                document.add(path, f"{what} ({spec.key.text.rstrip('.') if spec else ''})", at="key")
+        elif named and path[-1] != "[key]":
+            self._wrong_name(path, spec)
+        elif value is None and path and isinstance(path[-1], str):
+            self._nothing(path, spec, node)
+        elif isinstance(node, Many) and kind in _STRUCTURE:
+            parts = {"got": shown(value), **node.fault(value)}
+            if spec is not None and spec.key.wanted:
+                parts["wanted"] = spec.key.wanted
+            document.add(path, **parts)
+        elif isinstance(node, Group | OneOf) and kind in _STRUCTURE:
+            document.add(path, got=shown(value), wanted=_mapping(node))
+        elif spec is not None and node is None:
+            owner = self._owner(path[len(self._base) : -1]) if path else None
+            parts = {
+                **explain(detail, spec, inner=not path or path[-1] not in (groups[-1][0].fields if groups else ()))
+            }
+            if owner is not None and path[-1] == owner.tag and isinstance(value, str) and owner.more:
+                parts["note"] = owner.more
+            document.add(path, **parts)
+        else:
+            document.add(path, str(detail["msg"]), got=shown(value))
+
+    def _nothing(self, path: KeyPath, spec: Spec | None, node: Node) -> None:
+        if spec is not None and isinstance(spec.node, Many) and isinstance(node, Group | OneOf):
+            self._document.add(path, "nothing is given", wanted=_mapping(node))
+            return
+        what = f" ({spec.key.text.rstrip('.')})" if spec is not None else ""
+        self._document.add(path, "nothing is given", wanted=f"a value{what}")
+
+    def _wrong_name(self, path: KeyPath, spec: Spec | None) -> None:
+        """Record that a name in a mapping of names is not one that is accepted."""
+        if spec is None or not spec.names:
+            text = "its name is not a slug: 1 to 64 of a-z, 0-9 and -, a letter or digit at both ends"
+            self._document.add(path, text, at="key")
+            return
+        near = nearest(str(path[-1]), spec.names)
+        others = "" if near else f"one of {', '.join(spec.names)}"
+        self._document.add(path, "unknown name", at="key", nearest=near or "", wanted=others)
+
+
+def _below(group: Group, loc: tuple[int | str, ...]) -> Group | None:
+    """Return the group of keys at a place below another, or None where there is none."""
+    node: Node = group
+    for part in loc:
+        spec = node.fields.get(str(part)) if isinstance(node, Group) else None
+        node = spec.node if spec is not None else None
+    return node if isinstance(node, Group) else None
+
+
+def _is_echo(detail: Mapping[str, Any]) -> bool:
+    """Whether pydantic calls a list too short only because its items were refused, each of which it tells too."""
+    return detail["type"] == "too_short" and bool(len(detail["input"]) >= detail["ctx"]["min_length"])
+
+
+def _has(raw: Any, part: int | str) -> bool:
+    if isinstance(part, str):
+        return isinstance(raw, dict) and part in raw
+    return isinstance(raw, list) and part < len(raw)
+
+
+def _mapping(node: Group | OneOf) -> str:
+    return (
+        f"a mapping with the key '{node.tag}'" if isinstance(node, OneOf) else f"a mapping ({', '.join(node.fields)})"
+    )
+
+
+def homes() -> dict[str, str]:
+    """Return the section of each key that only one section has."""
+    found: dict[str, set[str]] = {}
+    top = group_of(Experiment)
+    for key in top.fields:
+        found.setdefault(key, set()).add("the top level")
+    for section, spec in top.fields.items():
+        node = spec.node.item if isinstance(spec.node, Many) else spec.node
+        if section in ("controllers", "fuzzy") or node is None:
+            continue
+        for group in node.groups().values() if isinstance(node, OneOf) else [node]:
+            for key in group.fields:
+                found.setdefault(key, set()).add(section)
+    return {key: sections.pop() for key, sections in found.items() if len(sections) == 1}

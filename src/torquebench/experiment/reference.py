@@ -1,0 +1,95 @@
+"""What keys there are: the JSON schema of a config, for editors, and the unit of a key."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from torquebench.experiment.controllers import LAWS, MAX_CONTROLLERS, Laws
+from torquebench.experiment.groups import Group, Many, Node, OneOf, Spec, group_of
+from torquebench.experiment.schema import Experiment
+from torquebench.keys import Key
+from torquebench.laws import find_law
+from torquebench.laws.law import law_names
+
+
+class _SomeLaws(Laws):
+    """Controllers of some laws only."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        super().__init__()
+        self._names = tuple(names)
+
+    def names(self) -> tuple[str, ...]:
+        """Names of these laws."""
+        return self._names
+
+
+def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
+    """Return the JSON schema of a config, for editors; it knows all but the checks across keys.
+
+    Args:
+        laws: Names of the laws to describe; all that are registered if left out.
+    """
+    from torquebench.experiment.sweep_section import Sweep
+
+    top = group_of(Experiment)
+    fields = dict(top.fields)
+    some = Many("controllers", 1, MAX_CONTROLLERS, LAWS if laws is None else _SomeLaws(sorted(laws)))
+    fields["controllers"] = fields["controllers"]._replace(type=some.type)
+    sweep = Key("What `torquebench sweep` varies; not for other commands")
+    fields["sweep"] = Spec(sweep, group_of(Sweep).type, None)
+    schema = Group("Experiment", top.doc, fields, dict).model(True).model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_without_null(schema)}
+
+
+def _without_null(node: Any) -> Any:
+    """Return a JSON schema in which no key may be null: in a config, absent keys are left out."""
+    if isinstance(node, list):
+        return [_without_null(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    return {key: _without_null(value) for key, value in node.items() if (key, value) != ("default", None)}
+
+
+def unit_of(key: str) -> str | None:
+    """Return the unit of a key; ``1`` for a pure number, None for a word, a section, or what is not known.
+
+    Args:
+        key: Dotted path, such as ``plant.payload.mass``, ``disturbances[0].hold`` or ``controllers.*.gains.phi``.
+    """
+    parts = [re.sub(r"\[\d+\]", "", part) for part in key.split(".")]
+    if parts[0] == "controllers" and "gains" in parts[:-1]:
+        name = parts[parts.index("gains") + 1]
+        gains = [find_law(law).gains for law in law_names()]
+        return _only({own[name].unit for own in gains if name in own})
+    groups, specs = [group_of(Experiment)], list[Spec]()
+    for part in parts:
+        if groups and not part.isdecimal():  # below a mapping of names to numbers, its own unit holds
+            specs = [group.fields[part] for group in groups if part in group.fields]
+            groups = [group for spec in specs for group in _groups(spec.node)]
+    return None if groups else _only({spec.key.unit for spec in specs} - {""})
+
+
+def _groups(node: Node) -> list[Group]:
+    """Return the groups of keys that may stand at a key, or in the list there."""
+    if isinstance(node, Many):
+        return _groups(node.item)
+    if isinstance(node, OneOf):
+        return list(node.groups().values())
+    return [] if node is None else [node]
+
+
+def _only(units: set[str]) -> str | None:
+    return units.pop() if len(units) == 1 else None
+
+
+def joint_units(unit: str, slides: Sequence[bool]) -> str:
+    """Return a unit of joints that turn as one of an arm's joints: in m where they slide, both where only some do.
+
+    Args:
+        unit: Unit with rad, with or without a prefix; one without rad is returned as it is.
+        slides: Of each joint, whether it slides.
+    """
+    return ", ".join(dict.fromkeys(unit.replace("rad", "m") if own else unit for own in sorted(slides)))

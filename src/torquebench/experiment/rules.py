@@ -1,0 +1,315 @@
+"""Rules across the sections of a config: what each by itself cannot show."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from torquebench.errors import Fault, ModelError, nearest
+from torquebench.experiment.controllers import Controller
+from torquebench.experiment.schema import AnalyticPlant, AnyPlant, Belief, Run, Video, joint_count
+from torquebench.experiment.source import Document
+from torquebench.experiment.words import shown
+from torquebench.experiment.yaml_tree import KeyPath, shortened
+from torquebench.fuzzy import BUILTIN
+from torquebench.keys import Declared, declared_keys
+from torquebench.laws.law import find_law
+from torquebench.robot.library import camera_names, model_folder
+from torquebench.timing import FAR_OFF, RELATIVE, Timing, multiple_of
+
+CLOSED_FORM_MODEL = "puma560"
+MIN_WINDOW = 0.5
+"""The steady-state error is taken over this last part of a run [s]."""
+MAX_BYTES = 2 << 30
+MAX_SUBSTEPS = 10**8
+ARRAYS = 12
+"""(N, n) arrays of 8-byte numbers kept for each controller."""
+ABSURD = 1e15
+"""Amounts above are not printed."""
+LARGEST_STEP = 0.1
+"""No larger step is proposed [s]."""
+TAKEN = frozenset({"figures"})
+"""Names that no controller may have: each has a folder of its name beside these."""
+
+Items = Mapping[KeyPath, Any]
+"""Where something is -> what it is."""
+Rule = Callable[..., Iterator[Fault]]
+RULES: list[Rule] = []
+
+
+def rule(function: Rule) -> Rule:
+    """Register a rule. Its parameters name what it needs; it is asked only where all of that is valid by itself.
+
+    There are the sections by their names, with `controllers`, `fuzzy` and `disturbances` as `Items`, those that are
+    valid; `items`, all objects that have keys or rules of their own; `document`; `n`, the number of joints; `timing`.
+    """
+    RULES.append(function)
+    return function
+
+
+def check_rules(document: Document, parts: dict[str, Any]) -> None:
+    """Record in a document every contradiction between valid sections.
+
+    Args:
+        document: Receives the mistakes.
+        parts: Section -> its object, only where it is valid; lists and mappings of sections as `Items`.
+    """
+    known = {**parts, "document": document}
+    plant, run = parts.get("plant"), parts.get("run")
+    if plant is not None:
+        try:
+            model_folder(plant.model)
+            known["n"] = joint_count(plant.model)
+        except ModelError as error:
+            document.add(("plant", "model"), " ".join(str(error).split()))
+            known.pop("plant")
+    if run is not None:
+        whole = plant is None or not list(multiple_of((), run.control_period, "", plant.timestep))
+        known["timing"] = Timing(run.duration, run.control_period, whole)
+    known["items"] = dict(_items(parts))
+    for check in RULES:
+        needs = inspect.signature(check).parameters
+        if all(known.get(need) is not None for need in needs):
+            for fault in check(**{need: known[need] for need in needs}):
+                document.add_fault(fault)
+
+
+def _items(parts: Mapping[str, Any]) -> Iterator[tuple[KeyPath, Any]]:
+    """Yield every valid object of a config with the place where it is."""
+    for name, part in parts.items():
+        if part is not None:
+            yield from part.items() if isinstance(part, dict) else [((name,), part)]
+    plant, model = parts.get("plant"), parts.get("model")
+    for path, owner in ((("plant",), plant), (("model",), model)):
+        for name in ("payload", "friction", "perturb", "mismatch"):
+            inner = getattr(owner, name, None)
+            if inner is not None:
+                yield (*path, name), inner
+
+
+@rule
+def own_rules(items: Items, timing: Timing) -> Iterator[Fault]:
+    """What the kinds' own rules find."""
+    for path, item in items.items():
+        if hasattr(item, "check"):
+            yield from (fault._replace(path=(*path, *fault.path)) for fault in item.check(timing))
+
+
+@rule
+def systems_with_a_meaning(fuzzy: Items) -> Iterator[Fault]:
+    """A fuzzy system's shapes, table and rules make sense together."""
+    for path, system in fuzzy.items():
+        yield from (fault._replace(path=(*path, *fault.path)) for fault in system.faults())
+
+
+@rule
+def structures_that_there_are(plant: AnyPlant, model: Belief) -> Iterator[Fault]:
+    """An arm without closed forms has no structure but the exact one."""
+    if plant.model == CLOSED_FORM_MODEL:
+        return
+    for section, owner in (("model", model), ("plant", plant)):
+        for key, only in (("structure", "exact"), ("constants", "fitted")):
+            value = getattr(owner, key, only)
+            if value != only and not (getattr(owner, "structure", "") == "exact" and value == "printed"):
+                wanted = f"{only}: model '{plant.model}' has no other (only {CLOSED_FORM_MODEL} has)"
+                yield Fault((section, key), got=value, wanted=wanted)
+
+
+@rule
+def exact_is_not_printed(model: Belief, document: Document) -> Iterator[Fault]:
+    """The printed constants are no rigid body's."""
+    yield from _exact_and_printed("model", model, document)
+
+
+@rule
+def exact_plant_is_not_printed(plant: AnyPlant, document: Document) -> Iterator[Fault]:
+    """Nor are they a plant's."""
+    if isinstance(plant, AnalyticPlant):
+        yield from _exact_and_printed("plant", plant, document)
+
+
+def _exact_and_printed(section: str, owner: Any, document: Document) -> Iterator[Fault]:
+    if (owner.structure, owner.constants) == ("exact", "printed"):
+        key = "constants" if document.written((section, "constants")) else "structure"
+        text = "structure exact cannot have constants printed: the printed constants break the seven exact ties that "
+        yield Fault((section, key), f"{text}those of a rigid body satisfy")
+
+
+@rule
+def payload_beside_the_wrist(plant: AnyPlant) -> Iterator[Fault]:
+    """Closed forms hold a load at the wrist centre only."""
+    closed = getattr(plant, "structure", "exact") != "exact"
+    if closed and plant.payload is not None and any(plant.payload.offset):
+        text = "structures corrected and printed hold a payload at the wrist centre only"
+        yield Fault(("plant", "payload", "offset"), text, wanted="[0, 0, 0]")
+    if closed and plant.perturb is not None:
+        text = "needs structure exact: it changes links, and corrected and printed have constants"
+        yield Fault(("plant", "perturb"), text, at="key")
+
+
+@rule
+def constants_that_there_are(plant: AnyPlant, model: Belief) -> Iterator[Fault]:
+    """Tolerances and single constants need a table of constants."""
+    for key in ("tolerance", "constants"):
+        if model.mismatch is None or getattr(model.mismatch, key) is None:
+            continue
+        path = ("model", "mismatch", key)
+        if plant.model != CLOSED_FORM_MODEL:
+            text = f"model '{plant.model}' has no table of constants (only {CLOSED_FORM_MODEL} has)"
+            yield Fault(path, text, at="key")
+        elif key == "constants" and model.structure == "exact":
+            yield Fault(path, "needs structure corrected or printed: exact has links, no constants", at="key")
+
+
+@rule
+def lengths_of_vectors(items: Items, plant: AnyPlant, n: int) -> Iterator[Fault]:
+    """A vector has one number, or one for each joint."""
+    for path, item in items.items():
+        values: dict[KeyPath, Any] = {(one.name,): getattr(item, one.attribute) for one in _keys(item) if one.is_vector}
+        if isinstance(item, Controller):
+            values = {("gains", name): value for name, value in item.gains.items()}
+        for key, value in values.items():
+            if isinstance(value, tuple) and len(value) != n:
+                wanted = f"one number or {n}, one for each joint of '{plant.model}'"
+                yield Fault((*path, *key), got=f"{len(value)} numbers", wanted=wanted)
+
+
+def _keys(item: Any) -> tuple[Declared, ...]:
+    cls: Any = type(item)
+    return declared_keys(cls) if hasattr(cls, "__dataclass_fields__") else ()
+
+
+@rule
+def controllers_have_names_of_their_own(controllers: Items, document: Document) -> Iterator[Fault]:
+    """No two share a name, and none has that of another folder of the run."""
+    first: dict[str, KeyPath] = {}
+    for path, controller in controllers.items():
+        here, name = (*path, "name"), controller.name
+        if name in first:
+            where = document.where(document.place(first[name]))
+            yield Fault(here, f"'{name}' is already the name of another controller ({where})")
+        elif name in TAKEN:
+            text = f"a controller may not be called '{name}': in the run's folder, that is the figures' folder"
+            yield Fault(here, text)
+        else:
+            first[name] = here
+
+
+@rule
+def gains_that_act(controllers: Items, document: Document) -> Iterator[Fault]:
+    """Each gain that has an effect under the chosen options is given, and no other."""
+    for path, controller in controllers.items():
+        law = find_law(controller.law)
+        for name in law.gains:
+            problem = law.gain_problem(name, name in controller.gains, controller.options)
+            if problem is not None:
+                yield Fault((*path, "gains", name), problem, at="key")
+        problem = law.fuzzy_problem(controller.options)
+        if problem is not None and document.written((*path, "fuzzy")):
+            yield Fault((*path, "fuzzy"), problem, at="key")
+
+
+@rule
+def fuzzy_systems_that_there_are(controllers: Items, document: Document) -> Iterator[Fault]:
+    """A controller names a fuzzy system that is built in, or one of the file."""
+    own = document.root.get("fuzzy")
+    names = [*BUILTIN, *(own if isinstance(own, dict) else ())]
+    for path, controller in controllers.items():
+        name = controller.fuzzy
+        if name is not None and name not in names:
+            near = nearest(name, names) or ""
+            wanted = f"a fuzzy system, one of {', '.join(names)}"
+            yield Fault((*path, "fuzzy"), got=shown(name), wanted=wanted, nearest=near)
+
+
+@rule
+def names_of_fuzzy_systems(document: Document) -> Iterator[Fault]:
+    """No system of the file is called like a built-in one."""
+    own = document.root.get("fuzzy")
+    for name in own if isinstance(own, dict) else ():
+        if name in BUILTIN:
+            yield Fault(("fuzzy", name), f"'{name}' is built in: choose another name", at="key")
+
+
+@rule
+def whole_periods(plant: AnyPlant, run: Run, document: Document) -> Iterator[Fault]:
+    """A control period is whole physics steps."""
+    step, period = ("plant", "timestep"), ("run", "control_period")
+    yield from multiple_of(period, run.control_period, "plant.timestep", plant.timestep, step)
+
+
+@rule
+def whole_run(run: Run, timing: Timing) -> Iterator[Fault]:
+    """A run is whole control periods."""
+    if timing.whole:
+        yield from multiple_of(("run", "duration"), run.duration, "run.control_period", run.control_period)
+
+
+@rule
+def window_of_metrics(run: Run, reference: Any, document: Document) -> Iterator[Fault]:
+    """The window for metrics is long enough."""
+    given = run.metrics_from is not None
+    start = run.metrics_from if given else reference.metrics_from
+    if run.duration >= (start + MIN_WINDOW) * (1.0 - RELATIVE):
+        return
+    wanted = f"the run to last at least {MIN_WINDOW:g} s longer, {start + MIN_WINDOW:.12g} s"
+    if start > FAR_OFF * max(run.duration, 1.0):  # surely the start is wrong, not the run's length
+        wanted = f"it at least {MIN_WINDOW:g} s before the run ends"
+    if given:
+        got = f"{start:.12g} s with run.duration {run.duration:.12g} s"
+        yield Fault(("run", "metrics_from"), got=got, wanted=wanted)
+    else:
+        got = f"{run.duration:.12g} s, but metrics start at {start:g} s (run.metrics_from)"
+        yield Fault(("run", "duration"), got=got, wanted=wanted)
+
+
+class _Need(NamedTuple):
+    """A resource of which a run takes some at each step, and of which there is a limit."""
+
+    step_key: str
+    step: float
+    """Length of a step [s]."""
+    most: float
+    """Number of steps within the limit."""
+    size: float
+    """What one step of one controller takes, in `unit`."""
+    unit: str
+    limit: str
+
+
+@rule
+def work(plant: AnyPlant, run: Run, n: int, controllers: Items) -> Iterator[Fault]:
+    """A `run` of the `controllers` on a `plant` of `n` joints takes neither all memory nor all day."""
+    laws, timestep, period = max(len(controllers), 1), plant.timestep, run.control_period
+    each = n * ARRAYS * 8  # bytes a control instant takes for one controller
+    steps, memory = f"at most {MAX_SUBSTEPS:.0e} are run", f"at most {MAX_BYTES >> 30} GiB are used"
+    needs = [
+        _Need("plant.timestep", min(timestep, period), MAX_SUBSTEPS / laws, 1.0, "physics steps in all", steps),
+        _Need("run.control_period", period, MAX_BYTES / (each * laws), each / 2**30, "GiB of memory", memory),
+    ]
+    longest = min(need.step * need.most for need in needs)
+    for need in needs:
+        if run.duration / need.step <= need.most:
+            continue
+        amount = run.duration / need.step * need.size * laws
+        text = f"{amount:.3g}" if amount < ABSURD else "far too many"
+        # Each proposal must help by itself, and be one to make.
+        cures = [f"lower run.duration to at most {longest:.5g} s"] * (longest >= MIN_WINDOW * (1.0 - RELATIVE))
+        cures += [f"raise {need.step_key}"] * (run.duration / need.most <= LARGEST_STEP)
+        cures += ["fewer controllers"] * (laws > 1 and run.duration / need.step <= need.most * laws)
+        *others, last = cures or [f"run.duration is too long for such a {need.step_key}"]
+        cure = f"{', '.join(others)}, or {last}" if others else last
+        yield Fault(("run", "duration"), f"needs {text} {need.unit}, {need.limit}: {cure}")
+
+
+@rule
+def cameras(plant: AnyPlant, video: Video) -> Iterator[Fault]:
+    """A film is taken by a camera that there is."""
+    names = camera_names(plant.model)
+    if video.camera is not None and video.camera not in names:
+        near = nearest(video.camera, names) or ""
+        others = "" if near else f"one of {', '.join(names)}"
+        yield Fault(
+            ("video", "camera"), f"'{plant.model}' has no camera {shortened(video.camera)}", nearest=near, wanted=others
+        )

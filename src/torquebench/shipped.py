@@ -1,0 +1,99 @@
+"""Configs that come with the package: where they are, what they are called, and the keys that a config may have."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from torquebench.errors import ConfigError, Problem, did_you_mean_path, nearest
+
+YAML = r"\.ya?ml"
+"""What a config's name ends in, a regular expression."""
+
+
+def data_root() -> Path:
+    """Return the folder that holds ``models/`` and ``configs/``.
+
+    The checkout wins over the copy inside an installed wheel: an editable install leaves a stale copy behind.
+    The environment variable ``TORQUEBENCH_DATA`` wins over both.
+    """
+    if chosen := os.environ.get("TORQUEBENCH_DATA"):
+        return Path(chosen)
+    checkout = Path(__file__).resolve().parents[2]
+    if (checkout / "pyproject.toml").is_file() and (checkout / "models").is_dir():
+        return checkout
+    return Path(__file__).resolve().parent / "_data"
+
+
+def configs() -> dict[str, Path]:
+    """Return the shipped configs by name: ``fig9-chattering``, or ``studies/robustness`` where two share a name."""
+    root = data_root() / "configs"
+    files = sorted(root.rglob("*.yaml"))
+    stems = [file.stem for file in files]
+    found = {}
+    for file in files:
+        unique = stems.count(file.stem) == 1
+        found[file.stem if unique else file.relative_to(root).with_suffix("").as_posix()] = file
+    return dict(sorted(found.items()))
+
+
+def find_config(text: str, others: Iterable[str] = ()) -> Path:
+    """Return the file that a user means: one that exists, else the shipped config of this name.
+
+    A shipped config is called ``fig9-chattering``, ``paper/fig9-chattering`` or ``configs/paper/fig9-chattering.yaml``.
+
+    Args:
+        text: What the user wrote.
+        others: Other names that may be meant.
+
+    Raises:
+        ConfigError: there is neither.
+    """
+    path = Path(text)
+    try:
+        if path.exists():
+            return path
+    except (OSError, ValueError):
+        return path  # whoever opens it says what is wrong with the name
+    root, known = data_root() / "configs", configs()
+    if text in known:
+        return known[text]
+    inside = root / (text.removeprefix("configs/") if text.startswith("configs/") else f"{text}.yaml")
+    if inside in known.values():
+        return inside
+    shown = text if text.isprintable() else ascii(text)
+    near = did_you_mean_path(path, YAML)
+    if begun := [name for name in known if text and name.startswith(text)]:
+        near = f" (one of: {', '.join(begun)})"
+    elif not near and (name := nearest(text, [*others, *known])):
+        near = f" (did you mean '{name}'?)"
+    raise ConfigError([Problem(shown, "", f"does not exist{near}")])
+
+
+def first_line(config: Path) -> str:
+    """Return a shipped config's description, or the name that it has instead."""
+    text = config.read_text(encoding="utf-8")
+    found = re.search(r"^description: *(.+)$", text, flags=re.MULTILINE) or re.search(r"^# *(.+)$", text, re.MULTILINE)
+    return found[1].strip("'\"") if found else config.stem
+
+
+def config_keys() -> tuple[str, ...]:
+    """Return the dotted keys of every section of a config that is not a list: ``run.duration``, ``plant.payload``."""
+    schema = json.loads((data_root() / "configs" / "schema.json").read_text(encoding="utf-8"))
+    found: list[str] = []
+    for section, rule in schema["properties"].items():
+        keys = dict.fromkeys(key for part in _alternatives(schema, rule) for key in part.get("properties", ()))
+        found += [f"{section}.{key}" for key in keys] or [section]
+    return tuple(found)
+
+
+def _alternatives(schema: dict[str, Any], rule: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the schemas that a value may follow, references and alternatives resolved."""
+    if "$ref" in rule:
+        return _alternatives(schema, schema["$defs"][rule["$ref"].rpartition("/")[2]])
+    inner = [part for word in ("anyOf", "oneOf", "allOf") for part in rule.get(word, ())]
+    return [found for part in inner for found in _alternatives(schema, part)] or [rule]

@@ -1,0 +1,266 @@
+"""Sweeps from Python: run, read, summarised, compared."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
+from torquebench.experiment.change import edits_of, tree_of
+from torquebench.experiment.config import SWEEP
+from torquebench.experiment.dump import dump_experiment, dump_tree
+from torquebench.experiment.run import Progress
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import read_bytes, read_document
+from torquebench.experiment.store import atomic_write
+from torquebench.laws.plugin import load_plugin
+from torquebench.metrics import METRICS
+from torquebench.report.render import PAGE
+from torquebench.report.sweep import dependences, info_of, report_files
+from torquebench.results import Source as Config
+from torquebench.shipped import find_config
+from torquebench.sweep import run as runs
+from torquebench.sweep.executors import Processes, Threads
+from torquebench.sweep.folder import TABLE, StoredSweep, open_sweep, verify
+from torquebench.sweep.plan import Plan, Source
+from torquebench.sweep.summary import Summary, summarise
+from torquebench.sweep.table import metric_keys, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+def run_sweep(
+    experiment: Experiment | Config,
+    *,
+    grid: Mapping[str, Any] | None = None,
+    random: Mapping[str, Any] | None = None,
+    draws: int | None = None,
+    changes: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    threads: bool = False,
+    folder: str | Path | None = None,
+    figures: bool = True,
+    plugins: Sequence[str | Path] = (),
+    progress: Progress | None = None,
+) -> Sweep:
+    """Run an experiment in every case of a grid, in every draw, for every controller.
+
+    Args:
+        experiment: An experiment, or a config's file, name or keys, which may have a section ``sweep``.
+        grid: Dotted key -> its values, an array or a list, or ``{"from": 0.1, "to": 1, "count": 5, "spacing": "log"}``.
+        random: Dotted key -> its distribution, such as ``{"uniform": [9, 11]}``.
+        draws: Number of draws of everything that is random.
+        changes: Dotted key -> value, set before the check, as of `load_experiment`.
+        workers: How many loops run at once; None for one per core.
+        threads: Run in threads of this process instead of processes.
+        folder: Where to store it, or where it was stored in part; None for a temporary folder, which is removed when
+            Python ends.
+        figures: Whether to draw figures into a given folder, as ``torquebench sweep`` does.
+        plugins: Python files that register laws of your own.
+        progress: Called with what is being done, how many runs are done, and of how many.
+
+    Raises:
+        ConfigError: the config has mistakes, all of them at once, or the folder holds something else.
+        ResultError: a worker died, or a file of a finished sweep was altered.
+    """
+    files = tuple(Path(plugin).absolute() for plugin in plugins)
+    for file in files:
+        load_plugin(file)
+    text, name = _config(experiment)
+    given = {"grid": grid, "random": random, "draws": draws}
+    keys = {key: value for key, value in given.items() if value is not None}
+    edits = edits_of(dict(changes or {}) | {f"{SWEEP}.{key}": value for key, value in keys.items()})
+    plan = Plan(Source(text, name, tuple(edits), files))
+    count = workers or os.cpu_count() or 1
+    if count < 1:
+        raise ConfigError([Problem("workers", "", f"got {workers}, wanted at least 1")])
+
+    def more(stored: StoredSweep) -> Iterator[tuple[str, bytes]]:
+        return report_files(stored, figures, progress) if folder is not None else iter(())
+
+    stored = runs.run_sweep(
+        plan,
+        None if folder is None else Path(folder),
+        Threads(count) if threads else Processes(count),
+        progress=lambda done, rows: None if progress is None else progress("running", done, rows),
+        more=more,
+    )
+    return Sweep(stored)
+
+
+def _config(experiment: Experiment | Config) -> tuple[bytes, str]:
+    """Return the text of a sweep, with a section ``sweep``, and what to call it in messages."""
+    if isinstance(experiment, Experiment):
+        text, name = dump_experiment(experiment).encode(), experiment.name
+    elif isinstance(experiment, Mapping):
+        text, name = dump_tree(tree_of(experiment)).encode(), "experiment"
+    else:
+        path = find_config(str(experiment))
+        text, name = read_bytes(path), str(path)
+    root = read_document(text, name).root
+    return (text if SWEEP in root else text + f"\n{SWEEP}: {{}}\n".encode()), name
+
+
+def load_sweep(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Sweep:
+    """Read the folder of a finished sweep.
+
+    Args:
+        folder: Where ``torquebench sweep`` or `run_sweep` left it.
+        plugins: Python files that register laws which the sweep uses.
+
+    Raises:
+        ConfigError: it is no sweep's folder, or what the sweep is made of has changed.
+        ResultError: it is not finished, or a file of it is missing or changed.
+    """
+    files = tuple(Path(plugin).absolute() for plugin in plugins)
+    for file in files:
+        load_plugin(file)
+    stored = open_sweep(Path(folder), files, "folder")
+    if not stored.finished:
+        raise ResultError(f"{folder} is not a finished sweep: run it again with this folder to go on with it")
+    verify(stored)
+    return Sweep(stored)
+
+
+class Sweep:
+    """A finished sweep: its table, a row for each closed loop, and what it says.
+
+    Args:
+        stored: The sweep's folder.
+    """
+
+    def __init__(self, stored: StoredSweep) -> None:
+        self.stored = stored
+        """The sweep and the folder that it is stored in."""
+
+    @property
+    def folder(self) -> Path:
+        """Where it is stored."""
+        return self.stored.folder
+
+    @cached_property
+    def _table(self) -> pd.DataFrame:
+        return read_table(self.folder / TABLE)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the table, a row for each closed loop.
+
+        Columns: ``index, case, draw, controller, outcome, failed_at``, every varied key, every metric in SI units. A
+        run that failed has an outcome and no metrics. ``attrs["units"]`` has the units of the metrics.
+        """
+        table = self._table.copy()
+        table.attrs["units"] = {key: info.unit for key, info in METRICS.items() if key in table}
+        return table
+
+    @cached_property
+    def statistics(self) -> Summary:
+        """Everything that is said of the sweep: tails, worst runs, intervals, ratios to the first controller."""
+        return summarise(self._table)
+
+    @property
+    def summary(self) -> pd.DataFrame:
+        """Each controller in each case: the grid's keys, numbers of runs, and means of the runs that completed."""
+        import pandas as pd
+
+        rows = [
+            dict(group.values)
+            | {"runs": sum(group.outcomes.values()), "completed": group.outcomes.get("COMPLETED", 0)}
+            | {key: figure.mean for key, figure in group.figures.items()}
+            for group in self.statistics.groups
+        ]
+        keys = [(group.case, group.controller) for group in self.statistics.groups]
+        columns = [*self.statistics.grid, "runs", "completed", *metric_keys(self._table)]
+        index = pd.MultiIndex.from_tuples(keys, names=["case", "controller"])
+        table = pd.DataFrame(rows, index=index, columns=columns)
+        table.attrs["units"] = {key: METRICS[key].unit for key in columns if key in METRICS}
+        return table
+
+    def best(self, metric: str, where: str | None = None) -> pd.Series:
+        """Return the row of `summary` with the best mean of a metric, of those in which every run completed.
+
+        Args:
+            metric: Key of the metric, such as ``rmse``.
+            where: Condition on the columns of `summary`, such as ``hf < 1``, as of `pandas.DataFrame.query`; keys
+                with dots in backticks.
+
+        Raises:
+            ResultError: there is no such metric, or no row that meets the condition.
+        """
+        table = self.summary
+        if metric not in METRICS or metric not in table:
+            raise ResultError(f"no metric '{metric}' in this sweep{did_you_mean(metric, metric_keys(self._table))}")
+        try:
+            chosen = table if where is None else table.query(where, engine="python")
+        except Exception as error:  # whatever pandas makes of the text of a user
+            raise ResultError(f"where: got {where!r}, wanted a condition on columns of `summary` ({error})") from error
+        chosen = chosen[(chosen["completed"] == chosen["runs"]) & chosen[metric].notna()]
+        if chosen.empty:
+            raise ResultError(f"no controller in any case completes every run{f' and has {where}' if where else ''}")
+        place = chosen[metric].argmin() if METRICS[metric].better == "lower" else chosen[metric].argmax()
+        return chosen.iloc[int(place)]
+
+    def experiment(self, row: int) -> Experiment:
+        """Return the experiment of one row of the table, with its controller alone, to run it again.
+
+        Args:
+            row: Its ``index``.
+
+        Raises:
+            ResultError: there is no such row.
+        """
+        plan = self.stored.plan
+        if not 0 <= row < plan.rows:
+            raise ResultError(f"no row {row} in this sweep, wanted 0 to {plan.rows - 1}")
+        return plan.experiment_of(plan.row(row))
+
+    def figure(self, name: str) -> Figure:
+        """Draw a figure of the sweep: ``spread``, ``front``, ``over-KEY``, ``map-METRIC`` or ``effects-METRIC``.
+
+        Args:
+            name: The figure, as its file is called in a sweep's folder.
+
+        Raises:
+            ResultError: this sweep has no such figure.
+        """
+        from torquebench.report.figures.sweep import sweep_figures
+
+        info, found = info_of(self.stored), dependences(self.stored, self._table)
+        figures = sweep_figures(self._table, info.name, info.workload, found, slides=info.slides)
+        if name not in figures:
+            raise ResultError(f"no figure '{name}' of this sweep{did_you_mean(name, figures)}")
+        return figures[name]
+
+    def report(self, path: str | Path | None = None, figures: bool = True) -> bytes:
+        """Return the page of the sweep, HTML that stands alone.
+
+        Args:
+            path: File to write the page to as well; None for none.
+            figures: Whether to draw.
+
+        Raises:
+            ResultError: the sweep is too large for one.
+        """
+        page = dict(report_files(self.stored, figures)).get(PAGE)
+        if page is None:
+            raise ResultError(f"{self.folder}: has too many runs for a page; the table has them")
+        if path is not None:
+            atomic_write(Path(path), page)
+        return page
+
+    def __repr__(self) -> str:
+        """Name the sweep and its size."""
+        plan = self.stored.plan
+        return (
+            f"<Sweep {plan.first.name}: {plan.cases} cases x {plan.draws} draws x {len(plan.controllers)} controllers>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show the summary in a notebook."""
+        table = self.summary.reset_index().to_html(index=False, border=0, float_format=lambda x: f"{x:.4g}", na_rep="-")
+        return f"<p><b>{html.escape(self.stored.plan.first.name)}</b><br>{html.escape(repr(self)[1:-1])}</p>{table}"

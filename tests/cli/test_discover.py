@@ -1,0 +1,157 @@
+"""``laws``, ``show``, ``configs``, bare help, short options, defaults from the environment: how a user finds around."""
+
+import json
+import re
+
+import pytest
+import yaml
+
+from tests.cli.test_check import GOOD
+from tests.command_line import COMMANDS, parsed
+from torquebench.cli.app import COMMANDS as HEADINGS
+from torquebench.errors import ConfigError
+from torquebench.experiment import parse_experiment
+from torquebench.laws import find_law, law_names
+from torquebench.laws.law import LAWS
+from torquebench.shipped import configs, data_root, find_config, first_line
+
+
+def test_help_when_bare(command):
+    """No arguments: the help, every heading and command in it, and status 0."""
+    status, out, err = command()
+    assert (status, err) == (0, "")
+    assert (status, out) == command("--help")[:2]
+    assert all(f"\n{heading}:\n" in out for heading in HEADINGS)
+    assert all(re.search(rf"^  {name} ", out, re.MULTILINE) for name in COMMANDS)
+    assert "Exit status: 0 done" in out
+
+
+def test_every_command_has_a_short_help(command):
+    """One line of the help each, however narrow: at most 60 characters."""
+    for name, found in COMMANDS.items():
+        assert 10 < len(found.get_short_help_str(200)) <= 60, name
+
+
+def test_laws(command):
+    """Every law with the first line of its docstring; the same in the document."""
+    out = command("laws")[1]
+    data = json.loads(command("laws", "--json")[1])
+    assert list(data["laws"]) == list(law_names())
+    assert all(name in out and summary in out for name, summary in data["laws"].items())
+
+
+def test_laws_of_a_plug_in(command, tmp_path, monkeypatch):
+    """A law of one's own is listed and shown as the others are."""
+    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
+    (tmp_path / "mine.py").write_text(GOOD)
+    assert "\ngood" in command("laws", "-p", tmp_path / "mine.py")[1]
+    LAWS._items.pop("good")
+    assert "gain" in command("show", "good", "-p", tmp_path / "mine.py")[1]
+
+
+@pytest.mark.parametrize("name", law_names())
+def test_show_a_law(command, name):
+    """Its docstring, gains with units, options with values; the example, put into a config, is accepted."""
+    status, out, _ = command("show", name)
+    law = find_law(name)
+    assert status == 0
+    assert law.summary in out
+    for gain in law.gains.values():
+        assert gain.meaning in out
+        assert gain.unit in out
+    for option in law.options.values():
+        assert option.meaning in out
+    example = json.loads(command("show", name, "--json")[1])["example"]
+    assert example in out
+    experiment = parse_experiment(
+        "name: x\nplant: {engine: analytic, model: two-link}\n"
+        f"reference: {{kind: sine, amplitude: 0.5, frequency_hz: 0.5}}\nrun: {{duration: 2.0}}\n{example}\n",
+        "x.yaml",
+    )
+    assert experiment.controllers[0].law == name
+
+
+def test_show_a_config(command):
+    """The file's text, without its being read as an experiment."""
+    out = command("show", "two-link")[1]
+    assert configs()["two-link"].read_text() in out
+
+
+def test_show_nothing(command):
+    """Neither a law nor a config: the nearest of both."""
+    assert command("show", "smcc")[::2] == (
+        2,
+        "NAME: got 'smcc', which is neither a law nor a shipped config (did you mean 'smc'?)\n",
+    )
+    assert "'fig9-step'" in command("show", "fig9-stpe")[2]
+
+
+def test_configs(command):
+    """Every file that ships, under a name that finds it again, with its description."""
+    data = json.loads(command("configs", "--json")[1])["configs"]
+    assert {fact["file"] for fact in data.values()} == {str(path) for path in (data_root() / "configs").rglob("*.yaml")}
+    for name, fact in data.items():
+        assert str(find_config(name)) == fact["file"]
+        tree = yaml.safe_load(find_config(name).read_text())
+        assert fact["description"] == tree.get("description", first_line(find_config(name)))
+        assert fact["sweep"] == ("sweep" in tree)
+
+
+def test_the_names_of_shipped_configs(tmp_path, monkeypatch):
+    """By stem, by folder and stem, or as in the checkout; a file of the user goes first; other names are refused."""
+    monkeypatch.chdir(tmp_path)
+    file = data_root() / "configs" / "paper" / "fig9-chattering.yaml"
+    for name in ("fig9-chattering", "paper/fig9-chattering", "configs/paper/fig9-chattering.yaml"):
+        assert find_config(name) == file
+    for name in ("fig9-chattering.yaml", "fig9", "../configs/sweep", "paper/../sweep", "/configs/sweep", ""):
+        if name:
+            with pytest.raises(ConfigError):
+                find_config(name)
+    (tmp_path / "sweep").touch()
+    assert str(find_config("sweep")) == "sweep"
+
+
+def test_run_by_name(command, tmp_path, monkeypatch):
+    """A shipped config runs from anywhere by its name; its mistakes would be placed in the file."""
+    monkeypatch.chdir(tmp_path)
+    short = ("-s", "run.duration=1.2", "-s", "run.metrics_from=0.2", "--no-figures", "-q")
+    assert command("run", "two-link", "-o", "out", *short) == (0, "", "")
+    assert (tmp_path / "out" / "manifest.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("short", "long"),
+    [
+        (["run", "x", "-o", "a", "-s", "b=1", "-p", "c"], ["run", "x", "--out", "a", "--set", "b=1", "--plugin", "c"]),
+        (["sweep", "x", "-j", "3"], ["sweep", "x", "--workers", "3"]),
+        (["report", "x", "-qv"], ["report", "x", "--quiet", "--verbose"]),
+    ],
+)
+def test_short_options(short, long, tmp_path, monkeypatch):
+    """Each means the same as the long one."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x").touch()
+    assert parsed(short) == parsed(long)
+
+
+def test_defaults_from_the_environment(command, tmp_path, monkeypatch):
+    """TORQUEBENCH_COMMAND_OPTION is the default of an option; a bad value is placed there; the line wins."""
+    monkeypatch.setenv("TORQUEBENCH_COMPARE_STATES", "7")
+    sides = ("analytic:two-link", "analytic:two-link")
+    assert json.loads(command("compare", *sides, "--json")[1])["states"] == 7
+    assert json.loads(command("compare", *sides, "--json", "--states", "8")[1])["states"] == 8
+    monkeypatch.setenv("TORQUEBENCH_RUN_SET", "run.duration=2 run.seed=x")
+    assert command("run", "two-link")[2].startswith("--set run.seed=x: run.seed: ")
+    monkeypatch.setenv("TORQUEBENCH_COMPARE_STATES", "many")
+    status, _, err = command("compare", *sides)
+    assert status == 2
+    assert err == "--states (from TORQUEBENCH_COMPARE_STATES): got 'many', wanted a whole number, 1 to 1000000\n"
+
+
+def test_where_results_go(command, tmp_path, monkeypatch):
+    """TORQUEBENCH_RUNS takes the place of the folder `runs`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TORQUEBENCH_RUNS", str(tmp_path / "mine"))
+    assert command("fuzzy", "s-7", "-q")[0] == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    assert len(list((tmp_path / "mine").glob("fuzzy-s-7-*/*.svg"))) == 3
