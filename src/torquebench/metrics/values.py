@@ -142,27 +142,6 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def compute_metrics(
-    trajectory: Trajectory,
-    *,
-    tau_max: Array,
-    metrics_from: float,
-    control_period: float,
-    step_like: bool,
-    phi: Array | float | None = None,
-) -> Metrics:
-    """Compute every metric of a completed run; arguments as of `per_joint`."""
-    joints = per_joint(
-        trajectory,
-        tau_max=tau_max,
-        metrics_from=metrics_from,
-        control_period=control_period,
-        step_like=step_like,
-        phi=phi,
-    )
-    return from_joints(joints)
-
-
 def per_joint(
     trajectory: Trajectory,
     *,
