@@ -12,9 +12,9 @@ from click.shell_completion import CompletionItem
 
 import torquebench
 from torquebench.cli.app import command
-from torquebench.cli.parameters import argument, plugins
+from torquebench.cli.parameters import argument, meant, plugins, refuse
 from torquebench.cli.terminal import say, table, tell
-from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.errors import Problem
 from torquebench.shipped import configs as shipped_configs
 from torquebench.shipped import data_root, find_config, first_line
 
@@ -86,8 +86,8 @@ def show(name: str, plugin: Sequence[Path]) -> int:
     for file in plugin:
         load_plugin(file)
     if name not in law_names():
-        near = did_you_mean(name, [*law_names(), *shipped_configs()])
-        raise ConfigError([Problem("NAME", "", f"got '{name}', which is neither a law nor a shipped config{near}")])
+        text = f"got '{name}', which is neither a law nor a shipped config"
+        refuse([Problem("NAME", text=text, **meant(name, [*law_names(), *shipped_configs()]))])
     _show_law(find_law(name))
     return 0
 
