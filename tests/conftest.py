@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 
 # a shell that starts the tests in the background has them, and all that they start, ignore Ctrl-C, which many test
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -11,7 +11,7 @@ from scipy import signal
 from torquebench.disturbances import Stream, band_limited_noise, generator
 from torquebench.experiment import load_experiment
 from torquebench.experiment.run import run_experiment
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 
 PERIODS = (0.00025, 0.0005, 0.001, 0.002, 0.005)
 """Control periods between which HF is compared [s]."""

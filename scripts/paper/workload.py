@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import functools
 import json
+from dataclasses import asdict, replace
 from typing import Any, NamedTuple
 
-from torquebench.robot.library import data_root
-from torquebench.sim.chain import CHAINS as CHAIN_NAMED
+from torquebench.chain import CHAINS as CHAINS_NAMED
+from torquebench.shipped import data_root
 from torquebench.sweep.plan import Plan, Source
 
 CHAINS = ("ideal", "fast", "slow")
@@ -153,14 +154,8 @@ def disturbances_under(condition: str) -> list[dict[str, Any]]:
 
 def exact_encoders(name: str) -> dict[str, Any]:
     """Return the keys of a named chain without its encoders' noise."""
-    known = CHAIN_NAMED[name]
-    return {
-        "velocity": "differentiated",
-        "velocity_filter": known.velocity_rate,
-        "actuator_lag": known.lag,
-        "delay": known.delay,
-        "quantisation": known.quantum,
-    }
+    keys = asdict(replace(CHAINS_NAMED[name], encoder_noise=0.0))
+    return {key: value for key, value in keys.items() if key != "name" and value is not None}
 
 
 BURDENS: dict[str, dict[str, Any]] = {

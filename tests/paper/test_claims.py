@@ -31,7 +31,7 @@ from paper.workload import (
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment
 from torquebench.metrics import METRICS
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 from torquebench.statistics import Ratio, paired_ratio
 
 DRAWS = 5

@@ -15,7 +15,7 @@ from paper.runs_table import Runs
 from torquebench.cli.app import main
 from torquebench.cli.paper import claims_table
 from torquebench.experiment.store import check_run
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 
 
 @pytest.fixture

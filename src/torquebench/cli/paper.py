@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import option, out_folder, refuse, workers
+from torquebench.cli.parameters import option, out_folder, refuse
+from torquebench.cli.parameters import workers as workers_option
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.shipped import data_root
 
@@ -22,15 +23,15 @@ TONES = {"holds": good, "fails": bad}
 @command(example="torquebench paper --quick")
 @out_folder(help="folder for the results, new or empty (default: runs/paper-UTC)")
 @option("--quick", is_flag=True, help="few draws: for a look, and for continuous integration")
-@workers(help="how many run (default: one per core)")
+@workers_option(help="threads (default: one per core)")
 def paper(out: Path | None, quick: bool, workers: int | None) -> int:
     """Run the paper's Figs 9 to 11 and judge each of its claims.
 
-    Everything that the claims rest on is run, on both plants.
+    Everything that the claims rest on is run, on both plants. The study is not in the package: it needs a checkout.
     """
-    study, report = load_study("study"), load_study("report")
     from torquebench.experiment.store import RunDirectory, claim_folder
 
+    study, report = load_study("study"), load_study("report")
     draws = DRAWS["quick" if quick else "full"]
     directory = RunDirectory(claim_folder(out, "paper"))
     with progress_bar(study.count_runs(draws), "run", "starting (compiles on first use)") as bar:
