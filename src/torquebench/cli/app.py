@@ -22,7 +22,7 @@ import click
 from click.shell_completion import shell_complete
 
 import torquebench
-from torquebench.cli.parameters import Option, meant, mistakes, refuse
+from torquebench.cli.parameters import Option, mistakes, refuse, suggest
 from torquebench.cli.terminal import Voice, complain, emit, speaking, voice
 from torquebench.errors import ConfigError, Problem, TorquebenchError, nearest
 from torquebench.plain import plain
@@ -228,7 +228,7 @@ class Commands(click.Group):
         """
         found = self.get_command(ctx, args[0])
         if found is None and not ctx.resilient_parsing:
-            refuse([Problem("COMMAND", got=f"'{args[0]}'", **meant(args[0], self.list_commands(ctx)))])
+            refuse([Problem("COMMAND", got=f"'{args[0]}'", **suggest(args[0], self.list_commands(ctx)))])
         return (args[0] if found else None), found, args[1:]
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

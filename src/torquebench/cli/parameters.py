@@ -25,7 +25,7 @@ class Wrong(click.BadParameter):
         self.parts = parts
 
 
-def meant(name: str, valid: Collection[str]) -> dict[str, Any]:
+def suggest(name: str, valid: Collection[str]) -> dict[str, Any]:
     """Return what a problem with a name says of the valid ones: the nearest, or all where none is near.
 
     Args:
@@ -42,7 +42,7 @@ def mistakes(context: click.Context) -> list[Problem]:
     return found
 
 
-class _Collected(click.Parameter):
+class _CollectsMistakes(click.Parameter):
     """A parameter whose bad value does not hide the mistakes in other ones."""
 
     def handle_parse_result(self, ctx: click.Context, opts: Any, args: list[str]) -> tuple[Any, list[str]]:
@@ -66,11 +66,11 @@ class _Collected(click.Parameter):
         return f"{name} (from {self.envvar})"
 
 
-class Option(_Collected, click.Option):
+class Option(_CollectsMistakes, click.Option):
     """An option of a command."""
 
 
-class Argument(_Collected, click.Argument):
+class Argument(_CollectsMistakes, click.Argument):
     """An argument of a command."""
 
 
@@ -86,7 +86,7 @@ class Choice(click.Choice[str]):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the word."""
         if value not in self.choices:
-            raise Wrong(got=f"'{value}'", **meant(value, self.choices))
+            raise Wrong(got=f"'{value}'", **suggest(value, self.choices))
         return str(value)
 
 
