@@ -43,12 +43,8 @@ def paper(out: Path | None, quick: bool, workers: int | None) -> int:
 
         found = study.run_study(draws, workers or os.cpu_count() or 1, progress)
         claims = report.write_study(found, directory, draws, progress)
-    tell(
-        directory=directory.folder,
-        draws=draws,
-        claims=[claim.to_json() for claim in claims],
-        plants_apart=report.agreement_facts(found),
-    )
+    facts, apart = [claim.to_json() for claim in claims], report.agreement_facts(found)
+    tell(directory=directory.folder, draws=draws, claims=facts, plants_apart=apart)
     say(claims_table(claims))
     say()
     say(f"two plants: {report.agreement_text(found.apart)}")
@@ -66,7 +62,7 @@ def load_study(module: str) -> Any:
     scripts = data_root() / "scripts"
     if not (scripts / "paper" / "study.py").is_file():
         message = f"no folder {scripts / 'paper'}: the study comes with the repository, not with a wheel"
-        raise ConfigError([Problem("paper", "", f"{message}; run it in a checkout")])
+        refuse([("paper", f"{message}; run it in a checkout")])
     if str(scripts) not in sys.path:
         sys.path.insert(0, str(scripts))
     return importlib.import_module(f"paper.{module}")
