@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import option, out_folder
+from torquebench.cli.parameters import option, out_folder, refuse
 from torquebench.cli.parameters import workers as workers_option
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
-from torquebench.errors import ConfigError, Problem
 from torquebench.shipped import data_root
 
 DRAWS = {"quick": 4, "full": 30}
