@@ -118,9 +118,9 @@ def make_film(
         job = Job(footage, settings, out=str(out), still=still)
         for backend, failed in drawing_backends(gl):
             text = replace(job, backend=backend.name).to_json()
-            gl_there = "off" if backend.name == STICK else backend.name
+            child_gl = "off" if backend.name == STICK else backend.name
             try:
-                message = run_module("torquebench.video.render", text, gl_there, SILENCE, on_message)
+                message = run_module("torquebench.video.render", text, child_gl, SILENCE, on_message)
             except VideoError as error:
                 if backend.name == STICK:
                     raise VideoError(f"drawing the film {error}") from error

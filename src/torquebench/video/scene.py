@@ -37,7 +37,7 @@ def build_scene(name: str, poses: Array) -> Scene:
 
     Args:
         name: Name of the arm, or path of its ``.xml`` file.
-        poses: Joint positions that the cameras made here must show, (N, n) [rad].
+        poses: Joint positions that cameras made here must show, (N, n) [rad].
 
     Raises:
         ModelError: the arm cannot be read, or its ``scene.xml`` shows another arm.
@@ -172,7 +172,7 @@ def add_tiles(spec: Any, reach: float) -> str:
 
     Args:
         spec: The arm's ``MjSpec``; changed in place.
-        reach: Length of the stretched arm [m]; tiles are a good third of it.
+        reach: Length of the stretched arm [m]; a tile is a little more than a third as wide.
     """
     name = "torquebench-tiles"
     spec.add_texture(
@@ -222,7 +222,7 @@ def add_links(spec: Any, arm: Any, chain: Array, reach: float) -> None:
 
 
 def add_cameras(spec: Any, points: Array, reach: float) -> None:
-    """Add the cameras of `CAMERAS`, far enough to see all points in a square picture.
+    """Add the cameras named in `CAMERAS`, far enough away to see all points in a square picture.
 
     Args:
         spec: The arm's ``MjSpec``; changed in place.

@@ -1,4 +1,4 @@
-"""An arm as the page draws it: triangles of each body in its own frame, and where bodies and tool are at each pose."""
+"""An arm as the page draws it: the triangles of each body, and the poses of bodies and tool."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from torquebench.view.shapes import Triangles
 
 _KIND = mujoco.mjtGeom
 _UNSET = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
-"""MuJoCo's colour of a geom that has none: its material's is shown."""
+"""MuJoCo's colour of a geom without one, which is shown in its material's colour."""
 
 
 class Part(NamedTuple):
-    """What is drawn of one body."""
+    """One body."""
 
     moves: bool
-    """Whether it moves with a joint, and is therefore drawn for the reference too."""
+    """Whether it moves with a joint, so that the reference has it too."""
     shape: Triangles
     """In the body's frame."""
     colours: Array
@@ -32,14 +32,14 @@ class Part(NamedTuple):
 
 
 class View(NamedTuple):
-    """From where the scene's first camera looks."""
+    """The scene's first camera."""
 
     eye: Array
     """(3,) [m]."""
     target: Array
     """The point on its axis nearest to the scene's centre, (3,) [m]."""
     opening: float
-    """Vertical opening [rad]."""
+    """Vertical field of view [rad]."""
 
 
 class Arm:
@@ -59,9 +59,11 @@ class Arm:
         self._d = mujoco.MjData(m)
         mujoco.mj_kinematics(m, self._d)
         mujoco.mj_camlight(m, self._d)
-        seen = [g for g in range(m.ngeom) if m.geom_group[g] <= VISIBLE_GROUPS and m.geom_type[g] != _KIND.mjGEOM_PLANE]
-        self._bodies = sorted({int(m.geom_bodyid[g]) for g in seen})
-        self.parts = tuple(self._part([g for g in seen if m.geom_bodyid[g] == body], body) for body in self._bodies)
+        visible = [
+            g for g in range(m.ngeom) if m.geom_group[g] <= VISIBLE_GROUPS and m.geom_type[g] != _KIND.mjGEOM_PLANE
+        ]
+        self._bodies = sorted({int(m.geom_bodyid[g]) for g in visible})
+        self.parts = tuple(self._part([g for g in visible if m.geom_bodyid[g] == body], body) for body in self._bodies)
         self.joints: list[str] = joint_names(m)
         self.units = ["m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for kind in m.jnt_type]
         self.limits: Array = torque_limits(m, name)
@@ -88,7 +90,7 @@ class Arm:
         return bodies, tool
 
     def _part(self, geoms: list[int], body: int) -> Part:
-        """Return all geoms of a body in one; its data must be at some pose."""
+        """Join the geoms of a body in the body's frame; the kinematics must have been computed."""
         m, d = self._scene.model, self._d
         turn, origin = d.xmat[body].reshape(3, 3), d.xpos[body]
         corners, normals, colours = [], [], []
@@ -109,17 +111,17 @@ class Arm:
 
 
 def colour(m: Any, geom: int) -> Array:
-    """Return the colour of a geom, (3,): its own, else its material's."""
+    """Return the colour of a geom, (3,): its own or, without one, its material's."""
     own, material = m.geom_rgba[geom], int(m.geom_matid[geom])
-    found: Array = np.array(m.mat_rgba[material] if material >= 0 and np.array_equal(own, _UNSET) else own)
-    return found[:3]
+    rgba: Array = np.array(m.mat_rgba[material] if material >= 0 and np.array_equal(own, _UNSET) else own)
+    return rgba[:3]
 
 
 def triangles(m: Any, geom: int) -> Triangles:
     """Return the surface of a geom in its own frame.
 
     Raises:
-        ModelError: it is of a kind that cannot be drawn.
+        ModelError: a geom of its kind cannot be drawn.
     """
     size, kind = m.geom_size[geom], int(m.geom_type[geom])
     if kind == _KIND.mjGEOM_SPHERE:

@@ -1,4 +1,4 @@
-"""Triangles of the shapes that an arm is made of, each about its own origin, with normals for smooth shading."""
+"""Triangles of boxes, cylinders, capsules and ellipsoids about their own origin, with normals for smooth shading."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from torquebench.kernel import Array
 
 SIDES = 24
-"""Corners of what is round."""
+"""Corners of a circle."""
 BANDS = 5
-"""Rings from the equator of a half ball to its pole."""
+"""Rings between equator and pole of a ball."""
 
 
 class Triangles(NamedTuple):
@@ -24,15 +24,15 @@ class Triangles(NamedTuple):
 
 
 def spun(profile: Array) -> Triangles:
-    """Return the surface that a profile sweeps about the z axis.
+    """Return the surface of revolution of a profile about the z axis.
 
     Args:
         profile: Points from the lower pole to the upper, (P, 4): distance from the axis, height, and the outward
-            normal's components in these directions. A crease is the same point twice with two normals.
+            normal's components in these directions. At a crease a point is given twice, with two normals.
     """
     turn = np.linspace(0.0, 2.0 * np.pi, SIDES + 1)
     spoke = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    spoke[-1] = spoke[0]  # no gap where it closes
+    spoke[-1] = spoke[0]  # so that it closes without a gap
     rings = np.concatenate([profile[:, None, :1] * spoke, np.repeat(profile[:, None, 1:2], SIDES + 1, axis=1)], axis=2)
     normal = np.concatenate([profile[:, None, 2:3] * spoke, np.repeat(profile[:, None, 3:], SIDES + 1, axis=1)], axis=2)
 
@@ -60,7 +60,7 @@ def _half_ball(radius: float, up: float, centre: float) -> Array:
 
 
 def capsule(radius: float, half: float) -> Triangles:
-    """Return a capsule along z whose cylinder is 2 `half` long; a ball where that is zero."""
+    """Return a capsule along z whose cylinder is 2 `half` long; a ball if `half` is zero."""
     return spun(np.concatenate([_half_ball(radius, -1.0, -half), _half_ball(radius, 1.0, half)]))
 
 
@@ -101,7 +101,7 @@ def box(half: Array) -> Triangles:
 
 
 def flat(corners: Array) -> Triangles:
-    """Return a surface of flat faces; triangles without area are left out."""
+    """Return a surface of flat faces, without triangles of zero area."""
     normal = areas(corners)
     size = np.linalg.norm(normal, axis=1)
     solid = size > 0.0

@@ -1,6 +1,6 @@
-"""The process that replays runs in MuJoCo's viewer (``python -m torquebench.view.window``): a `Job` comes in.
+"""The process that replays runs in MuJoCo's viewer (``python -m torquebench.view.window``): reads a `Job`.
 
-One controller is shown at a time. A line a second on standard output says that it is alive, the last that it has ended.
+It shows one controller at a time, and reports once a second that it is alive, and at the end that it was closed.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from torquebench.video.scene import Scene, build_scene, tool_path
 from torquebench.video.stage import GHOST, GROWN, TOOL, TOOL_SIZE, TRAIL, TRAIL_SIZE, VISIBLE_GROUPS
 
 RATE = 60.0
-"""Pictures a second."""
+"""Pictures per second."""
 TRAIL_TIME, TRAIL_POINTS = 1.0, 100
-"""Length of the tool's trail [s], and its points."""
+"""Length of the tool's trail [s], and its number of points."""
 SPACE, ENTER, RIGHT, LEFT = 32, 257, 262, 263
-"""Keys, as GLFW has them."""
+"""GLFW's codes of keys."""
 STEP = 0.01
-"""What an arrow key moves the time by [s]."""
+"""Step of an arrow key [s]."""
 _ALPHA = 0.35
 
 
 class Replay:
-    """The clock, and what is shown; keys change them, from the viewer's thread.
+    """The clock and the controller that is shown; keys change them, from the viewer's thread.
 
     Args:
-        job: The runs.
+        job: The runs and the speed.
     """
 
     def __init__(self, job: Job) -> None:
@@ -45,7 +45,7 @@ class Replay:
         self._runs = [load_trajectory(shot.trajectory) for shot in job.footage.shots]
 
     def key(self, code: int) -> None:
-        """Do what a key asks for."""
+        """Handle a key."""
         if code == SPACE:
             self.playing = not self.playing
         elif code == ENTER:
@@ -60,26 +60,31 @@ class Replay:
         return self._runs[self.shown]
 
     def advance(self, passed: float, run: Trajectory) -> int:
-        """Let `passed` seconds go by, from the start again after the end; return the sample of `run` to show."""
+        """Advance the clock, from the end back to the start; return the sample to show.
+
+        Args:
+            passed: Time since the last call [s].
+            run: The run that is shown.
+        """
         if self.playing:
             self.time += passed * self.job.settings.speed
         k = round(self.time / self.job.footage.control_period)
         if k >= len(run.t):
-            if self.playing and self.time > run.t[-1] + self.job.settings.speed:  # stands still for a second
+            if self.playing and self.time > run.t[-1] + self.job.settings.speed:  # it stands still for a second first
                 self.time = 0.0
             k = len(run.t) - 1
         return k
 
 
 def add_ghost(view: Any, scene: Scene, d: Any) -> None:
-    """Add the moving geoms of the arm at the pose of `d` to a viewer's own scene, translucent."""
+    """Add the arm's moving geoms at the pose of `d` to a viewer's user scene, translucent."""
     m = scene.model
     for i in scene.moving:
         if m.geom_group[i] > VISIBLE_GROUPS:
             continue
         geom = view.geoms[view.ngeom]
         view.ngeom += 1
-        size = np.maximum(m.geom_size[i] - GROWN * scene.reach, 0.2 * m.geom_size[i])  # hidden by an arm that follows
+        size = np.maximum(m.geom_size[i] - GROWN * scene.reach, 0.2 * m.geom_size[i])  # the arm hides it if it follows
         mujoco.mjv_initGeom(
             geom, int(m.geom_type[i]), size, d.geom_xpos[i], d.geom_xmat[i], np.array([*GHOST[:3], _ALPHA], np.float32)
         )
@@ -88,7 +93,7 @@ def add_ghost(view: Any, scene: Scene, d: Any) -> None:
 
 
 def add_trail(view: Any, points: Array, reach: float) -> None:
-    """Add the tool's path, (K, 3) [m], and a ball at its end to a viewer's own scene."""
+    """Add the tool's path, (K, 3) [m], and a ball at its end to a viewer's user scene."""
     nothing = np.zeros(3), np.zeros(3), np.zeros(9)
     line, ball = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
     for a, b in itertools.pairwise(points):

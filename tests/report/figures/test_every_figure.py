@@ -23,7 +23,7 @@ from torquebench.certificates import Certificate
 from torquebench.fuzzy import prepare
 from torquebench.report.figures.layout import PAGE_WIDTH
 from torquebench.report.figures.pareto import Front, Spot, draw_pareto
-from torquebench.report.figures.run_view import FiredRules, draw_figures, run_view
+from torquebench.report.figures.run_view import FiredRules, RunView, draw_figures
 from torquebench.report.figures.sensitivity import draw_sensitivity
 from torquebench.report.figures.style import COLOURS, DASHES
 from torquebench.report.figures.sweep import sweep_figures
@@ -88,7 +88,7 @@ def draw_all() -> dict[str, Figure]:
         sizes = [len(variable.names) for variable in prepared.system.inputs]
         shares = np.random.default_rng(1).random((N, sizes[0], sizes[-1] if len(sizes) > 1 else 1))
         fired[name] = FiredRules(name, shares)
-    view = run_view(
+    view = RunView(
         runs,
         title="t",
         subtitle="s",
