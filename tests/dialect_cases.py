@@ -106,7 +106,7 @@ BAD: dict[str, tuple[str, int, str, str]] = {
     "allocation": ("x = np.zeros(6)\ntau[0] = x[0]", 0, "np.zeros()", "a field of memory as working memory"),
     "minimum": ("tau[0] = min(q[0], 1.0)", 0, "min()", "x if x < y else y"),
     "power of math": ("tau[0] = math.pow(q[0], 2)", 0, "math.pow()", "x * x"),
-    "misspelt math": ("tau[0] = math.sinn(q[0])", 0, "math.sinn()", "did you mean 'sin'?"),
+    "misspelt math": ("tau[0] = math.sinn(q[0])", 0, "math.sinn, which is not defined", "did you mean 'sin'?"),
     "print": ("print(q)", 0, "print()", "every field of memory is recorded"),
     "plain function": ("tau[0] = plain(q[0])", 0, "plain()", "decorate plain with kernel"),
     "unknown function": ("tau[0] = satt(q[0])", 0, "satt, which is not defined", "did you mean 'sat'?"),

@@ -35,7 +35,7 @@ LAYERS = (
     ("report",),
     ("video", "results"),
     ("sweeps",),
-    ("paper", "view"),
+    ("view",),
     ("cli",),
     ("__main__",),
 )
@@ -51,7 +51,7 @@ HOMES = {
     "subprocess": ("video/",),
     "matplotlib": ("report/", "video/", "results.py", "sweeps.py"),
     "jinja2": ("report/",),
-    "scipy": ("statistics.py", "sweep/", "paper/"),
+    "scipy": ("statistics.py", "sweep/"),
     "skfuzzy": ("fuzzy/",),
     "pydantic": ("experiment/", "sweep/"),
     "pydantic_core": ("experiment/", "sweep/"),

@@ -172,7 +172,7 @@ class _Reader:
         self.callables = {x.arg for x in a.args if "Callable" in ast.unparse(x.annotation or x)}
         self.kernels: list[tuple[ast.Call, Any]] = []
         """Calls of kernels, in the order of the text."""
-        self.found: list[Complaint] = []
+        self.collected: list[Complaint] = []
         self.early: set[str] = set()
         """Variables that may be read before they have a value."""
         self.read()
@@ -200,7 +200,7 @@ class _Reader:
 
     def complain(self, node: ast.AST, what: str, cure: str, topic: str = FORM) -> None:
         """Note something outside the dialect: where, what it is, what to write instead, and its topic."""
-        self.found.append(Complaint(getattr(node, "lineno", self.node.lineno), what, cure, topic))
+        self.collected.append(Complaint(getattr(node, "lineno", self.node.lineno), what, cure, topic))
 
     def complaints(self) -> list[Complaint]:
         """Return all that lies outside the dialect."""
@@ -211,11 +211,11 @@ class _Reader:
         self.check_values(self.body, set(self.parameters))
         self.check_numbers()
         for line, place, how in self.writes({}) if self.law else ():
-            is_told = not place and any(c.line == line and c.topic == STATE for c in self.found)
-            if not is_told and not WRITABLE.fullmatch(place):
+            is_explained = not place and any(c.line == line and c.topic == STATE for c in self.collected)
+            if not is_explained and not WRITABLE.fullmatch(place):
                 what = f"writes to {place.replace('[]', '') or 'what is not its own'} ({how})"
-                self.found.append(Complaint(line, what, "write to elements of tau and memory only", INPUTS))
-        return self.found
+                self.collected.append(Complaint(line, what, "write to elements of tau and memory only", INPUTS))
+        return self.collected
 
     # Syntax and names.
 
@@ -312,7 +312,7 @@ class _Reader:
         else:
             kind = type(self.meaning(root))
             cure = IMPURE_CURE if "random" in kind.__module__ else STATE_CURE
-            self.complain(node, f"{text}, a {kind.__name__} outside the law", cure, STATE)
+            self.complain(node, f"{root.id}, a {kind.__name__} outside the law", cure, STATE)
 
     def changes(self, name: str) -> bool:
         """Whether the file can give a global another value later on."""
@@ -326,36 +326,20 @@ class _Reader:
     def check_call(self, node: ast.Call, text: str) -> None:
         """Check a call: of a kernel, of `math` or of BUILTINS, with arguments by position."""
         *_, root = _chain(node.func)
-        value, what = self.meaning(node.func), f"{text}()"
-        owner = getattr(value, "__self__", None)
-        home = {text.partition(".")[0], str(getattr(value, "__module__", "")).partition(".")[0]}
-        name = text.rpartition(".")[2]
+        value = self.meaning(node.func)
         if node.keywords or any(isinstance(a, ast.Starred) for a in node.args):
-            self.complain(node, f"{what} is called with keywords or *", "give its arguments by position")
+            self.complain(node, f"{text}() is called with keywords or *", "give its arguments by position")
         if self.is_local(root):
             if text not in self.callables:
-                self.complain(node, f"a call of {what}", f"{LOOP}, or call math and kernels")
+                self.complain(node, f"a call of {text}()", f"{LOOP}, or call math and kernels")
         elif is_kernel(value):
             self.kernels.append((node, plain(value)))
-        elif any(value is known for known in (*BUILTINS, *(getattr(math, name) for name in MATH))):
-            return
-        elif isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields"):
-            return  # mere labels on a tuple
-        elif value is MISSING and not isinstance(self.meaning(root), ModuleType) and isinstance(root, ast.Name):
-            self.check_name(root, root.id)  # a method of something global, or nothing
-        elif value is MISSING:
-            self.complain(node, f"{what}, which is not defined", f"check the spelling{self.nearest(name)}")
-        elif IMPURE & home or "random" in f"{text}{type(owner).__module__}":
-            self.complain(node, what, IMPURE_CURE, STATE)
-        elif isinstance(owner, list | dict | set | np.ndarray):
-            self.complain(node, what, STATE_CURE, STATE)
-        elif name in CURES or name in MATH:
-            self.complain(node, what, CURES.get(name) or f"write math.{name}(x)")
-        elif home & {"numpy", "np"}:
-            self.complain(node, what, LOOP)
-        else:
-            cure = f"decorate {name} with kernel (from torquebench.kernel import kernel), in the law's own file"
-            self.complain(node, what, cure if hasattr(value, "__code__") else "use arithmetic, math and kernels")
+        elif value is MISSING and isinstance(node.func, ast.Name | ast.Attribute):
+            self.check_name(node.func, text)
+        elif not any(value is known for known in (*BUILTINS, *(getattr(math, name) for name in MATH))):
+            is_label = isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")
+            if not is_label:  # a NamedTuple is but labels on a tuple
+                self.complain(node, f"{text}()", *_call_cure(text, value))
 
     def nearest(self, name: str) -> str:
         """Return the name that was most likely meant instead of one that is not defined."""
@@ -450,8 +434,8 @@ class _Reader:
         for name, line in self.integer_at.items():
             if self.kinds[name] == MIXED:
                 what = f"{name} is an integer here and a float elsewhere"
-                self.found.append(Complaint(line, what, "write a float, as 0.0"))
-        told: set[int] = set()
+                self.collected.append(Complaint(line, what, "write a float, as 0.0"))
+        lines: set[int] = set()
         for node in self.nodes:
             if isinstance(node, ast.IfExp) and self.kind(node) == MIXED:
                 self.complain(node, f"{ast.unparse(node)} is an integer or a float", "write both as floats")
@@ -459,8 +443,8 @@ class _Reader:
             for x in numbers if self.law else ():
                 places = self.places_of(x) if isinstance(x, ast.Name | ast.Attribute) else set()
                 is_whole = any(self.parts.get(place) in ELEMENTS for place in places)
-                if is_whole and isinstance(x, ast.expr) and x.lineno not in told:
-                    told.add(x.lineno)
+                if is_whole and isinstance(x, ast.expr) and x.lineno not in lines:
+                    lines.add(x.lineno)
                     self.complain(x, f"{ast.unparse(x)} is a whole array in arithmetic", LOOP)
             is_division = isinstance(getattr(node, "op", None), ast.Div | ast.FloorDiv | ast.Mod)
             if is_division and getattr(self.function, "is_inline", False):  # copied into a law, it would raise there
@@ -488,7 +472,7 @@ class _Reader:
         """Yield the line of each write to elements, the part of an argument ("" for anything else), and what it says.
 
         Args:
-            known: What kernels write to, as far as it was found out.
+            known: What kernels write to, as far as it is known.
         """
         for node in self.nodes:
             if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
@@ -541,6 +525,19 @@ def _joined(a: Any, b: Any) -> Any:
     return a if a == b else MIXED if None not in (a, b) else None
 
 
+def _call_cure(text: str, value: Any) -> tuple[str, str]:
+    """Return what to write instead of a call outside the dialect, and the topic."""
+    name, owner = text.rpartition(".")[2], getattr(value, "__self__", None)
+    home = {text.partition(".")[0], str(getattr(value, "__module__", "")).partition(".")[0]}
+    if IMPURE & home or "random" in f"{text}{type(owner).__module__}":
+        return IMPURE_CURE, STATE
+    if name in CURES or name in MATH:
+        return CURES.get(name) or f"write math.{name}(x)", FORM
+    if "numpy" in home or isinstance(value, np.ufunc):
+        return LOOP, FORM
+    return f"decorate {name} with kernel (from torquebench.kernel import kernel), in the law's own file", FORM
+
+
 NUMBERS: Final[dict[Any, Any]] = {int: int, bool: int, float: float}
 ELEMENTS: Final[dict[Any, Any]] = {Array: float, IntArray: int}
 
@@ -555,27 +552,23 @@ def _parts_of_law(law: Law) -> dict[str, Any]:
 def _structure_complaints(law: Law) -> Iterator[Complaint]:
     """Complain about gains and memory that compiled code cannot receive."""
     wanted = {name: Array for name in law.gains} | {name: int for name in law.options}
-    for title, cls in (("gains", law.gains_type), ("memory", law.memory_type)):
-        if cls is None:
-            continue
-        fields = getattr(cls, "_fields", ()) if is_structure(cls) else ()
-        if not fields:
-            what = f"its {title} are a {getattr(cls, '__name__', cls)}"
-            yield Complaint(
-                line_of(cls, "", law.function), what, "make them a NamedTuple class with at least one field"
-            )
-            continue
+    structures: dict[str, Any] = {"gains": law.gains_type, "memory": law.memory_type}
+    for title, cls in structures.items():
+        line = line_of(cls, "", law.function)
         try:
-            hints = get_type_hints(cls, include_extras=True)
+            hints = get_type_hints(cls, include_extras=True) if cls is not None else {}
         except NameError as error:
-            what = f"an annotation of {cls.__name__}: {error}"
-            yield Complaint(line_of(cls, "", law.function), what, "import it, or define it above")
+            yield Complaint(line, f"an annotation of {cls.__name__}: {error}", "import it, or define it above")
             continue
-        for name in fields:
-            hint, *notes = get_args(hints[name]) if get_origin(hints[name]) is Annotated else (hints[name],)
+        if cls is not None and not (is_structure(cls) and getattr(cls, "_fields", None)):
+            what = f"its {title} are a {getattr(cls, '__name__', cls)}"
+            yield Complaint(line, what, "make them a NamedTuple class with at least one field")
+            continue
+        for name, annotation in hints.items():
+            hint, *notes = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
             need = Array if title == "memory" else wanted.get(name, hint)
             if NUMBERS.get(hint, hint) != need or (need == Array and any(type(note) is int for note in notes)):
-                what = f"{cls.__name__}.{name} is annotated {getattr(hints[name], '__name__', hints[name])}"
+                what = f"{cls.__name__}.{name} is annotated {getattr(annotation, '__name__', annotation)}"
                 cure = f"annotate it {'int' if need is int else 'Array, from torquebench'}"
                 yield Complaint(line_of(cls, name, law.function), what, cure)
 

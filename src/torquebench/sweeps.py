@@ -20,7 +20,7 @@ from torquebench.experiment.store import atomic_write
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
 from torquebench.report.render import PAGE
-from torquebench.report.sweep import dependences, info_of, report_files
+from torquebench.report.sweep import dependences, figures_of, info_of, report_files
 from torquebench.results import Source as Config
 from torquebench.shipped import find_config
 from torquebench.sweep import run as runs
@@ -228,10 +228,7 @@ class Sweep:
         Raises:
             ResultError: this sweep has no such figure.
         """
-        from torquebench.report.figures.sweep import sweep_figures
-
-        info, found = info_of(self.stored), dependences(self.stored, self._table)
-        figures = sweep_figures(self._table, info.name, info.workload, found, slides=info.slides)
+        figures = figures_of(info_of(self.stored), self._table, dependences(self.stored, self._table))
         if name not in figures:
             raise ResultError(f"no figure '{name}' of this sweep{did_you_mean(name, figures)}")
         return figures[name]

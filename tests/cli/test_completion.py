@@ -23,7 +23,7 @@ from torquebench.laws import law_names
 from torquebench.shipped import config_keys, configs
 
 LINES = {
-    "torquebench bound": ["boundary-layer"],
+    "torquebench pap": ["paper"],
     "torquebench video --qual": ["--quality"],
     "torquebench video --quality pre": ["pretty"],
     "torquebench video --quality=pre": ["pretty"],

@@ -1,10 +1,12 @@
 """``torquebench fuzzy``, and what ``run`` says and draws of the fuzzy systems its controllers use."""
 
 import json
+import re
 
 import pytest
 
 from torquebench.experiment.store import check_run
+from torquebench.fuzzy import oracle
 from torquebench.laws.law import LAWS
 from torquebench.robot.library import data_root
 
@@ -171,3 +173,27 @@ def test_a_law_of_ones_own_with_a_fuzzy_system(small, command, monkeypatch):
     monkeypatch.setattr(LAWS, "_items", {k: v for k, v in LAWS._items.items() if k != "rules-only"})
     status, out, _ = command("fuzzy", small, "--plugin", "mine.py", "--name", "pd-9", "--out", "described")
     assert (status, "fuzzy system pd-9" in out) == (0, True)
+
+
+def test_the_oracle_is_asked(tmp_path, command, monkeypatch):
+    """Status 0, the largest difference with its place, the grid and what bounds it; the same as data."""
+    monkeypatch.chdir(tmp_path)
+    status, out, err = command("fuzzy", "s-7", "--oracle")
+    assert (status, err) == (0, "")
+    found = re.search(
+        r"^s-7 beside skfuzzy\.control on 32 inputs: largest difference (\S+), at \((\S+)\), (.*)$", out, re.M
+    )
+    assert found
+    assert 0.0 < float(found[1]) < 1e-3
+    assert found[3].startswith("within its bound (steps of scikit-fuzzy's universe at most ")
+    status, out, _ = command("fuzzy", "s-7", "--oracle", "--json")
+    assert json.loads(out)["systems"]["s-7"]["oracle"]["within"] is True
+
+
+def test_a_difference_above_the_bound_is_a_failure(tmp_path, command, monkeypatch):
+    """Status 1, and the word ABOVE."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(oracle, "scikit_fuzzy", lambda system, x, y: (oracle.CONTROL, x))
+    status, out, _ = command("fuzzy", "s-7", "--oracle")
+    assert status == 1
+    assert "ABOVE its bound" in out

@@ -17,15 +17,12 @@ from tests.cli.test_check import GOOD
 from tests.command_line import COMMANDS, flags, parsed
 from tests.experiment.bad_configs import BAD
 from torquebench import check
-from torquebench.cli import boundary_layer
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import parse_experiment
 from torquebench.experiment.store import check_run
 from torquebench.laws.law import LAWS
-from torquebench.paper.boundary_layer import Point
 from torquebench.plain import plain
-from torquebench.statistics import Ratio
 
 ENVELOPE = {"command", "status", "problems", "error", "remarks"}
 
@@ -137,16 +134,6 @@ def test_check(tmp_path, monkeypatch, document):
     data, _ = document("check", "laws.py")
     assert data["held"]
     assert [law["law"] for law in data["laws"]] == ["good"]
-
-
-def test_boundary_layer(tmp_path, monkeypatch, document):
-    """The points are those of the file."""
-    error, chattering = Ratio(1e-3, 9e-4, 2e-3, 4, (0, 0), 0), Ratio(0.5, 0.4, 0.6, 4, (0, 0), 0)
-    points = [Point(phi, 0.3, 20.0, error, chattering) for phi in (0.1, 0.2, 1 / 3)]
-    monkeypatch.setattr(boundary_layer, "study", lambda *_: points)
-    data, err = document("boundary-layer", "--quick", "--out", tmp_path / "out")
-    assert data["points"] == json.loads((tmp_path / "out" / "points.json").read_text())
-    assert "%" in err
 
 
 def test_bench(monkeypatch, document, command):

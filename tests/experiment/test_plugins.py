@@ -1,4 +1,4 @@
-"""A plug-in file alone adds a disturbance, a reference or a chain: checked, described and run like those that ship."""
+"""A plug-in file alone adds a disturbance, reference, chain or plant, checked and run like those that ship."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from torquebench.experiment.reference import unit_of
 from torquebench.experiment.run import run_experiment
 from torquebench.laws.plugin import load_plugin
 from torquebench.references import REFERENCES
+from torquebench.sim.plants.kinds import PLANTS
 
 WAVE = '''
 from dataclasses import dataclass
@@ -85,13 +86,34 @@ def worn():
     """Coarse encoders and tired actuators."""
     return Chain(quantisation=1e-3, velocity="differentiated", actuator_lag=0.02)
 '''
+ENGINE = '''
+from dataclasses import dataclass
+from typing import Annotated
+
+from torquebench.keys import Key
+from torquebench.sim.friction import Friction
+from torquebench.sim.plants.kinds import PlantKeys, plant
+
+
+@plant("damped")
+@dataclass(frozen=True)
+class Damped(PlantKeys):
+    """The analytic arm in oil."""
+
+    damping: Annotated[float, Key("Damping of each joint", "N m s/rad", at_least=0)] = 5.0
+
+    def build(self, factors):
+        from torquebench.sim.plants.analytic import AnalyticPlant
+
+        return AnalyticPlant(self.twin(factors), self.timestep, self.integrator, friction=Friction(self.damping))
+'''
 SHORT = ("run.duration=0.6", "run.metrics_from=0.05")
 
 
 @pytest.fixture(autouse=True)
 def own_registries(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a test register kinds that vanish with it."""
-    for registry in (DISTURBANCES, REFERENCES, CHAINS):
+    for registry in (DISTURBANCES, REFERENCES, CHAINS, PLANTS):
         for part in ("_items", "_makers"):
             monkeypatch.setattr(registry, part, dict(getattr(registry, part)))
 
@@ -163,6 +185,20 @@ def test_a_chain_of_a_plug_in(tmp_path: Path) -> None:
     assert "; chain worn; " in conditions_text(experiment)
     assert np.any(ran(experiment) != ran(parse(MINIMAL, *SHORT)))
     assert "did you mean 'worn'?" in mistake("chain=warn")[1]
+
+
+def test_a_plant_of_a_plug_in(tmp_path: Path) -> None:
+    """An engine of one's own has the keys of every plant and one more, and moves the arm."""
+    added(tmp_path, ENGINE)
+    oil = "plant={engine: damped, model: puma560, damping: 20}"
+    experiment = parse(MINIMAL, *SHORT, oil)
+    assert conditions_text(experiment).startswith("plant damped:puma560 (rk4, 1 ms); ")
+    assert parse(dump_experiment(experiment)) == experiment
+    assert np.any(ran(experiment) != ran(parse(MINIMAL, *SHORT)))
+    assert mistake(oil.replace("20", "-1")) == ("plant.damping", "got -1, wanted at least 0 [N m s/rad]")
+    assert "did you mean 'damped'?" in mistake(oil.replace("damped", "dampd"))[1]
+    structure = mistake(oil[:-1] + ", structure: exact}")[1]
+    assert structure == "has no effect with engine: damped (it belongs to engine: analytic)"
 
 
 def test_a_name_is_given_once(tmp_path: Path) -> None:

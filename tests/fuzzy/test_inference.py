@@ -12,7 +12,7 @@ import pytest
 from tests.fuzzy.independent import exact_output
 from torquebench.fuzzy import FuzzySystem, Rule, builtin_system, infer, prepare
 from torquebench.fuzzy.fis import STAIRCASE, SUM, UNION, Fis
-from torquebench.fuzzy.oracle import oracle, universe
+from torquebench.fuzzy.table import defined_outputs, universe
 from torquebench.kernel import Array
 
 PD49 = prepare(builtin_system("pd-49"))
@@ -153,7 +153,7 @@ def test_random_tables_against_areas_summed_independently(terms: int, holes: flo
         wanted = [exact_output(a, b, peaks, system.table, conjunction == "product") for a, b in zip(x, y, strict=True)]
         assert prepared.outputs(x, y) == pytest.approx(np.array(wanted), abs=1e-12)
         # corners cut on points 1/300 apart or less, which counts for more in a set of small area
-        assert prepared.outputs(x, y) == pytest.approx(oracle(system, x, y, 1201), abs=3e-4)
+        assert prepared.outputs(x, y) == pytest.approx(defined_outputs(system, x, y, 1201), abs=3e-4)
 
 
 @pytest.mark.parametrize("terms", [3, 5, 7])
@@ -166,7 +166,7 @@ def test_rounding_fires_no_rule_on_a_peak(terms: int) -> None:
     missing = np.array([system.table[i, j] < 0 for i in range(terms) for j in range(terms)])
     assert 0 < np.count_nonzero(missing) < len(missing)
     assert np.all(found[missing] == 0.0)
-    assert found == pytest.approx(oracle(system, x, y, 1201), abs=3e-4)
+    assert found == pytest.approx(defined_outputs(system, x, y, 1201), abs=3e-4)
 
 
 @pytest.mark.parametrize(("output_points", "promise", "count"), [(121, 4e-4, 20000), (1201, 1e-5, 100000)])
@@ -181,7 +181,7 @@ def test_against_scikit_fuzzy(
     x, y = points(count, 3)
     fired = np.unique(np.clip(np.floor((np.clip(x, -1, 1) + 1) * 3), 0, 5) * 6 + np.floor((np.clip(y, -1, 1) + 1) * 3))
     assert len(fired) >= 36  # every cell, so every rule
-    gap = float(np.max(np.abs(oracle(PD49.system, x, y, output_points) - PD49.outputs(x, y))))
+    gap = float(np.max(np.abs(defined_outputs(PD49.system, x, y, output_points) - PD49.outputs(x, y))))
     figure(f"49 rules against scikit-fuzzy at {output_points} points", gap, f"<= {promise:g}")
     assert gap <= promise
     assert gap > promise / 100.0  # it is an independent computation

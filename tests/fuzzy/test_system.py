@@ -12,11 +12,10 @@ import pytest
 
 from torquebench.errors import ControllerError, FuzzyError
 from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable, builtin_system, prepare
-from torquebench.fuzzy.checks import CONJUNCTIONS, DEFUZZIFICATIONS
 from torquebench.fuzzy.fis import STAIRCASE
 from torquebench.fuzzy.inference import fill_memberships
-from torquebench.fuzzy.oracle import degrees
-from torquebench.fuzzy.system import rules_of_table
+from torquebench.fuzzy.system import CONJUNCTIONS, DEFUZZIFICATIONS, rules_of_table
+from torquebench.fuzzy.table import degrees
 
 BASE = builtin_system("pd-9")
 
@@ -238,7 +237,7 @@ def test_operators_are_those_of_the_schema() -> None:
     """What a config accepts is what a system accepts."""
     from torquebench.experiment.fuzzy_schema import MamdaniSystem
     from torquebench.experiment.groups import group_of
-    from torquebench.fuzzy.aggregation import AGGREGATIONS
+    from torquebench.fuzzy.system import AGGREGATIONS
 
     fields = group_of(MamdaniSystem).fields
     assert fields["conjunction"].choices == CONJUNCTIONS

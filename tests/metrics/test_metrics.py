@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.source_tree import SOURCE
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
-from torquebench.metrics import METRICS, Metrics, compute_metrics
+from torquebench.metrics import METRICS, Metrics, from_joints, per_joint
 from torquebench.metrics.chattering import chattering_index
 from torquebench.metrics.torque import measure_torques
 from torquebench.sim.trajectory import Outcome, Trajectory
@@ -61,7 +61,7 @@ def metrics_of(run: Trajectory, **changes: object) -> Metrics:
         "control_period": T,
         "step_like": False,
     } | changes
-    return compute_metrics(run, **arguments)  # type: ignore[arg-type]
+    return from_joints(per_joint(run, **arguments))  # type: ignore[arg-type]
 
 
 def respond(shape: Callable[[Array], Array], amplitudes: tuple[float, ...], at: float = 0.2) -> Trajectory:

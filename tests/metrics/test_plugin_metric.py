@@ -79,7 +79,7 @@ def test_a_plugin_metric_is_in_the_table_of_a_sweep_and_chooses_what_is_kept(fol
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ("return 1.0", "metric 'p99_error' returned shape (), wanted (6,): a number for each joint"),
+        ("return 1.0", "metric 'p99_error': returned shape (), wanted (6,): a number for each joint"),
         ("return run.nothing", "metric 'p99_error': AttributeError: 'JointRecord' object has no attribute 'nothing'"),
     ],
 )

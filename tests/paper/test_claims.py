@@ -2,56 +2,61 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
-
-from torquebench.errors import ResultError
-from torquebench.experiment import load_experiment
-from torquebench.paper import figure_claims, theory_claims
-from torquebench.paper.boundary_layer import Point, front
-from torquebench.paper.claims import claims
-from torquebench.paper.records import METRICS, Record, Records, ratio_of
-from torquebench.paper.verdicts import FAILS, HOLDS, ONLY_IF, Claim, above, as_well, below, judged
-from torquebench.paper.workload import (
+from paper import figure_claims, theory_claims
+from paper.claims import claims
+from paper.runs_table import JUDGED, Runs, ratio_of
+from paper.verdicts import FAILS, HOLDS, ONLY_IF, Claim, above, as_well, below, judged
+from paper.workload import (
     LIMIT_NOISE,
     MISMATCH,
     NOISE,
     NOMINAL,
+    PLANTS,
     SLOW_NOISE,
     UNCERTAIN,
     blocks,
-    experiment_of,
+    plan_of,
 )
-from torquebench.robot.library import data_root
+
+from torquebench.errors import ResultError
+from torquebench.experiment import load_experiment
+from torquebench.metrics import METRICS
+from torquebench.shipped import data_root
 from torquebench.statistics import Ratio, paired_ratio
 
 DRAWS = 5
 SPREAD = (0.98, 0.99, 1.0, 1.01, 1.02)
 """Factor of each draw, the same for every law, and a little of its own (see `made`)."""
 
+WHERE = ["reference", "chain", "condition"]
+
 FINE = {"eta": 0.5, "outside": 0.2, "rising": 0.0, "fuzzy_share": 0.9}
 """Figures of the certificates and of the fuzzy part as the paper would have them."""
 
 
-def made(figures: Callable[[str, str, str, str], Mapping[str, float | None]]) -> Records:
-    """Return records of the whole study whose figures are a function of (controller, reference, chain, condition)."""
+def made(figures: Callable[[str, str, str, str], Mapping[str, float | None]]) -> Runs:
+    """Return the runs of a study whose figures are a function of (controller, reference, chain, condition)."""
     rows = []
     for block in blocks(DRAWS):
-        reference = experiment_of(block).reference.kind
-        for name in block.controllers:
-            for draw in range(block.draws):
-                plain = {key: 1.0 for key in METRICS} | dict(FINE)
-                values = plain | dict(figures(name, reference, block.chain, block.condition))
-                own = 1.0 + 0.001 * (len(name) % 7) * (draw - 2)
-                spread = {k: None if v is None else v * SPREAD[draw] * own for k, v in values.items()}
-                rows.append(
-                    Record(reference, block.chain, block.condition, name, draw, "analytic", "COMPLETED", spread)
-                )
-    return Records(rows)
+        reference = plan_of(block).first.reference.kind
+        for chain, name, draw in itertools.product(block.chains, block.controllers, range(block.draws)):
+            plain = dict.fromkeys(METRICS.names(), 1.0) | FINE
+            values = plain | dict(figures(name, reference, chain, block.condition))
+            own = 1.0 + 0.001 * (len(name) % 7) * (draw - 2)
+            spread = {k: math.nan if v is None else v * SPREAD[draw] * own for k, v in values.items()}
+            place = {"reference": reference, "chain": chain, "condition": block.condition, "controller": name}
+            rows.append(place | {"draw": draw, "plant": "analytic", "outcome": "COMPLETED"} | spread)
+    return Runs(pd.DataFrame(rows))
 
 
 def praising(name: str, reference: str, chain: str, condition: str) -> dict[str, float]:
@@ -84,28 +89,16 @@ def test_a_world_as_the_paper_says_is_judged_so() -> None:
         (figure_claims.conventional_is_faster, "proposed-m", "conventional-m"),
     ],
 )
-def test_exchanging_two_controllers_changes_the_verdict(
-    judge: Callable[[Records], Claim], one: str, other: str
-) -> None:
+def test_exchanging_two_controllers_changes_the_verdict(judge: Callable[[Runs], Claim], one: str, other: str) -> None:
     """The runs of two controllers exchanged by name: a claim that held no longer does."""
-    names = {one: other, other: one}
-    records = made(praising)
-    swapped = Records(
-        replace(r, controller=names.get(r.controller, r.controller))
-        for r in records.all
-        if {one, other} <= available(records, r) or r.controller not in names
-    )
-    assert judge(records).verdict == HOLDS
+    runs = made(praising)
+    table = runs.table
+    both = {place for place, group in table.groupby(WHERE) if {one, other} <= set(group["controller"])}
+    where = pd.Series(list(table[WHERE].itertuples(index=False, name=None)))
+    kept = table[where.isin(both) | ~table["controller"].isin([one, other])]
+    swapped = Runs(kept.assign(controller=kept["controller"].replace({one: other, other: one})))
+    assert judge(runs).verdict == HOLDS
     assert judge(swapped).verdict in (FAILS, ONLY_IF)
-
-
-def available(records: Records, at: Record) -> set[str]:
-    """Return the controllers that were run where `at` was, and conventional ones, which stand beside every other."""
-    return {
-        r.controller
-        for r in records.all
-        if (r.reference, r.chain, r.condition) == (at.reference, at.chain, at.condition)
-    }
 
 
 @pytest.mark.parametrize(
@@ -117,7 +110,7 @@ def available(records: Records, at: Record) -> set[str]:
     ],
 )
 def test_a_figure_on_the_wrong_side_fails_a_claim(
-    judge: Callable[[Records], Claim], change: dict[str, float], verdict: str
+    judge: Callable[[Runs], Claim], change: dict[str, float], verdict: str
 ) -> None:
     """The same world with one figure moved across its threshold."""
     assert judge(made(lambda *place: praising(*place) | change)).verdict == verdict
@@ -162,15 +155,18 @@ def test_a_failed_run_speaks_against_the_law_that_failed() -> None:
 
 def test_every_claim_survives_failures() -> None:
     """Whichever law fails in all of its runs, every claim is still judged, none by its failure, and JSON has no NaN."""
-    records = made(praising)
-    for name in {record.controller for record in records.all}:
-        broken = Records(replace(r, outcome="DIVERGED", values={}) if r.controller == name else r for r in records.all)
-        table = claims(broken)
-        assert len(table) == len(claims(records))
-        json.dumps([claim.to_json() for claim in table], allow_nan=False)
-        for claim, before in zip(table, claims(records), strict=True):
-            assert claim.figure_text
-            assert before.verdict == HOLDS
+    runs = made(praising)
+    whole = claims(runs)
+    figures = [*METRICS.names(), *JUDGED]
+    for name in runs.table["controller"].unique():
+        table = runs.table.copy()
+        table.loc[table["controller"] == name, "outcome"] = "DIVERGED"
+        table.loc[table["controller"] == name, figures] = math.nan
+        broken = claims(Runs(table))
+        assert len(broken) == len(whole)
+        json.dumps([claim.to_json() for claim in broken], allow_nan=False)
+        assert all(claim.figure_text for claim in broken)
+    assert {claim.verdict for claim in whole} == {HOLDS}
 
 
 def test_what_does_as_well_is_told_from_what_does_not() -> None:
@@ -198,12 +194,9 @@ def test_the_command_of_a_claim_runs_its_first_case() -> None:
     for claim in claims(made(praising)):
         reference, chain, condition = claim.cases[0].place
         own = load_experiment(data_root() / claim.config, claim.overrides)
-        found = [
-            block
-            for block in blocks(DRAWS)
-            if (block.chain, block.condition) == (chain, condition) and experiment_of(block).reference.kind == reference
-        ]
-        studied = [experiment_of(block) for block in found]
+        found = [block for block in blocks(DRAWS) if chain in block.chains and block.condition == condition]
+        every = [plan_of(block).experiment(block.chains.index(chain), 0) for block in found]
+        studied = [experiment for experiment in every if experiment.reference.kind == reference]
         keys = {keys.name: keys for experiment in studied for keys in experiment.controllers}
         assert any(keys.get(c.name) == c for c in own.controllers), claim.claim
         same = replace(own, controllers=(), name="", description="")
@@ -218,38 +211,28 @@ def test_a_claim_without_cases_is_no_claim() -> None:
         judged("c", "w", "m", [], ablation="", config="")
 
 
-def test_records_survive_json_and_refuse_doubles() -> None:
-    """Claims from stored records are the claims; a run that is there twice is refused, one that is missing named."""
-    records = made(praising)
-    again = Records.from_json(json.loads(json.dumps(records.to_json())))
-    assert [c.to_json() for c in claims(again)] == [c.to_json() for c in claims(records)]
+def test_runs_survive_their_file_and_refuse_doubles(tmp_path: Path) -> None:
+    """Claims from the stored runs are the claims; a run that is there twice is refused, one that is missing named."""
+    runs = made(praising)
+    (tmp_path / "runs.csv").write_bytes(runs.to_csv())
+    again = Runs.read(tmp_path / "runs.csv")
+    assert [c.to_json() for c in claims(again)] == [c.to_json() for c in claims(runs)]
     with pytest.raises(ResultError, match="run twice: "):
-        Records([*records.all, records.all[0]])
+        Runs(pd.concat([runs.table, runs.table[:1]]))
     with pytest.raises(ResultError, match="not run: sine, ideal, nominal, nobody"):
-        records.values("rmse", "nobody", "sine", "ideal", "nominal")
-
-
-def test_the_front_is_what_nothing_beats() -> None:
-    """Four points worked out by hand: one is beaten in both, one failed once, two are the front in order of HF."""
-
-    def point(rmse: float, hf: float, failed: int = 0) -> Point:
-        return Point(
-            0.1, 0.3, 10.0, Ratio(rmse, rmse, rmse, 3, (failed, 0), failed), Ratio(hf, hf, hf, 3, (failed, 0), failed)
-        )
-
-    a, b, beaten, failed = point(1.0, 5.0), point(3.0, 2.0), point(3.5, 6.0), point(0.5, 0.5, 1)
-    assert front([beaten, a, failed, b]) == [b, a]
+        runs.values("rmse", "nobody", "sine", "ideal", "nominal")
 
 
 def test_the_study_is_what_the_protocol_asks_for() -> None:
     """Every chain for Figs 9 to 11, thirty draws where something is drawn, the first of them on both plants."""
     every: list[Any] = blocks(30)
     for config in ("fig9-chattering", "fig9-step", "fig9-ramp", "fig10-following", "fig10-step", "fig11-noise"):
-        assert {b.chain for b in every if b.config == config} == {"ideal", "fast", "slow"}, config
+        assert {chain for b in every if b.config == config for chain in b.chains} == {"ideal", "fast", "slow"}, config
     drawn = (NOISE, UNCERTAIN, MISMATCH, SLOW_NOISE, LIMIT_NOISE)
     assert all(b.draws == 30 for b in every if b.condition in drawn)
-    assert all(b.draws > 1 for b in every if b.condition == NOMINAL and b.chain != "ideal" and b.config != "families")
-    assert all(b.draws == 1 for b in every if b.condition not in drawn and b.chain == "ideal")
+    assert all(b.draws > 1 for b in every if b.condition == NOMINAL and "ideal" not in b.chains)
+    assert all(b.draws == 1 for b in every if b.condition not in drawn and "ideal" in b.chains)
     assert all((b.draws_on("mujoco"), b.draws_on("analytic")) == (1, b.draws) for b in every)
     for b in every:
-        assert {keys.name for keys in experiment_of(b).controllers} == set(b.controllers)
+        assert {plan_of(b, plant).draws for plant in PLANTS} == {1, b.draws}
+        assert set(plan_of(b).controllers) == set(b.controllers)

@@ -4,7 +4,7 @@ import pytest
 
 from torquebench.experiment import load_experiment
 from torquebench.experiment.run import run_experiment
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 
 
 def fig9(name):

@@ -23,8 +23,8 @@ DRAWS = 90
 
 
 def draws_of(override: str, draws: int = DRAWS) -> list[Experiment]:
-    """The boundary layer's experiment with another mismatch, in many draws."""
-    first = load_experiment(CONFIGS / "paper" / "boundary-layer.yaml", [override])
+    """An experiment with noise under some mismatch, in many draws."""
+    first = load_experiment(CONFIGS / "paper" / "fig9-noise.yaml", [override])
     runs = [replace(first.run, draw=draw) for draw in range(draws)]
     return [replace(first, run=run) for run in runs]
 

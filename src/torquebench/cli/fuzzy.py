@@ -41,14 +41,16 @@ class Source(Config):
 )
 @option("--name", help="the only system of the file to describe (default: all)")
 @out_folder(help="folder for the figures, new or empty (default: runs/fuzzy-NAME-UTC)")
+@option("--oracle", is_flag=True, help="compare with scikit-fuzzy on a grid of inputs; status 1 where they differ")
 @plugins
-def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Path]) -> int:
+def fuzzy(source: Path, name: str | None, out: Path | None, oracle: bool, plugin: Sequence[Path]) -> int:
     """Describe and draw the fuzzy systems of a config.
 
     It is said how they are evaluated, and what is odd about them. A built-in system goes by its name.
     """
     from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
     from torquebench.fuzzy import prepare
+    from torquebench.fuzzy.oracle import compare
     from torquebench.laws.plugin import load_plugin
     from torquebench.report.figures.fuzzy import system_figures
     from torquebench.report.figures.style import figure_bytes
@@ -61,10 +63,19 @@ def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Pat
         for key in systems:
             prepared[key] = prepare(systems[key])
             bar.update(1)
+    compared = {}
+    with progress_bar(len(prepared) if oracle else 0, "system", "asking scikit-fuzzy") as bar:
+        for key in prepared if oracle else ():
+            compared[key] = compare(prepared[key])
+            bar.update(1)
     folder = claim_folder(out, f"fuzzy-{label}")
     facts = {key: _facts(system) for key, system in prepared.items()}
+    for key, comparison in compared.items():
+        facts[key]["oracle"] = comparison._asdict()
     tell(directory=folder, systems=facts)
     say("\n\n".join(_description(system) for system in prepared.values()))
+    for key, comparison in compared.items():
+        say(f"\n{key} beside {comparison}")
     with progress_bar(6 * len(prepared), "figure", "drawing") as bar:
         for key, system in prepared.items():
             for what, figure in system_figures(system).items():
@@ -86,7 +97,7 @@ def fuzzy(source: Path, name: str | None, out: Path | None, plugin: Sequence[Pat
     ]
     say("\n" + table(header, rows, prose=True))
     say(f"\nfigures: {folder}")
-    return 0
+    return 0 if all(comparison.within for comparison in compared.values()) else 1
 
 
 def _systems(source: Path, name: str | None) -> tuple[str, Mapping[str, FuzzySystem]]:

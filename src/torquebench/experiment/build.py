@@ -11,17 +11,13 @@ from torquebench.disturbances import Stream, generator
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.fuzzy_schema import fuzzy_system
-from torquebench.experiment.scenario_schema import Mismatch
 from torquebench.fuzzy import BUILTIN, FuzzySystem, builtin_system
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.references import Reference
 from torquebench.robot import RobotModel, load_model
-from torquebench.robot.payload import Payload
-from torquebench.robot.perturbation import draw_factors, perturbed
-from torquebench.robot.puma560.mismatch import mismatched, with_factors, within_tolerances
-from torquebench.sim.friction import Friction, SteepError
+from torquebench.sim.friction import SteepError
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.signals import control_instants, total_torque
@@ -182,33 +178,17 @@ def build_belief(experiment: schema.Experiment, right: RobotModel | None = None)
     """
     keys, run = experiment.model, experiment.run
     model = load_model(experiment.plant.model, keys.structure, keys.constants) if right is None else right
+    if keys.mismatch is None:
+        return model, 0
     try:
-        match keys.mismatch:
-            case None:
-                return model, 0
-            case Mismatch(constants=factors) if factors is not None:
-                return with_factors(model, factors), 0
-            case Mismatch(relative=relative, tolerance=tolerance):
-                rng = generator(run.seed, run.draw, Stream.MISMATCH)
-                if relative is not None:
-                    return mismatched(model, relative, rng)
-                return within_tolerances(model, tolerance or 0.0, rng)
+        return keys.mismatch.apply(model, generator(run.seed, run.draw, Stream.MISMATCH))
     except ModelError as error:
         raise ConfigError([Problem("", "model.mismatch", str(error))]) from error
 
 
 def plant_factors(experiment: schema.Experiment) -> Array | None:
     """Draw what the plant's links are multiplied by, (n, 8); None for the links as they are."""
-    perturb, run = experiment.plant.perturb, experiment.run
-    if perturb is None:
-        return None
-    return draw_factors(experiment.n, perturb.relative, generator(run.seed, run.draw, Stream.PERTURBATION))
-
-
-def payload_of(keys: schema.Plant) -> Payload | None:
-    """Return what a plant takes up; a mass of zero is none."""
-    load = keys.payload
-    return None if load is None or load.mass == 0.0 else Payload(load.mass, load.at, load.offset)
+    return experiment.plant.factors(experiment.n, experiment.run.seed, experiment.run.draw)
 
 
 def build_plant(experiment: schema.Experiment) -> Plant:
@@ -218,21 +198,8 @@ def build_plant(experiment: schema.Experiment) -> Plant:
         ConfigError: its friction is too steep for its time step.
         ModelError: the arm cannot carry the payload.
     """
-    keys, factors = experiment.plant, plant_factors(experiment)
-    payload, rub = payload_of(keys), keys.friction
-    friction = None if rub is None else Friction(rub.viscous, rub.coulomb, rub.speed)
     try:
-        if isinstance(keys, schema.AnalyticPlant):
-            from torquebench.sim.plants.analytic import AnalyticPlant
-
-            truth = load_model(keys.model, keys.structure, keys.constants)
-            truth = truth if factors is None else perturbed(truth, factors)
-            return AnalyticPlant(truth, keys.timestep, keys.integrator, payload=payload, friction=friction)
-        from torquebench.sim.plants.mujoco import MujocoPlant
-
-        return MujocoPlant(
-            keys.model, keys.timestep, keys.integrator, payload=payload, friction=friction, factors=factors
-        )
+        return experiment.plant.build(plant_factors(experiment))
     except SteepError as error:
         raise ConfigError([Problem("", "plant.friction", str(error))]) from error
 

@@ -9,15 +9,14 @@ import numpy as np
 
 from torquebench.certificates import Certificate, Phases, SlidingLaw, certify, required_gain
 from torquebench.experiment import schema
-from torquebench.experiment.build import Loop, payload_of, plant_factors
+from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
-from torquebench.robot import RobotModel, load_model
+from torquebench.robot import RobotModel
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
-from torquebench.robot.perturbation import perturbed
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
 
@@ -48,13 +47,8 @@ class Flag:
 
 def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
     """Return the analytic twin of an experiment's plant, its perturbation and its payload included."""
-    plant = experiment.plant
-    model = load_model(plant.model)
-    if isinstance(plant, schema.AnalyticPlant):
-        model = load_model(plant.model, plant.structure, plant.constants)
-    factors = plant_factors(experiment)
-    model = model if factors is None else perturbed(model, factors)
-    payload = payload_of(plant)
+    plant, factors = experiment.plant, plant_factors(experiment)
+    model, payload = plant.twin(factors), plant.load
     first, later = phases(model, payload)
     if payload is None or later is None:
         return first

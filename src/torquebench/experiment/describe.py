@@ -5,23 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 from torquebench.experiment.build import names_used, systems_of
-from torquebench.experiment.scenario_schema import Mismatch
-from torquebench.experiment.schema import AnalyticPlant, Experiment, slide_joints
+from torquebench.experiment.schema import Experiment, slide_joints
 from torquebench.fuzzy import BUILTIN, Prepared, prepare
 from torquebench.fuzzy.lint import lint
-from torquebench.keys import Units, in_words
+from torquebench.keys import Units
 
 
 def conditions_text(experiment: Experiment) -> str:
     """Return what was run, in two lines: plant, belief, motion; sampling, sensors and disturbances."""
-    plant, belief, run = experiment.plant, experiment.model, experiment.run
-    form = f":{plant.structure}:{plant.constants}" if isinstance(plant, AnalyticPlant) else ""
+    belief, run, units = experiment.model, experiment.run, units_of(experiment)
     drawn = f"; seed {run.seed}, draw {run.draw}" if experiment.is_drawn else ""
     start = "" if run.initial_q == "home" else f"; start {run.initial_q}"
+    mismatch = "" if belief.mismatch is None else f", {belief.mismatch.describe(units)}"
     return (
-        f"plant {plant.engine}:{plant.model}{form} ({plant.integrator}, {1e3 * plant.timestep:g} ms)"
-        f"{burden_text(experiment)}; "
-        f"model {belief.structure}/{belief.constants}{mismatch_text(experiment)}; "
+        f"plant {experiment.plant.describe(units)}; model {belief.structure}/{belief.constants}{mismatch}; "
         f"reference {experiment.reference.kind}{start}\n"
         f"control period {1e3 * run.control_period:g} ms; chain {chain_text(experiment)}; "
         f"disturbance: {noise_text(experiment)}{drawn}; metrics from {run.metrics_from:g} s"
@@ -36,32 +33,6 @@ def units_of(experiment: Experiment) -> Units:
     """Return the units of an experiment's joints, both where some turn and some slide."""
     kinds = dict.fromkeys(SLIDE if slides else TURN for slides in slide_joints(experiment.plant.model))
     return Units(*(" or ".join(texts) for texts in zip(*kinds, strict=True)))
-
-
-def burden_text(experiment: Experiment) -> str:
-    """Return what the plant has that the belief does not know of."""
-    units = units_of(experiment)
-    payload, friction, perturb = experiment.plant.payload, experiment.plant.friction, experiment.plant.perturb
-    text = "" if perturb is None else f", links perturbed up to {100 * perturb.relative:g} %"
-    if payload is not None:
-        place = f" at {in_words(payload.offset)} m" if any(payload.offset) else ""
-        text += f", payload {payload.mass:g} kg{place}" + (f" from {payload.at:g} s" if payload.at > 0 else "")
-    if friction is not None:
-        text += f", friction viscous {in_words(friction.viscous)} {units.viscous}"
-        text += f", Coulomb {in_words(friction.coulomb)} {units.torque}"
-    return text
-
-
-def mismatch_text(experiment: Experiment) -> str:
-    """Return what is wrong on purpose with the belief."""
-    match experiment.model.mismatch:
-        case Mismatch(relative=float(relative)):
-            return f", mismatch +-{100 * relative:g} %"
-        case Mismatch(tolerance=float(tolerance)):
-            return f", constants drawn within {tolerance:g} tolerances"
-        case Mismatch(constants=dict(factors)):
-            return ", mismatch " + " ".join(f"{name} x {factor:g}" for name, factor in factors.items())
-    return ""
 
 
 def chain_text(experiment: Experiment) -> str:

@@ -13,9 +13,8 @@ from torquebench.experiment.groups import Checked, Many, group_of, number, refus
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable
-from torquebench.fuzzy.checks import range_error
 from torquebench.fuzzy.system import rules_of_table
-from torquebench.fuzzy.terms import MAX_TERMS, NONE, shape_errors
+from torquebench.fuzzy.terms import MAX_TERMS, NONE, range_error, shape_errors
 from torquebench.keys import Key, Kinds
 
 MAX_SYSTEMS = 64

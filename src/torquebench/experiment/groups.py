@@ -214,7 +214,7 @@ class OneOf:
         kind: Any = Literal[names]
         fields[self.tag] = Spec(Key(self.meaning.removesuffix(".")), lambda _: kind, choices=names)
         self._unknown = groups, Group("unknown", "", fields, lambda values: None, noun=groups[0].noun)
-        return self._unknown[1]  # type: ignore[return-value]
+        return self._unknown[1]
 
     def validate(self, raw: Any, info: ValidationInfo | None = None) -> Any:
         """Return the object of raw values.
@@ -258,7 +258,7 @@ class Many:
             raise refusal([Fault((), **self.fault(raw))], raw)
         return raw
 
-    def fault(self, raw: Any) -> dict[str, str]:
+    def fault(self, raw: Any) -> dict[str, Any]:
         """Return what was wanted instead of a value that is no such list."""
         if isinstance(raw, list) and len(raw) > self.most:
             return {"got": f"{len(raw)} {self.noun}", "wanted": f"at most {self.most}"}
@@ -277,7 +277,7 @@ class ManyNamed(Many):
         extra: Any = {"additionalProperties": False}
         return Annotated[dict[Slug, item], Field(max_length=self.most, json_schema_extra=extra)]
 
-    def fault(self, raw: Any) -> dict[str, str]:
+    def fault(self, raw: Any) -> dict[str, Any]:
         """Return what was wanted instead of a value that is no such mapping."""
         if isinstance(raw, dict) and len(raw) > self.most:
             return {"got": f"{len(raw)} {self.noun}", "wanted": f"at most {self.most}"}

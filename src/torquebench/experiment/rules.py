@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from torquebench.errors import Fault, ModelError, nearest
 from torquebench.experiment.controllers import Controller
-from torquebench.experiment.schema import AnalyticPlant, AnyPlant, Belief, Run, Video, joint_count
+from torquebench.experiment.schema import Belief, Run, Video, joint_count
 from torquebench.experiment.source import Document
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import KeyPath, shortened
@@ -16,6 +16,7 @@ from torquebench.fuzzy import BUILTIN
 from torquebench.keys import Declared, declared_keys
 from torquebench.laws.law import find_law
 from torquebench.robot.library import camera_names, model_folder
+from torquebench.sim.plants.kinds import PlantKeys
 from torquebench.timing import FAR_OFF, RELATIVE, Timing, multiple_of
 
 CLOSED_FORM_MODEL = "puma560"
@@ -104,7 +105,7 @@ def systems_with_a_meaning(fuzzy: Items) -> Iterator[Fault]:
 
 
 @rule
-def structures_that_there_are(plant: AnyPlant, model: Belief) -> Iterator[Fault]:
+def structures_that_there_are(plant: PlantKeys, model: Belief) -> Iterator[Fault]:
     """An arm without closed forms has no structure but the exact one."""
     if plant.model == CLOSED_FORM_MODEL:
         return
@@ -123,9 +124,9 @@ def exact_is_not_printed(model: Belief, document: Document) -> Iterator[Fault]:
 
 
 @rule
-def exact_plant_is_not_printed(plant: AnyPlant, document: Document) -> Iterator[Fault]:
+def exact_plant_is_not_printed(plant: PlantKeys, document: Document) -> Iterator[Fault]:
     """Nor are they a plant's."""
-    if isinstance(plant, AnalyticPlant):
+    if plant.form == ("exact", "printed"):
         yield from _exact_and_printed("plant", plant, document)
 
 
@@ -137,19 +138,7 @@ def _exact_and_printed(section: str, owner: Any, document: Document) -> Iterator
 
 
 @rule
-def payload_beside_the_wrist(plant: AnyPlant) -> Iterator[Fault]:
-    """Closed forms hold a load at the wrist centre only."""
-    closed = getattr(plant, "structure", "exact") != "exact"
-    if closed and plant.payload is not None and any(plant.payload.offset):
-        text = "structures corrected and printed hold a payload at the wrist centre only"
-        yield Fault(("plant", "payload", "offset"), text, wanted="[0, 0, 0]")
-    if closed and plant.perturb is not None:
-        text = "needs structure exact: it changes links, and corrected and printed have constants"
-        yield Fault(("plant", "perturb"), text, at="key")
-
-
-@rule
-def constants_that_there_are(plant: AnyPlant, model: Belief) -> Iterator[Fault]:
+def constants_that_there_are(plant: PlantKeys, model: Belief) -> Iterator[Fault]:
     """Tolerances and single constants need a table of constants."""
     for key in ("tolerance", "constants"):
         if model.mismatch is None or getattr(model.mismatch, key) is None:
@@ -163,7 +152,7 @@ def constants_that_there_are(plant: AnyPlant, model: Belief) -> Iterator[Fault]:
 
 
 @rule
-def lengths_of_vectors(items: Items, plant: AnyPlant, n: int) -> Iterator[Fault]:
+def lengths_of_vectors(items: Items, plant: PlantKeys, n: int) -> Iterator[Fault]:
     """A vector has one number, or one for each joint."""
     for path, item in items.items():
         values: dict[KeyPath, Any] = {(one.name,): getattr(item, one.attribute) for one in _keys(item) if one.is_vector}
@@ -233,7 +222,7 @@ def names_of_fuzzy_systems(document: Document) -> Iterator[Fault]:
 
 
 @rule
-def whole_periods(plant: AnyPlant, run: Run, document: Document) -> Iterator[Fault]:
+def whole_periods(plant: PlantKeys, run: Run, document: Document) -> Iterator[Fault]:
     """A control period is whole physics steps."""
     step, period = ("plant", "timestep"), ("run", "control_period")
     yield from multiple_of(period, run.control_period, "plant.timestep", plant.timestep, step)
@@ -279,7 +268,7 @@ class _Need(NamedTuple):
 
 
 @rule
-def work(plant: AnyPlant, run: Run, n: int, controllers: Items) -> Iterator[Fault]:
+def work(plant: PlantKeys, run: Run, n: int, controllers: Items) -> Iterator[Fault]:
     """A `run` of the `controllers` on a `plant` of `n` joints takes neither all memory nor all day."""
     laws, timestep, period = max(len(controllers), 1), plant.timestep, run.control_period
     each = n * ARRAYS * 8  # bytes a control instant takes for one controller
@@ -304,7 +293,7 @@ def work(plant: AnyPlant, run: Run, n: int, controllers: Items) -> Iterator[Faul
 
 
 @rule
-def cameras(plant: AnyPlant, video: Video) -> Iterator[Fault]:
+def cameras(plant: PlantKeys, video: Video) -> Iterator[Fault]:
     """A film is taken by a camera that there is."""
     names = camera_names(plant.model)
     if video.camera is not None and video.camera not in names:

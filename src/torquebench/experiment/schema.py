@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, Literal
 
 from torquebench.chain import CHAINS, Chain
 from torquebench.disturbances import DISTURBANCES
@@ -13,21 +13,18 @@ from torquebench.experiment.controllers import LAWS, MAX_CONTROLLERS
 from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import SLUG, Ints, Many, ManyNamed, Named, OneOf, Text
-from torquebench.experiment.scenario_schema import Friction, Mismatch, Payload, Perturbation
-from torquebench.keys import Key, Kinds, Vector
+from torquebench.keys import Key, Vector
 from torquebench.references import REFERENCES
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.puma560.mismatch import Mismatch
+from torquebench.sim.plants.kinds import PLANTS, ConstantsName, PlantKeys, StructureName
 from torquebench.timing import whole_steps
 
 MAX_DISTURBANCES = 64
 LEAST_SIDE, LARGEST_SIDE = 160, 3840
 """Sides of a film's frame [px]; its format takes even ones only."""
 MAX_SEED = 2**63 - 1
-
-StructureName: TypeAlias = Literal["exact", "corrected", "printed"]
-ConstantsName: TypeAlias = Literal["fitted", "printed"]
-plant = Kinds("plant", "engine")
 
 
 def joint_count(model_name: str) -> int:
@@ -46,39 +43,6 @@ def slide_joints(model_name: str) -> tuple[bool, ...]:
         ModelError: there is no such model, or it is malformed.
     """
     return tuple(kind == SLIDE for kind in load_model(model_name).flat.kind)
-
-
-@dataclass(frozen=True)
-class AnyPlant:
-    """Keys that every plant has."""
-
-    engine: ClassVar[str]
-    model: Annotated[str, Key("Arm: the name of a folder in models/")]
-    timestep: Annotated[float, Key("Physics step", "s", above=0)] = 0.001
-    integrator: Annotated[
-        Literal["rk4", "euler"],
-        Key("Integration scheme: rk4 is 4th-order Runge-Kutta; euler is semi-implicit, 1st-order"),
-    ] = "rk4"
-    payload: Annotated[Payload | None, Key("Load that the last link takes up")] = None
-    friction: Annotated[Friction | None, Key("Friction of the joints")] = None
-    perturb: Annotated[
-        Perturbation | None, Key("Drawn changes of the arm itself; not with structure corrected or printed")
-    ] = None
-
-
-@plant("mujoco")
-@dataclass(frozen=True)
-class MujocoPlant(AnyPlant):
-    """The arm as MuJoCo simulates it."""
-
-
-@plant("analytic")
-@dataclass(frozen=True)
-class AnalyticPlant(AnyPlant):
-    """The arm simulated from equations of motion, without MuJoCo."""
-
-    structure: Annotated[StructureName, Key("Equations of motion of the plant: as in model.structure")] = "exact"
-    constants: Annotated[ConstantsName, Key("Numbers in the plant's equations: as in model.constants")] = "fitted"
 
 
 @dataclass(frozen=True)
@@ -163,16 +127,13 @@ class Video:
     ] = None
 
 
-Plant: TypeAlias = MujocoPlant | AnalyticPlant
-
-
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
     """One experiment: a plant, the belief about it, a motion to follow, and the controllers to compare."""
 
     name: Annotated[str, Key("Name of the experiment; also the start of its folder's name"), SLUG]
     description: Annotated[str | None, Key("What the experiment is for, in words"), Text(longest=4000)] = None
-    plant: Annotated[Plant, Key("The arm as it is"), OneOf(plant, "What simulates the arm.")]
+    plant: Annotated[PlantKeys, Key("The arm as it is"), OneOf(PLANTS, "What simulates the arm.")]
     model: Annotated[Belief, Key("The arm as the laws believe it to be")] = Belief()
     controllers: Annotated[
         tuple[Controller, ...], Key("What is compared"), Many("controllers", 1, MAX_CONTROLLERS, LAWS)
@@ -229,7 +190,7 @@ class Experiment:
         """Whether anything in it is random."""
         noisy = self.chain.encoder_noise > 0 or any(disturbance.is_random for disturbance in self.disturbances)
         mismatch = self.model.mismatch
-        return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.constants is None)
+        return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.is_random)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], overrides: Sequence[str] = ()) -> Experiment:

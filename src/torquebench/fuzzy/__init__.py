@@ -1,10 +1,9 @@
 """Fuzzy inference: definitions, their check, exact or tabulated evaluation inside kernels."""
 
-from torquebench.fuzzy.builtin import BUILTIN, DEFAULT, builtin_system
 from torquebench.fuzzy.fis import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.fuzzy.prepare import Prepared, prepare
-from torquebench.fuzzy.system import FuzzySystem, Rule
+from torquebench.fuzzy.system import BUILTIN, DEFAULT, FuzzySystem, Rule, builtin_system
 from torquebench.fuzzy.terms import Functions, Term, Variable
 
 __all__ = [

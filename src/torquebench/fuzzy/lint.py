@@ -1,7 +1,7 @@
 """Lint of a rule base: continuous, complete, consistent, as the paper asks, and what else is likely a slip.
 
-What leaves a system without meaning is an error, raised when the system is made (`system.system_errors`); what is found
-here are warnings about a system that works, but perhaps not as intended.
+What leaves a system without meaning is an error, raised when the system is made (`FuzzySystem.errors`); the
+warnings here are about a system that works, but perhaps not as intended.
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from torquebench.errors import Finding
-from torquebench.fuzzy.aggregation import POINTS
 from torquebench.fuzzy.fis import TABLE
 from torquebench.fuzzy.prepare import Prepared
-from torquebench.fuzzy.system import FuzzySystem, Rule
+from torquebench.fuzzy.system import POINTS, FuzzySystem, Rule
 from torquebench.fuzzy.terms import SAME, Variable
 
 WEAK = 0.5
@@ -22,14 +21,14 @@ WEAK = 0.5
 THIN = 6
 """A term of fewer steps of the output's universe is worth a warning: its area comes out wrong."""
 _GRID = np.linspace(-1.0, 1.0, 61)  # has both ends, the origin, and the peaks of 7, 5 and 3 even terms
-_ODD = 1e-9  # asymmetry that is more than rounding
+_ODD = 1e-9  # asymmetry above rounding
 
 
 def lint(prepared: Prepared) -> tuple[Finding, ...]:
     """Return the warnings about a system, in the order of its definition."""
     system = prepared.system
-    found = [*_terms(system), *_thin_terms(prepared), *_rules(system), *_outputs(prepared)]
-    return tuple(Finding(code, "warning", where, message) for code, where, message in found)
+    findings = [*_terms(system), *_thin_terms(prepared), *_rules(system), *_outputs(prepared)]
+    return tuple(Finding(code, "warning", where, message) for code, where, message in findings)
 
 
 def _terms(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
@@ -73,14 +72,14 @@ def _thin_terms(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...]
 
 def gaps(variable: Variable) -> list[tuple[float, float]]:
     """Return the stretches of an input's range in which every term has degree 0, in its own units."""
-    found, covered = [], variable.low
+    uncovered, covered = [], variable.low
     for term in sorted(variable.terms, key=lambda term: term.a):
         if term.a > covered + SAME * variable.half and covered < variable.high:
-            found.append((covered, min(term.a, variable.high)))
+            uncovered.append((covered, min(term.a, variable.high)))
         covered = max(covered, term.d)
     if covered < variable.high - SAME * variable.half:
-        found.append((covered, variable.high))
-    return found
+        uncovered.append((covered, variable.high))
+    return uncovered
 
 
 def _rules(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], str]]:

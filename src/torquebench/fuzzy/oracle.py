@@ -1,120 +1,195 @@
-"""What a Mamdani system's output is by definition, evaluated by scikit-fuzzy on points of the output's universe.
+"""What scikit-fuzzy says a fuzzy system's output is, and how far the loop's own evaluation is from that.
 
-Terms are scikit-fuzzy's `trimf` and `trapmf`. The centre of a set is that of `skfuzzy.defuzz(..., "centroid")`, exact
-for the broken line through the points, here for many sets at once.
+`skfuzzy.control` computes max-min with the centre of area, from the rules alone. It lacks the other operators:
+there scikit-fuzzy gives memberships and the centre of each set (`defuzz`). Of Sugeno's method it has memberships only.
 """
 
 from __future__ import annotations
 
+import warnings
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from torquebench.fuzzy.aggregation import AGGREGATIONS, POINTS
-from torquebench.fuzzy.system import FuzzySystem
-from torquebench.fuzzy.terms import Variable
+from torquebench.fuzzy.fis import TABLE
+from torquebench.fuzzy.prepare import Prepared
+from torquebench.fuzzy.system import AGGREGATIONS, POINTS, FuzzySystem
+from torquebench.fuzzy.table import activations, degrees, fuzzy_set, moments, over_rules, universe
+from torquebench.fuzzy.terms import Functions, Variable
 from torquebench.kernel import Array
 
-_CHUNK = 2_000_000  # numbers in a temporary array: 16 MB
+COUNTS = (32, 30)
+"""Inputs along each axis of the grid: with 31 and 29 steps, primes, few fall on a system's symmetries."""
+ROUNDING = 1e-9
+"""Difference that is put down to rounding, in the output's normalised units."""
 
 
-def universe(variable: Variable, points: int) -> Array:
-    """Return evenly spaced points from the lowest foot of the terms to the highest, in the variable's own units."""
-    low, high = min(t.a for t in variable.terms), max(t.d for t in variable.terms)
-    return np.linspace(low, high, points)
+class Comparison(NamedTuple):
+    """The loop's own evaluation of a system beside scikit-fuzzy's, on a grid of inputs; outputs are normalised."""
+
+    by: str
+    """What of scikit-fuzzy was asked."""
+    grid: tuple[int, ...]
+    """Inputs along each axis."""
+    difference: float
+    """Largest difference."""
+    at: tuple[float, ...]
+    """Normalised inputs where it is."""
+    table: float
+    """Part of the bound: the error of interpolation, `Prepared.bound`."""
+    steps: float
+    """Part of the bound, the largest of all inputs: a fuzzy set that is a broken line through points of the output's
+    universe, with corners cut off between them."""
+    within: bool
+    """Whether the difference is within its bound at each input."""
+
+    def __str__(self) -> str:
+        grid = " x ".join(map(str, self.grid))
+        at = ", ".join(f"{x:.3g}" for x in self.at)
+        parts = {"interpolation": self.table, "steps of scikit-fuzzy's universe": self.steps, "rounding": ROUNDING}
+        bound = ", ".join(f"{name} at most {value:.2g}" for name, value in parts.items() if value)
+        return (
+            f"{self.by} on {grid} inputs: largest difference {self.difference:.2g}, at ({at}), "
+            f"{'within' if self.within else 'ABOVE'} its bound ({bound})"
+        )
 
 
-def degrees(variable: Variable, values: Array) -> Array:
-    """Return the degree of each of `values` (N,), in the variable's own units, to each term, (N, n)."""
-    from skfuzzy import trapmf, trimf
+def compare(prepared: Prepared, counts: tuple[int, int] = COUNTS) -> Comparison:
+    """Compare what the control loop evaluates with scikit-fuzzy.
 
-    columns = [trimf(values, [t.a, t.b, t.d]) if t.b == t.c else trapmf(values, t[1:]) for t in variable.terms]
-    return np.column_stack(columns)
+    The bound at each input is `table` + `steps` there + ROUNDING. Of `steps`: a line that bends by d between two points
+    h apart, drawn straight, is wrong by an area of at most h^2 d / 8, and one that jumps by j by at most h j / 2. So a
+    set is wrong by at most h / 4 times the sum of its second differences, and its centre by that times its width over
+    its area.
+
+    Args:
+        prepared: The system, as the loop has it.
+        counts: Inputs along each axis.
+    """
+    system = prepared.system
+    axes = [np.linspace(-1.0, 1.0, count) for count in counts[: len(system.inputs)]]
+    x, y = (a.ravel() for a in np.meshgrid(axes[0], axes[1] if len(axes) == 2 else np.zeros(1), indexing="ij"))
+    by, outputs = scikit_fuzzy(system, x, y)
+    difference = np.abs(prepared.outputs(x, y) - outputs)
+    # on the same points a table is only interpolated
+    is_same = isinstance(system.output, Functions) or (prepared.fis.method == TABLE and by != CONTROL)
+    steps = np.zeros(len(x)) if is_same else _error_of_steps(system, x, y)
+    worst = int(np.argmax(difference))
+    return Comparison(
+        by,
+        tuple(len(axis) for axis in axes),
+        float(difference[worst]),
+        tuple(float(axis[worst]) for axis in (x, y)[: len(axes)]),
+        prepared.bound,
+        float(np.max(steps)),
+        bool(np.all(difference <= prepared.bound + steps + ROUNDING)),
+    )
 
 
-def activations(system: FuzzySystem, x: Array, y: Array) -> Array:
-    """Return how much each rule fires, (N, rules), for normalised inputs x, y (N,); y is ignored by one input."""
-    fires = np.ones((len(x), len(system.rules)))
-    for i, (variable, values) in enumerate(zip(system.inputs, (x, y), strict=False)):
-        degree = degrees(variable, variable.middle + variable.half * np.clip(values, -1.0, 1.0))
-        chosen = degree[:, [variable.names.index(rule.when[i]) for rule in system.rules]]
-        fires = fires * chosen if system.conjunction == "product" else np.fmin(fires, chosen)
-    return fires
+CONTROL, DEFUZZ, MEMBERSHIP = "skfuzzy.control", "skfuzzy.defuzz", "skfuzzy.trimf and trapmf"
 
 
-def oracle(system: FuzzySystem, x: Array, y: Array, points: int = POINTS) -> Array:
-    """Return the output of a Mamdani system by its definition, normalised, (N,); 0 where the set is empty.
+def scikit_fuzzy(system: FuzzySystem, x: Array, y: Array) -> tuple[str, Array]:
+    """Return what of scikit-fuzzy was asked, and the outputs, normalised, (N,); 0 where the set is empty.
 
     Args:
         system: The system.
-        x, y: Normalised inputs, (N,), clipped to [-1, 1]; y is ignored by a system of one input.
-        points: Number of points of the output's universe.
+        x, y: Normalised inputs, (N,), within [-1, 1]; y is ignored by a system of one input.
     """
-    if not isinstance(system.output, Variable):
-        raise TypeError(f"system '{system.name}' has functions for consequents, wanted terms")
-    u = universe(system.output, points)
-    terms = degrees(system.output, u)
-    step = max(1, _CHUNK // points)
-    parts = [slice(k, k + step) for k in range(0, len(x), step)]
-    centres = np.concatenate([_centres(system, u, terms, activations(system, x[part], y[part])) for part in parts])
-    return np.where(np.isnan(centres), 0.0, (centres - system.output.middle) / system.output.half)
+    fires = activations(system, x, y)
+    if isinstance(system.output, Variable) and (system.aggregation, system.defuzzification) != ("max-min", "coa"):
+        return DEFUZZ, (_defuzzified(system, system.output, fires) - system.output.middle) / system.output.half
+    normalised = np.zeros(len(x))
+    live = np.max(fires, axis=1) > 0.0
+    own = [v.middle + v.half * values[live] for v, values in zip(system.inputs, (x, y), strict=False)]
+    if isinstance(system.output, Functions):
+        by, outputs = MEMBERSHIP, _weighted_mean(system, system.output, fires[live], own)
+    else:
+        by, outputs = CONTROL, _controlled(system, system.output, own)
+    normalised[live] = (outputs - system.output.middle) / system.output.half
+    return by, normalised
 
 
-def _centres(system: FuzzySystem, u: Array, terms: Array, fires: Array) -> Array:
-    if over_rules(system) is not np.add:
-        return centre(*moments(u, fuzzy_set(system, terms, fires)), u[-1] - u[0])
-    # area and moment of a sum are sums, and many inputs share an activation: the sets need not all be made
-    combine = AGGREGATIONS[system.aggregation].combine
-    total = np.zeros((2, len(fires)))
-    for w, rule in zip(fires.T, system.rules, strict=True):
-        values, where = np.unique(w, return_inverse=True)
-        mu = combine(values[:, None], terms[None, :, system.output.names.index(rule.then)])
-        total += np.array(moments(u, mu))[:, where]
-    return centre(total[0], total[1], u[-1] - u[0])
+def _controlled(system: FuzzySystem, output: Variable, values: list[Array]) -> Array:
+    """Return the outputs by scikit-fuzzy's control API, (N,), in the output's own units."""
+    from skfuzzy import control
+
+    inputs = []
+    for i, variable in enumerate(system.inputs):
+        corners = np.array([x for term in variable.terms for x in term[1:]])
+        inputs.append(control.Antecedent(_points(variable, np.append(corners, [variable.low, variable.high])), f"x{i}"))
+        _add_terms(inputs[-1], variable, variable.names)
+    result = control.Consequent(_points(output, universe(output, POINTS)), "u")
+    _add_terms(result, output, {rule.then for rule in system.rules})  # a term that no rule has would be an error
+    rules = []
+    for rule in dict.fromkeys(system.rules):
+        terms = [variable[name] for variable, name in zip(inputs, rule.when, strict=True)]
+        when = terms[0] if len(terms) == 1 else terms[0] & terms[1]
+        both = np.multiply if system.conjunction == "product" else np.fmin
+        rules.append(control.Rule(when, result[rule.then], and_func=both))
+    simulation = control.ControlSystemSimulation(control.ControlSystem(rules))
+    for i, value in enumerate(values):
+        simulation.input[f"x{i}"] = value
+    with warnings.catch_warnings():
+        # scikit-fuzzy calls np.maximum with three arguments, which numpy is about to drop
+        warnings.filterwarnings("ignore", "Passing more than 2 positional arguments", DeprecationWarning)
+        simulation.compute()
+    outputs: Array = np.asarray(simulation.output["u"], dtype=np.float64)
+    return outputs
 
 
-def over_rules(system: FuzzySystem) -> np.ufunc:
-    """Return how the rules' sets are joined: added up for ``cog``, else as the aggregation says."""
-    return np.add if system.defuzzification == "cog" else AGGREGATIONS[system.aggregation].over_rules
+def _points(variable: Variable, points: Array) -> Array:
+    """Return points of a universe with the corners of its terms, and with both sides of a term's upright sides."""
+    corners = np.array([term[1:] for term in variable.terms])
+    upright = np.concatenate([corners[corners[:, 0] == corners[:, 1], 0], corners[corners[:, 2] == corners[:, 3], 3]])
+    sides = np.nextafter(upright, -np.inf), np.nextafter(upright, np.inf)
+    every: Array = np.unique(np.concatenate([points, corners.ravel(), *sides]))
+    return every
 
 
-def fuzzy_set(system: FuzzySystem, terms: Array, fires: Array) -> Array:
-    """Return the membership of the set whose centre is the output, (N, points).
+def _add_terms(variable: Any, own: Variable, names: Any) -> None:
+    memberships = degrees(own, variable.universe)
+    for name in own.names:
+        if name in names:
+            variable[name] = memberships[:, own.names.index(name)]
 
-    Args:
-        system: The system.
-        terms: Membership of its output's terms, (points, m).
-        fires: How much each rule fires, (N, rules).
-    """
+
+def _defuzzified(system: FuzzySystem, output: Variable, fires: Array) -> Array:
+    """Return the centre of each input's set on POINTS points, one after the other, by `skfuzzy.defuzz`, (N,)."""
+    from skfuzzy import defuzz
+
+    u = universe(output, POINTS)
+    terms = degrees(output, u)
     join, combine = over_rules(system), AGGREGATIONS[system.aggregation].combine
-    consequents = np.array([system.output.names.index(rule.then) for rule in system.rules])
-    if join is not np.add:
-        # `combine` is monotone in the activation: of rules with one consequent the strongest decides
-        kept = np.unique(consequents)
-        fires = np.column_stack([fires[:, consequents == k].max(axis=1) for k in kept])
-        consequents = kept
-    first, *others = (combine(w[:, None], terms[None, :, k]) for w, k in zip(fires.T, consequents, strict=True))
-    joined: Array = first
-    for mu in others:
-        join(joined, mu, out=joined)
-    return joined
-
-
-def moments(u: Array, mu: Array) -> tuple[Array, Array]:
-    """Return the area under each set, (N,), and its first moment about zero, (N,).
-
-    Args:
-        u: Evenly spaced points, (points,).
-        mu: Membership at these, (N, points), a straight line between two of them.
-    """
-    h = u[1] - u[0]
-    weight, moment = np.full(len(u), h), h * u
-    weight[[0, -1]] *= 0.5
-    moment[0], moment[-1] = h * (2.0 * u[0] + u[1]) / 6.0, h * (2.0 * u[-1] + u[-2]) / 6.0
-    # not BLAS: its sums depend on the number of threads
-    return np.einsum("ij,j->i", mu, weight), np.einsum("ij,j->i", mu, moment)
-
-
-def centre(area: Array, moment: Array, width: float) -> Array:
-    """Return the centre of area, (N,); NaN where the set is empty, compared with `width`, that of the universe."""
-    centres = np.full(len(area), np.nan)
-    np.divide(moment, area, out=centres, where=area > 1e-12 * width)
+    consequents = [terms[:, output.names.index(rule.then)] for rule in system.rules]
+    centres = np.full(len(fires), output.middle)
+    for k, row in enumerate(fires):
+        mu = join.reduce([combine(w, consequent) for w, consequent in zip(row, consequents, strict=True)])
+        if np.trapezoid(mu, u) > 1e-12 * (u[-1] - u[0]):
+            centres[k] = defuzz(u, mu, "centroid")
     return centres
+
+
+def _weighted_mean(system: FuzzySystem, output: Functions, fires: Array, values: list[Array]) -> Array:
+    """Return the mean of the rules' functions, weighted by how much the rules fire, (N,)."""
+    coefficients = dict(output.coefficients)
+    total = np.zeros(len(fires))
+    for w, rule in zip(fires.T, system.rules, strict=True):
+        constant, *factors = coefficients[rule.then]
+        total += w * (constant + sum((f * x for f, x in zip(factors, values, strict=False)), np.zeros(len(fires))))
+    mean: Array = total / fires.sum(axis=1)
+    return mean
+
+
+def _error_of_steps(system: FuzzySystem, x: Array, y: Array) -> Array:
+    """Bound what the steps of the output's universe change in the output, normalised, (N,); see `compare`."""
+    output: Any = system.output
+    u = universe(output, POINTS)
+    sets = fuzzy_set(system, degrees(output, u), activations(system, x, y))
+    bends = np.abs(np.diff(sets, 2, axis=1, prepend=0.0, append=0.0)).sum(axis=1)
+    area = moments(u, sets)[0]
+    width = u[-1] - u[0]
+    wrong = 0.25 * (u[1] - u[0]) * bends * width
+    bound = np.zeros(len(x))
+    np.divide(wrong, area * output.half, out=bound, where=area > 1e-12 * width)
+    return bound

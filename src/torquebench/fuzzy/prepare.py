@@ -10,7 +10,7 @@ import numpy as np
 from torquebench.fuzzy.fis import MIN, PRODUCT, STAIRCASE, SUGENO, SUM, TABLE, UNION, Fis
 from torquebench.fuzzy.inference import fill_outputs
 from torquebench.fuzzy.system import FuzzySystem
-from torquebench.fuzzy.tabulate import error_bound, fill_table, grid_for
+from torquebench.fuzzy.table import error_bound, fill_table, grid_for
 from torquebench.fuzzy.terms import SAME, Functions, Variable
 from torquebench.kernel import Array, IntArray
 
@@ -33,7 +33,7 @@ class Prepared:
     """What kernels get."""
     bound: float
     """Bound on the error of evaluation, in the output's normalised units: 0 for exact methods, else see
-    `tabulate.error_bound`."""
+    `table.error_bound`."""
 
     @property
     def method(self) -> str:
@@ -44,9 +44,9 @@ class Prepared:
     def outputs(self, x: Array, y: Array) -> Array:
         """Return the outputs at pairs of normalised inputs, of the shape that `x` and `y` have together."""
         xx, yy = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        found = np.empty(xx.size)
-        fill_outputs(self.fis, xx.ravel(), yy.ravel(), found)
-        return found.reshape(xx.shape)
+        outputs = np.empty(xx.size)
+        fill_outputs(self.fis, xx.ravel(), yy.ravel(), outputs)
+        return outputs.reshape(xx.shape)
 
 
 @lru_cache(maxsize=64)
@@ -56,7 +56,7 @@ def prepare(system: FuzzySystem) -> Prepared:
     Exact: Sugeno's method; max-min with ``coa``, and sums of clipped consequents (sum-min, or max-min with ``cog``),
     when the terms of each input are triangles evenly spaced from end to end of its range, each reaching to its
     neighbours, and those of the output are evenly spaced triangles whose half-width equals their spacing. All other
-    systems become a table, made by scikit-fuzzy.
+    systems become a table of outputs by definition.
     """
     second = system.inputs[1] if len(system.inputs) == 2 else None
     rules = system.table if second is not None else np.repeat(system.table[:, None], 2, axis=1)

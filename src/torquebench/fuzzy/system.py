@@ -1,19 +1,73 @@
-"""The definition of a fuzzy inference system: variables, rules and operators, checked when it is made."""
+"""The definition of a fuzzy inference system: variables, rules and operators, checked when it is made.
+
+The aggregation is how the rules' consequents become one fuzzy set. The paper lists seven names; each is read as (over
+the rules) - (activation with consequent). With w_r the activation of rule r, mu_r(u) the membership of its consequent,
+and r over **all** rules of the base:
+
+| name | set mu_U(u) |
+|---|---|
+| `max-min` (133) | max_r min(w_r, mu_r) |
+| `sum-min` (134) | sum_r min(w_r, mu_r), not limited to 1 |
+| `max-bounded-product` | max_r max(0, w_r + mu_r - 1) |
+| `max-drastic-product` | max_r (w_r where mu_r = 1; mu_r where w_r = 1; else 0) |
+| `max-bounded-sum` | max_r min(1, w_r + mu_r) |
+| `max-algebraic-sum` | max_r (w_r + mu_r - w_r mu_r) |
+| `min-max` | min_r max(1 - w_r, mu_r) |
+
+Only the first two have an equation in the paper. In the two sums a rule that does not fire still contributes its whole
+consequent. Read without the 1 -, `min-max` is zero everywhere as soon as two consequents are disjoint; as written it is
+the dual of `max-min`, "not w or mu". The drastic product of a triangle is a spike at its peak unless w = 1, so it
+exists on points only, and the peaks must be among them.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import cache, cached_property
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from torquebench.errors import FuzzyError
-from torquebench.fuzzy.checks import system_errors
-from torquebench.fuzzy.terms import NONE, Functions, Variable
-from torquebench.kernel import IntArray
+from torquebench.errors import ControllerError, Finding, FuzzyError, did_you_mean
+from torquebench.fuzzy.terms import NONE, SAME, Functions, Variable
+from torquebench.kernel import Array, IntArray
+
+CONJUNCTIONS = ("min", "product")
+DEFUZZIFICATIONS = ("coa", "cog")
+ONE = 1.0 - 1e-9
+"""A degree from here on counts as 1 in the drastic product: peaks on a grid of output points are off by rounding."""
+
+POINTS = 361
+"""Points of the output's universe, evenly spaced from the lowest foot to the highest, by default."""
+
+Combine: TypeAlias = Callable[[Array, Array], Array]
+
+
+class Aggregation(NamedTuple):
+    """One of the seven."""
+
+    over_rules: np.ufunc
+    """How the rules' sets are joined."""
+    combine: Combine
+    """Activation w and membership mu of the consequent -> membership of the rule's set; never falls as w grows, except
+    with `min-max`, where it never rises."""
+
+
+def _drastic(w: Array, mu: Array) -> Array:
+    return np.where(mu >= ONE, w, np.where(w >= ONE, mu, 0.0))
+
+
+AGGREGATIONS: dict[str, Aggregation] = {
+    "max-min": Aggregation(np.fmax, np.fmin),
+    "sum-min": Aggregation(np.add, np.fmin),
+    "max-bounded-product": Aggregation(np.fmax, lambda w, mu: np.fmax(0.0, w + mu - 1.0)),
+    "max-drastic-product": Aggregation(np.fmax, _drastic),
+    "max-bounded-sum": Aggregation(np.fmax, lambda w, mu: np.fmin(1.0, w + mu)),
+    "max-algebraic-sum": Aggregation(np.fmax, lambda w, mu: w + mu - w * mu),
+    "min-max": Aggregation(np.fmin, lambda w, mu: np.fmax(1.0 - w, mu)),
+}
 
 
 class Rule(NamedTuple):
@@ -39,15 +93,63 @@ class FuzzySystem:
     conjunction: str = "min"
     """AND: ``min`` (131) or ``product``."""
     aggregation: str = "max-min"
-    """See `aggregation.AGGREGATIONS`."""
+    """See `AGGREGATIONS`."""
     defuzzification: str = "coa"
     """``coa``: centre of the area under the aggregated set (136). ``cog``: centre of gravity of the rules' sets, each
     counted on its own (135); how the aggregation joins the rules then plays no part."""
 
     def __post_init__(self) -> None:
-        mistakes = system_errors(self)
-        if mistakes:
-            raise FuzzyError(self.name, mistakes)
+        errors = self.errors()
+        if errors:
+            raise FuzzyError(self.name, errors)
+
+    def errors(self) -> list[Finding]:
+        """Return why the system has no meaning; nothing if it has one."""
+        findings: list[Finding] = []
+        if len(self.inputs) not in (1, 2):
+            findings.append(Finding("inputs", "error", ("inputs",), f"got {len(self.inputs)} inputs, wanted 1 or 2"))
+        for key, value, valid in (
+            ("conjunction", self.conjunction, CONJUNCTIONS),
+            ("aggregation", self.aggregation, tuple(AGGREGATIONS)),
+            ("defuzzification", self.defuzzification, DEFUZZIFICATIONS),
+        ):
+            if value not in valid:
+                message = f"got '{value}', wanted one of {', '.join(valid)}{did_you_mean(value, valid)}"
+                findings.append(Finding("operator", "error", (key,), message))
+        for i, variable in enumerate(self.inputs):
+            findings += [error._replace(where=("inputs", i, *error.where)) for error in variable.errors()]
+        terms = self.output.errors() if isinstance(self.output, Variable) else self.output.errors(len(self.inputs))
+        findings += [error._replace(where=("output", *error.where)) for error in terms]
+        return findings or self._rule_errors()
+
+    def _rule_errors(self) -> list[Finding]:
+        findings: list[Finding] = []
+        said: dict[tuple[str, ...], str] = {}
+        for k, rule in enumerate(self.rules):
+            unknown = []
+            if len(rule.when) != len(self.inputs):
+                wanted = f"wanted one for each of {len(self.inputs)} inputs"
+                unknown.append(f"names {len(rule.when)} terms after 'if', {wanted}")
+            for i, (word, variable) in enumerate(zip(rule.when, self.inputs, strict=False)):
+                if word not in variable.names:
+                    unknown.append(f"unknown term '{word}' of input {i + 1}{did_you_mean(word, variable.names)}")
+            if rule.then not in self.output.names:
+                unknown.append(f"unknown consequent '{rule.then}'{did_you_mean(rule.then, self.output.names)}")
+            findings += [Finding("rule", "error", ("rules", k), message) for message in unknown]
+            if said.setdefault(rule.when, rule.then) != rule.then:
+                message = f"contradicts an earlier rule: if {' and '.join(rule.when)} then both {said[rule.when]} and "
+                message += f"{rule.then}; remove one of them"
+                findings.append(Finding("contradiction", "error", ("rules", k), message))
+        if not self.rules:
+            findings.append(Finding("no-rule", "error", ("rules",), "there is no rule, wanted at least one"))
+        elif not findings and not any(all(map(Variable.reaches, self.inputs, rule.when)) for rule in self.rules):
+            message = (
+                "no rule ever fires: each names a term outside its input's range; widen the ranges or move the terms"
+            )
+            findings.append(Finding("no-rule", "error", ("rules",), message))
+        if self.aggregation == "max-drastic-product" and isinstance(self.output, Variable):
+            findings += _peaks_off_grid(self.output)
+        return findings
 
     @cached_property
     def table(self) -> IntArray:
@@ -75,3 +177,55 @@ def rules_of_table(inputs: Sequence[Sequence[str]], rows: Sequence[Sequence[str]
         raise ValueError(f"the table is not one of {' by '.join(map(str, sizes))} consequents")
     cells = zip(itertools.product(*inputs), itertools.chain.from_iterable(rows), strict=True)
     return tuple(Rule(when, then) for when, then in cells if then != NONE)
+
+
+def _peaks_off_grid(output: Variable) -> list[Finding]:
+    low, high = min(t.a for t in output.terms), max(t.d for t in output.terms)
+    u = np.linspace(low, high, POINTS)
+    findings = []
+    for term in output.terms:
+        if not np.any((u >= term.b - SAME * output.half) & (u <= term.c + SAME * output.half)):
+            nearest = u[np.argmin(np.abs(u - term.peak))]
+            message = (
+                f"its peak, {term.peak:g}, lies between two of the {POINTS} points from {low:g} to {high:g} on which "
+            )
+            message += f"the drastic product is taken: move it to {nearest:.10g}, or choose another aggregation"
+            findings.append(Finding("off-grid", "error", ("output", "terms", term.name), message))
+    return findings
+
+
+DEFAULT = "pd-49"
+_TERMS = {
+    "pd-49": ("NB", "NM", "NS", "Z", "PS", "PM", "PB"),
+    "pd-25": ("NB", "NS", "Z", "PS", "PB"),
+    "pd-9": ("N", "Z", "P"),
+    "s-7": ("NB", "NM", "NS", "Z", "PS", "PM", "PB"),
+}
+_ONE_INPUT = frozenset({"s-7"})
+BUILTIN = tuple(_TERMS)
+"""Names of the built-in systems."""
+
+
+@cache
+def builtin_system(name: str) -> FuzzySystem:
+    """Return a built-in system: n triangles evenly spaced on [-1, 1], rule (i, j) -> i + j within the terms.
+
+    The same triangles serve both inputs and the output; those at the ends of the output are whole, so that it spans
+    [-4/3, 4/3] with 49 rules and reaches -1 and 1. max-min, centre of area. ``s-7`` has one input and the rules i -> i,
+    which are those of ``pd-49`` where the second input is zero.
+
+    Raises:
+        ControllerError: there is no system of that name.
+    """
+    if name not in _TERMS:
+        raise ControllerError(f"unknown fuzzy system '{name}'{did_you_mean(name, BUILTIN)}")
+    names = _TERMS[name]
+    last = len(names) - 1
+    variable = Variable.of({term: (2 * k - last) / last for k, term in enumerate(names)})
+    if name in _ONE_INPUT:
+        return FuzzySystem(name, (variable,), variable, tuple(Rule((term,), term) for term in names))
+    middle = last // 2
+    rules = tuple(
+        Rule((a, b), names[min(max(i + j - middle, 0), last)]) for i, a in enumerate(names) for j, b in enumerate(names)
+    )
+    return FuzzySystem(name, (variable, variable), variable, rules)

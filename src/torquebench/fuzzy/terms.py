@@ -20,6 +20,8 @@ Shape: TypeAlias = float | tuple[float, ...]
 MAX_TERMS = 25
 SAME = 1e-9
 """Corners of terms this close, in units of half the range, count as the same."""
+FAR = 1e6
+"""A term that reaches this many times as far as the range is taken for a slip."""
 TERM = re.compile(r"[\w+-]{1,24}")
 NONE = "none"
 """Stands in a rule table where there is no rule, so no term may have this name."""
@@ -92,6 +94,20 @@ class Variable:
         """Return feet and shoulders of the terms, (n, 4), in units in which the range is [-1, 1]."""
         return (np.array([term[1:] for term in self.terms], dtype=np.float64) - self.middle) / self.half
 
+    def errors(self) -> list[Finding]:
+        """Return what is wrong with the variable; places are below it."""
+        wrong_range = range_error(self.low, self.high)
+        findings = [] if wrong_range is None else [Finding("range", "error", ("range",), wrong_range)]
+        wrong = _repeated("terms", self.names) + shape_errors({term.name: term[1:] for term in self.terms})
+        if not wrong and not findings:
+            with np.errstate(over="ignore"):
+                far = np.max(np.abs(self.corners()), axis=1)
+            for term, distance in zip(self.terms, far, strict=True):
+                if not distance <= FAR:
+                    message = f"reaches beyond {FAR:g} times the range; change it, or the range"
+                    wrong.append(Finding("far", "error", ("terms", term.name), message))
+        return findings + wrong
+
 
 @dataclass(frozen=True, slots=True)
 class Functions:
@@ -124,6 +140,35 @@ class Functions:
         """Half the width of the range: what the law sees as 1."""
         return 0.5 * (self.high - self.low)
 
+    def errors(self, inputs: int) -> list[Finding]:
+        """Return what is wrong with the functions of so many `inputs`; places are below the variable."""
+        wrong_range = range_error(self.low, self.high)
+        findings = [] if wrong_range is None else [Finding("range", "error", ("range",), wrong_range)]
+        findings += _repeated("functions", self.names)
+        for name, numbers in self.coefficients:
+            messages = []
+            if not TERM.fullmatch(name):
+                messages.append("its name is not 1 to 24 letters, digits, _, + or -")
+            if len(numbers) not in (1, inputs + 1) or not all(math.isfinite(x) for x in numbers):
+                wanted = f"wanted one, or {inputs + 1}: a constant and a factor of each input"
+                messages.append(f"got {len(numbers)} numbers, {wanted}")
+            if name == NONE:
+                messages.append(f"no function may be called '{NONE}', which stands for a missing rule")
+            findings += [Finding("function", "error", ("functions", name), message) for message in messages]
+        return findings
+
+
+def range_error(low: float, high: float) -> str | None:
+    """Return why a variable cannot have the range from `low` to `high`, or None."""
+    if low < high and math.isfinite(high - low):
+        return None
+    return f"got [{low:g}, {high:g}], wanted two finite numbers, the lower one first"
+
+
+def _repeated(key: str, names: Sequence[str]) -> list[Finding]:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    return [Finding("name", "error", (key, name), "this name is given twice") for name in twice]
+
 
 def resolve(shapes: Mapping[str, Shape]) -> tuple[Term, ...]:
     """Return the terms that shapes stand for; see `Variable.of`."""
@@ -148,10 +193,10 @@ def _span(shape: Shape) -> tuple[float, float, float, float]:
 
 def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
     """Return what is wrong with the shapes of a variable's terms; places are below the variable."""
-    found = []
+    findings = []
 
     def add(name: str, message: str) -> None:
-        found.append(Finding("shape", "error", ("terms", name), message))
+        findings.append(Finding("shape", "error", ("terms", name), message))
 
     if not 1 <= len(shapes) <= MAX_TERMS:
         message = f"got {len(shapes)} terms, wanted 1 to {MAX_TERMS}"
@@ -175,7 +220,7 @@ def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
             add(name, f"got {shape}, wanted a finite number")
         elif len(shapes) == 1:
             add(name, "a peak alone has no neighbours to reach to: give [a, b, c]")
-    if not found:
+    if not findings:
         for (_, low), (name, high) in itertools.pairwise((n, _span(s)) for n, s in shapes.items()):
             if not low[1] + low[2] < high[1] + high[2]:
                 add(
@@ -183,7 +228,7 @@ def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
                     f"its peak, {0.5 * (high[1] + high[2]):g}, is not above that of the term before it, "
                     f"{0.5 * (low[1] + low[2]):g}: list the terms from low to high",
                 )
-    return found
+    return findings
 
 
 def _text(shape: Sequence[float]) -> str:

@@ -34,6 +34,12 @@ def frequencies(n: int, control_period: float) -> Array:
     return lines
 
 
+@lru_cache(maxsize=8)
+def first_line(n: int, control_period: float) -> int:
+    """Return the index of the first line of a spectrum of n samples that counts as chattering."""
+    return int(np.searchsorted(frequencies(n, control_period), HF_FROM_HZ * (1.0 - 1e-9)))
+
+
 def hann_spectrum(x: Array, control_period: float) -> tuple[Array, npt.NDArray[np.complex128]]:
     """Frequencies [Hz] and rfft of x less its mean under a periodic Hann window (mean square 3/8)."""
     n = len(x)
@@ -52,11 +58,11 @@ def chattering_index(tau: Array, control_period: float, tau_max: Array) -> Array
     n = len(tau)
     if control_period > HF_MAX_PERIOD * (1.0 + 1e-9) or n * control_period * HF_FROM_HZ < 2.0:
         return np.full(tau.shape[1], np.nan)
-    frequency, spectrum = hann_spectrum(tau, control_period)
-    high = np.abs(spectrum[np.searchsorted(frequency, HF_FROM_HZ * (1.0 - 1e-9)) :])
+    _, spectrum = hann_spectrum(tau, control_period)
+    high = np.abs(spectrum[first_line(n, control_period) :])
     if n % 2 == 0:
         high[-1] /= math.sqrt(2.0)
-    above: Array = np.sqrt(2.0 * np.sum(high * high, axis=0) / (n * n * 3.0 / 8.0))
+    above: Array = np.sqrt(2.0 * np.add.reduce(high * high, axis=0) / (n * n * 3.0 / 8.0))
     return 100.0 / tau_max * above
 
 

@@ -20,7 +20,7 @@ _F = TypeVar("_F", bound=Formula)
 _IN_WORDS: dict[str, str] = {"mean": "mean of joints", "worst": "worst joint", "rms": "all joints and samples"}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class MetricInfo:
     """What a metric declares of itself; see `metric`."""
 
@@ -67,13 +67,14 @@ def reduce_joints(values: Array, over_joints: str, better: str) -> Array:
     Returns:
         (...,), NaN where a joint has no value.
     """
-    n = values.shape[-1]
+    reduced: Array
     if over_joints == "worst":
-        worst = np.maximum if better == "lower" else np.minimum
-        return np.asarray(worst.reduce(values, axis=-1))
-    if over_joints == "rms":
-        return np.asarray(np.sqrt(np.add.reduce(values * values, axis=-1) / n))
-    return np.asarray(np.add.reduce(values, axis=-1) / n)
+        reduced = (np.maximum if better == "lower" else np.minimum).reduce(values, axis=-1)
+    elif over_joints == "rms":
+        reduced = np.sqrt(np.add.reduce(values * values, axis=-1) / values.shape[-1])
+    else:
+        reduced = np.add.reduce(values, axis=-1) / values.shape[-1]
+    return reduced
 
 
 METRICS: Registry[MetricInfo] = Registry("metric", SNAKE)

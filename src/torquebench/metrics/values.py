@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,16 +101,29 @@ def headlines(joints: PerJoint) -> Array:
         joints: The metrics of the joints.
     """
     values, stepped = joints
-    reduced = np.full(len(values), np.nan)
-    alike: dict[tuple[str, str, bool], list[int]] = {}
-    for row, info in enumerate(METRICS.values()):
-        alike.setdefault((info.over_joints, info.better, info.steps_only), []).append(row)
-    for (over_joints, better, steps_only), rows in alike.items():
-        counted = values[rows] if not steps_only else np.ascontiguousarray(values[rows][:, stepped])
-        if counted.shape[1] > 0:
-            reduced[rows] = reduce_joints(counted, over_joints, better)
+    reduced = reduce_joints(values, "mean", "lower")
+    some = bool(stepped.any()) and not stepped.all()
+    for (over_joints, better, steps_only), rows in _rows_alike(METRICS.values(), some).items():
+        if steps_only:
+            reduced[rows] = reduce_joints(np.ascontiguousarray(values[rows][:, stepped]), over_joints, better)
+        elif over_joints != "mean":
+            reduced[rows] = reduce_joints(values[rows], over_joints, better)
     reduced[~np.isfinite(reduced)] = np.nan
     return reduced
+
+
+@lru_cache(maxsize=8)
+def _rows_alike(metrics: tuple[MetricInfo, ...], some: bool) -> dict[tuple[str, str, bool], npt.NDArray[np.intp]]:
+    """Return the rows of metrics whose joints make one number in the same way.
+
+    Args:
+        metrics: All metrics.
+        some: Whether some joints have a step and others do not: metrics that only a step has are apart then.
+    """
+    alike: dict[tuple[str, str, bool], list[int]] = {}
+    for row, info in enumerate(metrics):
+        alike.setdefault((info.over_joints, info.better, some and info.steps_only), []).append(row)
+    return {key: np.array(rows, dtype=np.intp) for key, rows in alike.items()}
 
 
 def from_joints(joints: PerJoint) -> Metrics:
@@ -126,27 +140,6 @@ def from_joints(joints: PerJoint) -> Metrics:
 
 def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def compute_metrics(
-    trajectory: Trajectory,
-    *,
-    tau_max: Array,
-    metrics_from: float,
-    control_period: float,
-    step_like: bool,
-    phi: Array | float | None = None,
-) -> Metrics:
-    """Compute every metric of a completed run; arguments as of `per_joint`."""
-    joints = per_joint(
-        trajectory,
-        tau_max=tau_max,
-        metrics_from=metrics_from,
-        control_period=control_period,
-        step_like=step_like,
-        phi=phi,
-    )
-    return from_joints(joints)
 
 
 def per_joint(
@@ -183,30 +176,28 @@ def per_joint(
     if limit.shape != (n,) or not all(0.0 < x < math.inf for x in limit.tolist()):
         raise ResultError(f"torque limits {limit.tolist()}: wanted {n} positive numbers")
     # t >= metrics_from, whichever way k T was rounded
-    first = int(np.searchsorted(t, metrics_from - 1e-6 * control_period, side="right"))
+    first = int(t.searchsorted(metrics_from - 1e-6 * control_period, side="right"))
     if len(t) - first < 2:
         raise ResultError(f"the metrics' window from {metrics_from:g} s holds fewer than two samples")
+    width = phi if phi is None or np.shape(phi) == (n,) else np.full(n, phi)
     run = JointRecord(
         trajectory,
         e=trajectory.q_ref - trajectory.q,
         tau_max=limit,
         control_period=control_period,
         window=slice(first, len(t)),
-        phi=None if phi is None else np.full(n, phi, dtype=np.float64),
+        phi=None if width is None else np.asarray(width, dtype=np.float64),
     )
-    values = np.full((len(METRICS), n), np.nan)
-    for row, info in enumerate(METRICS.values()):
+    metrics, shape = METRICS.values(), (n,)
+    values = np.full((len(metrics), n), np.nan)
+    for row, info in enumerate(metrics):
         if step_like or not info.steps_only:
-            values[row] = _checked(info, run, n)
+            try:
+                found = np.asarray(info.formula(run))
+                if found.shape != shape:
+                    raise ResultError(f"returned shape {found.shape}, wanted {shape}: a number for each joint")
+                values[row] = found
+            except Exception as error:  # a user's function may raise anything
+                said = str(error) if isinstance(error, ResultError) else f"{type(error).__name__}: {error}"
+                raise ResultError(f"metric '{info.key}': {said}") from error
     return PerJoint(values, response_of(run).counted if step_like else np.zeros(n, dtype=bool))
-
-
-def _checked(info: MetricInfo, run: JointRecord, n: int) -> Array:
-    """Return one metric of each joint; a metric of a user's that raises or returns anything else is refused."""
-    try:
-        found = np.asarray(info.formula(run), dtype=np.float64)
-    except Exception as error:  # a user's function may raise anything
-        raise ResultError(f"metric '{info.key}': {type(error).__name__}: {error}") from error
-    if found.shape != (n,):
-        raise ResultError(f"metric '{info.key}' returned shape {found.shape}, wanted ({n},): a number for each joint")
-    return found

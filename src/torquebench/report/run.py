@@ -76,17 +76,17 @@ def run_figures(result: ExperimentResult) -> dict[str, Figure]:
 
     Those of the stability certificates need the arm that was run, and are left out where its files have changed.
     """
-    from torquebench.report.figures.run_view import draw_figures, run_view
+    from torquebench.report.figures.run_view import RunView, draw_figures
 
     experiment = result.experiment
     bands = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
     n = len(result.joints.names)
-    view = run_view(
+    view = RunView(
         result.runs,
         title=experiment.name,
         subtitle=result.conditions,
         joint_names=result.joints.names,
-        tau_max=result.joints.tau_max,
+        tau_max=as_vector(result.joints.tau_max, n),
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
         metrics=result.metrics,

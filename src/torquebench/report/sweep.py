@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from torquebench.sweep.run import worst_rows
 from torquebench.sweep.sensitivity import Sensitivity, sensitivities
 from torquebench.sweep.summary import summarise
 from torquebench.sweep.table import Table, metric_keys, read_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST_ROWS = 2_000_000
 """Rows up to which the table is looked at as a whole, in memory."""
@@ -51,7 +54,7 @@ def report_files(stored: StoredSweep, figures: bool, progress: Progress | None =
     found = dependences(stored, table)
     yield "sensitivity.json", json_bytes([one.to_json() for one in found])
     info, svgs = info_of(stored), dict[str, bytes]()
-    for name, content in drawn(info, table, found, progress) if figures else ():
+    for name, content in figure_files(figures_of(info, table, found), progress) if figures else ():
         if name.endswith(".svg"):
             svgs[name.removeprefix("figures/").removesuffix(".svg")] = content
         yield name, content
@@ -67,27 +70,34 @@ def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
     return sensitivities(table, plan.experiment, metric_keys(table))
 
 
-def drawn(
-    info: SweepInfo, table: Table, found: list[Sensitivity], progress: Progress | None = None
-) -> Iterator[tuple[str, bytes]]:
-    """Yield the figures as SVG and PNG files.
+def figures_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str, Figure]:
+    """Draw the figures of a sweep, by name.
 
     Args:
         info: What the page tells of the sweep.
         table: Its table.
         found: What its metrics depend on.
+    """
+    from torquebench.report.figures.sweep import sweep_figures
+
+    subtitle = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
+    return sweep_figures(table, info.name, subtitle, found, slides=info.slides)
+
+
+def figure_files(figures: Mapping[str, Figure], progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
+    """Yield figures as SVG and PNG files.
+
+    Args:
+        figures: Name -> figure.
         progress: Told each file when it is drawn.
     """
     from torquebench.report.figures.style import figure_bytes
-    from torquebench.report.figures.sweep import sweep_figures
 
-    said = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
-    pages = sweep_figures(table, info.name, said, found, slides=info.slides)
-    for count, (name, figure) in enumerate(pages.items()):
+    for count, (name, figure) in enumerate(figures.items()):
         for i, fmt in enumerate(FORMATS):
             yield f"figures/{name}.{fmt}", figure_bytes(figure, fmt)
             if progress is not None:
-                progress(f"figures/{name}.{fmt}", 2 * count + i + 1, 2 * len(pages))
+                progress(f"figures/{name}.{fmt}", 2 * count + i + 1, 2 * len(figures))
 
 
 def info_of(stored: StoredSweep) -> SweepInfo:

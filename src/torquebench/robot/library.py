@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from torquebench.errors import ModelError, did_you_mean, did_you_mean_path
+from torquebench.shipped import data_root as data_root
 
 MJCF = r"\.xml"
 """Ending of a model's file name, a regular expression."""
 
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
-
-
-def data_root() -> Path:
-    """Return the folder that holds ``models/`` and ``configs/``.
-
-    The checkout wins over the copy inside an installed wheel: an editable install leaves a stale copy behind.
-    The environment variable ``TORQUEBENCH_DATA`` wins over both.
-    """
-    if chosen := os.environ.get("TORQUEBENCH_DATA"):
-        return Path(chosen)
-    checkout = Path(__file__).resolve().parents[3]
-    if (checkout / "pyproject.toml").is_file() and (checkout / "models").is_dir():
-        return checkout
-    return Path(__file__).resolve().parents[1] / "_data"
 
 
 def model_names() -> tuple[str, ...]:

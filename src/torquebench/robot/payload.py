@@ -2,41 +2,63 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from torquebench.errors import ModelError
+from torquebench.errors import Fault, ModelError
+from torquebench.keys import Key, Units, check_numbers, in_words
 from torquebench.robot.flat_model import CLOSED_FORM, own_copy
 from torquebench.robot.perturbation import Links, links_in
 from torquebench.robot.puma560.puma import wrist_load
 from torquebench.robot.robot_model import RobotModel
+from torquebench.timing import Timing, control_instant
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Payload:
-    """A point mass fixed to the last link, in the frame of the last joint: z along its axis.
+    """A point mass on the last link, with a belief that knows nothing of it.
 
     Raises:
-        ValueError: the mass is not positive, the time negative, or a number not finite.
+        ValueError: the mass or the time is negative, or a number not finite.
     """
 
-    mass: float
-    """Mass [kg]."""
-    at: float = 0.0
-    """Time at which it is taken up [s]; the joints keep their position and velocity."""
-    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
-    """Where it is in that frame, three coordinates [m]; the origin is on the joint's axis: the PUMA's wrist centre."""
+    mass: Annotated[float, Key("Mass; 0 for none", "kg", at_least=0)]
+    at: Annotated[
+        float,
+        Key(
+            "Time at which it is taken up, at the joints' position and velocity of then: a whole multiple of "
+            "run.control_period, less than run.duration",
+            "s",
+            at_least=0,
+        ),
+    ] = 0.0
+    offset: Annotated[
+        tuple[float, float, float],
+        Key(
+            "Where it is, in the frame of the last joint (z along its axis): zero is a point of the axis, for puma560 "
+            "the wrist centre",
+            "m",
+            wanted="a list of 3 numbers",
+        ),
+    ] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Refuse a mass, time or position that no payload can have."""
-        if not (math.isfinite(self.mass) and self.mass > 0.0):
-            raise ValueError(f"payload: mass is {self.mass}, wanted a finite positive number of kg")
-        if not (math.isfinite(self.at) and self.at >= 0.0):
-            raise ValueError(f"payload: at is {self.at}, wanted a finite number of seconds, at least 0")
-        if len(self.offset) != 3 or not all(math.isfinite(x) for x in self.offset):
+        """Refuse what is no load."""
+        check_numbers(self)
+        if len(self.offset) != 3:
             raise ValueError(f"payload: offset is {self.offset}, wanted three finite numbers of m")
+
+    def check(self, timing: Timing) -> Iterator[Fault]:
+        """Yield what does not fit within the run."""
+        yield from control_instant(("at",), self.at, timing)
+
+    def describe(self, units: Units) -> str:
+        """Return what it is in one line."""
+        place = f" at {in_words(self.offset)} m" if any(self.offset) else ""
+        return f"payload {self.mass:g} kg{place}" + (f" from {self.at:g} s" if self.at > 0 else "")
 
 
 def add_payload(links: Links, payload: Payload) -> Links:

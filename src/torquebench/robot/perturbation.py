@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
+from torquebench.keys import Key, Units
 from torquebench.robot.flat_model import EXACT, Model, own_copy
 from torquebench.robot.robot_model import RobotModel
 
@@ -73,3 +75,27 @@ def perturbed(model: RobotModel, factors: Array) -> RobotModel:
         raise ModelError("links can be perturbed in structure 'exact' only: the closed forms have constants, not links")
     flat = own_copy(model.flat, **scaled(links_in(model.flat), factors)._asdict())
     return RobotModel(model.name, model.joint_names, flat)
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """A plant that differs from its model's file, and is a rigid body still."""
+
+    relative: Annotated[
+        float,
+        Key(
+            "Masses, centres of mass, second moments about them along the link's axes and motor inertias are each "
+            "multiplied by a number drawn evenly between 1 - r and 1 + r; r is a fraction",
+            "1",
+            at_least=0,
+            below=1,
+        ),
+    ]
+
+    def draw(self, n: int, rng: np.random.Generator) -> Array:
+        """Return what the parameters of `n` links are multiplied by, (n, 8); see `draw_factors`."""
+        return draw_factors(n, self.relative, rng)
+
+    def describe(self, units: Units) -> str:
+        """Return what it is in one line."""
+        return f"links perturbed up to {100 * self.relative:g} %"

@@ -1,4 +1,4 @@
-"""Checking every experiment of a sweep before the first of them is run."""
+"""Check every experiment of a sweep before any is run."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from torquebench.experiment.yaml_tree import Place
 from torquebench.sweep.plan import Combination, Plan
 
 MAX_CORNERS = 64
-"""Combinations of the least and greatest values of the random keys that are tried; of more, a part."""
+"""Most combinations of least and greatest values of random keys that are tried."""
 TRIED = 3
-"""Draws whose own values of the random keys are tried, as what is between the ends may be none."""
+"""Draws whose random values are tried, as a value between the ends may be invalid too."""
 MAX_PROBLEMS = 100
 
 
 @dataclass(slots=True)
 class Survey:
-    """What checking has found."""
+    """What checking found out."""
 
     steps: list[int] = field(default_factory=list)
     """Number of control instants of one loop, by case."""
@@ -34,8 +34,8 @@ class Survey:
 def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Survey:
     """Check every experiment of a sweep: each case with each choice that is drawn, and at the ends of random keys.
 
-    Draws that differ in numbers of random keys alone are not read again: these are tried at their least and greatest
-    values, and at those of the first few draws. What can be made of an experiment before its run is made, once for
+    Draws that differ in random numbers alone are not checked one by one: these keys are tried at their least and
+    greatest values, and at those of the first few draws. Plant, model, controllers and reference are built once for
     each case.
 
     Args:
@@ -43,7 +43,7 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
         progress: Called after each case.
 
     Raises:
-        ConfigError: there are mistakes; all of them, each with the value of the sweep that causes it.
+        ConfigError: there are mistakes; each is named with the value of the sweep that causes it.
     """
     checker, survey, first = _Checker(plan), Survey(), (0,) * len(plan.choices)
     low = [random.numbers[0] for random in plan.continuous]
@@ -66,7 +66,7 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
 
 
 def combinations(plan: Plan) -> set[Combination]:
-    """Return which choices are drawn; no further draw is looked at once all of them are."""
+    """Return the combinations of choices that are drawn; stops looking once all have been."""
     every = math.prod(len(random.choices.values) for random in plan.choices if random.choices)
     found: set[Combination] = set()
     for draw in range(plan.draws):
@@ -77,7 +77,7 @@ def combinations(plan: Plan) -> set[Combination]:
 
 
 def extremes(plan: Plan, random: Random) -> tuple[float, float]:
-    """Return between which values a continuous random key lies: its ends, or the least and greatest that is drawn."""
+    """Return the least and greatest value of a continuous random key; of a normal one, those that are drawn."""
     if random.kind != "normal":
         return random.numbers[0], random.numbers[1]
     drawn = [plan.drawn(random, draw) for draw in range(plan.draws)]
@@ -85,7 +85,7 @@ def extremes(plan: Plan, random: Random) -> tuple[float, float]:
 
 
 def corners(ends: Sequence[tuple[float, float]]) -> Iterator[tuple[float, ...]]:
-    """Yield the corners of a box; of one with more than `MAX_CORNERS`, the two extreme ones and those beside them."""
+    """Yield the corners of a box; of more than `MAX_CORNERS`, the two extreme ones and their neighbours."""
     if 2 ** len(ends) <= MAX_CORNERS:
         yield from (corner for corner in itertools.product(*ends) if corner)
         return
@@ -99,11 +99,11 @@ def corners(ends: Sequence[tuple[float, float]]) -> Iterator[tuple[float, ...]]:
 class _Mistake:
     problem: Problem
     values: list[set[float | str]]
-    """Values of the sweep's keys with which it was seen, key by key."""
+    """For each key of the sweep, the values with which the mistake was seen."""
 
 
 class _Checker:
-    """Collects the mistakes of many variants of one document."""
+    """Collects the mistakes in many variants of one document."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan, self._build = plan, Builder()
@@ -112,7 +112,7 @@ class _Checker:
         self._names: list[str] | None = None
 
     def read(self, case: int, combination: Combination, numbers: Sequence[float], *, build: bool) -> Experiment | None:
-        """Return an experiment, or None after noting why there is none."""
+        """Return an experiment; None if it has mistakes, which are noted."""
         if len(self._found) >= MAX_PROBLEMS:
             return None
         values = self._plan.assigned(case, combination, numbers)
@@ -149,17 +149,17 @@ class _Checker:
             document.raise_problems()
 
     def raise_problems(self) -> None:
-        """Raise what was noted.
+        """Raise the mistakes that were noted.
 
         Raises:
-            ConfigError: something was.
+            ConfigError: there are some.
         """
         if self._found:
             ordered = sorted(self._found.items(), key=lambda item: item[0])
             raise ConfigError([self._explained(mistake) for _, mistake in ordered])
 
     def _explained(self, mistake: _Mistake) -> Problem:
-        """Return a mistake with the values of the sweep that cause it: those without which it was not seen."""
+        """Return a mistake with the values that cause it: those without which it was not seen."""
         pairs = zip(self._tried.items(), mistake.values, strict=True)
         causes = [
             f"{key} = {in_words(next(iter(seen)))}" for (key, tried), seen in pairs if len(seen) == 1 < len(tried)

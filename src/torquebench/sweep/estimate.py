@@ -1,4 +1,4 @@
-"""How much work a sweep is: runs, steps, time, memory and disk; what is surely a mistake is refused."""
+"""How much work a sweep is: runs, steps, time, memory and disk; refuses what must be a mistake."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from torquebench.sweep.table import empty_columns
 from torquebench.sweep.worker import Worker
 
 SHARD_STEPS = 250_000
-"""Control instants in a shard, about: half a second's work, all that a power cut costs."""
+"""Control instants in a shard, about: half a second's work, which is all that a power cut costs."""
 LEAST_SHARDS, MOST_SHARDS = 16, 4000
-"""Enough to go round, few enough for a folder."""
+"""Least and greatest number of shards: enough for all workers, few enough for a folder."""
 SAMPLES = 5
 """Pairs that are timed."""
 SLOWEST = 2_000_000
-"""Control instants in a pair from which on none is timed."""
+"""Control instants in a pair from which no pair is timed."""
 USUAL_RATE = 3e5
-"""Control instants a second where none is timed."""
+"""Control instants a second, assumed where no pair is timed."""
 ARRAYS = 24
 """(N, n) arrays of 8-byte numbers alive at once in a worker."""
 PROCESS_BYTES = 250 << 20
-"""What a process takes before it does anything."""
+"""Memory of an idle process."""
 STORED = 12
 """(N, n) arrays in a trajectory's file, about."""
 CSV_NUMBER = 20
@@ -38,7 +38,7 @@ MOST_STEPS, MOST_HOURS, MEMORY_SHARE, DISK_SHARE = 2e10, 12.0, 0.8, 0.9
 
 
 class Estimate(NamedTuple):
-    """What a sweep takes."""
+    """Work and resources that a sweep takes."""
 
     runs: int
     steps: int
@@ -50,19 +50,20 @@ class Estimate(NamedTuple):
     """Bytes."""
 
     def refusals(self, folder: Path) -> list[str]:
-        """Return why the sweep is more than should be started by mistake; empty when it is not.
+        """Return the caps that the sweep exceeds, in words.
 
         Args:
-            folder: Where it would be stored.
+            folder: Where the sweep would be stored.
         """
         found = []
         if self.steps > MOST_STEPS:
             found.append(f"{self.steps:.3g} steps, at most {MOST_STEPS:.0e} are run")
         if self.seconds > 3600.0 * MOST_HOURS:
             found.append(f"about {duration(self.seconds)}, at most {MOST_HOURS:g} h are spent")
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        if self.memory > MEMORY_SHARE * memory:
-            found.append(f"{size(self.memory)} of memory, there are {size(memory)}")
+        if hasattr(os, "sysconf"):  # not on Windows, where memory has no cap
+            memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+            if self.memory > MEMORY_SHARE * memory:
+                found.append(f"{size(self.memory)} of memory, there are {size(memory)}")
         while not folder.exists():
             folder = folder.parent
         free = shutil.disk_usage(folder).free
@@ -76,7 +77,7 @@ def shard_size(plan: Plan, survey: Survey) -> int:
 
     Args:
         plan: The sweep.
-        survey: What checking it has found.
+        survey: What checking it found out.
     """
     each = len(plan.controllers) * sum(survey.steps) / len(survey.steps)
     size = max(1, round(SHARD_STEPS / each))
@@ -85,14 +86,14 @@ def shard_size(plan: Plan, survey: Survey) -> int:
 
 
 def estimate(plan: Plan, survey: Survey, workers: int, processes: int, here: int) -> Estimate:
-    """Return what a sweep takes, after timing a few of its runs.
+    """Time a few runs of a sweep, and return what all of it takes.
 
     Args:
         plan: The sweep.
-        survey: What checking it has found.
-        workers: How many run at once.
-        processes: How many processes of their own there are on this machine.
-        here: How many of those that run at once are on this machine.
+        survey: What checking it found out.
+        workers: Number of shards that run at once.
+        processes: Number of worker processes on this machine.
+        here: Number of shards that run at once on this machine.
     """
     controllers = len(plan.controllers)
     steps = controllers * plan.draws * sum(survey.steps)
@@ -112,7 +113,7 @@ def estimate(plan: Plan, survey: Survey, workers: int, processes: int, here: int
 
 
 def seconds_per_step(plan: Plan, survey: Survey) -> float:
-    """Return the time a control instant takes on one worker, from a few pairs spread over the sweep [s]."""
+    """Return the time that a control instant takes on one worker [s], from a few pairs spread over the sweep."""
     controllers = len(plan.controllers)
     if controllers * max(survey.steps) > SLOWEST:
         return 1.0 / USUAL_RATE

@@ -1,4 +1,4 @@
-"""A sweep as rows, one closed loop each: which experiment each row is, and how rows make shards and tables."""
+"""A sweep as rows, one closed loop each: the experiment of each row, and the rows of each shard."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from torquebench.experiment.yaml_tree import KeyPath
 from torquebench.keys import altered
 
 Combination: TypeAlias = tuple[int, ...]
-"""Which of its choices each random key with choices has."""
+"""For each random key with choices, the number of its choice."""
 
 REMEMBERED = 64
-"""Checked experiments that are kept in case they are asked for again."""
+"""Checked experiments that are kept for reuse."""
 
 
 class Source(NamedTuple):
-    """Where a sweep comes from; enough to make its plan anew in another process."""
+    """A sweep's file and its changes; enough to make its plan in another process."""
 
     text: bytes
     filename: str
@@ -53,11 +53,11 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Fixed:
-    """A checked experiment, and where the varied keys are in it."""
+    """A checked experiment, and the places of the varied keys in it."""
 
     experiment: Experiment
     places: Mapping[str, list[KeyPath]]
-    """Where each varied key is; continuous random ones are set there."""
+    """Places of each varied key; continuous random ones are set there."""
     lacking: Mapping[str, frozenset[int]]
     """Varied key -> the controllers that do not have it."""
 
@@ -90,12 +90,12 @@ class Plan:
 
     @functools.cached_property
     def first(self) -> Experiment:
-        """The experiment of the first case, continuous random keys somewhere."""
+        """The experiment of the first case, with continuous random keys at the low end of their range."""
         return self.fixed(0)
 
     @functools.cached_property
     def seed(self) -> int:
-        """Source of the random keys, whatever a case's own seed is."""
+        """Seed of the random keys, even where the grid varies the seed."""
         return self.first.run.seed
 
     @functools.cached_property
@@ -109,7 +109,7 @@ class Plan:
         return self.pairs * len(self.controllers)
 
     def row(self, index: int) -> Row:
-        """Return which loop a row is."""
+        """Return case, draw and controller of a row."""
         pair, controller = divmod(index, len(self.controllers))
         return Row(*divmod(pair, self.draws), controller)
 
@@ -122,7 +122,7 @@ class Plan:
         return tuple(reversed(found))
 
     def drawn(self, random: Random, draw: int) -> float:
-        """Return the value of a random key in a draw, or which of its choices; from seed, draw and key alone."""
+        """Return a random key's value in a draw, or the number of its choice; depends on seed, draw and key alone."""
         name = int.from_bytes(hashlib.sha256(random.key.encode()).digest()[:4], "little")
         rng = generator(self.seed, draw, Stream.SWEEP, name)
         match random.kind:
@@ -135,15 +135,15 @@ class Plan:
                 return min(max(between(low, high, float(rng.random()), kind == "log_uniform"), low), high)
 
     def combination(self, draw: int) -> Combination:
-        """Return which choices a draw has."""
+        """Return the choices of a draw."""
         return tuple(int(self.drawn(random, draw)) for random in self.choices)
 
     def fixed(self, case: int, combination: Combination | None = None) -> Experiment:
-        """Return a case's experiment, checked, with its continuous random keys somewhere within their ranges.
+        """Return a case's experiment, checked, with continuous random keys at the low end of their range.
 
         Args:
             case: The case.
-            combination: Which choices; None for the first of each.
+            combination: The choices; None for the first of each.
 
         Raises:
             ConfigError: it has mistakes.
@@ -174,11 +174,11 @@ class Plan:
         return altered(experiment, controllers=(experiment.controllers[row.controller],))
 
     def assigned(self, case: int, combination: Combination, numbers: Sequence[float]) -> list[tuple[str, Value]]:
-        """Return what every varied key is set to.
+        """Return every varied key with its value.
 
         Args:
             case: The case.
-            combination: Which choices.
+            combination: The choices.
             numbers: Values of the continuous random keys.
         """
         values = [(axis.key, value) for axis, value in zip(self.keys.axes, self.values(case), strict=True)]
@@ -189,9 +189,9 @@ class Plan:
         return values
 
     def variant(self, values: Sequence[tuple[str, Value]]) -> tuple[Document, Mapping[str, list[KeyPath]]]:
-        """Return the document with keys set, unchecked, and where they are.
+        """Return the document with keys set, unchecked, and the places of these keys.
 
-        A key that another one overwrites is recorded as a mistake: tables would say what was not run.
+        A key that another one overwrites is recorded as a mistake: tables would show a value that was not run.
         """
         document, places = varied(self.document, values)
         if not document.found:
@@ -211,7 +211,7 @@ class Plan:
         return _Fixed(experiment, places, {key: _without(paths, experiment) for key, paths in places.items()})
 
     def lacking(self, case: int, draw: int) -> Mapping[str, frozenset[int]]:
-        """Return which controllers do not have a varied key, of every one; keys of the others alone they have not."""
+        """Return for each varied key the controllers that do not have it."""
         return self._fixed(case, self.combination(draw)).lacking
 
 
@@ -222,7 +222,7 @@ def _without(paths: Sequence[KeyPath], experiment: Experiment) -> frozenset[int]
 
 
 def flattened(tree: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
-    """Yield every value of a tree of plain values under its dotted key; named items of lists by their names."""
+    """Yield dotted key and value of each leaf of a tree of plain values; named items of lists go by their names."""
     if isinstance(tree, dict) and tree:
         for key, value in tree.items():
             yield from flattened(value, (*path, key))
@@ -235,5 +235,5 @@ def flattened(tree: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
 
 
 def pairs_of(size: int, pairs: int, shard: int) -> range:
-    """Return the (case, draw) pairs of a shard, as numbers case * draws + draw."""
+    """Return the (case, draw) pairs of a shard, numbered case * draws + draw."""
     return range(shard * size, min((shard + 1) * size, pairs))

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from paper.pages import comparison_page
 
 from tests.report.figures.colour_vision import SIGHT, difference, lab
 from tests.report.figures.test_fuzzy_figures import SYSTEMS
@@ -21,9 +22,8 @@ from tests.source_tree import FILES, TREES
 from torquebench.certificates import Certificate
 from torquebench.fuzzy import prepare
 from torquebench.report.figures.layout import PAGE_WIDTH
-from torquebench.report.figures.paper_pages import comparison_page
 from torquebench.report.figures.pareto import Front, Spot, draw_pareto
-from torquebench.report.figures.run_view import FiredRules, draw_figures, run_view
+from torquebench.report.figures.run_view import FiredRules, RunView, draw_figures
 from torquebench.report.figures.sensitivity import draw_sensitivity
 from torquebench.report.figures.style import COLOURS, DASHES
 from torquebench.report.figures.sweep import sweep_figures
@@ -44,7 +44,6 @@ HOMES = {
         "pareto",
         "fuzzy",
         "fuzzy_rules",
-        "paper_pages",
         "signals",
         "spectrum",
         "torque",
@@ -89,7 +88,7 @@ def draw_all() -> dict[str, Figure]:
         sizes = [len(variable.names) for variable in prepared.system.inputs]
         shares = np.random.default_rng(1).random((N, sizes[0], sizes[-1] if len(sizes) > 1 else 1))
         fired[name] = FiredRules(name, shares)
-    view = run_view(
+    view = RunView(
         runs,
         title="t",
         subtitle="s",

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from torquebench.errors import ResultError
-from torquebench.metrics import compute_metrics
-from torquebench.report.figures.run_view import draw_figures, run_view
+from torquebench.metrics import from_joints, per_joint
+from torquebench.report.figures.run_view import RunView, draw_figures
 from torquebench.report.figures.style import figure_bytes
 from torquebench.sim.trajectory import Outcome, Trajectory
 
@@ -66,7 +66,7 @@ def draw(runs: dict[str, Trajectory], n: int, **changes: object) -> dict[str, Fi
         "metrics_from": 0.5,
         "control_period": T,
     } | changes
-    return draw_figures(run_view(runs, **arguments))  # type: ignore[arg-type]
+    return draw_figures(RunView(runs, **arguments))  # type: ignore[arg-type]
 
 
 def panel(fig: Figure, label: str) -> Axes:
@@ -218,7 +218,7 @@ def test_spectrum_reads_the_amplitude_of_a_sinusoid() -> None:
 def test_headline_metrics_stand_in_the_legend() -> None:
     """RMSE on the error page, HF on the torque page, from the metrics handed in."""
     run = make(1, 5.0)
-    metrics = compute_metrics(run, tau_max=np.array([20.0]), metrics_from=0.5, control_period=T, step_like=False)
+    metrics = from_joints(per_joint(run, tau_max=np.array([20.0]), metrics_from=0.5, control_period=T, step_like=False))
     figures = draw({"a": run}, 1, metrics={"a": metrics})
     assert legend_texts(figures["error"])[0] == "a (RMSE 7.07 mrad)"  # 10 mrad / sqrt 2
     assert legend_texts(figures["torque"])[0] == "a (HF 17.7 %)"  # 25 % / sqrt 2

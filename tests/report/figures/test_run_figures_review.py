@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from tests.report.figures.test_run_figures import PAGES, T, diverged, draw, legend_texts, make, panel
 from torquebench.errors import ResultError
-from torquebench.metrics import Metrics, compute_metrics
+from torquebench.metrics import Metrics, from_joints, per_joint
 from torquebench.report.figures.style import figure_bytes
 from torquebench.sim.trajectory import Outcome, Trajectory
 
@@ -25,7 +25,7 @@ def alternating(samples: int = 1500, tau: float = 5.0) -> Trajectory:
 def measured(run: Trajectory) -> Metrics:
     """Metrics of a run with this file's limits and window."""
     n = run.q.shape[1]
-    return compute_metrics(run, tau_max=np.full(n, 20.0), metrics_from=0.5, control_period=T, step_like=False)
+    return from_joints(per_joint(run, tau_max=np.full(n, 20.0), metrics_from=0.5, control_period=T, step_like=False))
 
 
 def markers(ax: Axes) -> list[Line2D]:

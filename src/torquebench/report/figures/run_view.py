@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -60,27 +60,33 @@ class FiredRules(NamedTuple):
 
 @dataclass(frozen=True)
 class RunView:
-    """What the figures of one experiment show."""
+    """What the figures of one experiment show.
 
-    runs: tuple[Run, ...]
-    """In the order of the legend."""
+    Raises:
+        ResultError: there is no run, or the runs, bands or slides do not all have n joints.
+    """
+
+    trajectories: Mapping[str, Trajectory]
+    """Controller -> its run, in the order of the legend, which sets colour and dash. A failed run is drawn up to its
+    end, which is marked with a cross, and does not set the range of an axis."""
     title: str
     """Heading of every page."""
     subtitle: str
-    """What was run; line breaks are kept."""
+    """What was run: reference, chain, definition of the noise; line breaks are kept."""
     joint_names: Sequence[str]
+    """One name per panel, n of them."""
     tau_max: Array
     """Torque limits, (n,) [N m]; force limits [N] of slides."""
     metrics_from: float
     """Start of the metrics' window [s]."""
     control_period: float
     """Time between control instants [s]."""
-    metrics: Mapping[str, Metrics]
-    """Controller -> metrics of its run; a run that failed has none."""
-    bands: Mapping[str, Array]
+    metrics: Mapping[str, Metrics] = field(default_factory=dict)
+    """Controller -> metrics of its run, which legends quote; a run that failed has none."""
+    bands: Mapping[str, Array] = field(default_factory=dict)
     """Controller -> half-widths phi of its band |s| <= phi, (n,) [rad/s] ([m/s] of slides), of those that have one."""
-    slides: tuple[bool, ...]
-    """Whether each joint slides instead of turning."""
+    slides: Sequence[bool] = ()
+    """Whether each joint slides instead of turning, (n,); no joint does by default."""
     certificates: Mapping[str, Certificate] = field(default_factory=dict)
     """Controller -> stability certificates of its run, of those that have some."""
     fuzzy: Mapping[str, Prepared] = field(default_factory=dict)
@@ -88,9 +94,22 @@ class RunView:
     fired: Mapping[str, FiredRules] = field(default_factory=dict)
     """Controller -> rules that fired in its run, of laws with a fuzzy system."""
 
+    def __post_init__(self) -> None:
+        n, runs = len(self.joint_names), self.trajectories
+        if not runs or n == 0 or np.shape(self.tau_max) != (n,) or any(x.q.shape[1] != n for x in runs.values()):
+            raise ResultError(f"figures need at least one run, and {n} joints in every run and in the torque limits")
+        bad_band = any(name not in runs or np.shape(phi) != (n,) for name, phi in self.bands.items())
+        if bad_band or len(self.slides) not in (0, n):
+            raise ResultError(f"figures need one slide flag per joint, and {n} half-widths per band of a controller")
+
+    @cached_property
+    def runs(self) -> tuple[Run, ...]:
+        """Each run with its look, in the order of the legend."""
+        return looks(self.trajectories, self.tau_max, self.control_period)
+
     def by_kind(self, hinge: str, slide: str) -> list[str]:
         """Return one of two texts per joint: `hinge` for a joint that turns, `slide` for one that slides."""
-        return [slide if slides else hinge for slides in self.slides]
+        return [slide if slides else hinge for slides in self.slides or [False] * len(self.joint_names)]
 
     @property
     def longest(self) -> Trajectory:
@@ -122,68 +141,6 @@ class RunView:
         """Return the legend entry of the time before the metrics' window, if there is such a time."""
         label = f"before the metrics' window (t < {self.metrics_from:g} s)"
         return [Patch(label=label, **SHADE | {"color": "0.9"})] if self.metrics_from > 0.0 else []
-
-
-def run_view(
-    runs: Mapping[str, Trajectory],
-    *,
-    title: str,
-    subtitle: str,
-    joint_names: Sequence[str],
-    tau_max: npt.ArrayLike,
-    metrics_from: float,
-    control_period: float,
-    metrics: Mapping[str, Metrics] | None = None,
-    bands: Mapping[str, npt.ArrayLike] | None = None,
-    slides: Sequence[bool] | None = None,
-    certificates: Mapping[str, Certificate] | None = None,
-    fuzzy: Mapping[str, Prepared] | None = None,
-    fired: Mapping[str, FiredRules] | None = None,
-) -> RunView:
-    """Collect what the figures of one experiment are drawn from.
-
-    Args:
-        runs: Controller name -> its run, in the order of the legend, which sets colour and dash. A failed run is
-            drawn up to its end, which is marked with a cross, and does not set the range of an axis.
-        title: Heading of every page.
-        subtitle: What was run: reference, chain, definition of the noise. Line breaks are kept.
-        joint_names: One name per panel, n of them.
-        tau_max: Torque limits, (n,) [N m]; force limits [N] of slides.
-        metrics_from: Start of the metrics' window [s].
-        control_period: Time between control instants [s].
-        metrics: Controller name -> metrics of its run; headlines are quoted in the legends.
-        bands: Controller name -> half-widths phi of its band |s| <= phi, (n,) [rad/s] ([m/s] of slides), of
-            those that have one; drawn in the sliding figure.
-        slides: Whether each joint slides instead of turning, (n,); no joint does by default.
-        certificates: Controller name -> stability certificates of its run.
-        fuzzy: Fuzzy systems in use, by name.
-        fired: Controller name -> rules of its fuzzy system that fired in its run.
-
-    Raises:
-        ResultError: there is no run, or the runs, bands or slides do not all have n joints.
-    """
-    n, limits = len(joint_names), np.asarray(tau_max, dtype=np.float64)
-    if not runs or n == 0 or limits.shape != (n,) or any(data.q.shape[1] != n for data in runs.values()):
-        raise ResultError(f"figures need at least one run, and {n} joints in every run and in the torque limits")
-    widths = {name: np.asarray(phi, dtype=np.float64) for name, phi in (bands or {}).items()}
-    kinds = (False,) * n if slides is None else tuple(bool(slide) for slide in slides)
-    if len(kinds) != n or any(name not in runs or phi.shape != (n,) for name, phi in widths.items()):
-        raise ResultError(f"figures need one slide flag per joint, and {n} half-widths per band of a controller")
-    return RunView(
-        looks(runs, limits, control_period),
-        title,
-        subtitle,
-        joint_names,
-        limits,
-        metrics_from,
-        control_period,
-        metrics or {},
-        widths,
-        kinds,
-        certificates or {},
-        fuzzy or {},
-        fired or {},
-    )
 
 
 def draw_figures(x: RunView) -> dict[str, Figure]:

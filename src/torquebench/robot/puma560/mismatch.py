@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from torquebench.errors import ModelError, did_you_mean
+from torquebench.errors import Fault, ModelError, did_you_mean
 from torquebench.kernel import Array, IntArray, kernel
+from torquebench.keys import Key, Units
 from torquebench.robot.flat_model import CLOSED_FORM, EXACT, own_copy
 from torquebench.robot.perturbation import draw_factors, perturbed
 from torquebench.robot.puma560.closed_form import fill_mass_pattern
@@ -23,6 +26,7 @@ from torquebench.robot.puma560.constants import fitted_constants
 from torquebench.robot.puma560.puma import puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS, Angles, angles
 from torquebench.robot.robot_model import RobotModel
+from torquebench.timing import Timing
 
 LEAST_EIGENVALUE = 0.05
 """A draw is accepted when the mass matrix stays above this [kg m^2] at every test pose."""
@@ -175,3 +179,74 @@ def _all_above(constants: Array, literal: IntArray, sines: Array, least: float, 
 
 def _with_constants(model: RobotModel, constants: Array) -> RobotModel:
     return RobotModel(model.name, model.joint_names, own_copy(model.flat, constants=constants))
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """Errors put on purpose into the model that the laws use: one of these keys."""
+
+    one_of: ClassVar[bool] = True
+    relative: Annotated[
+        float | None,
+        Key(
+            "Every constant is multiplied by 1 + r or 1 - r, as drawn; with structure exact the links are scaled as by "
+            "plant.perturb; r is a fraction, 0.3 for 30 %",
+            "1",
+            at_least=0,
+            below=1,
+        ),
+    ] = None
+    tolerance: Annotated[
+        float | None,
+        Key(
+            "Constants are drawn within this many times the tolerances of the paper's tables, such that a rigid body "
+            "has them; puma560 only",
+            "1",
+            above=0,
+        ),
+    ] = None
+    constants: Annotated[
+        dict[Literal[CONSTANTS], float] | None,  # type: ignore[valid-type]  # a computed tuple
+        Key(
+            "Name of a constant, I1 to I23, Im1 to Im6 or g1 to g5, -> its factor; puma560 only and not with structure "
+            "exact",
+            "1",
+            wanted="a mapping of constants to factors, such as {g1: 1.3}",
+        ),
+    ] = None
+
+    def check(self, timing: Timing) -> Iterator[Fault]:
+        """Yield a fault unless just one of the keys is given."""
+        ways = ("relative", "tolerance", "constants")
+        given = [way for way in ways if getattr(self, way) is not None]
+        if not given:
+            yield Fault((), f"missing: one of {', '.join(ways)}", at="key")
+        for way in given[1:]:
+            yield Fault((way,), f"{given[0]} is given already", wanted="one of the two", at="key")
+        if self.constants == {}:
+            yield Fault(("constants",), "no constant is given", wanted="at least one, such as g1: 1.3")
+
+    @property
+    def is_random(self) -> bool:
+        """Whether it is drawn."""
+        return self.constants is None
+
+    def apply(self, model: RobotModel, rng: np.random.Generator) -> tuple[RobotModel, int]:
+        """Return a model with these errors, and the number of rejected draws.
+
+        Raises:
+            ModelError: no draw was accepted, or the model has no such constants.
+        """
+        if self.constants is not None:
+            return with_factors(model, self.constants), 0
+        if self.relative is not None:
+            return mismatched(model, self.relative, rng)
+        return within_tolerances(model, self.tolerance or 0.0, rng)
+
+    def describe(self, units: Units) -> str:
+        """Return what it is in one line."""
+        if self.relative is not None:
+            return f"mismatch +-{100 * self.relative:g} %"
+        if self.tolerance is not None:
+            return f"constants drawn within {self.tolerance:g} tolerances"
+        return "mismatch " + " ".join(f"{name} x {factor:g}" for name, factor in (self.constants or {}).items())

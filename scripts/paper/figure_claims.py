@@ -1,9 +1,9 @@
-"""The claims that the paper reads off Figs 9 to 11, each a pure function of the records."""
+"""The claims that the paper reads off Figs 9 to 11, each a pure function of the runs."""
 
 from __future__ import annotations
 
-from torquebench.paper.records import Records
-from torquebench.paper.verdicts import (
+from paper.runs_table import Runs
+from paper.verdicts import (
     ATTENUATED,
     NO_CHANGE,
     Claim,
@@ -14,7 +14,7 @@ from torquebench.paper.verdicts import (
     text,
     typical,
 )
-from torquebench.paper.workload import (
+from paper.workload import (
     BIAS,
     CHAINS,
     EQUAL,
@@ -50,7 +50,7 @@ UNCERTAIN_STEP = (
 """Model error and the paper's noise, as overrides of a config without."""
 
 
-def removes_chattering(x: Records) -> Claim:
+def removes_chattering(x: Runs) -> Claim:
     """Fig 9: the linear band removes chattering."""
     places = [(ref, "ideal", NOMINAL) for ref in ("sine", "step", "ramp")]
     places += [("sine", "ideal", condition) for condition in (NOISE, UNCERTAIN)]
@@ -75,7 +75,7 @@ def removes_chattering(x: Records) -> Claim:
     )
 
 
-def removes_chattering_as_printed(x: Records) -> Claim:
+def removes_chattering_as_printed(x: Runs) -> Claim:
     """Equation (149) keeps sgn(S)."""
     cases = [
         below(
@@ -96,7 +96,7 @@ def removes_chattering_as_printed(x: Records) -> Claim:
     )
 
 
-def negligible_error(x: Records) -> Claim:
+def negligible_error(x: Runs) -> Claim:
     """Fig 9: with negligible tracking error."""
     cases = [
         below(
@@ -124,7 +124,7 @@ def negligible_error(x: Records) -> Claim:
     )
 
 
-def conventional_is_faster(x: Records) -> Claim:
+def conventional_is_faster(x: Runs) -> Claim:
     """Fig 10: conventional sliding mode is faster than the proposed law."""
     strong = {
         "set L against all torque switching": ("proposed-l", STRONG),
@@ -158,7 +158,7 @@ def conventional_is_faster(x: Records) -> Claim:
     )
 
 
-def rejects_noise(x: Records) -> Claim:
+def rejects_noise(x: Runs) -> Claim:
     """Fig 11: the proposed law rejects the noise better."""
     cases = [
         below(name, ("sine", chain, condition), x.ratio("rmse", proposed, conventional, "sine", chain, condition))

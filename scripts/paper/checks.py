@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,7 @@ from scipy import signal
 from torquebench.disturbances import Stream, band_limited_noise, generator
 from torquebench.experiment import load_experiment
 from torquebench.experiment.run import run_experiment
-from torquebench.paper.workload import chosen
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
 
 PERIODS = (0.00025, 0.0005, 0.001, 0.002, 0.005)
 """Control periods between which HF is compared [s]."""
@@ -35,7 +35,8 @@ def chattering_by_period() -> list[Chattering]:
         experiment = load_experiment(
             data_root() / "configs" / "paper" / "fig9-chattering.yaml", [step, f"run.control_period={period:g}"]
         )
-        metrics = run_experiment(chosen(experiment, ("conventional",))).metrics["conventional"]
+        laws = tuple(keys for keys in experiment.controllers if keys.name == "conventional")
+        metrics = run_experiment(replace(experiment, controllers=laws)).metrics["conventional"]
         hf, variation = metrics.hf.value, metrics.total_variation.value
         found.append(Chattering(period, float("nan") if hf is None else hf, float(variation or 0.0)))
     return found

@@ -13,7 +13,7 @@ from torquebench.kernel import Array
 from torquebench.metrics import Metrics
 from torquebench.report.figures import style
 from torquebench.report.figures.layout import new_page, printable
-from torquebench.report.figures.run_view import REFERENCE, draw, run_view
+from torquebench.report.figures.run_view import REFERENCE, RunView, draw
 from torquebench.report.figures.signals import rmse_note
 from torquebench.report.figures.torque import draw_zoom, zoom_window
 from torquebench.sim.trajectory import Trajectory
@@ -45,7 +45,7 @@ def comparison_page(
         ResultError: there is no run, or the runs are too short to enlarge.
     """
     n = len(joint_names)
-    x = run_view(
+    x = RunView(
         runs,
         title=title,
         subtitle=subtitle,

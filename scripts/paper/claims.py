@@ -1,14 +1,14 @@
-"""The table of claims: every one judged from the records, in the order of the paper."""
+"""The table of claims: every one judged from the table of runs, in the order of the paper."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from torquebench.paper import figure_claims, theory_claims
-from torquebench.paper.records import Records
-from torquebench.paper.verdicts import Claim
+from paper import figure_claims, theory_claims
+from paper.runs_table import Runs
+from paper.verdicts import Claim
 
-CLAIMS: tuple[Callable[[Records], Claim], ...] = (
+CLAIMS: tuple[Callable[[Runs], Claim], ...] = (
     figure_claims.removes_chattering,
     figure_claims.removes_chattering_as_printed,
     figure_claims.negligible_error,
@@ -23,6 +23,6 @@ CLAIMS: tuple[Callable[[Records], Claim], ...] = (
 """How each claim is judged."""
 
 
-def claims(records: Records) -> list[Claim]:
-    """Judge every claim; nothing but the records decides."""
-    return [judge(records) for judge in CLAIMS]
+def claims(runs: Runs) -> list[Claim]:
+    """Judge every claim; nothing but the runs decides."""
+    return [judge(runs) for judge in CLAIMS]

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from torquebench.paper.records import Records, ratio_of
-from torquebench.paper.workload import CHAINS, UNCERTAIN
+from paper.runs_table import Runs, ratio_of
+from paper.workload import CHAINS, UNCERTAIN
 from torquebench.plain import plain
 from torquebench.statistics import Ratio, mean_interval
 
@@ -193,7 +193,7 @@ def average(values: Sequence[float | None]) -> Ratio:
     return Ratio(mean, mean - half, mean + half, len(known), (len(values) - len(known), 0), len(values) - len(known))
 
 
-def ablated(x: Records, form: str, chain: str) -> Ratio:
+def ablated(x: Runs, form: str, chain: str) -> Ratio:
     """Return the RMSE of an ablation, such as ``l-no-fuzzy``, over that of the law it is taken from."""
     return x.ratio("rmse", form, f"proposed-{form[0]}", "sine", chain, UNCERTAIN)
 

@@ -1,13 +1,13 @@
-"""The claims that the paper argues for: estimation, insensitivity, stability; each a pure function of the records."""
+"""The claims that the paper argues for, each a pure function of the runs: estimation, insensitivity, stability."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from torquebench.paper.figure_claims import UNCERTAIN_STEP, WRONG_MODEL
-from torquebench.paper.records import Records, ratio_of
-from torquebench.paper.verdicts import NO_CHANGE, Case, Claim, ablated, above, as_well, average, below, judged, text
-from torquebench.paper.workload import CHAINS, FEW_DRAWS, FRICTION, MISMATCH, NOMINAL, PAYLOAD, UNCERTAIN
+from paper.figure_claims import UNCERTAIN_STEP, WRONG_MODEL
+from paper.runs_table import Runs, known, ratio_of
+from paper.verdicts import NO_CHANGE, Case, Claim, ablated, above, as_well, average, below, judged, text
+from paper.workload import CHAINS, FEW_DRAWS, FRICTION, MISMATCH, NOMINAL, PAYLOAD, UNCERTAIN
 from torquebench.statistics import Ratio
 
 AN_ESTIMATE = 0.5
@@ -16,7 +16,7 @@ BORNE_OUT = 0.0
 """Least eta over K outside the layer above which (124) is borne out [1]."""
 
 
-def fuzzy_estimates_dynamics(x: Records) -> Claim:
+def fuzzy_estimates_dynamics(x: Runs) -> Claim:
     """The fuzzy part estimates the equivalent dynamics."""
     cases = [
         above(
@@ -42,7 +42,7 @@ def fuzzy_estimates_dynamics(x: Records) -> Claim:
     )
 
 
-def insensitive_to_model(x: Records) -> Claim:
+def insensitive_to_model(x: Runs) -> Claim:
     """The proposed law reduces the sensitivity to the dynamic formulation."""
 
     def growth(name: str, condition: str) -> Ratio:
@@ -73,7 +73,7 @@ def insensitive_to_model(x: Records) -> Claim:
     )
 
 
-def conventional_is_stable(x: Records) -> Claim:
+def conventional_is_stable(x: Runs) -> Claim:
     """Conventional sliding mode is stable: dV/dt <= -sum eta |S|."""
     cases, idle = _etas(x, {"conventional": "conventional"})
     drawn = x.values("eta", "conventional", "sine", "ideal", UNCERTAIN)[:FEW_DRAWS]
@@ -89,7 +89,7 @@ def conventional_is_stable(x: Records) -> Claim:
     )
 
 
-def proposed_is_stable(x: Records) -> Claim:
+def proposed_is_stable(x: Runs) -> Claim:
     """The proposed law is stable: dV/dt <= -sum zeta |S|."""
     cases, idle = _etas(
         x,
@@ -116,7 +116,7 @@ def proposed_is_stable(x: Records) -> Claim:
 ETA = "least eta_i / K_i of (124), as it came out, of a joint outside its layer; true above 0"
 
 
-def _etas(x: Records, names: Mapping[str, str]) -> tuple[list[Case], str]:
+def _etas(x: Runs, names: Mapping[str, str]) -> tuple[list[Case], str]:
     """Return a case for each place in which a joint left its layer, and how many there were without, in words."""
     places = [(ref, "ideal", UNCERTAIN) for ref in ("step", "sine")]
     places += [(ref, chain, NOMINAL) for ref in ("step", "sine") for chain in CHAINS]
@@ -124,23 +124,22 @@ def _etas(x: Records, names: Mapping[str, str]) -> tuple[list[Case], str]:
     idle = 0
     for place in places:
         for who, name in names.items():
-            runs = x.draws(name, *place)[:FEW_DRAWS]
-            if any(record.values.get("outside") == 0.0 for record in runs):
-                runs = [record for record in runs if record.values.get("outside") != 0.0]
-            if runs:
-                cases.append(above(who, place, average([record.values.get("eta") for record in runs]), BORNE_OUT))
+            runs = x.of(name, *place)[:FEW_DRAWS]
+            runs = runs[runs["outside"] != 0.0]
+            if len(runs):
+                cases.append(above(who, place, average(known(runs["eta"])), BORNE_OUT))
             else:
                 idle += 1
     places_tried = len(places) * len(names)
     return cases, f"; in {idle} of {places_tried} conditions no joint leaves its layer: no case" if idle else ""
 
 
-def _failed(x: Records) -> str:
-    failed = sum(record.outcome != "COMPLETED" for record in x.all)
-    return f"{failed} of the study's {len(x.all)} runs failed" if failed else "no run of the study failed"
+def _failed(x: Runs) -> str:
+    failed = int((x.table["outcome"] != "COMPLETED").sum())
+    return f"{failed} of the study's {len(x.table)} runs failed" if failed else "no run of the study failed"
 
 
-def workable_as_printed(x: Records) -> Claim:
+def workable_as_printed(x: Runs) -> Claim:
     """Equation (98) with the measured acceleration."""
     cases = [
         below(

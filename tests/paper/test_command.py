@@ -1,4 +1,4 @@
-"""``torquebench paper --quick`` and ``torquebench boundary-layer --quick``, run once and looked at from all sides."""
+"""``torquebench paper --quick``, run once and looked at from all sides."""
 
 from __future__ import annotations
 
@@ -9,13 +9,25 @@ import re
 from html.parser import HTMLParser
 
 import pytest
+from paper.claims import claims
+from paper.runs_table import Runs
 
 from torquebench.cli.app import main
 from torquebench.cli.paper import claims_table
 from torquebench.experiment.store import check_run
-from torquebench.paper.claims import claims
-from torquebench.paper.records import Records
-from torquebench.robot.library import data_root
+from torquebench.shipped import data_root
+
+
+@pytest.fixture
+def command(capsys):
+    """Run the command line: (exit status, standard output, standard error)."""
+
+    def run(*arguments):
+        status = main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +53,7 @@ def test_what_it_prints_agrees_with_the_files(study):
     assert told["claims"] == stored
     assert told["plants_apart"] == read(out, "checks.json")["agreement"]
     assert told["directory"] == str(out)
-    table = claims_table(claims(Records.from_json(read(out, "runs.json"))))
+    table = claims_table(claims(Runs.read(out / "runs.csv")))
     assert all(claim["claim"] in table and claim["verdict"] in table for claim in stored)
 
 
@@ -52,15 +64,15 @@ def read(folder, name):
 
 def test_the_folder_is_complete(folder):
     """Claims, runs, checks, the page and Figs 9 to 11, with the manifest's checksums."""
-    wanted = {"claims.json", "claims.md", "runs.json", "checks.json", "report.html"}
+    wanted = {"claims.json", "claims.md", "runs.csv", "checks.json", "report.html"}
     wanted |= {f"figures/fig{k}.{fmt}" for k in (9, 10, 11) for fmt in ("svg", "png")}
     assert set(check_run(folder)["files"]) == wanted
 
 
 def test_the_claims_follow_from_the_stored_runs(folder):
-    """Judged again from ``runs.json`` they are the same; every field is there, and every config exists."""
+    """Judged again from ``runs.csv`` they are the same; every field is there, and every config exists."""
     stored = read(folder, "claims.json")
-    again = [claim.to_json() for claim in claims(Records.from_json(read(folder, "runs.json")))]
+    again = [claim.to_json() for claim in claims(Runs.read(folder / "runs.csv"))]
     assert stored == json.loads(json.dumps(again))
     for claim in stored:
         assert {"claim", "where", "verdict", "figure", "interval", "condition", "ablation", "config"} <= claim.keys()
@@ -142,23 +154,17 @@ def test_the_page_stands_alone(folder):
 
 def test_bad_arguments_write_nothing(tmp_path, command):
     """No threads: exit 2 and no folder."""
-    for name in ("paper", "boundary-layer"):
-        status, _, err = command(name, "--workers", "0", "--out", tmp_path / "out")
-        assert status == 2
-        assert "--workers: got 0, wanted" in err
-        assert not (tmp_path / "out").exists()
+    status, _, err = command("paper", "--workers", "0", "--out", tmp_path / "out")
+    assert status == 2
+    assert "--workers: got 0, wanted" in err
+    assert not (tmp_path / "out").exists()
 
 
-def test_the_boundary_layer_trades_error_for_chattering(tmp_path, command):
-    """Along the front less chattering costs error; a wider band chatters less at equal gains."""
-    status, out, err = command("boundary-layer", "--quick", "--out", tmp_path / "out")
-    assert (status, err) == (0, "")
-    points = read(tmp_path / "out", "points.json")
-    assert len(points) == 48
-    best = sorted((p["hf"]["ratio"], p["rmse"]["ratio"]) for p in points if p["front"])
-    assert len(best) >= 5
-    assert [e for _, e in best] == sorted((e for _, e in best), reverse=True)
-    same = sorted((p["phi"], p["hf"]["ratio"]) for p in points if (p["k"], p["lam"]) == (0.3, 20.0))
-    assert [hf for _, hf in same] == sorted((hf for _, hf in same), reverse=True)
-    assert "beats in both error and chattering" in out
-    check_run(tmp_path / "out")
+def test_without_a_checkout_it_says_where_the_study_is(tmp_path, command, monkeypatch):
+    """As in a wheel, which has configs and models only: exit 2, one line, nothing written."""
+    monkeypatch.setenv("TORQUEBENCH_DATA", str(tmp_path))
+    status, _, err = command("paper", "--quick", "--out", tmp_path / "out")
+    assert status == 2
+    assert len(err.splitlines()) == 1
+    assert f"no folder {tmp_path / 'scripts' / 'paper'}: the study comes with the repository" in err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,135 @@
+"""What a config says of a plant: the keys that all have, those of each engine, and how each is made.
+
+A kind of plant is a frozen dataclass below `PlantKeys` with a method ``build(factors)`` that returns a `Plant`; it
+imports what it needs when it is called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, TypeAlias
+
+from torquebench.disturbances import Stream, generator
+from torquebench.errors import Fault
+from torquebench.kernel import Array
+from torquebench.keys import Key, Kinds, Units
+from torquebench.robot import RobotModel, load_model
+from torquebench.robot.payload import Payload
+from torquebench.robot.perturbation import Perturbation, perturbed
+from torquebench.sim.friction import Friction
+from torquebench.sim.plants import Plant
+from torquebench.timing import Timing
+
+StructureName: TypeAlias = Literal["exact", "corrected", "printed"]
+ConstantsName: TypeAlias = Literal["fitted", "printed"]
+PLANTS = Kinds("plant", "engine")
+plant = PLANTS
+"""Decorator of a class: ``@plant("my-simulator")``."""
+
+
+@dataclass(frozen=True)
+class PlantKeys:
+    """Keys that every plant has."""
+
+    engine: ClassVar[str]
+    model: Annotated[str, Key("Arm: the name of a folder in models/")]
+    timestep: Annotated[float, Key("Physics step", "s", above=0)] = 0.001
+    integrator: Annotated[
+        Literal["rk4", "euler"],
+        Key("Integration scheme: rk4 is 4th-order Runge-Kutta; euler is semi-implicit, 1st-order"),
+    ] = "rk4"
+    payload: Annotated[Payload | None, Key("Load that the last link takes up")] = None
+    friction: Annotated[Friction | None, Key("Friction of the joints")] = None
+    perturb: Annotated[
+        Perturbation | None, Key("Drawn changes of the arm itself; not with structure corrected or printed")
+    ] = None
+
+    @property
+    def form(self) -> tuple[StructureName, ConstantsName]:
+        """Structure and constants of the equations by which the arm moves."""
+        return "exact", "fitted"
+
+    @property
+    def load(self) -> Payload | None:
+        """What it takes up; a mass of zero is none."""
+        return None if self.payload is None or self.payload.mass == 0.0 else self.payload
+
+    def check(self, timing: Timing) -> Iterator[Fault]:
+        """Yield what the plant's structure cannot have."""
+        closed = self.form[0] != "exact"
+        if closed and self.payload is not None and any(self.payload.offset):
+            text = "structures corrected and printed hold a payload at the wrist centre only"
+            yield Fault(("payload", "offset"), text, wanted="[0, 0, 0]")
+        if closed and self.perturb is not None:
+            text = "needs structure exact: it changes links, and corrected and printed have constants"
+            yield Fault(("perturb",), text, at="key")
+
+    def factors(self, n: int, seed: int, draw: int) -> Array | None:
+        """Draw what the links are multiplied by, (n, 8); None for the links as they are.
+
+        Args:
+            n: Number of joints.
+            seed, draw: Key of the random stream; see `generator`.
+        """
+        return None if self.perturb is None else self.perturb.draw(n, generator(seed, draw, Stream.PERTURBATION))
+
+    def twin(self, factors: Array | None) -> RobotModel:
+        """Return the analytic model of the arm as it is, without its load."""
+        model = load_model(self.model, *self.form)
+        return model if factors is None else perturbed(model, factors)
+
+    def build(self, factors: Array | None) -> Plant:
+        """Make the plant.
+
+        Args:
+            factors: What its links are multiplied by; see `factors`.
+
+        Raises:
+            SteepError: its friction is too steep for its time step.
+            ModelError: the arm cannot carry the payload.
+        """
+        raise NotImplementedError
+
+    def describe(self, units: Units) -> str:
+        """Return what it is in one line."""
+        form = "".join(f":{part}" for part in self.form) if "structure" in self.__dict__ else ""
+        parts = [f"{self.engine}:{self.model}{form} ({self.integrator}, {1e3 * self.timestep:g} ms)"]
+        burdens = (self.perturb, self.payload, self.friction)
+        return ", ".join([*parts, *(burden.describe(units) for burden in burdens if burden is not None)])
+
+
+@plant("mujoco")
+@dataclass(frozen=True)
+class Mujoco(PlantKeys):
+    """The arm as MuJoCo simulates it."""
+
+    def build(self, factors: Array | None) -> Plant:
+        """Make the plant; MuJoCo is imported only here."""
+        from torquebench.sim.plants.mujoco import MujocoPlant
+
+        return MujocoPlant(
+            self.model, self.timestep, self.integrator, payload=self.load, friction=self.friction, factors=factors
+        )
+
+
+@plant("analytic")
+@dataclass(frozen=True)
+class Analytic(PlantKeys):
+    """The arm simulated from equations of motion, without MuJoCo."""
+
+    structure: Annotated[StructureName, Key("Equations of motion of the plant: as in model.structure")] = "exact"
+    constants: Annotated[ConstantsName, Key("Numbers in the plant's equations: as in model.constants")] = "fitted"
+
+    @property
+    def form(self) -> tuple[StructureName, ConstantsName]:
+        """Structure and constants of the equations by which the arm moves."""
+        return self.structure, self.constants
+
+    def build(self, factors: Array | None) -> Plant:
+        """Make the plant."""
+        from torquebench.sim.plants.analytic import AnalyticPlant
+
+        return AnalyticPlant(
+            self.twin(factors), self.timestep, self.integrator, payload=self.load, friction=self.friction
+        )
