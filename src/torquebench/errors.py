@@ -170,7 +170,13 @@ def did_you_mean(name: object, valid: Iterable[str]) -> str:
 
 
 def did_you_mean_path(path: Path, ending: str = "") -> str:
-    """Return `` (did you mean 'x'?)`` for what is there and nearest to a path that is not; nothing where none is near.
+    """Return `` (did you mean 'x'?)`` for the existing path nearest to a missing one; arguments as `nearest_path`."""
+    near = nearest_path(path, ending)
+    return f" (did you mean '{near}'?)" if near else ""
+
+
+def nearest_path(path: Path, ending: str = "") -> str:
+    """Return the path that exists nearest to one that does not; empty where none is near.
 
     Args:
         path: What the user wrote.
@@ -190,7 +196,7 @@ def did_you_mean_path(path: Path, ending: str = "") -> str:
             found /= part
     except (OSError, ValueError):
         return ""
-    return f" (did you mean '{found}'?)" if found != path and str(found).isprintable() else ""
+    return str(found) if found != path and str(found).isprintable() else ""
 
 
 def _is_like(path: Path, ending: str) -> bool:

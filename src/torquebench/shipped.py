@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from torquebench.errors import ConfigError, Problem, did_you_mean_path, nearest
+from torquebench.errors import ConfigError, Problem, nearest, nearest_path
 
 YAML = r"\.ya?ml"
 """What a config's name ends in, a regular expression."""
@@ -65,13 +65,11 @@ def find_config(text: str, others: Iterable[str] = ()) -> Path:
     inside = root / (text.removeprefix("configs/") if text.startswith("configs/") else f"{text}.yaml")
     if inside in known.values():
         return inside
+    begun = [name for name in known if text and name.startswith(text)]
+    near = "" if begun else nearest_path(path, YAML) or nearest(text, [*others, *known]) or ""
+    wanted = f"one of: {', '.join(begun)}" if begun else ""
     shown = text if text.isprintable() else ascii(text)
-    near = did_you_mean_path(path, YAML)
-    if begun := [name for name in known if text and name.startswith(text)]:
-        near = f" (one of: {', '.join(begun)})"
-    elif not near and (name := nearest(text, [*others, *known])):
-        near = f" (did you mean '{name}'?)"
-    raise ConfigError([Problem(shown, "", f"does not exist{near}")])
+    raise ConfigError([Problem(shown, text="does not exist", wanted=wanted, nearest=near)])
 
 
 def first_line(config: Path) -> str:

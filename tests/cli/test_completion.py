@@ -15,7 +15,7 @@ import torquebench
 from tests.command_line import COMMANDS, flags
 from torquebench.cli.app import app, main
 from torquebench.cli.compare import SideName
-from torquebench.cli.discover import Thing
+from torquebench.cli.discover import LawOrConfig
 from torquebench.cli.fuzzy import SYSTEMS
 from torquebench.comparison import parse_side
 from torquebench.fuzzy import BUILTIN
@@ -143,6 +143,6 @@ def test_the_words_are_those_that_are_accepted():
     for engine in ("mujoco:", "analytic:"):
         for item in SideName(".xml").shell_complete(None, None, engine):
             parse_side(item.value, "A")
-    names = {item.value for item in Thing().shell_complete(None, None, "")}
+    names = {item.value for item in LawOrConfig().shell_complete(None, None, "")}
     assert names == {*law_names(), *configs()}
     assert {"run.duration", "plant.payload", "chain.delay", "sweep.draws"} <= set(config_keys())

@@ -156,26 +156,31 @@ def test_completion(document, command):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "option"),
+    ("arguments", "option", "wanted"),
     [
-        (["run"], None),
-        (["run", "a.yaml", "--colour"], None),
-        (["video", "r", "--size", "huge"], "--size"),
-        (["fly"], "COMMAND"),
-        (["compare", "mujoco:puma", "analytic:puma560"], "A"),
-        (["paper", "--workers", "0"], "--workers"),
+        (["run"], "CONFIG", "an experiment's file, or --from-sweep"),
+        (["run", "a.yaml", "--colour"], "--colour", None),
+        (["run", "--duration", "2"], "--duration", "--set run.duration=2"),
+        (["run", "two-lnk"], None, "two-link"),
+        (["video", "r", "--size", "huge"], "--size", "WIDTHxHEIGHT, for example 640x480"),
+        (["fly"], "COMMAND", "fuzzy"),
+        (["compare", "mujoco:puma", "analytic:puma560"], "A", None),
+        (["paper", "--workers", "0"], "--workers", "1 to 4096"),
+        (["completion", "bsh"], "SHELL", "bash"),
     ],
 )
-def test_bad_arguments(tmp_path, monkeypatch, command, arguments, option):
-    """Exit 2, one line for each problem on standard error, and the problems in the document."""
+def test_bad_arguments(tmp_path, monkeypatch, command, arguments, option, wanted):
+    """Exit 2, one line for each problem on standard error, and the problems in the document, with what was wanted."""
     monkeypatch.chdir(tmp_path)
     status, out, err = command(*arguments, "--json", "--quiet")
     data = json.loads(out)
     assert status == data["status"] == 2
     assert len(err.splitlines()) == len(data["problems"]) == 1
-    assert data["problems"][0]["message"] in err
-    if option is not None:
-        assert data["problems"][0]["option"] == option
+    (problem,) = data["problems"]
+    assert problem["message"] in err
+    assert problem["option"] == option
+    if wanted is not None:
+        assert problem["wanted"] == wanted
     assert list(tmp_path.iterdir()) == []
 
 

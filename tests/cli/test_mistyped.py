@@ -42,8 +42,8 @@ def test_every_mistyped_option_is_named(command):
 
 def test_what_is_near_nothing_gets_the_list(command):
     """Dashes alone are no likeness."""
-    assert "(one of: --version, --help)" in command("--set")[2]
-    assert "(one of: run, sweep, " in command("xyz")[2]
+    assert "wanted one of: --version, --help" in command("--set")[2]
+    assert "wanted one of: run, sweep, " in command("xyz")[2]
 
 
 @pytest.mark.parametrize(

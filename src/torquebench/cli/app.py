@@ -22,9 +22,9 @@ import click
 from click.shell_completion import shell_complete
 
 import torquebench
-from torquebench.cli.parameters import Option, mistakes
+from torquebench.cli.parameters import Option, mistakes, refuse, suggest
 from torquebench.cli.terminal import Voice, complain, emit, speaking, voice
-from torquebench.errors import ConfigError, Problem, TorquebenchError, did_you_mean, nearest
+from torquebench.errors import ConfigError, Problem, TorquebenchError, nearest
 from torquebench.plain import plain
 from torquebench.shipped import config_keys
 
@@ -90,7 +90,7 @@ class Command(click.Command):
             rest = super().parse_args(ctx, args)
         except click.UsageError as error:
             place = getattr(error, "option_name", None) or ctx.command_path
-            raise ConfigError([*mistakes(ctx), Problem(place, "", error.message)]) from error
+            raise ConfigError([*mistakes(ctx), Problem(place, text=error.message)]) from error
         found = mistakes(ctx) or [
             Problem(ctx.command_path, "", f"got '{word}' as well, one argument too many") for word in rest
         ]
@@ -149,13 +149,12 @@ def refuse_unknown_options(command: click.Command, context: click.Context, words
             name = error.option_name
             at = next((i for i, word in enumerate(rest) if _is_option(word, name)), None)
             if at is None:
-                problems.setdefault(name, Problem(name, "", error.message))
+                problems.setdefault(name, Problem(name, text=error.message))
                 break
             word = rest.pop(at)
             value = word.partition("=")[2] or (rest[at] if at < len(rest) and not rest[at].startswith("-") else "")
             near = _setting(command, context, name, value) or _near(command, context, name)
-            text = f"{context.command_path} has no such option{near}"
-            problems.setdefault(name, Problem(name, "", text))
+            problems.setdefault(name, Problem(name, text=f"{context.command_path} has no such option", **near))
         except click.UsageError:
             break
     if problems:
@@ -172,24 +171,24 @@ def _flags(command: click.Command, context: click.Context) -> list[str]:
     return [flag for param in command.get_params(context) for flag in param.opts if isinstance(param, click.Option)]
 
 
-def _near(command: click.Command, context: click.Context, name: str) -> str:
+def _near(command: click.Command, context: click.Context, name: str) -> dict[str, Any]:
     """Return which option is meant, by its letters alone: all begin with the same dashes."""
     known = [flag for flag in _flags(command, context) if flag.startswith("--")]
     near = nearest(name.lstrip("-"), [flag.lstrip("-") for flag in known])
-    return did_you_mean("" if near is None else f"--{near}", known)
+    return {"nearest": f"--{near}"} if near else {"wanted": f"one of: {', '.join(known)}"}
 
 
-def _setting(command: click.Command, context: click.Context, name: str, value: str) -> str:
+def _setting(command: click.Command, context: click.Context, name: str, value: str) -> dict[str, Any]:
     """Return the key of ``--set`` that an unknown option is called like, with its value; empty where there is none."""
     if "--set" not in _flags(command, context):
-        return ""
+        return {}
     wanted = name.lstrip("-").replace("-", "_")
     with contextlib.suppress(OSError, ValueError):
         keys = [key for key in config_keys() if key.rpartition(".")[2] == wanted]
         first = next((key for key in keys if key.startswith("run.")), keys[0] if keys else None)
         if first is not None:
-            return f" (did you mean '--set {first}={value}'?)"
-    return ""
+            return {"nearest": f"--set {first}={value}"}
+    return {}
 
 
 class Commands(click.Group):
@@ -229,9 +228,7 @@ class Commands(click.Group):
         """
         found = self.get_command(ctx, args[0])
         if found is None and not ctx.resilient_parsing:
-            raise ConfigError(
-                [Problem("COMMAND", "", f"got '{args[0]}'{did_you_mean(args[0], self.list_commands(ctx))}")]
-            )
+            refuse([Problem("COMMAND", got=f"'{args[0]}'", **suggest(args[0], self.list_commands(ctx)))])
         return (args[0] if found else None), found, args[1:]
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

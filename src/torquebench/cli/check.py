@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import File, argument, option
+from torquebench.cli.parameters import File, argument, option, refuse, suggest
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
-from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
     from torquebench.check import Report
@@ -32,7 +32,7 @@ def check(file: Path, law: str | None) -> int:
     if not names:
         raise ConfigError([Problem("FILE", str(file), "registers no law (wanted a function with @controller)")])
     if law is not None and law not in names:
-        raise ConfigError([Problem("--law", "", f"{file} registers no law '{law}'{did_you_mean(law, names)}")])
+        refuse([Problem("--law", text=f"{file} registers no law '{law}'", **suggest(law, names))])
     names = names if law is None else (law,)
     reports = []
     with progress_bar(len(names), "law", "starting (compiles on first use)") as bar:

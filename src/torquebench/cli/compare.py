@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import File, Number, argument, option
+from torquebench.cli.parameters import File, Number, Wrong, argument, option
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 
@@ -46,9 +46,9 @@ class Joints(click.ParamType[list[int]]):
         try:
             joints = [int(word) for word in str(value).split(",")] if value else []
         except ValueError:
-            self.fail(f"got '{value}', wanted joint numbers separated by commas", param, ctx)
+            raise Wrong(got=f"'{value}'", wanted="joint numbers separated by commas") from None
         if any(joint < 1 for joint in joints):
-            self.fail("joints are counted from 1", param, ctx)
+            raise Wrong(text="joints are counted from 1")
         return joints
 
 
@@ -60,7 +60,7 @@ class Milliseconds(Number):
         seconds = super().convert(value, param, ctx)
         steps = 1000 * seconds
         if abs(steps - round(steps)) > 1e-6 or 0 < steps < 1:
-            self.fail(f"got {value}, wanted 0 to {self.high:g} s in whole milliseconds", param, ctx)
+            raise Wrong(got=str(value), wanted=f"0 to {self.high:g} s in whole milliseconds")
         return seconds
 
 
@@ -105,7 +105,7 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
         n = first.dynamics.n
         if second.dynamics.n != n:
             raise ConfigError(
-                [Problem("B", second.label, f"has {second.dynamics.n} joints, wanted {n} as in {first.label}")]
+                [Problem("B", second.label, f"has {second.dynamics.n} joints", wanted=f"{n} as in {first.label}")]
             )
         if any(j > n for j in frozen_joints):
             raise ConfigError([Problem("--frozen-joints", "", f"{max(frozen_joints)} is beyond the {n} joints")])

@@ -87,7 +87,7 @@ def completion(shell: str, install: bool) -> int:
     """
     found = get_completion_class(shell)
     if found is None:
-        raise ConfigError([Problem("SHELL", "", f"got '{shell}'")])
+        raise ConfigError([Problem("SHELL", got=f"'{shell}'")])
     script = found(app, {}, PROGRAM, f"_{ENVIRONMENT}_COMPLETE").source().rstrip("\n")
     tell(shell=shell, script=script)
     if not install:

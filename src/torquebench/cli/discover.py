@@ -12,9 +12,9 @@ from click.shell_completion import CompletionItem
 
 import torquebench
 from torquebench.cli.app import command
-from torquebench.cli.parameters import argument, plugins
+from torquebench.cli.parameters import argument, plugins, refuse, suggest
 from torquebench.cli.terminal import say, table, tell
-from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.errors import Problem
 from torquebench.shipped import configs as shipped_configs
 from torquebench.shipped import data_root, find_config, first_line
 
@@ -55,7 +55,7 @@ def configs() -> int:
     return 0
 
 
-class Thing(click.ParamType[str]):
+class LawOrConfig(click.ParamType[str]):
     """Name of a law or a shipped config."""
 
     name = "name"
@@ -71,7 +71,7 @@ class Thing(click.ParamType[str]):
 
 
 @command(example="torquebench show linear-band-smc")
-@argument("name", type=Thing(), help="a law, or a config that comes with the package")
+@argument("name", type=LawOrConfig(), help="a law, or a config that comes with the package")
 @plugins
 def show(name: str, plugin: Sequence[Path]) -> int:
     """Explain a law, or print a shipped config.
@@ -86,8 +86,8 @@ def show(name: str, plugin: Sequence[Path]) -> int:
     for file in plugin:
         load_plugin(file)
     if name not in law_names():
-        near = did_you_mean(name, [*law_names(), *shipped_configs()])
-        raise ConfigError([Problem("NAME", "", f"got '{name}', which is neither a law nor a shipped config{near}")])
+        text = f"got '{name}', which is neither a law nor a shipped config"
+        refuse([Problem("NAME", text=text, **suggest(name, [*law_names(), *shipped_configs()]))])
     _show_law(find_law(name))
     return 0
 

@@ -10,9 +10,9 @@ import click
 from click.shell_completion import CompletionItem
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import Config, argument, option, out_folder, plugins
+from torquebench.cli.parameters import Config, argument, option, out_folder, plugins, refuse, suggest
 from torquebench.cli.terminal import progress_bar, say, table, tell
-from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.errors import ConfigError, Problem
 from torquebench.shipped import find_config
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _systems(source: Path, name: str | None) -> tuple[str, Mapping[str, FuzzySys
     if name is None:
         return experiment.name, systems
     if name not in systems:
-        raise ConfigError([Problem("--name", name, f"no such fuzzy system in {source}{did_you_mean(name, systems)}")])
+        refuse([Problem("--name", name, f"no such fuzzy system in {source}", **suggest(name, systems))])
     return name, {name: systems[name]}
 
 

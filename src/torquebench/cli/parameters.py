@@ -6,15 +6,34 @@ import contextlib
 import functools
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
-from torquebench.errors import ConfigError, Problem, did_you_mean
+from torquebench.errors import ConfigError, Problem, nearest
 from torquebench.shipped import configs, find_config
+
+
+class Wrong(click.BadParameter):
+    """A value that an option or argument does not take; `parts` are a `Problem`'s: text, got, wanted, nearest."""
+
+    def __init__(self, **parts: Any) -> None:
+        super().__init__(str(parts))
+        self.parts = parts
+
+
+def suggest(name: str, valid: Collection[str]) -> dict[str, Any]:
+    """Return what a problem with a name says of the valid ones: the nearest, or all where none is near.
+
+    Args:
+        name: What the user wrote.
+        valid: Names that would have been accepted.
+    """
+    near = nearest(name, valid)
+    return {"nearest": near} if near else {"wanted": f"one of: {', '.join(valid)}"} if valid else {}
 
 
 def mistakes(context: click.Context) -> list[Problem]:
@@ -23,7 +42,7 @@ def mistakes(context: click.Context) -> list[Problem]:
     return found
 
 
-class _Collected(click.Parameter):
+class _CollectsMistakes(click.Parameter):
     """A parameter whose bad value does not hide the mistakes in other ones."""
 
     def handle_parse_result(self, ctx: click.Context, opts: Any, args: list[str]) -> tuple[Any, list[str]]:
@@ -32,8 +51,12 @@ class _Collected(click.Parameter):
             return super().handle_parse_result(ctx, opts, args)
         except ConfigError as error:
             mistakes(ctx).extend(error.problems)
+        except Wrong as error:
+            mistakes(ctx).append(Problem(self._place(ctx), **error.parts))
+        except click.MissingParameter:
+            mistakes(ctx).append(Problem(self._place(ctx), text="missing", wanted=getattr(self, "help", None) or ""))
         except click.UsageError as error:
-            mistakes(ctx).append(Problem(self._place(ctx), "", self._message(ctx, error)))
+            mistakes(ctx).append(Problem(self._place(ctx), text=error.message))
         return None, args
 
     def _place(self, ctx: click.Context) -> str:
@@ -42,17 +65,12 @@ class _Collected(click.Parameter):
             return name
         return f"{name} (from {self.envvar})"
 
-    def _message(self, ctx: click.Context, error: click.UsageError) -> str:
-        if isinstance(error, click.MissingParameter):
-            return f"missing: wanted {getattr(self, 'help', None) or 'a value'}"
-        return error.message
 
-
-class Option(_Collected, click.Option):
+class Option(_CollectsMistakes, click.Option):
     """An option of a command."""
 
 
-class Argument(_Collected, click.Argument):
+class Argument(_CollectsMistakes, click.Argument):
     """An argument of a command."""
 
 
@@ -68,7 +86,7 @@ class Choice(click.Choice[str]):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the word."""
         if value not in self.choices:
-            self.fail(f"got '{value}'{did_you_mean(value, self.choices)}", param, ctx)
+            raise Wrong(got=f"'{value}'", **suggest(value, self.choices))
         return str(value)
 
 
@@ -88,9 +106,10 @@ class Number(click.ParamType[float]):
             number = self.cast(value)
         except ValueError:
             what = "a whole number" if self.cast is int else "a number"
-            self.fail(f"got '{value}', wanted {what}{f', {span}' if self.low is not None else ''}", param, ctx)
+            wanted = what if self.low is None else f"{what}, {span}"
+            raise Wrong(got=f"'{value}'", wanted=wanted) from None
         if self.low is not None and not self.low <= number <= (sys.float_info.max if self.high is None else self.high):
-            self.fail(f"got {value}, wanted {span}", param, ctx)
+            raise Wrong(got=str(value), wanted=span)
         return number
 
 
@@ -174,16 +193,16 @@ settings = functools.partial(
 workers = functools.partial(option, "-j", "--workers", metavar="N", type=Number(int, 1, 4096))
 
 
-def refuse(problems: Iterable[tuple[str, str]]) -> None:
+def refuse(problems: Iterable[Problem | tuple[str, str]]) -> None:
     """Refuse a command's arguments if anything is wrong with them.
 
     Args:
-        problems: Option or argument, and what is wrong with it.
+        problems: Mistakes; or option or argument, and what is wrong with it.
 
     Raises:
         ConfigError: there are some.
     """
-    if found := [Problem(place, "", message) for place, message in problems]:
+    if found := [one if isinstance(one, Problem) else Problem(one[0], text=one[1]) for one in problems]:
         raise ConfigError(found)
 
 
@@ -196,7 +215,7 @@ def check_out(path: Path | None) -> None:
     if path is None:
         return
     if path.is_dir():
-        refuse([("--out", f"{path} is a folder, wanted a file")])
+        refuse([Problem("--out", text=f"{path} is a folder", wanted="a file")])
     if not path.parent.is_dir():
         refuse([("--out", f"{path.parent} is not a folder")])
     if not os.access(path.parent, os.W_OK):

@@ -55,7 +55,7 @@ def report(runs: Sequence[Path], out: Path | None, redraw: bool, plugin: Sequenc
             page = out or Path("comparison.html")
             check_out(page)
             if page.exists():
-                refuse([("--out", f"{page} exists; wanted a new file")])
+                refuse([Problem("--out", text=f"{page} exists", wanted="a new file")])
             names = [folder.resolve().name for folder in runs]
             if len(set(names)) < len(names):
                 refuse([("RUN", f"two runs are called {max(names, key=names.count)}")])

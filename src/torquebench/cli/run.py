@@ -11,6 +11,7 @@ import click
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Config, File, Number, argument, option, out_folder, plugins, refuse, settings
 from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, warn
+from torquebench.errors import Problem
 
 if TYPE_CHECKING:
     from torquebench.experiment.run import ExperimentResult
@@ -88,12 +89,15 @@ def run(
 def _check_options(config: Path | None, from_sweep: Path | None, index: int | None, overrides: Sequence[str]) -> None:
     """Refuse arguments that do not go together."""
     if from_sweep is None:
-        problems = [("CONFIG", "missing: wanted an experiment's file, or --from-sweep")] * (config is None)
-        refuse(problems or [("--index", "has no effect without --from-sweep")] * (index is not None))
+        if config is None:
+            refuse([Problem("CONFIG", text="missing", wanted="an experiment's file, or --from-sweep")])
+        if index is not None:
+            refuse([("--index", "has no effect without --from-sweep")])
     else:
         given = ["CONFIG"] * (config is not None) + ["--set"] * bool(overrides)
-        problems = [(name, "has no effect with --from-sweep: a row is run as it was") for name in given]
-        refuse(problems + [("--index", "missing: wanted the number of a row, from 0")] * (index is None))
+        problems = [Problem(name, text="has no effect with --from-sweep: a row is run as it was") for name in given]
+        missing = Problem("--index", text="missing", wanted="the number of a row, from 0")
+        refuse(problems + [missing] * (index is None))
 
 
 def _row_of_sweep(folder: Path, index: int, plugin: Sequence[Path]) -> Experiment:
@@ -102,7 +106,7 @@ def _row_of_sweep(folder: Path, index: int, plugin: Sequence[Path]) -> Experimen
 
     plan = open_sweep(folder, tuple(plugin), "--from-sweep").plan
     if index >= plan.rows:
-        refuse([("--index", f"got {index}, wanted 0 to {plan.rows - 1}")])
+        refuse([Problem("--index", got=str(index), wanted=f"0 to {plan.rows - 1}")])
     return plan.experiment_of(plan.row(index))
 
 

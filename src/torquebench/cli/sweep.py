@@ -14,7 +14,7 @@ from torquebench.cli.app import command
 from torquebench.cli.parameters import Choice, Config, File, argument, option, out_folder, plugins, refuse, settings
 from torquebench.cli.parameters import workers as workers_option
 from torquebench.cli.terminal import complain, following, progress_bar, say, table, tell, warn
-from torquebench.errors import ResultError, TorquebenchError
+from torquebench.errors import Problem, ResultError, TorquebenchError
 
 if TYPE_CHECKING:
     from torquebench.sweep.checking import Survey
@@ -46,13 +46,14 @@ class Options:
 
     def check(self) -> None:
         """Refuse what does not go together."""
-        problems = [
+        problems: list[Problem | tuple[str, str]] = [
             (f"--{name}", "has no effect with --cluster, whose workers run the sweep")
             for name in ("workers", "executor")
             if self.cluster is not None and getattr(self, name) is not None
         ]
         if self.config is None and self.resume is None:
-            problems.append(("CONFIG", "missing: wanted a sweep's file, or --resume with a sweep's folder"))
+            wanted = "a sweep's file, or --resume with a sweep's folder"
+            problems.append(Problem("CONFIG", text="missing", wanted=wanted))
         if self.resume is not None and self.out is not None:
             problems.append(("--out", "has no effect with --resume, which goes on in the sweep's own folder"))
         if self.resume is not None and self.config is None and self.overrides:

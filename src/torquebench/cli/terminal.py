@@ -28,7 +28,7 @@ class Voice:
     as_json: bool = False
     """One JSON document on standard output instead of lines and tables."""
     verbose: bool = False
-    """More lines, and tracebacks."""
+    """Tracebacks of errors."""
     command: str | None = None
     """Name of the command, once it is understood."""
     facts: dict[str, Any] = field(default_factory=dict)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import File, Number, Words, argument, check_out, option, out_file, refuse
+from torquebench.cli.parameters import File, Number, Words, Wrong, argument, check_out, option, out_file, refuse
 from torquebench.cli.run_folder import read_run
 from torquebench.cli.terminal import complain, progress_bar, say, table, tell, warn
-from torquebench.errors import TorquebenchError
+from torquebench.errors import Problem, TorquebenchError
 
 if TYPE_CHECKING:
     from torquebench.experiment.run import ExperimentResult
@@ -32,7 +32,7 @@ class Size(click.ParamType[tuple[int, int]]):
         """Return the two numbers."""
         width, _, height = str(value).partition("x")
         if not (width.isdecimal() and height.isdecimal() and len(str(value)) < 14):
-            self.fail(f"got '{value}', wanted WIDTHxHEIGHT, for example 640x480", param, ctx)
+            raise Wrong(got=f"'{value}'", wanted="WIDTHxHEIGHT, for example 640x480")
         return int(width), int(height)
 
 
@@ -70,9 +70,9 @@ def video(
     Nothing is simulated: the film shows the stored trajectories, one panel for each controller.
     """
     if still is not None and out is None:
-        refuse([("--still", "wanted --out FILE as well, for the picture")])
+        refuse([Problem("--still", wanted="--out FILE as well, for the picture")])
     if still is not None and not still >= 0.0:
-        refuse([("--still", f"got {still:g}, wanted a time of the run [s]")])
+        refuse([Problem("--still", got=f"{still:g}", wanted="a time of the run [s]")])
     check_out(out)
     _check_suffix(out, still is not None)
     from torquebench.experiment.store import atomic_write, check_run
@@ -82,7 +82,8 @@ def video(
     manifest = read_run(run, "video", lambda folder: check_run(folder, leave_out=(FILM,)))
     footage = read_run(run, "video", lambda folder: read_footage(folder, controllers or ()))
     if still is not None and still > footage.duration:
-        refuse([("--still", f"got {still:g}, wanted a time of the run, 0 to {footage.duration:g} s")])
+        wanted = f"a time of the run, 0 to {footage.duration:g} s"
+        refuse([Problem("--still", got=f"{still:g}", wanted=wanted)])
     if model_changed(footage, manifest):
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; the film shows it as it is now")
     film = _draw(footage, Settings(quality, size, speed, camera), gl, still)
@@ -103,7 +104,8 @@ def _check_suffix(out: Path | None, picture: bool) -> None:
     wanted, what = (".png", "a picture of --still is PNG") if picture else (".mp4", "a film is MP4")
     if out is not None and out.suffix.lower() != wanted:
         other = "" if picture else " (one picture: --still SECONDS --out FILE.png)"
-        refuse([("--out", f"got {out}, wanted a name that ends in {wanted}: {what} and nothing else{other}")])
+        ending = f"a name that ends in {wanted}: {what} and nothing else{other}"
+        refuse([Problem("--out", got=str(out), wanted=ending)])
 
 
 def _draw(footage: Footage, settings: Settings, gl: str | None, still: float | None = None) -> Film:
