@@ -128,8 +128,8 @@ def parse_value(text: str, report: Report, path: KeyPath = (), place: Place | No
     builder = _Builder(report, text, place)
     try:
         return builder.whole(path)
-    except _Stop:
-        pass
+    except _Stop:  # what is wrong has been reported
+        return BROKEN, start
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         here = _place(mark)
