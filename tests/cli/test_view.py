@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import urllib.request
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -14,7 +15,6 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.cli.conftest import QUICK
-from torquebench.cli import view
 from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 
@@ -57,8 +57,8 @@ def test_the_address_is_printed_whatever_else_is_not(finished, command, monkeypa
         def wait(self):
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(view.threading, "Event", Interrupted)
-    monkeypatch.setattr(view, "serve", lambda replay, port: contextlib.nullcontext(NOWHERE))
+    monkeypatch.setattr(threading, "Event", Interrupted)
+    monkeypatch.setattr("torquebench.view.server.serve", lambda replay, port: contextlib.nullcontext(NOWHERE))
     status, out, err = command("view", finished, "--no-open", more)
     assert status == 0
     if more == "--json":
@@ -104,8 +104,8 @@ def test_a_window_is_preferred(finished, command, monkeypatch):
         jobs.append(json.loads(text))
         return {"closed": True}
 
-    monkeypatch.setattr(view, "probe_window", lambda: "")
-    monkeypatch.setattr(view, "run_module", show)
+    monkeypatch.setattr("torquebench.video.opengl.probe_window", lambda: "")
+    monkeypatch.setattr("torquebench.video.opengl.run_module", show)
     status, out, _ = command("view", finished, "--speed", "0.25")
     assert status == 0
     assert "http" not in out
