@@ -99,6 +99,8 @@ def test_mistakes_are_bad_input(tmp_path):
     experiment = tb.load_experiment(QUICK)
     with pytest.raises(ConfigError, match="phi"):
         tb.run_sweep(experiment, grid={"controllers.band.gains.phii": [1, 2]}, draws=1, **HOW)
+    with pytest.raises(ConfigError, match="wanted a value for a config"):
+        tb.run_sweep(experiment, grid={"controllers.band.gains.phi": [object()]}, draws=1, **HOW)
     with pytest.raises(ConfigError, match="at least 1"):
         tb.run_sweep(experiment, draws=2, workers=-1)
     with pytest.raises(ConfigError, match="no such folder"):

@@ -10,7 +10,7 @@ from typing import Any
 from paper.checks import Chattering, chattering_by_period, noise_spectrum
 from paper.claims import claims
 from paper.pages import comparison_page
-from paper.runs_table import LOST, Runs
+from paper.runs_table import LOST, Runs, known
 from paper.study import Apart, Study
 from paper.verdicts import FAILS, HOLDS, ONLY_IF, Claim
 from paper.workload import CHAINS, NOISE, NOMINAL, RELATIVE
@@ -151,9 +151,9 @@ def controller_rows(runs: Runs) -> list[list[str]]:
     ]
     rows = []
     for name, group in table.groupby("controller", sort=False):
-        chains = group[group["draw"] == 0].set_index("chain")
-        figures = [chains.loc[chain, key] * scale for chain in CHAINS for key, scale in (("rmse", 1e3), ("hf", 1.0))]
-        rows.append([str(name), *(number(None if figure != figure else float(figure)) for figure in figures)])
+        chains = group[group["draw"] == 0].set_index("chain").loc[list(CHAINS)]
+        figures = zip(known(chains["rmse"]), known(chains["hf"]), strict=True)
+        rows.append([str(name), *(text for rmse, hf in figures for text in (number(rmse, 1e3), number(hf)))])
     return rows
 
 

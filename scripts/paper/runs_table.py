@@ -99,7 +99,7 @@ class Runs:
     def read(cls, path: Path) -> Runs:
         """Read what `to_csv` wrote."""
         table = pd.read_csv(path, dtype=str, keep_default_na=False)
-        numbers = {key: [float(text or "nan") for text in table[key]] for key in table if key not in TEXTS}
+        numbers = {str(key): [float(text or "nan") for text in table[key]] for key in table if key not in TEXTS}
         return cls(table.assign(**numbers))
 
 

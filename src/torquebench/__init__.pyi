@@ -2,6 +2,10 @@
 from torquebench.chain import CHAINS as CHAINS
 from torquebench.chain import Chain as Chain
 from torquebench.check import check_law as check_law
+from torquebench.disturbances import BandLimitedNoise as BandLimitedNoise
+from torquebench.disturbances import Bias as Bias
+from torquebench.disturbances import Sinusoid as Sinusoid
+from torquebench.disturbances import disturbance as disturbance
 from torquebench.errors import ConfigError as ConfigError
 from torquebench.errors import ResultError as ResultError
 from torquebench.errors import TorquebenchError as TorquebenchError
@@ -12,6 +16,9 @@ from torquebench.fuzzy.system import FuzzySystem as FuzzySystem
 from torquebench.kernel import Array as Array
 from torquebench.kernel import sat as sat
 from torquebench.kernel import sign as sign
+from torquebench.keys import Key as Key
+from torquebench.keys import Vector as Vector
+from torquebench.keys import as_vector as as_vector
 from torquebench.laws import FixedRules as FixedRules
 from torquebench.laws import Gain as Gain
 from torquebench.laws import Option as Option
@@ -20,11 +27,15 @@ from torquebench.laws import controller as controller
 from torquebench.laws import find_law as find_law
 from torquebench.laws import law_names as law_names
 from torquebench.laws.plugin import load_plugin as load_plugin
+from torquebench.metrics import JointRecord as JointRecord
+from torquebench.metrics import metric as metric
 from torquebench.references import Quintic as Quintic
 from torquebench.references import Ramp as Ramp
 from torquebench.references import Reference as Reference
 from torquebench.references import Sine as Sine
 from torquebench.references import Step as Step
+from torquebench.references import reference as reference
+from torquebench.report.figures.declare import figure as figure
 from torquebench.results import Result as Result
 from torquebench.results import compare as compare
 from torquebench.results import load_experiment as load_experiment
@@ -40,6 +51,7 @@ from torquebench.robot.dynamics import mass_matrix as mass_matrix
 from torquebench.robot.payload import Payload as Payload
 from torquebench.sim.friction import Friction as Friction
 from torquebench.sim.plants.analytic import AnalyticPlant as AnalyticPlant
+from torquebench.sim.plants.kinds import plant as plant
 from torquebench.sim.plants.mujoco import MujocoPlant as MujocoPlant
 from torquebench.sim.session import Controller as Controller
 from torquebench.sim.simulate import Trial as Trial

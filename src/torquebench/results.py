@@ -12,14 +12,12 @@ from torquebench import comparison
 from torquebench.comparison import parse_side
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
-from torquebench.experiment.change import edits_of, tree_of
-from torquebench.experiment.config import load_experiment as load_file
-from torquebench.experiment.config import parse_experiment
-from torquebench.experiment.dump import dump_tree
+from torquebench.experiment.config import check_experiment
 from torquebench.experiment.folder import read_result, write_experiment, write_trajectory
 from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult, Joints, Progress
 from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import document_of, read_bytes, read_document, set_key
 from torquebench.experiment.store import RunDirectory, atomic_write, claim_folder
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
@@ -63,10 +61,14 @@ def load_experiment(source: Source, changes: Mapping[str, Any] | None = None) ->
     Raises:
         ConfigError: there is no such config, or it has mistakes; all of them at once, with their places.
     """
-    edits = edits_of(changes or {})
     if isinstance(source, Mapping):
-        return parse_experiment(dump_tree(tree_of(source)), "experiment", edits)
-    return load_file(find_config(str(source)), edits)
+        document = document_of(source)
+    else:
+        path = find_config(str(source))
+        document = read_document(read_bytes(path), str(path))
+    for key, value in (changes or {}).items():
+        set_key(document, key, value)
+    return check_experiment(document)
 
 
 def run_experiment(

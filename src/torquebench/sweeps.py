@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -10,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
-from torquebench.experiment.change import edits_of, tree_of
 from torquebench.experiment.config import SWEEP
 from torquebench.experiment.dump import dump_experiment, dump_tree
 from torquebench.experiment.run import Progress
@@ -43,7 +43,7 @@ def run_sweep(
     draws: int | None = None,
     changes: Mapping[str, Any] | None = None,
     workers: int | None = None,
-    threads: bool = False,
+    processes: bool = False,
     folder: str | Path | None = None,
     figures: bool = True,
     plugins: Sequence[str | Path] = (),
@@ -58,7 +58,8 @@ def run_sweep(
         draws: Number of draws of everything that is random.
         changes: Dotted key -> value, set before the check, as of `load_experiment`.
         workers: How many loops run at once; None for one per core.
-        threads: Run in threads of this process instead of processes.
+        processes: Run in processes instead of threads, which is faster for thousands of runs; a script must then do its
+            work under ``if __name__ == "__main__":``.
         folder: Where to store it, or where it was stored in part; None for a temporary folder, which is removed when
             Python ends.
         figures: Whether to draw figures into a given folder, as ``torquebench sweep`` does.
@@ -87,7 +88,7 @@ def run_sweep(
     stored = runs.run_sweep(
         plan,
         None if folder is None else Path(folder),
-        Threads(count) if threads else Processes(count),
+        Processes(count) if processes else Threads(count),
         progress=lambda done, rows: None if progress is None else progress("running", done, rows),
         more=more,
     )
@@ -105,6 +106,43 @@ def _config(experiment: Experiment | Config) -> tuple[bytes, str]:
         text, name = read_bytes(path), str(path)
     root = read_document(text, name).root
     return (text if SWEEP in root else text + f"\n{SWEEP}: {{}}\n".encode()), name
+
+
+def edits_of(changes: Mapping[str, Any]) -> list[str]:
+    """Return changed keys as edits ``key=value``, the value as YAML.
+
+    Raises:
+        ConfigError: a value is nothing that YAML can hold.
+    """
+    edits = []
+    for key, value in changes.items():
+        try:
+            edits.append(f"{key}={json.dumps(value, default=_plain, allow_nan=False)}")
+        except (TypeError, ValueError) as error:
+            raise ConfigError([Problem("changes", str(key), f"got {value!r}, wanted a value for a config")]) from error
+    return edits
+
+
+def tree_of(keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return keys of a config, which may hold arrays and paths, as plain values.
+
+    Raises:
+        ConfigError: a value is nothing that YAML can hold.
+    """
+    try:
+        tree: dict[str, Any] = json.loads(json.dumps(keys, default=_plain, allow_nan=False))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ConfigError([Problem("experiment", "", f"cannot be written as YAML ({error})")]) from error
+    return tree
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold for an array or a number of numpy, or a path."""
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} is no value of a config")
 
 
 def load_sweep(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Sweep:

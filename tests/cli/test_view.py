@@ -17,6 +17,8 @@ import pytest
 from tests.cli.conftest import QUICK
 from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
+from torquebench.video import opengl
+from torquebench.view import server
 
 ADDRESS = r"view: (http://127\.0\.0\.1:\d+/[\w-]{20,}/)\n"
 NOWHERE = "http://127.0.0.1:1/token/"
@@ -58,7 +60,7 @@ def test_the_address_is_printed_whatever_else_is_not(finished, command, monkeypa
             raise KeyboardInterrupt
 
     monkeypatch.setattr(threading, "Event", Interrupted)
-    monkeypatch.setattr("torquebench.view.server.serve", lambda replay, port: contextlib.nullcontext(NOWHERE))
+    monkeypatch.setattr(server, "serve", lambda replay, port: contextlib.nullcontext(NOWHERE))
     status, out, err = command("view", finished, "--no-open", more)
     assert status == 0
     if more == "--json":
@@ -89,7 +91,7 @@ def test_bad_input(finished, command, arguments, wanted):
 
 def test_a_port_that_is_taken(finished, command):
     """Exit status 2 and which."""
-    with view.serve(b"{}") as other:
+    with server.serve(b"{}") as other:
         port = urlsplit(other).port
         status, _, err = command("view", finished, "--no-open", "--port", port)
     assert status == 2
@@ -104,8 +106,8 @@ def test_a_window_is_preferred(finished, command, monkeypatch):
         jobs.append(json.loads(text))
         return {"closed": True}
 
-    monkeypatch.setattr("torquebench.video.opengl.probe_window", lambda: "")
-    monkeypatch.setattr("torquebench.video.opengl.run_module", show)
+    monkeypatch.setattr(opengl, "probe_window", lambda: "")
+    monkeypatch.setattr(opengl, "run_module", show)
     status, out, _ = command("view", finished, "--speed", "0.25")
     assert status == 0
     assert "http" not in out

@@ -14,8 +14,8 @@ from tests.arms import pack, slider, still
 from tests.experiment.examples import parse
 from tests.sim.loops import go
 from tests.sim.protocol import differing_bytes
-from tests.sim.test_simulate import Noise
 from torquebench.chain import Chain
+from torquebench.disturbances import BandLimitedNoise
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment, trial_of
 from torquebench.robot import Puma560
@@ -259,7 +259,7 @@ def test_scenarios_work_from_python_alone() -> None:
         loop.reference,
         duration=4.0,
         chain=tb.CHAINS["slow"],
-        disturbances=[Noise(np.array(json.loads(SIGMA)), 0.01)],
+        disturbances=[BandLimitedNoise(tuple(json.loads(SIGMA)))],
         seed=experiment.run.seed,
         draw=experiment.run.draw,
     )

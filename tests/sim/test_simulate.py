@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from tests.arms import pack
 from tests.experiment.examples import parse
 from tests.sampled import Torque
 from torquebench.chain import CHAINS, IDEAL, Chain
-from torquebench.disturbances import band_limited_noise, bias
+from torquebench.disturbances import BandLimitedNoise, Bias
 from torquebench.errors import SimulationError
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment
@@ -25,29 +24,6 @@ from torquebench.sim.simulate import Trial, simulate, simulate_many
 from torquebench.sim.trajectory import Trajectory
 
 N_STEPS = 50
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Band-limited noise, of one size on every joint or one for each."""
-
-    sigma: float | Array
-    hold: float
-
-    def sample(self, n: int, t: Array, control_period: float, rng: np.random.Generator) -> Array:
-        """Draw it."""
-        return band_limited_noise(np.broadcast_to(self.sigma, n), round(self.hold / control_period), len(t), rng)
-
-
-@dataclass(frozen=True)
-class Constant:
-    """The same torque on every joint."""
-
-    value: float
-
-    def sample(self, n: int, t: Array, control_period: float, rng: np.random.Generator) -> Array:
-        """Repeat it."""
-        return bias(np.full(n, self.value), len(t))
 
 
 CONFIG = """
@@ -66,7 +42,7 @@ TEXTS = {
         "[{kind: band-limited-noise, channel: torque, sigma: 3.0, hold: 0.002},"
         " {kind: bias, channel: torque, value: 0.7},"
         " {kind: band-limited-noise, channel: torque, sigma: 1.0, hold: 0.004}]",
-        (Noise(3.0, 0.002), Constant(0.7), Noise(1.0, 0.004)),
+        (BandLimitedNoise(3.0, 0.002), Bias(0.7), BandLimitedNoise(1.0, 0.004)),
     ),
 }
 
@@ -115,12 +91,12 @@ def test_the_same_bytes_as_the_experiment(chain: str, disturbances: str, seed: i
 
 def test_seed_and_draw_decide() -> None:
     """Other seed or draw, other noise; the same, the same; without randomness neither changes a byte."""
-    noisy = {"chain": CHAINS["slow"], "disturbances": (Noise(1.0, 0.001),)}
+    noisy = {"chain": CHAINS["slow"], "disturbances": (BandLimitedNoise(1.0, 0.001),)}
     keys = [(0, 0), (0, 1), (1, 0), (1, 1)]
     digests = [run(seed=seed, draw=draw, **noisy).digest() for seed, draw in keys]
     assert len(set(digests)) == 4
     assert digests == [run(seed=seed, draw=draw, **noisy).digest() for seed, draw in keys]
-    assert len({run(seed=seed, draw=draw, disturbances=[Constant(1.0)]).digest() for seed, draw in keys}) == 1
+    assert len({run(seed=seed, draw=draw, disturbances=[Bias(1.0)]).digest() for seed, draw in keys}) == 1
 
 
 def test_what_draws_nothing_changes_no_noise() -> None:
@@ -128,10 +104,10 @@ def test_what_draws_nothing_changes_no_noise() -> None:
     sampled = [
         Trial(pack("pd", 6, lam=8, kv=12), Puma560(), Sine(1.0, 1.0), 0.05, disturbances=each).sampled(6).disturbance
         for each in (
-            [Noise(1.0, 0.001)],
-            [Constant(0.0), Noise(1.0, 0.001)],
-            [Noise(1.0, 0.001), Constant(0.0)],
-            [Noise(0.0, 0.001), Noise(1.0, 0.001)],
+            [BandLimitedNoise(1.0, 0.001)],
+            [Bias(0.0), BandLimitedNoise(1.0, 0.001)],
+            [BandLimitedNoise(1.0, 0.001), Bias(0.0)],
+            [BandLimitedNoise(0.0, 0.001), BandLimitedNoise(1.0, 0.001)],
         )
     ]
     assert np.array_equal(sampled[0], sampled[1])
@@ -147,9 +123,9 @@ ZEROS = np.zeros((N_STEPS, 6))
     [
         (ZEROS, r"disturbances is an array of shape \(50, 6\), wanted a sequence"),
         ([ZEROS], r"disturbances\[0\] is an array of shape \(50, 6\)"),
-        ([Constant(1.0), lambda t: ZEROS], r"disturbances\[1\] is a function"),
-        ([Constant], r"disturbances\[0\] is the class Constant"),
-        (Constant(1.0), r"disturbances is a Constant, wanted a sequence"),
+        ([Bias(1.0), lambda t: ZEROS], r"disturbances\[1\] is a function"),
+        ([Bias], r"disturbances\[0\] is the class Bias"),
+        (Bias(1.0), r"disturbances is a Bias, wanted a sequence"),
         (3.0, "disturbances is a float"),
     ],
 )
@@ -164,7 +140,7 @@ def test_what_cannot_sample_itself_is_refused(given: Any, named: str) -> None:
 def test_a_disturbance_of_another_shape_is_refused(bad: Array) -> None:
     """What a disturbance returns is checked: N rows of n finite numbers."""
     with pytest.raises(ValueError, match=r"disturbances\[1\] has shape .*, wanted \(50, 6\), all finite"):
-        run(disturbances=[Constant(1.0), Torque(bad)])
+        run(disturbances=[Bias(1.0), Torque(bad)])
 
 
 def test_a_reference_that_does_not_last_as_long_as_the_run_is_refused() -> None:

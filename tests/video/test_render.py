@@ -115,8 +115,7 @@ def test_making_a_film_again_gives_the_same_bytes(copy, monkeypatch, must_draw):
     """Twice from the same run, on the same back end; nothing is simulated, and the rest of the run is untouched."""
     must_draw("egl")
     before = {name: value for name, value in check_run(copy)["files"].items() if name != "video.mp4"}
-    for name in ("simulate", "run_trial"):
-        monkeypatch.setattr(f"torquebench.sim.simulate.{name}", lambda *_, **__: pytest.fail("simulated"))
+    monkeypatch.setattr("torquebench.sim.session.Session.run", lambda *_, **__: pytest.fail("simulated"))
     contents = []
     for _ in range(2):
         film(copy, monkeypatch, "egl", "--size", "320x240", "--speed", "2")

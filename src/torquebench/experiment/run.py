@@ -249,14 +249,9 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
         tau_max=loop.plant.tau_max,
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
-        step_like=is_step_like(experiment),
+        step_like=experiment.reference.is_step_like,
         phi=None if band is None else as_vector(band, experiment.n),
     )
-
-
-def is_step_like(experiment: Experiment) -> bool:
-    """Whether the reference goes from one position to another and stays there: only then is there a step response."""
-    return bool(experiment.reference.is_step_like)
 
 
 def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> SampledTrial:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from torquebench.experiment.reference import joint_units
-from torquebench.experiment.run import ExperimentResult, is_step_like
+from torquebench.experiment.run import ExperimentResult
 from torquebench.laws import find_law
 from torquebench.metrics import METRICS, Metric, MetricInfo
 
@@ -62,7 +62,7 @@ def headline_table(result: ExperimentResult) -> tuple[list[str], list[list[str]]
     both = sorted(set(result.slides))
     shown = [
         (info, slides)
-        for info in columns(is_step_like(result.experiment))
+        for info in columns(result.experiment.reference.is_step_like)
         for slides in (both if info.is_angle else both[:1])
     ]
     rows = []

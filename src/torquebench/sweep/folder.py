@@ -7,7 +7,6 @@ import csv
 import hashlib
 import io
 import json
-import os
 import shutil
 import tempfile
 import zipfile
@@ -32,7 +31,7 @@ from torquebench.experiment.store import (
     json_bytes,
     machine,
     model_checksums,
-    sync_folder,
+    replaced,
     versions,
 )
 from torquebench.sweep.plan import Plan, Source, flattened
@@ -302,7 +301,7 @@ def write_table(stored: StoredSweep) -> dict[str, dict[str, int]]:
     """
     shards = Shards(stored.folder, stored.digest)
     empty, ended = empty_columns(stored.plan, 0), Counter[tuple[str, str]]()
-    with contextlib.ExitStack() as files, _replaced(stored.folder / TEXT) as text:
+    with contextlib.ExitStack() as files, replaced(stored.folder / TEXT) as text:
         columns = {name: files.enter_context(tempfile.TemporaryFile(dir=stored.folder)) for name in empty}
         lines = io.TextIOWrapper(text, encoding="utf-8", newline="", write_through=True)
         writer = csv.writer(lines, lineterminator="\n")
@@ -316,7 +315,7 @@ def write_table(stored: StoredSweep) -> dict[str, dict[str, int]]:
             writer.writerows(zip(*(part[name].tolist() for name in columns), strict=True))
             ended.update(zip(part["controller"].tolist(), part["outcome"].tolist(), strict=True))
         lines.detach()
-        with _replaced(stored.folder / TABLE) as whole:
+        with replaced(stored.folder / TABLE) as whole:
             _write_npz(whole, empty, columns, stored.plan.rows)
     return {
         name: {kind: ended[name, kind] for kind in OUTCOMES if ended[name, kind]} for name in stored.plan.controllers
@@ -333,21 +332,6 @@ def _write_npz(out: BinaryIO, empty: Columns, columns: Mapping[str, Any], rows: 
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
                 np.lib.format.write_array_header_1_0(member, header)
                 shutil.copyfileobj(file, member, 1 << 20)
-
-
-@contextlib.contextmanager
-def _replaced(path: Path) -> Iterator[BinaryIO]:
-    """Open a file that takes its name only when all of it is on the disk."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-    sync_folder(path.parent)
 
 
 def read_column(stored: StoredSweep, name: str) -> NDArray[Any]:

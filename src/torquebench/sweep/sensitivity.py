@@ -19,7 +19,16 @@ from torquebench.robot.puma560.puma import puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sweep.effects import Effects, effects_on, ranked, ranks
-from torquebench.sweep.table import Rows, Table, check_table, controllers, finished, grid_keys, rows_by, varied_keys
+from torquebench.sweep.table import (
+    Rows,
+    Table,
+    check_table,
+    controllers,
+    grid_keys,
+    metric_values,
+    rows_by,
+    varied_keys,
+)
 
 MOST_DRAWS = 1000
 """Draws that are looked at: beyond these an effect that is still unseen is too small to matter."""
@@ -172,7 +181,7 @@ def _varies(values: Array) -> bool:
 
 def _ranked(table: Table, parts: Sequence[Rows], metric: str, draws: NDArray[np.int64]) -> Array:
     """Return a figure for each draw, (D,): the mean of its ranks in several cases; NaN where it failed in any."""
-    values = finished(table, np.arange(len(table)), metric)
+    values = metric_values(table, np.arange(len(table)), metric)
     found = np.array([_by_draw(table, rows, values, draws) for rows in parts])
     whole = np.isfinite(found).all(axis=0)
     figures = np.full(len(draws), np.nan)

@@ -21,9 +21,9 @@ from torquebench.sweep.table import (
     check_table,
     completed,
     controllers,
-    finished,
     grid_keys,
     metric_keys,
+    metric_values,
     row_values,
     rows_by,
     varied_keys,
@@ -148,7 +148,7 @@ def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure 
         key: The metric.
         tail: Share of the runs that CVaR is the mean of [1].
     """
-    values = finished(table, rows, key)
+    values = metric_values(table, rows, key)
     known = np.isfinite(values)
     if not known.any():
         return None
@@ -176,7 +176,7 @@ def by_draw(table: Table, rows: Rows, key: str) -> tuple[NDArray[np.int64], Arra
         rows: Positions of the rows.
         key: The metric.
     """
-    values = finished(table, rows, key)
+    values = metric_values(table, rows, key)
     draws, place = np.unique(table["draw"].to_numpy()[rows], return_inverse=True)
     logs = np.log(values, where=values > 0.0, out=np.full(len(values), np.nan))
     return draws, np.exp(np.bincount(place, logs) / np.bincount(place))
@@ -222,7 +222,7 @@ def ratio_of(table: Table, rows: Rows, other: Rows, key: str) -> Ratio | None:
 
 
 def _has_zero(table: Table, rows: Rows, key: str) -> bool:
-    return bool(np.any(finished(table, rows, key) <= 0.0))
+    return bool(np.any(metric_values(table, rows, key) <= 0.0))
 
 
 def _known(values: Array) -> list[float | None]:

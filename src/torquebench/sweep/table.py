@@ -163,7 +163,7 @@ def completed(table: Table, rows: Rows) -> NDArray[np.bool_]:
     return np.asarray(np.isnan(table["failed_at"].to_numpy()[rows]))
 
 
-def finished(table: Table, rows: Rows, key: str) -> Array:
+def metric_values(table: Table, rows: Rows, key: str) -> Array:
     """Return a metric in some rows; NaN where the run failed or the metric is not defined."""
     return np.where(completed(table, rows), table[key].to_numpy()[rows], np.nan)
 

@@ -12,7 +12,7 @@ from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.figures import style
 from torquebench.report.figures.layout import printable
-from torquebench.sweep.table import Rows, Table, completed, finished
+from torquebench.sweep.table import Rows, Table, completed, metric_values
 
 
 class Scale(NamedTuple):
@@ -37,7 +37,7 @@ def metric_scale(table: Table, key: str, slides: Sequence[bool] = TURNS) -> Scal
         slides: Of each joint, whether it slides: errors are in m then, or, where only some do, in rad and m.
     """
     info = METRICS[key]
-    values = finished(table, np.arange(len(table)), key)
+    values = metric_values(table, np.arange(len(table)), key)
     known = np.abs(values[np.isfinite(values)])
     unit = style.metric_unit(info, float(np.median(known)) if known.size else 0.0)
     return Scale(f"{info.title} [{joint_units(unit.name, slides)}]", unit.factor)
@@ -84,4 +84,4 @@ def scaled(table: Table, rows: Rows, key: str, scale: Scale) -> Array:
         key: The metric.
         scale: How it is written.
     """
-    return scale.factor * finished(table, rows, key)
+    return scale.factor * metric_values(table, rows, key)
