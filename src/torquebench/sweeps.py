@@ -43,7 +43,7 @@ def run_sweep(
     draws: int | None = None,
     changes: Mapping[str, Any] | None = None,
     workers: int | None = None,
-    threads: bool = False,
+    processes: bool = False,
     folder: str | Path | None = None,
     figures: bool = True,
     plugins: Sequence[str | Path] = (),
@@ -58,7 +58,8 @@ def run_sweep(
         draws: Number of draws of everything that is random.
         changes: Dotted key -> value, set before the check, as of `load_experiment`.
         workers: How many loops run at once; None for one per core.
-        threads: Run in threads of this process instead of processes.
+        processes: Run in processes instead of threads, which is faster for thousands of runs; a script must then do its
+            work under ``if __name__ == "__main__":``.
         folder: Where to store it, or where it was stored in part; None for a temporary folder, which is removed when
             Python ends.
         figures: Whether to draw figures into a given folder, as ``torquebench sweep`` does.
@@ -87,7 +88,7 @@ def run_sweep(
     stored = runs.run_sweep(
         plan,
         None if folder is None else Path(folder),
-        Threads(count) if threads else Processes(count),
+        Processes(count) if processes else Threads(count),
         progress=lambda done, rows: None if progress is None else progress("running", done, rows),
         more=more,
     )

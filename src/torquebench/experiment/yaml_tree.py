@@ -129,7 +129,7 @@ def parse_value(text: str, report: Report, path: KeyPath = (), place: Place | No
     try:
         return builder.whole(path)
     except _Stop:
-        pass
+        return BROKEN, start
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         here = _place(mark)

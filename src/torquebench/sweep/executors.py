@@ -117,7 +117,8 @@ class Processes:
             yield from _as_done(lambda shard: pool.submit(_run, shard), shards, 2 * self.count)
             pool.shutdown()
         except BrokenProcessPool as error:
-            raise ResultError("a worker process died: it was killed, or the machine ran out of memory") from error
+            why = "it was killed, the machine ran out of memory, or a script starts processes when it is imported"
+            raise ResultError(f"a worker process died: {why}") from error
         finally:
             held.close()
             pool.shutdown(cancel_futures=True)
