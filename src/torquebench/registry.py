@@ -121,6 +121,19 @@ def registering_again(module: str) -> Iterator[None]:
         raise
 
 
+@contextlib.contextmanager
+def restored() -> Iterator[None]:
+    """Forget, at the end, what was registered meanwhile by anyone but this package, which registers some kinds late."""
+    before = [(registry, dict(registry._items), dict(registry._makers)) for registry in REGISTRIES]
+    try:
+        yield
+    finally:
+        for registry, items, makers in before:
+            late = {name for name, maker in registry._makers.items() if maker.__module__.startswith("torquebench.")}
+            registry._items = items | {name: registry._items[name] for name in late if name in registry._items}
+            registry._makers = makers | {name: registry._makers[name] for name in late}
+
+
 def _is_rerun(old: Any, new: Any) -> bool:
     here = (old.__module__, old.__qualname__) == (new.__module__, new.__qualname__)
     return here and old.__module__ == "__main__"
