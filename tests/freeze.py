@@ -96,12 +96,16 @@ def main() -> int:
     parser.add_argument("--write", action="store_true", help="write the file instead of comparing")
     parser.add_argument("--jobs", type=int, default=1, help="configs that run at once (default: 1)")
     options = parser.parse_args()
-    chosen = options.configs or list(names())
+    known = list(names())
+    if unknown := set(options.configs) - set(known):
+        parser.error(f"unknown: {', '.join(sorted(unknown))}; wanted some of {', '.join(known)}")
+    chosen = options.configs or known
     with ThreadPoolExecutor(options.jobs) as pool:
         results: dict[str, Any] = dict(zip(chosen, pool.map(digests_of, chosen), strict=True))
     found = {"arithmetic": arithmetic(), "schema.json": digest_of_bytes(ROOT / "configs" / "schema.json")} | results
     if options.write:
-        FROZEN.write_text(json.dumps(found, indent=1) + "\n")
+        before = json.loads(FROZEN.read_text()) if options.configs else {}
+        FROZEN.write_text(json.dumps(before | found, indent=1) + "\n")
         return 0
     frozen = json.loads(FROZEN.read_text())
     if found["arithmetic"] != frozen["arithmetic"]:

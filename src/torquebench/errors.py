@@ -217,6 +217,9 @@ def nearest(wrote: str, names: Collection[str], least: float = 0.5) -> str | Non
     """
     if len(wrote) > MAX_NAME:
         return None
+    begun = [known for known in names if len(wrote) > 2 and known.lower().startswith(wrote.lower())]
+    if len(begun) == 1:
+        return begun[0]
     close = difflib.get_close_matches(wrote.lower(), {known.lower() for known in names}, n=1, cutoff=least)
     alike = [known for known in names if known.lower() in close]
     return max(alike, key=lambda known: difflib.SequenceMatcher(None, wrote, known).ratio(), default=None)

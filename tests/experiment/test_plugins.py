@@ -205,3 +205,29 @@ def test_a_name_is_given_once(tmp_path: Path) -> None:
     """A plug-in cannot put its own kind in place of one that ships."""
     with pytest.raises(ConfigError, match="a disturbance named 'bias' is already registered"):
         added(tmp_path, WAVE.replace("triangle-wave", "bias"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("Reference(q, qd, qdd)", "Reference(q, 2.0 * qd, qdd)", "qd is not the derivative of q"),
+        ("Reference(q, qd, qdd)", "Reference(q[:-1], qd, qdd)", "wanted a Reference of three arrays (600, 6)"),
+        ("((0, 1), (1, 2))", "((0, 1), (6, 2))", "its kind failed: IndexError"),
+    ],
+)
+def test_a_reference_of_a_plug_in_that_is_wrong(tmp_path: Path, old: str, new: str, words: str) -> None:
+    """Rates that are no derivatives, another shape and an exception are bad input, with the section's name."""
+    assert old in LEMNISCATE
+    added(tmp_path, LEMNISCATE.replace(old, new))
+    experiment = parse(MINIMAL, *SHORT, "reference={kind: lemniscate, size: 0.3, period: 0.5}")
+    with pytest.raises(ConfigError, match=r"^reference: ") as caught:
+        ran(experiment)
+    assert words in str(caught.value)
+
+
+def test_a_disturbance_of_a_plug_in_that_is_wrong(tmp_path: Path) -> None:
+    """A torque of another shape is bad input, with its place in the list."""
+    added(tmp_path, WAVE.replace("as_vector(self.amplitude, n))", "as_vector(self.amplitude, n))[1:]"))
+    experiment = parse(MINIMAL, *SHORT, "disturbances=[{kind: triangle-wave, channel: torque, amplitude: 1}]")
+    with pytest.raises(ConfigError, match=r"disturbances\[0\] has shape \(599, 6\), wanted \(600, 6\)"):
+        ran(experiment)

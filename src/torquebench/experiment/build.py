@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from torquebench.disturbances import Stream, generator
-from torquebench.errors import ConfigError, ModelError, Problem
+from torquebench.errors import ConfigError, InconsistentReferenceError, ModelError, Problem
 from torquebench.experiment import schema
 from torquebench.experiment.fuzzy_schema import fuzzy_system
 from torquebench.fuzzy import BUILTIN, FuzzySystem, builtin_system
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
-from torquebench.references import Reference
+from torquebench.references import Reference, from_samples
 from torquebench.robot import RobotModel, load_model
 from torquebench.sim.friction import SteepError
 from torquebench.sim.plants import Plant
@@ -208,15 +208,40 @@ def sampled(experiment: schema.Experiment) -> Reference:
     """Return the desired motion at every control instant.
 
     Raises:
-        ConfigError: it is not finite there.
+        ConfigError: it is not finite there, or a user's kind of reference failed, gave something of another shape, or
+            rates that are not the derivatives of its positions.
     """
-    with np.errstate(all="ignore"):
-        samples: Reference = experiment.reference.sample(instants(experiment), experiment.n)
-    for name, values in zip(("position", "velocity", "acceleration"), samples, strict=True):
+    t, shape = instants(experiment), (experiment.n_steps, experiment.n)
+    try:
+        with np.errstate(all="ignore"):
+            samples: Reference = experiment.reference.sample(t, experiment.n)
+    except Exception as error:
+        if not _is_users(experiment.reference):
+            raise
+        raise _bad("reference", f"its kind failed: {type(error).__name__}: {error}") from error
+    names = ("position", "velocity", "acceleration")
+    if not isinstance(samples, tuple) or [np.shape(values) for values in samples] != [shape] * len(names):
+        got = [np.shape(values) for values in samples] if isinstance(samples, tuple) else type(samples).__name__
+        raise _bad("reference", f"its kind returned {got}, wanted a Reference of three arrays {shape}")
+    for name, values in zip(names, samples, strict=True):
         if not np.all(np.isfinite(values)):
-            raise ConfigError([Problem("", "reference", f"its {name} is beyond what floating-point numbers can hold")])
+            raise _bad("reference", f"its {name} is beyond what floating-point numbers can hold")
         values.setflags(write=False)  # so that trajectories share it
+    if _is_users(experiment.reference) and not experiment.reference.has_corners and len(t) >= 3:
+        try:
+            from_samples(t, *samples)
+        except InconsistentReferenceError as error:
+            hint = "; a kind whose rates leave out its corners says has_corners = True"
+            raise _bad("reference", f"{error}{hint}") from error
     return samples
+
+
+def _is_users(kind: Any) -> bool:
+    return not type(kind).__module__.startswith("torquebench.")
+
+
+def _bad(key: str, text: str) -> ConfigError:
+    return ConfigError([Problem("", key, text)])
 
 
 def build_position_noise(experiment: schema.Experiment) -> Array | None:
@@ -229,11 +254,17 @@ def build_disturbance(experiment: schema.Experiment) -> Array | None:
     """Draw and add up the disturbances, (N, n) [N m]; None when there are none.
 
     Only those that draw count in the key of a random stream, so that another one beside them changes no noise.
+
+    Raises:
+        ConfigError: a user's kind of disturbance failed, or gave something of another shape or not finite.
     """
-    run = experiment.run
-    return total_torque(
-        experiment.disturbances, experiment.n, experiment.n_steps, run.control_period, run.seed, run.draw
-    )
+    run, kinds = experiment.run, experiment.disturbances
+    try:
+        return total_torque(kinds, experiment.n, experiment.n_steps, run.control_period, run.seed, run.draw)
+    except Exception as error:
+        if not any(_is_users(kind) for kind in kinds):
+            raise
+        raise _bad("disturbances", f"{type(error).__name__}: {error}") from error
 
 
 def instants(experiment: schema.Experiment) -> Array:

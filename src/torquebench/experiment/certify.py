@@ -67,11 +67,13 @@ def resistance(experiment: schema.Experiment, qd: Array) -> Array:
 def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
     """Return what a controller's certificates need, or None where they are not defined for its law.
 
-    They are for laws with a slope ``lam``, a switching gain ``k`` that acts, and the surface s = de + lambda e, whose
-    equivalent control, if any, is the model's without the measured acceleration.
+    They are for laws with a slope ``lam`` [1/s], a switching gain ``k`` over the torque limit [1] that acts, and the
+    surface s = de + lambda e, whose equivalent control, if any, is the model's without the measured acceleration. Gains
+    of these names in other units are something else.
     """
     law = find_law(keys.law)
-    if not {"lam", "k"} <= law.gains.keys():
+    units = {name: law.gains[name].unit for name in ("lam", "k") if name in law.gains}
+    if units != {"lam": "1/s", "k": "1"}:
         return None
     options = {name: keys.options.get(name, option.values[0]) for name, option in law.options.items()}
     if options.get("surface", "pd") != "pd" or not law.gains["k"].acts(options):

@@ -203,7 +203,7 @@ class _Explainer:
         if reason is not None:
             self._document.add(path, reason, at="key")
             return
-        near = near or nearest(key, first) or nearest(key, every)
+        near = near or nearest(key, every, TYPO) or nearest(key, first) or nearest(key, every)
         self._meant.add((*path[:-1], near or ""))
         wanted = "" if near else f"one of {', '.join(every)}" if every else "none"
         self._document.add(path, f"unknown {group.noun}", at="key", nearest=near or "", wanted=wanted)

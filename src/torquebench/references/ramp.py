@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from torquebench.references.reference import ROUNDING, Motion, Reference, each_j
 class Ramp(Motion):
     """Constant speed from zero to the target, then held; a run may end before the target is reached."""
 
+    has_corners: ClassVar[bool] = True
     target: Annotated[Vector, Key("Final position of each joint", "rad", ", in m for slide joints")]
     rise_time: Annotated[float, Key("Time from zero to the target", "s", above=0)]
 

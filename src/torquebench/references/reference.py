@@ -5,8 +5,9 @@ A kind is a frozen dataclass whose fields are its keys (see `Key`), with one met
     sample(t, n) -> Reference  # position, velocity and acceleration at each time, each (N, n)
 
 and, if it likes, ``check(timing)``, which yields a `Fault` for each key that does not fit the run. It may say by
-``metrics_from`` when the window for metrics opens where a config does not [s], and by ``is_step_like = True`` that rise
-time, overshoot and settling time have a meaning.
+``metrics_from`` when the window for metrics opens where a config does not [s], by ``is_step_like = True`` that rise
+time, overshoot and settling time have a meaning, and by ``has_corners = True`` that its rates leave out jumps. Of a
+user's kind without corners it is checked that the rates are the derivatives of the positions.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Reference(NamedTuple):
 ReferenceSource = Callable[[Array], Reference]
 """A function from times (N,) [s] to the desired motion, arrays (N, n); (N, 1) stands for the same on every joint."""
 
-REFERENCES = Kinds("reference", defaults={"metrics_from": 1.0, "is_step_like": False})
+REFERENCES = Kinds("reference", defaults={"metrics_from": 1.0, "is_step_like": False, "has_corners": False})
 reference = REFERENCES
 """Decorator of a class: ``@reference("lemniscate")``."""
 ROUNDING = 1e-9

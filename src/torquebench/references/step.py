@@ -25,6 +25,7 @@ class Step(Motion):
 
     metrics_from: ClassVar[float] = 2.0
     is_step_like: ClassVar[bool] = True
+    has_corners: ClassVar[bool] = True
     target: Annotated[Vector, Key("Position of each joint after the step", "rad", ", in m for slide joints")]
     at: Annotated[float, Key("Time of the step; less than run.duration", "s", at_least=0)]
 

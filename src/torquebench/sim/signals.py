@@ -61,8 +61,10 @@ def total_torque(
         rng = generator(seed, draw, Stream.TORQUE_NOISE, drawing)
         unused = rng.bit_generator.state
         torque = np.asarray(disturbance.sample(n, control_instants(n_steps, control_period), control_period, rng))
-        if torque.shape != (n_steps, n) or not np.all(np.isfinite(torque)):
-            raise ValueError(f"disturbances[{i}] has shape {torque.shape}, wanted {(n_steps, n)}, all finite")
+        if torque.shape != (n_steps, n):
+            raise ValueError(f"disturbances[{i}] has shape {torque.shape}, wanted {(n_steps, n)}")
+        if not np.all(np.isfinite(torque)):
+            raise ValueError(f"disturbances[{i}] has torques that are not finite")
         drawing += rng.bit_generator.state != unused
         total = (0.0 if total is None else total) + torque
     return total
