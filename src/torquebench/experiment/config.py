@@ -10,12 +10,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from torquebench.errors import nearest
+from torquebench.errors import Fault, nearest
 from torquebench.experiment.groups import FAULT, Group, Many, ManyNamed, Node, OneOf, Spec, group_of
 from torquebench.experiment.rules import check_rules
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, apply_overrides, read_bytes, read_document
-from torquebench.experiment.words import explain, shown
+from torquebench.experiment.words import SLUG_IN_WORDS, explain, shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 
 SWEEP = "sweep"
@@ -199,31 +199,35 @@ class _Explainer:
         absent = [name for name in every if name not in raw]
         first = every if self._document.overridden(path) else absent
         near = nearest(key, first, TYPO)
-        reason = self._elsewhere(path, group, key) if near is None else None
-        if reason is not None:
-            self._document.add(path, reason, at="key")
+        elsewhere = self._elsewhere(path, group, key) if near is None else None
+        if elsewhere is not None:
+            self._document.add_fault(elsewhere)
             return
         near = near or nearest(key, first) or nearest(key, every)
         self._meant.add((*path[:-1], near or ""))
         wanted = "" if near else f"one of {', '.join(every)}" if every else "none"
         self._document.add(path, f"unknown {group.noun}", at="key", nearest=near or "", wanted=wanted)
 
-    def _elsewhere(self, path: KeyPath, group: Group, key: str) -> str | None:
-        """Return why a key is not valid here but would be somewhere else."""
+    def _elsewhere(self, path: KeyPath, group: Group, key: str) -> Fault | None:
+        """Return the fault of a key that is not valid here but would be somewhere else."""
         if group.noun == "gain":
             beside = self._walk(path[len(self._base) : -1])[1][-1][0].fields
-            return f"unknown gain: '{key}' is an option of the law, write it beside gains" if key in beside else None
-        reason = self._belongs(path[len(self._base) : -1], group, key)
-        if reason is not None:
-            return reason
+            option = Fault(path, f"unknown gain: '{key}' is an option of the law", wanted="it beside gains", at="key")
+            return option if key in beside else None
+        other = self._belongs(path, group, key)
+        if other is not None:
+            return other
         if key == SWEEP and len(path) == 1:
-            many = "is for many runs: wanted torquebench sweep FILE, or one of its runs by torquebench run --from-sweep"
-            return f"{many} DIR --index K"
+            wanted = "torquebench sweep FILE, or one of its runs by torquebench run --from-sweep DIR --index K"
+            return Fault(path, "is for many runs", wanted=wanted, at="key")
         home = homes().get(key)
-        return f"does not belong here, but in {home}" if home is not None and home != path[0] else None
+        if home is None or home == path[0]:
+            return None
+        return Fault(path, "does not belong here", wanted=f"it in {home}", at="key")
 
-    def _belongs(self, loc: tuple[int | str, ...], group: Group, key: str) -> str | None:
-        """Return which other kinds have a key, or whose gain it is."""
+    def _belongs(self, path: KeyPath, group: Group, key: str) -> Fault | None:
+        """Return the fault of a key that other kinds have, or that is a gain."""
+        loc = path[len(self._base) : -1]
         for cut in range(len(loc), -1, -1):
             owner, raw = self._owner(loc[:cut]), self._walk(loc[:cut])[4]
             name = raw.get(owner.tag) if owner is not None and isinstance(raw, dict) else None
@@ -232,10 +236,11 @@ class _Explainer:
             groups = {kind: _below(other, loc[cut:]) for kind, other in owner.groups().items()}
             kinds = [kind for kind, other in groups.items() if other is not None and key in other.fields]
             if kinds:
-                return f"has no effect with {owner.tag}: {name} (it belongs to {owner.tag}: {', '.join(kinds)})"
+                text = f"has no effect with {owner.tag}: {name} (it belongs to {owner.tag}: {', '.join(kinds)})"
+                return Fault(path, text, at="key")
             gains = group.fields["gains"].node if "gains" in group.fields else None
             if isinstance(gains, Group) and key in gains.fields:
-                return f"is a gain of law '{name}': write it under gains"
+                return Fault(path, f"is a gain of law '{name}'", wanted="it under gains", at="key")
         return None
 
     def _owner(self, loc: tuple[int | str, ...]) -> OneOf | None:
@@ -262,7 +267,7 @@ class _Explainer:
             if path not in self._meant and not (path and isinstance(path[-1], int)):
                 group = groups[-1][0]
                 what = f"gain '{path[-1]}' is missing" if group.noun == "gain" else "missing"
-                document.add(path, f"{what} ({spec.key.text.rstrip('.') if spec else ''})", at="key")
+                document.add(path, what, at="key", wanted=_a_value(spec))
         elif named and path[-1] != "[key]":
             self._wrong_name(path, spec)
         elif value is None and path and isinstance(path[-1], str):
@@ -289,14 +294,12 @@ class _Explainer:
         if spec is not None and isinstance(spec.node, Many) and isinstance(node, Group | OneOf):
             self._document.add(path, "nothing is given", wanted=_mapping(node))
             return
-        what = f" ({spec.key.text.rstrip('.')})" if spec is not None else ""
-        self._document.add(path, "nothing is given", wanted=f"a value{what}")
+        self._document.add(path, "nothing is given", wanted=_a_value(spec))
 
     def _wrong_name(self, path: KeyPath, spec: Spec | None) -> None:
         """Record that a name in a mapping of names is not one that is accepted."""
         if spec is None or not spec.names:
-            text = "its name is not a slug: 1 to 64 of a-z, 0-9 and -, a letter or digit at both ends"
-            self._document.add(path, text, at="key")
+            self._document.add(path, "its name is not a slug", at="key", wanted=SLUG_IN_WORDS)
             return
         near = nearest(str(path[-1]), spec.names)
         others = "" if near else f"one of {', '.join(spec.names)}"
@@ -321,6 +324,10 @@ def _has(raw: Any, part: int | str) -> bool:
     if isinstance(part, str):
         return isinstance(raw, dict) and part in raw
     return isinstance(raw, list) and part < len(raw)
+
+
+def _a_value(spec: Spec | None) -> str:
+    return "a value" if spec is None else f"a value ({spec.key.text.rstrip('.')})"
 
 
 def _mapping(node: Group | OneOf) -> str:
