@@ -21,7 +21,6 @@ from pydantic import (
     Tag,
     TypeAdapter,
     ValidationError,
-    ValidationInfo,
     create_model,
 )
 from pydantic_core import PydanticCustomError
@@ -79,6 +78,11 @@ class Spec(NamedTuple):
         return self.default is dataclasses.MISSING
 
 
+def always(kind: Any) -> Callable[[bool], Any]:
+    """Return the `Spec.type` of a key whose type for pydantic is the same in both uses."""
+    return lambda describes: kind
+
+
 class Group:
     """A mapping with fixed keys, which becomes one object.
 
@@ -125,7 +129,7 @@ class Group:
     def _adapter(self) -> TypeAdapter[Any]:
         return TypeAdapter(self.model(False))
 
-    def validate(self, raw: Any, info: ValidationInfo | None = None) -> Any:
+    def validate(self, raw: Any) -> Any:
         """Return the object of raw values.
 
         Raises:
@@ -163,7 +167,7 @@ def group_of(kind: Any, tag: tuple[str, str, str] | None = None) -> Group:
 
 def _constant(value: str, meaning: str) -> Spec:
     kind: Any = Literal[value]
-    return Spec(Key(meaning.removesuffix(".")), lambda _: kind, choices=(value,))
+    return Spec(Key(meaning.removesuffix(".")), always(kind), choices=(value,))
 
 
 class OneOf:
@@ -209,14 +213,14 @@ class OneOf:
         for group in groups:
             for name, spec in group.fields.items():
                 shared = all(name in other.fields and other.fields[name].key == spec.key for other in groups)
-                fields.setdefault(name, spec if shared else Spec(spec.key, lambda _: Any, None))
+                fields.setdefault(name, spec if shared else Spec(spec.key, always(Any), None))
         names = self.names()
         kind: Any = Literal[names]
-        fields[self.tag] = Spec(Key(self.meaning.removesuffix(".")), lambda _: kind, choices=names)
+        fields[self.tag] = Spec(Key(self.meaning.removesuffix(".")), always(kind), choices=names)
         self._unknown = groups, Group("unknown", "", fields, lambda values: None, noun=groups[0].noun)
         return self._unknown[1]
 
-    def validate(self, raw: Any, info: ValidationInfo | None = None) -> Any:
+    def validate(self, raw: Any) -> Any:
         """Return the object of raw values.
 
         Raises:
@@ -289,30 +293,31 @@ class Named:
 
     Args:
         registry: What is registered.
-        kind: Class of what is registered, which declares the mapping's keys.
+        kind: Class of what is registered, which declares the mapping's keys; None where only a name will do, which
+            then stays one.
     """
 
-    def __init__(self, registry: Any, kind: type[Any]) -> None:
-        described: Any = kind
-        self.registry, self.node = registry, group_of(described)
+    def __init__(self, registry: Any, kind: Any = None) -> None:
+        self.registry, self.node = registry, None if kind is None else group_of(kind)
 
     @property
     def choices(self) -> tuple[str, ...]:
         """Names of what is registered."""
         return tuple(self.registry)
 
-    def validate(self, raw: Any, info: ValidationInfo) -> Any:
+    def validate(self, raw: Any) -> Any:
         """Return what a name stands for, or the object of a mapping's raw values.
 
         Raises:
             ValidationError: there are mistakes; all of them.
         """
-        if isinstance(raw, dict):
+        if isinstance(raw, dict) and self.node is not None:
             return self.node.validate(raw)
         if isinstance(raw, str) and raw in self.registry:
-            return self.registry[raw] if isinstance(self.registry, Registry) else raw
-        names = ", ".join(self.registry)
-        wanted = f"one of {names}, or a mapping ({', '.join(self.node.fields)})"
+            return self.registry[raw] if self.node is not None and isinstance(self.registry, Registry) else raw
+        wanted = f"one of {', '.join(self.registry)}"
+        if self.node is not None:
+            wanted += f", or a mapping ({', '.join(self.node.fields)})"
         near = nearest(raw, tuple(self.registry)) if isinstance(raw, str) else None
         raise refusal([Fault((), wanted=wanted, nearest=near or "")], raw)
 
@@ -321,29 +326,7 @@ class Named:
         if not describes:
             return Annotated[Any, PlainValidator(self.validate)]
         names: Any = Literal[tuple(self.registry)]
-        return Union[names, self.node.model(True)]  # noqa: UP007  (of computed types)
-
-
-class NameOf:
-    """Note of a key that takes the name of something registered."""
-
-    def __init__(self, registry: Registry[Any]) -> None:
-        self.registry = registry
-
-    def validate(self, raw: Any) -> str:
-        """Return the name.
-
-        Raises:
-            ValidationError: nothing has it.
-        """
-        if isinstance(raw, str) and raw in self.registry:
-            return raw
-        near = nearest(raw, self.registry.names()) if isinstance(raw, str) else None
-        raise refusal([Fault((), wanted=f"one of {', '.join(self.registry)}", nearest=near or "")], raw)
-
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        return Literal[self.registry.names()] if describes else Annotated[Any, PlainValidator(self.validate)]
+        return names if self.node is None else Union[names, self.node.model(True)]  # noqa: UP007  (computed types)
 
 
 @dataclass(frozen=True)
@@ -394,8 +377,8 @@ def spec_of(declared: Declared) -> Spec:
     members = [x for x in get_args(plain) if x is not types.NoneType] if union else [plain]
     words = next((get_args(x) for x in members if get_origin(x) is Literal), ())
     if tuple[float, ...] in members:
-        vector = Annotated[Any, EachJoint(key, words[0] if words else None)]
-        return Spec(key, lambda _: vector, default, choices=words, vector=True)
+        vector = always(Annotated[Any, EachJoint(key, words[0] if words else None)])
+        return Spec(key, vector, default, choices=words, vector=True)
     (plain,) = members
     if dataclasses.is_dataclass(plain):
         group = group_of(plain)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from torquebench.experiment.config import SWEEP, check_group
 from torquebench.experiment.controllers import OWN_KEYS, Controller
-from torquebench.experiment.groups import Checked, Named, NameOf, group_of
+from torquebench.experiment.groups import Checked, Named, group_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign, split_key
 from torquebench.experiment.words import shown
@@ -79,7 +79,7 @@ class Worst:
     """Trajectories of the worst runs only; a run that failed is worse than any that did not."""
 
     worst: Annotated[int, Key("Number of runs of each controller", "1", at_least=1, at_most=10_000)]
-    by: Annotated[str, Key("Metric that is compared"), NameOf(METRICS)] = "rmse"
+    by: Annotated[str, Key("Metric that is compared"), Named(METRICS)] = "rmse"
 
 
 @dataclass(frozen=True)
