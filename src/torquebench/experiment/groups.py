@@ -262,6 +262,10 @@ class Many:
             raise refusal([Fault((), **self.fault(raw))], raw)
         return raw
 
+    def items(self, raw: Any) -> Iterable[tuple[int | str, Any]]:
+        """Return the items of raw values with the index or name of each; none where they are no such list."""
+        return enumerate(raw) if isinstance(raw, list) and len(raw) <= self.most else ()
+
     def fault(self, raw: Any) -> dict[str, Any]:
         """Return what was wanted instead of a value that is no such list."""
         if isinstance(raw, list) and len(raw) > self.most:
@@ -280,6 +284,10 @@ class ManyNamed(Many):
             return Annotated[dict[Slug, item], BeforeValidator(self._short)]
         extra: Any = {"additionalProperties": False}
         return Annotated[dict[Slug, item], Field(max_length=self.most, json_schema_extra=extra)]
+
+    def items(self, raw: Any) -> Iterable[tuple[int | str, Any]]:
+        """Return the items of raw values with the index or name of each; none where they are no such mapping."""
+        return raw.items() if isinstance(raw, dict) and len(raw) <= self.most else ()
 
     def fault(self, raw: Any) -> dict[str, Any]:
         """Return what was wanted instead of a value that is no such mapping."""
