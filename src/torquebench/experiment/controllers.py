@@ -8,7 +8,7 @@ from dataclasses import MISSING, dataclass
 from typing import Annotated, Any, Literal
 
 import torquebench.laws  # noqa: F401  (registers the built-in laws)
-from torquebench.experiment.groups import SLUG, EachJoint, Group, OneOf, Spec, always, option_type, spec_of
+from torquebench.experiment.groups import SLUG, Group, NumberOrList, OneOf, Spec, always, option_type, spec_of
 from torquebench.fuzzy import BUILTIN
 from torquebench.keys import Key, Vector, declared_keys
 from torquebench.laws.declare import RESERVED, Gain
@@ -108,4 +108,4 @@ def _gain(gain: Gain) -> Spec:
     above, at_least = (0, None) if gain.positive else (None, 0)
     key = Key(gain.meaning, gain.unit, note, above, at_least, end="")
     default = MISSING if gain.only_with is None else None
-    return Spec(key, always(Annotated[Any, EachJoint(key)]), default, vector=True)
+    return Spec(key, always(Annotated[Any, NumberOrList(key)]), default, vector=True)

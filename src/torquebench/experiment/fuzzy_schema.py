@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 from pydantic import Discriminator, Field, Tag, TypeAdapter
 
 from torquebench.errors import Fault, FuzzyError
-from torquebench.experiment.groups import Checked, Many, group_of, number, refusal
+from torquebench.experiment.groups import Checked, Many, NumberOrList, group_of, number, refusal
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable
@@ -28,18 +28,6 @@ SYSTEMS = Kinds("kind of fuzzy system")
 _NUMBER: Any = number(Key(""))
 
 
-def _numbers(least: int, most: int, describes: bool) -> Any:
-    """Return the type of one number or a list of some."""
-    many = Annotated[tuple[_NUMBER, ...], Field(strict=False, min_length=least, max_length=most)]
-
-    def shape(value: object) -> str:
-        return "list" if isinstance(value, list | tuple) else "number"
-
-    if describes:
-        return _NUMBER | many
-    return Annotated[Annotated[_NUMBER, Tag("number")] | Annotated[many, Tag("list")], Discriminator(shape)]
-
-
 @dataclass(frozen=True)
 class NamedNumbers:
     """Note of a key that takes a mapping of names to one number, or a list of some."""
@@ -49,7 +37,10 @@ class NamedNumbers:
 
     def type(self, describes: bool) -> Any:
         """Return the type for pydantic; see `Spec.type`."""
-        return dict[str, _numbers(self.least, self.most, describes)]  # type: ignore[misc]
+        if not describes:
+            return dict[str, Annotated[Any, NumberOrList(Key(""), least=self.least, most=self.most)]]
+        many = Annotated[tuple[_NUMBER, ...], Field(strict=False, min_length=self.least, max_length=self.most)]
+        return dict[str, _NUMBER | many]
 
 
 _RANGE = Key("What the law sees as -1 and 1", wanted="a list of two numbers, such as [-1, 1]")

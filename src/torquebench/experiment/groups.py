@@ -385,7 +385,7 @@ def spec_of(declared: Declared) -> Spec:
     members = [x for x in get_args(plain) if x is not types.NoneType] if union else [plain]
     words = next((get_args(x) for x in members if get_origin(x) is Literal), ())
     if tuple[float, ...] in members:
-        vector = always(Annotated[Any, EachJoint(key, words[0] if words else None)])
+        vector = always(Annotated[Any, NumberOrList(key, words[0] if words else None)])
         return Spec(key, vector, default, choices=words, vector=True)
     (plain,) = members
     if dataclasses.is_dataclass(plain):
@@ -425,16 +425,18 @@ def _plain_type(plain: Any, key: Key, notes: Iterable[Any], describes: bool) -> 
 
 
 @dataclass(frozen=True)
-class EachJoint:
-    """Annotation of a vector key: finite numbers within a key's limits, and optionally one accepted word."""
+class NumberOrList:
+    """Annotation of a key that takes one number or a list of some, within its limits, and optionally one word."""
 
     key: Key
     word: str | None = None
+    least: int = 1
+    most: int | None = None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return pydantic's schema for a number, or a list of them, in strict mode."""
         one: Any = number(self.key)
-        numbers = Annotated[tuple[one, ...], Field(strict=False, min_length=1)]
+        numbers = Annotated[tuple[one, ...], Field(strict=False, min_length=self.least, max_length=self.most)]
         kinds: Any = Annotated[one, Tag("number")] | Annotated[numbers, Tag("list")]
         if self.word is not None:
             kinds = kinds | Annotated[Literal[self.word], Tag("word")]
