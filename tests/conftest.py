@@ -2,10 +2,11 @@
 
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
+from torquebench.registry import restored
 from torquebench.shipped import data_root
 
 # a shell that starts the tests in the background has them, and all that they start, ignore Ctrl-C, which many test
@@ -26,6 +27,13 @@ def figure(request: pytest.FixtureRequest) -> Callable[[str, float, str], None]:
         request.node.user_properties.append((MEASURED, (what, float(value), promise)))
 
     return note
+
+
+@pytest.fixture
+def registries() -> Iterator[None]:
+    """Forget in the end what a test registers, of whatever kind."""
+    with restored():
+        yield
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from torquebench import Experiment, Outcome, load_plugin, run_experiment
-from torquebench.registry import restored
 from torquebench.shipped import data_root
 
 EXAMPLES = re.findall(r"```python\n(.*?)```", (data_root() / "CONTRIBUTING.md").read_text(), flags=re.DOTALL)
@@ -27,14 +25,13 @@ EXPERIMENT = {
 
 
 @pytest.fixture
-def plugins(tmp_path: Path) -> Iterator[list[Path]]:
-    """Return a file for each example, and forget at the end what they have registered."""
+def plugins(tmp_path: Path, registries: None) -> list[Path]:
+    """File of each example; what they register is forgotten in the end."""
     files = []
     for i, text in enumerate(KINDS):
         files.append(tmp_path / f"kind_{i}.py")
         files[-1].write_text(text)
-    with restored():
-        yield files
+    return files
 
 
 def test_each_kind_is_added_by_one_file(plugins: list[Path]) -> None:

@@ -12,14 +12,11 @@ from numba.core import config
 from tests.dialect_cases import BAD, GOOD, HEAD, LINE
 from tests.user_files import load
 from torquebench.dialect import Complaint, complaints
-from torquebench.laws.law import LAWS, Law, find_law
+from torquebench.laws.law import Law, find_law
+from torquebench.registry import restored
 from torquebench.sim.native import law_obstacle
 
-
-@pytest.fixture(autouse=True)
-def registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forget the laws that a test registers."""
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
+pytestmark = pytest.mark.usefixtures("registries")
 
 
 def read(tmp_path: Path, body: str, head: str = HEAD) -> list[Complaint]:
@@ -141,10 +138,9 @@ def test_a_number_of_another_file_is_imported_by_name(tmp_path: Path) -> None:
     """A law is compiled again when a number that it names changes, which is seen in its own file only."""
     other = load(tmp_path, "LIMIT = 3.0\n")
     head = HEAD.replace("LIMIT = 3.0", f"import {other.__name__} as numbers\nfrom {other.__name__} import LIMIT")
-    assert [c.what for c in read(tmp_path, "tau[0] = numbers.LIMIT", head)] == [
-        "numbers.LIMIT, a number of another file"
-    ]
-    LAWS._items.pop("user-law")
+    with restored():
+        found = read(tmp_path, "tau[0] = numbers.LIMIT", head)
+    assert [c.what for c in found] == ["numbers.LIMIT, a number of another file"]
     assert read(tmp_path, "tau[0] = LIMIT * math.pi + np.pi", head) == []
 
 

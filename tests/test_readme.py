@@ -45,11 +45,8 @@ def test_every_file_that_is_named_exists():
 
 
 @pytest.fixture
-def run_law(tmp_path, monkeypatch):
+def run_law(tmp_path, monkeypatch, registries):
     """Run a law shown in a document, in a config made from the line shown for it; return the stored run."""
-    from torquebench.laws.law import LAWS
-
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     monkeypatch.chdir(tmp_path)
 
     def run(source, document):

@@ -13,7 +13,7 @@ import torquebench as tb
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.store import check_run
-from torquebench.laws.law import LAWS
+from torquebench.registry import restored
 
 QUICK = {
     "name": "quick",
@@ -51,8 +51,7 @@ def failed(tmp_path_factory):
     """A run in which one controller fails at 0.2 s."""
     file = tmp_path_factory.mktemp("law") / "law.py"
     file.write_text(LAW)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(LAWS, "_items", dict(LAWS._items))
+    with restored():
         broken = {"name": "broken", "law": "fails-at", "gains": {"at": 0.2}}
         result = tb.run_experiment(QUICK | {"controllers": [*QUICK["controllers"], broken]}, plugins=[file])
         result.save(file.parent / "saved", figures=False)
@@ -186,9 +185,8 @@ def test_progress_is_reported():
     assert all(done <= whole == 1200 for _, done, whole in seen)
 
 
-def test_a_plugin_can_be_edited_and_used_again(tmp_path, monkeypatch):
+def test_a_plugin_can_be_edited_and_used_again(tmp_path, registries):
     """The second run has the law as the file has it now; a file that fails leaves the law that there was."""
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     law = LAW.replace("fails-at", "edited")
     broken = {"name": "broken", "law": "edited", "gains": {"at": 0.2}}
     config, file = QUICK | {"controllers": [broken]}, tmp_path / "edited.py"

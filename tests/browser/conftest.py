@@ -9,7 +9,7 @@ import pytest
 from tests.browser import chromium
 from tests.browser.chromium import WEBGL, Chromium, Page
 from torquebench.cli.app import main
-from torquebench.laws.law import LAWS
+from torquebench.registry import restored
 from torquebench.report.figures import style
 
 CONFIG = """\
@@ -80,8 +80,7 @@ def replayed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("browser")
     (folder / "config.yaml").write_text(CONFIG)
     (folder / "law.py").write_text(LAW)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(LAWS, "_items", dict(LAWS._items))
+    with restored():
         command = ["run", str(folder / "config.yaml"), "--plugin", str(folder / "law.py"), "--out", str(folder / "run")]
         assert main([*command, "--no-figures"]) == 0
     return folder / "run"

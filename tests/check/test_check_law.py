@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +15,15 @@ from torquebench import check, check_cases, check_law, find_law, law_names
 from torquebench.check import FAIL, NOTE, PASS, Check, Report
 from torquebench.errors import ControllerError
 from torquebench.laws import Law, Option
-from torquebench.laws.law import LAWS
+from torquebench.registry import restored
 from torquebench.robot.library import data_root
 
 
 @pytest.fixture(autouse=True)
-def registry(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def few_loops(monkeypatch: pytest.MonkeyPatch, registries: None) -> None:
     """Forget the laws that a test registers, and try fewer loops: the full number is tried on the package's laws."""
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     monkeypatch.setattr(check, "SCALES", (1.0,))
     monkeypatch.setattr(check, "DURATION", 0.03)
-    return
 
 
 def report_on(folder: Path, body: str, head: str = HEAD) -> Report:
@@ -160,8 +157,8 @@ def test_an_option_without_effect_is_caught(tmp_path: Path) -> None:
     """Each option is tried with each value; one that makes no difference fails as an ignored gain does."""
     option = '    mode: Annotated[int, Option("mode", ("soft", "hard"))]\n\n\nclass Memory'
     head = HEAD.replace("\n\nclass Memory", option)
-    assert "option 'mode' makes no difference (" in detail(report_on(tmp_path, SPRING, head), "gains")
-    LAWS._items.pop("user-law")
+    with restored():
+        assert "option 'mode' makes no difference (" in detail(report_on(tmp_path, SPRING, head), "gains")
     assert report_on(tmp_path, SPRING + "    tau[i] *= 1.0 + gains.mode", head).held
 
 

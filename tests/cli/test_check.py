@@ -6,7 +6,6 @@ import re
 import pytest
 
 from torquebench import check
-from torquebench.laws.law import LAWS
 
 GOOD = '''"""A user's file."""
 
@@ -44,10 +43,9 @@ def bad(gains, model, t, q, qd, ref, memory, tau):
 
 
 @pytest.fixture(autouse=True)
-def short(tmp_path, monkeypatch):
+def short(tmp_path, monkeypatch, registries):
     """Run in an empty folder, with few and short loops, and forget the laws afterwards."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     monkeypatch.setattr(check, "SCALES", (1.0,))
     monkeypatch.setattr(check, "DURATION", 0.02)
 

@@ -12,7 +12,7 @@ from torquebench.cli.app import COMMANDS as HEADINGS
 from torquebench.errors import ConfigError
 from torquebench.experiment import parse_experiment
 from torquebench.laws import find_law, law_names
-from torquebench.laws.law import LAWS
+from torquebench.registry import restored
 from torquebench.shipped import configs, data_root, find_config, first_line
 
 
@@ -40,13 +40,13 @@ def test_laws(command):
     assert all(name in out and summary in out for name, summary in data["laws"].items())
 
 
-def test_laws_of_a_plug_in(command, tmp_path, monkeypatch):
+def test_laws_of_a_plug_in(command, tmp_path):
     """A law of one's own is listed and shown as the others are."""
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     (tmp_path / "mine.py").write_text(GOOD)
-    assert "\ngood" in command("laws", "-p", tmp_path / "mine.py")[1]
-    LAWS._items.pop("good")
-    assert "gain" in command("show", "good", "-p", tmp_path / "mine.py")[1]
+    with restored():
+        assert "\ngood" in command("laws", "-p", tmp_path / "mine.py")[1]
+    with restored():
+        assert "gain" in command("show", "good", "-p", tmp_path / "mine.py")[1]
 
 
 @pytest.mark.parametrize("name", law_names())

@@ -7,7 +7,7 @@ import pytest
 
 from torquebench.experiment.store import check_run
 from torquebench.fuzzy import oracle
-from torquebench.laws.law import LAWS
+from torquebench.registry import restored
 from torquebench.robot.library import data_root
 
 CONFIG = """\
@@ -152,9 +152,8 @@ def rules_only(gains, model, t, q, qd, ref, memory, tau):
 """
 
 
-def test_a_law_of_ones_own_with_a_fuzzy_system(small, command, monkeypatch):
+def test_a_law_of_ones_own_with_a_fuzzy_system(small, command):
     """A plug-in declares a field of type `Fis`, the config chooses its system; without scaling, no page of rules."""
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     (small.parent / "mine.py").write_text(LAW)
     small.write_text(
         CONFIG.replace(
@@ -162,7 +161,8 @@ def test_a_law_of_ones_own_with_a_fuzzy_system(small, command, monkeypatch):
             ("  - {name: mine, law: rules-only, gains: {ge: 0.05, gd: 0.5}, fuzzy: pd-9}\n"),
         )
     )
-    status, out, _ = command("run", small, "--plugin", "mine.py", "--out", "result")
+    with restored():
+        status, out, _ = command("run", small, "--plugin", "mine.py", "--out", "result")
     assert status == 0
     assert "fuzzy system pd-9: exact" in out
     files = check_run(small.parent / "result")["files"]
@@ -170,8 +170,8 @@ def test_a_law_of_ones_own_with_a_fuzzy_system(small, command, monkeypatch):
     assert "figures/fuzzy-mine-rules.svg" not in files
     metrics = json.loads((small.parent / "result" / "metrics.json").read_text())["controllers"]
     assert metrics["mine"]["rmse"]["value"] < 0.05
-    monkeypatch.setattr(LAWS, "_items", {k: v for k, v in LAWS._items.items() if k != "rules-only"})
-    status, out, _ = command("fuzzy", small, "--plugin", "mine.py", "--name", "pd-9", "--out", "described")
+    with restored():
+        status, out, _ = command("fuzzy", small, "--plugin", "mine.py", "--name", "pd-9", "--out", "described")
     assert (status, "fuzzy system pd-9" in out) == (0, True)
 
 

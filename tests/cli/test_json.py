@@ -21,7 +21,6 @@ from torquebench.cli.app import main
 from torquebench.errors import ConfigError, Problem
 from torquebench.experiment import parse_experiment
 from torquebench.experiment.store import check_run
-from torquebench.laws.law import LAWS
 from torquebench.plain import plain
 
 ENVELOPE = {"command", "status", "problems", "error", "remarks"}
@@ -73,17 +72,12 @@ def test_run(quick, document):
     assert "%" in err
 
 
-def test_run_with_a_talkative_plug_in(quick, document):
+def test_run_with_a_talkative_plug_in(quick, document, registries):
     """What a plug-in prints is no part of the document; a failed run is in it, and the exit status is 1."""
     (quick.parent / "my_law.py").write_text(GOOD + "\nprint('loaded')\n")
     line = "  - {name: mine, law: good, gains: {k: 0.5}, expect: failed}\n"
     quick.write_text(quick.read_text().replace("reference:", line + "reference:"))
-    registry = dict(LAWS._items)
-    try:
-        data, err = document("run", quick, "--no-figures", "--plugin", "my_law.py", status=1)
-    finally:
-        LAWS._items.clear()
-        LAWS._items.update(registry)
+    data, err = document("run", quick, "--no-figures", "--plugin", "my_law.py", status=1)
     assert not data["controllers"]["mine"]["expected"]
     assert data["controllers"]["mine"]["outcome"] == "COMPLETED"
     assert "loaded" in err
@@ -124,10 +118,9 @@ def test_fuzzy(tmp_path, monkeypatch, document):
     assert "%" in err
 
 
-def test_check(tmp_path, monkeypatch, document):
+def test_check(tmp_path, monkeypatch, document, registries):
     """As before, within the envelope."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     monkeypatch.setattr(check, "SCALES", (1.0,))
     monkeypatch.setattr(check, "DURATION", 0.02)
     (tmp_path / "laws.py").write_text(GOOD)
@@ -213,7 +206,7 @@ def test_every_mistake_in_a_config_can_be_placed():
         assert (told["file"], told["line"], told["option"]) == ("a b:c.yaml", bad.line, None)
         assert told["column"] >= 1
         found += told["wanted"] is not None
-    assert found > 0.6 * len(BAD)
+    assert found > 0.7 * len(BAD)
 
 
 @pytest.mark.parametrize(

@@ -211,18 +211,7 @@ def with_failing_law(quick, expect=""):
     return plugin
 
 
-@pytest.fixture
-def forget_plugin():
-    """Take the plugin's law out of the registry again."""
-    from torquebench.laws.law import LAWS
-
-    before = dict(LAWS._items)
-    yield
-    LAWS._items.clear()
-    LAWS._items.update(before)
-
-
-@pytest.mark.usefixtures("forget_plugin")
+@pytest.mark.usefixtures("registries")
 def test_a_failed_run_has_an_outcome_and_no_metrics(quick, command):
     """Exit 1; the others are complete; the failed one is truncated at its step and has no metrics."""
     plugin = with_failing_law(quick)
@@ -237,7 +226,7 @@ def test_a_failed_run_has_an_outcome_and_no_metrics(quick, command):
     assert len(load_trajectory(quick.parent / "result" / "broken" / "trajectory.npz").t) == 101
 
 
-@pytest.mark.usefixtures("forget_plugin")
+@pytest.mark.usefixtures("registries")
 def test_an_expected_failure_is_no_failure(quick, command):
     """With `expect: failed` the exit status is 0; a law that then completes gives 1."""
     plugin = with_failing_law(quick, ", expect: failed")
@@ -247,7 +236,7 @@ def test_an_expected_failure_is_no_failure(quick, command):
     assert command("run", quick, "--out", "b", "--no-figures")[0] == 1
 
 
-@pytest.mark.usefixtures("forget_plugin")
+@pytest.mark.usefixtures("registries")
 def test_the_manifest_knows_which_code_and_which_arm(quick, command):
     """Plug-ins and model files are in the manifest by name and checksum, so that a result can be reproduced."""
     plugin = with_failing_law(quick, ", expect: failed")

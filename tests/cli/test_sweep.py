@@ -23,6 +23,7 @@ from torquebench import load_trajectory
 from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.metrics import METRICS
+from torquebench.registry import restored
 from torquebench.sweep.folder import open_sweep
 from torquebench.sweep.run import state_of
 
@@ -366,11 +367,8 @@ def test_every_trajectory_is_kept_when_asked_for(small, command):
 PLUGIN = user_law("swept-law")
 
 
-def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monkeypatch):
+def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command):
     """In processes too; a plug-in that is missing, or that has changed, is refused when the sweep goes on."""
-    from torquebench.laws.law import LAWS
-
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     Path("law.py").write_text(PLUGIN)
     own = (
         "--set",
@@ -381,8 +379,7 @@ def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monk
         "sweep.random={controllers.*.gains.k: {uniform: [1, 2]}}",
     )
     for name, how in (("s", THREADS), ("t", ("--workers", 1))):
-        with monkeypatch.context() as fresh:
-            fresh.setattr(LAWS, "_items", dict(LAWS._items))
+        with restored():
             status = command("sweep", small, "--out", name, "--plugin", "law.py", *own, *how)[0]
             assert status == 0
     assert files_of("s") == files_of("t")
@@ -391,8 +388,7 @@ def test_laws_of_the_user_are_swept_and_must_be_there_again(small, command, monk
     assert status == 2
     assert "law.py: wanted --plugin with each of these files" in err
     Path("law.py").write_text(PLUGIN.replace("10.0", "12.0"))
-    with monkeypatch.context() as fresh:
-        fresh.setattr(LAWS, "_items", dict(LAWS._items))
+    with restored():
         status, _, err = command("sweep", "--resume", "s", "--plugin", "law.py")
     assert status == 2
     assert "plugins.'law.py': was" in err

@@ -11,6 +11,7 @@ import pytest
 from tests.cli.conftest import QUICK
 from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
+from torquebench.registry import restored
 from torquebench.video.job import FPS
 
 
@@ -115,15 +116,12 @@ def limp(gains, model, t, q, qd, ref, memory, tau):
 
 def test_the_film_of_a_law_of_ones_own_needs_no_plug_in(quick, command, monkeypatch):
     """A run of a plug-in's law can be shown where nobody knows that law any more."""
-    from torquebench.laws.law import LAWS
-
     monkeypatch.setenv("MUJOCO_GL", "off")
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     (quick.parent / "limp.py").write_text(PLUGIN)
     mine = "controllers=[{name: mine, law: limp, gains: {k: 0.01}}]"
     run = ("run", quick, "--plugin", "limp.py", "--out", "run", "--no-figures", "--set", mine)
-    assert command(*run)[0] == 0
-    del LAWS._items["limp"]
+    with restored():
+        assert command(*run)[0] == 0
     assert command("video", "run", "--size", "320x240")[0] == 0
     assert check_run(quick.parent / "run")["video"]["controllers"] == ["mine"]
 

@@ -416,7 +416,7 @@ TWO_LINK = (
 SCENARIOS = [
     Bad("chain: ideal", "chain: 5", "chain", "got 5, wanted one of ideal, fast, slow, or a mapping (encoder_noise,"),
     Bad("chain: ideal", "chain: [fast]", "chain", "got a list of 1, wanted one of ideal, fast, slow, or a mapping"),
-    Bad("chain: ideal", "chain: {}\ndelay: 0.004", "delay", "does not belong here, but in chain", "delay:"),
+    Bad("chain: ideal", "chain: {}\ndelay: 0.004", "delay", "wanted it in chain", "delay:"),
     bad_scenario("encoder_noise: 0.0001", "encoder_noise: -0.0001", "chain.encoder_noise", "at least 0"),
     bad_scenario("encoder_noise: 0.0001", "encoder_noise: [0, 1]", "chain.encoder_noise", "wanted a number [rad]"),
     bad_scenario("quantisation: 0.0002", "quantization: 0.0002", "chain.quantization", "did you mean 'quantisation'"),
@@ -446,7 +446,7 @@ FILMS = [
         "chain: ideal",
         "chain: ideal\ncamera: overview",
         "camera",
-        "does not belong here, but in video",
+        "wanted it in video",
         "camera: overview",
     ),
 ]

@@ -67,7 +67,7 @@ def test_percentages_are_answered_with_the_fraction(value: str, hint: str) -> No
 def test_exact_with_printed_is_refused_in_the_models_own_words() -> None:
     """The config's reason is the one that the model itself gives."""
     (problem,) = problems_of(MINIMAL, "model.constants=printed")
-    reason = problem.message.partition(": ")[2]
+    reason = problem.text.partition(": ")[2]
     assert reason.startswith("the printed constants break the seven exact ties")
     with pytest.raises(ValueError, match=re.escape(reason)):
         Puma560("exact", "printed")

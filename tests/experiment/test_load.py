@@ -16,7 +16,7 @@ from torquebench.experiment import as_vector, dump_experiment, experiment_json_s
 from torquebench.experiment.controllers import OWN_KEYS
 from torquebench.kernel import Array
 from torquebench.laws.declare import RESERVED, Gain, Option
-from torquebench.laws.law import LAWS, controller, find_law
+from torquebench.laws.law import controller, find_law
 
 
 def test_every_key_arrives_where_it_belongs() -> None:
@@ -150,14 +150,7 @@ class ClashingGains(NamedTuple):
     expect: Annotated[int, Option("taken", ("a", "b"))]
 
 
-@pytest.fixture
-def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a test register laws that vanish with it."""
-    for part in ("_items", "_makers"):
-        monkeypatch.setattr(LAWS, part, dict(getattr(LAWS, part)))
-
-
-@pytest.mark.usefixtures("own_registry")
+@pytest.mark.usefixtures("registries")
 def test_a_users_law_is_checked_like_the_shipped_ones() -> None:
     """A registered law's gains and options are known to the loader and the schema, whatever they are called."""
 
@@ -187,7 +180,7 @@ def test_a_users_law_is_checked_like_the_shipped_ones() -> None:
         assert word in problem.message
 
 
-@pytest.mark.usefixtures("own_registry")
+@pytest.mark.usefixtures("registries")
 def test_an_option_may_not_take_the_name_of_a_common_key() -> None:
     """A law whose option would shadow ``expect`` cannot be registered, and the keys reserved are the schema's."""
     with pytest.raises(ControllerError, match="no option may be called 'expect'"):

@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 
 from tests.experiment.examples import MINIMAL, parse
-from torquebench.chain import CHAINS
-from torquebench.disturbances import DISTURBANCES
 from torquebench.errors import ConfigError
 from torquebench.experiment import Experiment, dump_experiment, experiment_json_schema
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.reference import unit_of
 from torquebench.experiment.run import run_experiment
 from torquebench.laws.plugin import load_plugin
-from torquebench.references import REFERENCES
-from torquebench.sim.plants.kinds import PLANTS
 
 WAVE = '''
 from dataclasses import dataclass
@@ -110,12 +106,7 @@ class Damped(PlantKeys):
 SHORT = ("run.duration=0.6", "run.metrics_from=0.05")
 
 
-@pytest.fixture(autouse=True)
-def own_registries(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a test register kinds that vanish with it."""
-    for registry in (DISTURBANCES, REFERENCES, CHAINS, PLANTS):
-        for part in ("_items", "_makers"):
-            monkeypatch.setattr(registry, part, dict(getattr(registry, part)))
+pytestmark = pytest.mark.usefixtures("registries")
 
 
 def added(folder: Path, text: str) -> None:

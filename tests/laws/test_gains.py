@@ -12,7 +12,6 @@ from torquebench.errors import ControllerError
 from torquebench.fuzzy import Fis, builtin_system, infer, prepare
 from torquebench.kernel import Array
 from torquebench.laws import FixedRules, Gain, Option, Rules, controller, find_law, law_names
-from torquebench.laws.law import LAWS
 
 SMC = {"lam": 10.0, "k": 0.3}
 
@@ -96,9 +95,7 @@ def law(gains: Any, model: Any, t: float, q: Array, qd: Array, ref: Any, memory:
     """Ask for no torque."""
 
 
-@pytest.fixture(autouse=True)
-def _own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
+pytestmark = pytest.mark.usefixtures("registries")
 
 
 def test_laws_that_ship() -> None:

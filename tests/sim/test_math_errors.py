@@ -18,7 +18,8 @@ from tests.sim.loops import PLANTS, TARGET, arm, plant_of
 from tests.user_files import load
 from torquebench import Controller, Outcome, find_law, simulate
 from torquebench.dialect import MATH, complaints
-from torquebench.laws.law import LAWS, Law
+from torquebench.laws.law import Law
+from torquebench.registry import restored
 from torquebench.sim import checked_math, interpreted
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
 from torquebench.sim.interpreted import Matrix, Vector, python_numbers
@@ -149,17 +150,15 @@ BRANCHES
 @pytest.fixture(scope="module")
 def risky(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """The law, registered for the tests of this file only."""
-    before = dict(LAWS._items)
     branches = "".join(
         f"            if gains.case == {k}:\n                y = 0.0 + ({c})\n" for k, c in enumerate(CASES)
     )
     text = SOURCE.replace("BRANCHES\n", branches).replace("VALUES", repr(tuple(f"case{k}" for k in range(len(CASES)))))
-    load(tmp_path_factory.mktemp("laws"), text)
-    law = find_law("risky")
-    assert [str(c) for c in complaints(law)] == []
-    yield law
-    LAWS._items.clear()
-    LAWS._items.update(before)
+    with restored():
+        load(tmp_path_factory.mktemp("laws"), text)
+        law = find_law("risky")
+        assert [str(c) for c in complaints(law)] == []
+        yield law
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -213,9 +212,8 @@ def test_the_interpreted_call_tells_what_the_compiled_one_met(risky: Any, name: 
     assert setup.job.record_memory[:, AT].tobytes() == kept.tobytes()
 
 
-def test_an_element_beyond_the_end_is_no_element(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_element_beyond_the_end_is_no_element(tmp_path: Path, registries: None) -> None:
     """Compiled, it raises instead of reading what lies behind the array; the interpreted call says which line."""
-    monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
     load(
         tmp_path,
         """
@@ -367,10 +365,9 @@ def edited(gains, model, t, q, qd, ref, memory, tau):
         ("100.0", "200.0", 211.0),
         ("LIMIT + part", "-LIMIT + part", 109.0),
     ):
-        monkeypatch.setattr(LAWS, "_items", dict(LAWS._items))
-        LAWS._items.pop("edited", None)
-        load(tmp_path, text.replace(old, new), "edited_file")
-        law = find_law("edited")
+        with restored():
+            load(tmp_path, text.replace(old, new), "edited_file")
+            law = find_law("edited")
         names.add(native_law(law)._pyfunc.__qualname__)
         controller = Controller("edited", law, law.pack_gains(2, {"k": 0.0}, {}))
         run = simulate(plant_of("analytic"), controller, arm(), TARGET, duration=0.002, path="native", throw=False)

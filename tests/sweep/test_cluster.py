@@ -24,6 +24,7 @@ from tests.sweep.examples import SMALL, plan_of, user_law
 from tests.sweep.test_executors import same
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
+from torquebench.registry import restored
 from torquebench.robot.library import data_root
 from torquebench.sweep import cluster as cluster_module
 from torquebench.sweep.cluster import AHEAD, Cluster, open_cluster
@@ -268,8 +269,6 @@ LAW = user_law("clustered-law")
 
 def test_laws_of_the_user_are_sent_to_the_workers(folder, address, command, monkeypatch):
     """The workers need not see the file; when it has changed, those that know the old one are refused."""
-    from torquebench.laws.law import LAWS
-
     own = (
         "--set",
         "controllers=[{name: own, law: clustered-law, gains: {k: 1}}]",
@@ -280,16 +279,15 @@ def test_laws_of_the_user_are_sent_to_the_workers(folder, address, command, monk
         "--plugin",
         "law.py",
     )
-    registry = dict(LAWS._items)
     found = []
     for name, text, how in (
         ("a", LAW, ("--executor", "threads")),
         ("b", LAW, ("--cluster", address)),
         ("c", LAW.replace("10.0", "12.0"), ("--cluster", address)),
     ):
-        monkeypatch.setattr(LAWS, "_items", dict(registry))
         Path("law.py").write_text(text)
-        found.append(command("small.yaml", "--out", name, *own, *how))
+        with restored():
+            found.append(command("small.yaml", "--out", name, *own, *how))
     assert [status for status, _, _ in found] == [0, 0, 2]
     assert results("a") == results("b")
     assert "has another law.py loaded: restart the workers" in found[2][2]

@@ -69,8 +69,9 @@ class Builder:
             ModelError: a model is malformed.
         """
         plant, model, redraws, controllers, reference = self.fixed(experiment)
-        n, run = experiment.n, experiment.run
-        drawn = n, experiment.n_steps, run.control_period, run.seed, run.draw
+        n, steps, run = experiment.n, experiment.n_steps, experiment.run
+        chain, acting = experiment.chain, experiment.disturbances
+        drawn = n, steps, run.control_period, run.seed, run.draw
         return Loop(
             plant,
             model.joint_names,
@@ -78,8 +79,8 @@ class Builder:
             redraws,
             controllers,
             reference,
-            self._kept("noise", 1, lambda: build_position_noise(experiment), experiment.chain, *drawn),
-            self._kept("torque", 1, lambda: build_disturbance(experiment), experiment.disturbances, *drawn),
+            self._kept("noise", 1, lambda: chain.noise(n, steps, run.seed, run.draw), chain, *drawn),
+            self._kept("torque", 1, lambda: total_disturbance(acting, *drawn), acting, *drawn),
             np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
         )
 
@@ -87,15 +88,8 @@ class Builder:
         """Make all but the signals that are drawn; errors as of a call."""
         n, run, arm = experiment.n, experiment.run, experiment.plant.model
         drawn = run.seed, run.draw
-        reference: Reference = self._kept(
-            "reference",
-            4,
-            lambda: sampled(experiment),
-            experiment.reference,
-            n,
-            experiment.n_steps,
-            run.control_period,
-        )
+        sampling = experiment.reference, n, experiment.n_steps, run.control_period
+        reference: Reference = self._kept("reference", 4, lambda: sampled(*sampling), *sampling)
         structure, constants = experiment.model.structure, experiment.model.constants
         right = self._kept("model", 4, lambda: load_model(arm, structure, constants), arm, structure, constants)
         model, redraws = self._kept("belief", 1, lambda: build_belief(experiment, right), experiment.model, arm, *drawn)
@@ -148,24 +142,6 @@ def build_controllers(experiment: schema.Experiment) -> tuple[Controller, ...]:
     return tuple(controllers)
 
 
-def redrawn(experiment: schema.Experiment, loop: Loop) -> Loop:
-    """Return the objects of an experiment that differs from a loop's own in ``run.draw`` only; the plant is the same.
-
-    Raises:
-        ModelError: no acceptable mismatch was found.
-        ValueError: the plant is drawn too.
-    """
-    if experiment.plant.perturb is not None:
-        raise ValueError("each draw of a perturbed plant needs a plant of its own: build it anew")
-    model, redraws = build_belief(experiment)
-    return loop._replace(
-        model=model,
-        redraws=redraws,
-        position_noise=build_position_noise(experiment),
-        disturbance=build_disturbance(experiment),
-    )
-
-
 def build_belief(experiment: schema.Experiment, right: RobotModel | None = None) -> tuple[RobotModel, int]:
     """Make the model that the laws use, and return it with the number of rejected draws of its mismatch.
 
@@ -204,19 +180,25 @@ def build_plant(experiment: schema.Experiment) -> Plant:
         raise ConfigError([Problem("", "plant.friction", str(error))]) from error
 
 
-def sampled(experiment: schema.Experiment) -> Reference:
+def sampled(reference: Any, n: int, n_steps: int, control_period: float) -> Reference:
     """Return the desired motion at every control instant.
+
+    Args:
+        reference: What the config says of it.
+        n: Number of joints.
+        n_steps: Number of control instants.
+        control_period: Time between two of them [s].
 
     Raises:
         ConfigError: it is not finite there, or a user's kind of reference failed, gave something of another shape, or
             rates that are not the derivatives of its positions.
     """
-    t, shape = instants(experiment), (experiment.n_steps, experiment.n)
+    t, shape = control_instants(n_steps, control_period), (n_steps, n)
     try:
         with np.errstate(all="ignore"):
-            samples: Reference = experiment.reference.sample(t, experiment.n)
+            samples: Reference = reference.sample(t, n)
     except Exception as error:
-        if not _is_users(experiment.reference):
+        if not _is_users(reference):
             raise
         raise _bad("reference", f"its kind failed: {type(error).__name__}: {error}") from error
     names = ("position", "velocity", "acceleration")
@@ -227,7 +209,7 @@ def sampled(experiment: schema.Experiment) -> Reference:
         if not np.all(np.isfinite(values)):
             raise _bad("reference", f"its {name} is beyond what floating-point numbers can hold")
         values.setflags(write=False)  # so that trajectories share it
-    if _is_users(experiment.reference) and not experiment.reference.has_corners and len(t) >= 3:
+    if _is_users(reference) and not reference.has_corners and len(t) >= 3:
         try:
             from_samples(t, *samples)
         except InconsistentReferenceError as error:
@@ -236,37 +218,25 @@ def sampled(experiment: schema.Experiment) -> Reference:
     return samples
 
 
+def total_disturbance(
+    disturbances: Any, n: int, n_steps: int, control_period: float, seed: int, draw: int
+) -> Array | None:
+    """Sample disturbances and add them up; arguments as of `total_torque`.
+
+    Raises:
+        ConfigError: a user's kind of disturbance failed, or gave something of another shape or not finite.
+    """
+    try:
+        return total_torque(disturbances, n, n_steps, control_period, seed, draw)
+    except Exception as error:
+        if not any(_is_users(kind) for kind in disturbances):
+            raise
+        raise _bad("disturbances", f"{type(error).__name__}: {error}") from error
+
+
 def _is_users(kind: Any) -> bool:
     return not type(kind).__module__.startswith("torquebench.")
 
 
 def _bad(key: str, text: str) -> ConfigError:
     return ConfigError([Problem("", key, text)])
-
-
-def build_position_noise(experiment: schema.Experiment) -> Array | None:
-    """Draw the noise of the chain's encoders, (N, n) [rad]; None when they have none."""
-    run = experiment.run
-    return experiment.chain.noise(experiment.n, experiment.n_steps, run.seed, run.draw)
-
-
-def build_disturbance(experiment: schema.Experiment) -> Array | None:
-    """Draw and add up the disturbances, (N, n) [N m]; None when there are none.
-
-    Only those that draw count in the key of a random stream, so that another one beside them changes no noise.
-
-    Raises:
-        ConfigError: a user's kind of disturbance failed, or gave something of another shape or not finite.
-    """
-    run, kinds = experiment.run, experiment.disturbances
-    try:
-        return total_torque(kinds, experiment.n, experiment.n_steps, run.control_period, run.seed, run.draw)
-    except Exception as error:
-        if not any(_is_users(kind) for kind in kinds):
-            raise
-        raise _bad("disturbances", f"{type(error).__name__}: {error}") from error
-
-
-def instants(experiment: schema.Experiment) -> Array:
-    """Return the control instants k control_period, (N,) [s]."""
-    return control_instants(experiment.n_steps, experiment.run.control_period)

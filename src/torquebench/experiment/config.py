@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from torquebench.errors import nearest
-from torquebench.experiment.groups import FAULT, Group, Many, ManyNamed, Node, OneOf, Spec, group_of
+from torquebench.errors import Fault, nearest
+from torquebench.experiment.groups import FAULT, Group, Many, Node, OneOf, Spec, group_of
 from torquebench.experiment.rules import check_rules
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, apply_overrides, read_bytes, read_document
-from torquebench.experiment.words import explain, shown
-from torquebench.experiment.yaml_tree import BROKEN, KeyPath
+from torquebench.experiment.words import SLUG_IN_WORDS, explain, shown
+from torquebench.experiment.yaml_tree import BROKEN, KeyPath, value_at
+from torquebench.keys import values_of
 
 SWEEP = "sweep"
 TYPO = 0.8
@@ -61,9 +61,8 @@ def check_experiment(document: Document) -> Experiment:
         ConfigError: something in it is wrong; all mistakes at once, in reading order. Sections are held against each
             other where each is right by itself.
     """
-    group = group_of(Experiment)
-    found = check_group(document, (), group)
-    check_rules(document, _parts(found) if found is not None else _valid(document, group))
+    found = check_group(document, (), group_of(Experiment))
+    check_rules(document, _parts(found) if found is not None else _valid_parts(document))
     document.raise_problems()
     if found.run.metrics_from is None:
         run = dataclasses.replace(found.run, metrics_from=found.reference.metrics_from)
@@ -71,82 +70,51 @@ def check_experiment(document: Document) -> Experiment:
     return found  # type: ignore[no-any-return]
 
 
-def check_group(document: Document, path: KeyPath, node: Group | OneOf | Many) -> Any:
+def check_group(document: Document, path: KeyPath, group: Group) -> Any:
     """Return the object of what a document has at a place, or None after recording what is wrong with it.
 
     Args:
         document: Holds the values, and receives the mistakes.
         path: Where they are.
-        node: What they should be.
+        group: What they should be.
     """
-    raw = _at(document.root, path)
+    raw = value_at(document.root, path)
     before = len(document.found)
     try:
-        found = _validated(node, raw)
+        found = group.validate(raw)
     except ValidationError as error:
-        _Explainer(document, path, node, raw).record(error)
+        _Explainer(document, path, group, raw).record(error)
         return None
     return found if len(document.found) == before else None
 
 
-def _validated(node: Any, raw: Any) -> Any:
-    return _adapter(node).validate_python(raw) if isinstance(node, Many) else node.validate(raw)
-
-
-@functools.lru_cache(maxsize=64)
-def _adapter(node: Many) -> Any:
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(node.type(False))
-
-
-def _at(node: Any, path: KeyPath) -> Any:
-    for part in path:
-        node = node[part]
-    return node
-
-
 def _parts(experiment: Experiment) -> dict[str, Any]:
     """Return the sections of an experiment as the rules take them."""
-    parts: dict[str, Any] = {key: getattr(experiment, key) for key in group_of(Experiment).fields}
+    parts = dict(values_of(experiment))
     for key in ("controllers", "disturbances"):
         parts[key] = {(key, i): item for i, item in enumerate(parts[key])}
     parts["fuzzy"] = {("fuzzy", name): item for name, item in experiment.fuzzy.items()}
     return parts
 
 
-def _valid(document: Document, group: Group) -> dict[str, Any]:
+def _valid_parts(document: Document) -> dict[str, Any]:
     """Return the sections of a document that are valid by themselves, as the rules take them."""
     parts: dict[str, Any] = {}
-    for key, spec in group.fields.items():
-        raw = document.root.get(key, BROKEN)
-        node = spec.node
+    for key, spec in group_of(Experiment).fields.items():
+        raw, node = document.root.get(key), spec.node
         if isinstance(node, Many):
-            items = _items(node, raw)
-            found = {(key, name): _valid_or_none(node.item, item) for name, item in items}
+            found = {(key, name): _valid_or_none(node.item.type(False), item) for name, item in node.items(raw)}
             parts[key] = {path: item for path, item in found.items() if item is not None}
-        elif raw is BROKEN:
-            parts[key] = None if key in document.root or spec.required else spec.default
+        elif key in document.root:
+            parts[key] = _valid_or_none(spec.type(False), raw)
         else:
-            parts[key] = (
-                raw
-                if isinstance(raw, str) and raw in spec.choices
-                else None
-                if node is None
-                else _valid_or_none(node, raw)
-            )
+            parts[key] = None if spec.required else spec.default
     return parts
 
 
-def _items(node: Many, raw: Any) -> list[tuple[Any, Any]]:
-    if isinstance(raw, dict if isinstance(node, ManyNamed) else list) and len(raw) <= node.most:
-        return list(raw.items()) if isinstance(raw, dict) else list(enumerate(raw))
-    return []
-
-
-def _valid_or_none(node: Group | OneOf, raw: Any) -> Any:
+def _valid_or_none(kind: Any, raw: Any) -> Any:
     try:
-        return node.validate(raw)
+        return TypeAdapter(kind).validate_python(raw)
     except ValidationError:
         return None
 
@@ -199,49 +167,49 @@ class _Explainer:
         absent = [name for name in every if name not in raw]
         first = every if self._document.overridden(path) else absent
         near = nearest(key, first, TYPO)
-        reason = self._elsewhere(path, group, key) if near is None else None
-        if reason is not None:
-            self._document.add(path, reason, at="key")
+        elsewhere = self._elsewhere(path, group, key) if near is None else None
+        if elsewhere is not None:
+            self._document.add_fault(elsewhere)
             return
         near = near or nearest(key, every, TYPO) or nearest(key, first) or nearest(key, every)
         self._meant.add((*path[:-1], near or ""))
         wanted = "" if near else f"one of {', '.join(every)}" if every else "none"
         self._document.add(path, f"unknown {group.noun}", at="key", nearest=near or "", wanted=wanted)
 
-    def _elsewhere(self, path: KeyPath, group: Group, key: str) -> str | None:
-        """Return why a key is not valid here but would be somewhere else."""
+    def _elsewhere(self, path: KeyPath, group: Group, key: str) -> Fault | None:
+        """Return the fault of a key that is not valid here but would be somewhere else."""
         if group.noun == "gain":
             beside = self._walk(path[len(self._base) : -1])[1][-1][0].fields
-            return f"unknown gain: '{key}' is an option of the law, write it beside gains" if key in beside else None
-        reason = self._belongs(path[len(self._base) : -1], group, key)
-        if reason is not None:
-            return reason
+            option = Fault(path, f"unknown gain: '{key}' is an option of the law", wanted="it beside gains", at="key")
+            return option if key in beside else None
+        other = self._belongs(path, group, key)
+        if other is not None:
+            return other
         if key == SWEEP and len(path) == 1:
-            many = "is for many runs: wanted torquebench sweep FILE, or one of its runs by torquebench run --from-sweep"
-            return f"{many} DIR --index K"
+            wanted = "torquebench sweep FILE, or one of its runs by torquebench run --from-sweep DIR --index K"
+            return Fault(path, "is for many runs", wanted=wanted, at="key")
         home = homes().get(key)
-        return f"does not belong here, but in {home}" if home is not None and home != path[0] else None
+        if home is None or home == path[0]:
+            return None
+        return Fault(path, "does not belong here", wanted=f"it in {home}", at="key")
 
-    def _belongs(self, loc: tuple[int | str, ...], group: Group, key: str) -> str | None:
-        """Return which other kinds have a key, or whose gain it is."""
+    def _belongs(self, path: KeyPath, group: Group, key: str) -> Fault | None:
+        """Return the fault of a key that other kinds have, or that is a gain."""
+        loc = path[len(self._base) : -1]
         for cut in range(len(loc), -1, -1):
-            owner, raw = self._owner(loc[:cut]), self._walk(loc[:cut])[4]
-            name = raw.get(owner.tag) if owner is not None and isinstance(raw, dict) else None
-            if owner is None or name not in owner.names():
+            _, _, _, owner, raw = self._walk(loc[:cut])
+            if not isinstance(owner, OneOf) or not isinstance(raw, dict) or raw.get(owner.tag) not in owner.names():
                 continue
+            name = raw[owner.tag]
             groups = {kind: _below(other, loc[cut:]) for kind, other in owner.groups().items()}
             kinds = [kind for kind, other in groups.items() if other is not None and key in other.fields]
             if kinds:
-                return f"has no effect with {owner.tag}: {name} (it belongs to {owner.tag}: {', '.join(kinds)})"
+                text = f"has no effect with {owner.tag}: {name} (it belongs to {owner.tag}: {', '.join(kinds)})"
+                return Fault(path, text, at="key")
             gains = group.fields["gains"].node if "gains" in group.fields else None
             if isinstance(gains, Group) and key in gains.fields:
-                return f"is a gain of law '{name}': write it under gains"
+                return Fault(path, f"is a gain of law '{name}'", wanted="it under gains", at="key")
         return None
-
-    def _owner(self, loc: tuple[int | str, ...]) -> OneOf | None:
-        """Return the choice that a group of keys is one of, or None."""
-        node = self._walk(loc)[3]
-        return node if isinstance(node, OneOf) else None
 
     def _wrong(self, detail: Mapping[str, Any]) -> None:
         document, loc = self._document, detail["loc"]
@@ -250,36 +218,28 @@ class _Explainer:
         if named and path and path[-1] == "[key]" and not document.written(path):
             path, groups, spec, node, _ = self._walk(loc[:-1])
         kind, value = detail["type"], detail["input"]
-        if kind == FAULT:
-            parts: dict[str, Any] = {"got": shown(value), **{key: part for key, part in detail["ctx"].items() if part}}
-            for other in ("path", "at", "unless"):
-                parts.pop(other, None)
-            if value is None and parts["got"] == "nothing" and isinstance(path[-1], str):
-                self._nothing(path, spec, node)
-            else:
-                document.add(path, parts.pop("text", ""), **parts)
-        elif kind == "missing":
+        nothing = value is None and bool(path) and isinstance(path[-1], str)
+        if kind == "missing":
             if path not in self._meant and not (path and isinstance(path[-1], int)):
                 group = groups[-1][0]
                 what = f"gain '{path[-1]}' is missing" if group.noun == "gain" else "missing"
-                document.add(path, f"{what} ({spec.key.text.rstrip('.') if spec else ''})", at="key")
+                document.add(path, what, at="key", wanted=_a_value(spec))
         elif named and path[-1] != "[key]":
             self._wrong_name(path, spec)
-        elif value is None and path and isinstance(path[-1], str):
+        elif nothing and not (kind == FAULT and detail["ctx"]["got"]):
             self._nothing(path, spec, node)
+        elif kind == FAULT:
+            fault = Fault(**detail["ctx"])
+            document.add_fault(fault._replace(path=path, got=fault.got or shown(value)))
         elif isinstance(node, Many) and kind in _STRUCTURE:
-            parts = {"got": shown(value), **node.fault(value)}
-            if spec is not None and spec.key.wanted:
-                parts["wanted"] = spec.key.wanted
-            document.add(path, **parts)
+            wanted = {"wanted": spec.key.wanted} if spec is not None and spec.key.wanted else {}
+            document.add(path, **{"got": shown(value), **node.fault(value), **wanted})
         elif isinstance(node, Group | OneOf) and kind in _STRUCTURE:
             document.add(path, got=shown(value), wanted=_mapping(node))
         elif spec is not None and node is None:
-            owner = self._owner(path[len(self._base) : -1]) if path else None
-            parts = {
-                **explain(detail, spec, inner=not path or path[-1] not in (groups[-1][0].fields if groups else ()))
-            }
-            if owner is not None and path[-1] == owner.tag and isinstance(value, str) and owner.more:
+            parts: dict[str, Any] = explain(detail, spec, inner=not groups or path[-1] not in groups[-1][0].fields)
+            owner = self._walk(path[len(self._base) : -1])[3]
+            if isinstance(owner, OneOf) and path[-1] == owner.tag and isinstance(value, str) and owner.more:
                 parts["note"] = owner.more
             document.add(path, **parts)
         else:
@@ -289,14 +249,12 @@ class _Explainer:
         if spec is not None and isinstance(spec.node, Many) and isinstance(node, Group | OneOf):
             self._document.add(path, "nothing is given", wanted=_mapping(node))
             return
-        what = f" ({spec.key.text.rstrip('.')})" if spec is not None else ""
-        self._document.add(path, "nothing is given", wanted=f"a value{what}")
+        self._document.add(path, "nothing is given", wanted=_a_value(spec))
 
     def _wrong_name(self, path: KeyPath, spec: Spec | None) -> None:
         """Record that a name in a mapping of names is not one that is accepted."""
         if spec is None or not spec.names:
-            text = "its name is not a slug: 1 to 64 of a-z, 0-9 and -, a letter or digit at both ends"
-            self._document.add(path, text, at="key")
+            self._document.add(path, "its name is not a slug", at="key", wanted=SLUG_IN_WORDS)
             return
         near = nearest(str(path[-1]), spec.names)
         others = "" if near else f"one of {', '.join(spec.names)}"
@@ -323,19 +281,21 @@ def _has(raw: Any, part: int | str) -> bool:
     return isinstance(raw, list) and part < len(raw)
 
 
+def _a_value(spec: Spec | None) -> str:
+    return "a value" if spec is None else f"a value ({spec.key.text.rstrip('.')})"
+
+
 def _mapping(node: Group | OneOf) -> str:
-    return (
-        f"a mapping with the key '{node.tag}'" if isinstance(node, OneOf) else f"a mapping ({', '.join(node.fields)})"
-    )
+    if isinstance(node, OneOf):
+        return f"a mapping with the key '{node.tag}'"
+    return f"a mapping ({', '.join(node.fields)})"
 
 
 def homes() -> dict[str, str]:
     """Return the section of each key that only one section has."""
-    found: dict[str, set[str]] = {}
-    top = group_of(Experiment)
-    for key in top.fields:
-        found.setdefault(key, set()).add("the top level")
-    for section, spec in top.fields.items():
+    top = group_of(Experiment).fields
+    found = {key: {"the top level"} for key in top}
+    for section, spec in top.items():
         node = spec.node.item if isinstance(spec.node, Many) else spec.node
         if section in ("controllers", "fuzzy") or node is None:
             continue

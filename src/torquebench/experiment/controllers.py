@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import MISSING, dataclass
 from typing import Annotated, Any, Literal
 
 import torquebench.laws  # noqa: F401  (registers the built-in laws)
-from torquebench.experiment.groups import SLUG, EachJoint, Group, OneOf, Spec, option_type, spec_of
+from torquebench.experiment.groups import SLUG, Group, NumberOrList, OneOf, Spec, always, option_type, spec_of
 from torquebench.fuzzy import BUILTIN
 from torquebench.keys import Key, Vector, declared_keys
 from torquebench.laws.declare import RESERVED, Gain
@@ -44,15 +45,20 @@ OWN_KEYS = tuple(declared.name for declared in declared_keys(Controller))
 
 
 class Laws(OneOf):
-    """A controller, whose law decides which options and gains there are."""
+    """A controller, whose law decides which options and gains there are.
 
-    def __init__(self) -> None:
+    Args:
+        only: Names of the laws to choose from; all that are registered if left out.
+    """
+
+    def __init__(self, only: Iterable[str] | None = None) -> None:
         self.tag, self.meaning = "law", "Name of the torque law."
         self.more = "a law of your own needs --plugin FILE, the file that registers it"
+        self._only = None if only is None else tuple(sorted(only))
 
     def names(self) -> tuple[str, ...]:
-        """Names of the registered laws."""
-        return law_names()
+        """Names of the registered laws, or of those that were chosen."""
+        return law_names() if self._only is None else self._only
 
     def group(self, name: str) -> Group:
         """Return the keys of a controller with a law of this name."""
@@ -67,7 +73,7 @@ def _group(law: Law) -> Group:
     own = {declared.name: spec_of(declared) for declared in declared_keys(Controller)}
     kind: Any = Literal[law.name]
     key = Key(f"Name of the torque law. {law.summary.removesuffix('.')}")
-    own["law"] = Spec(key, lambda _: kind, choices=(law.name,))
+    own["law"] = Spec(key, always(kind), choices=(law.name,))
     names = ", ".join(f"{key} [{gain.unit}]" for key, gain in law.gains.items())
     gains = _gains(law)
     needed = any(spec.required for spec in gains.fields.values())
@@ -75,13 +81,11 @@ def _group(law: Law) -> Group:
     own["gains"] = Spec(key, gains.type, own["name"].default if needed else {}, gains)
     for name, option in law.options.items():
         choices: tuple[Any, ...] = option.values
-        own[name] = Spec(
-            Key(option.meaning, end=""), functools.partial(_same, option_type(choices)), choices[0], None, choices
-        )
+        own[name] = Spec(Key(option.meaning, end=""), always(option_type(choices)), choices[0], choices=choices)
     for rules in law.rules.values():
         only = "" if rules.only_with is None else f"; only with {rules.condition}"
         text = f"{rules.meaning}: a name under the top level's fuzzy, or {', '.join(BUILTIN)}{only}"
-        own["fuzzy"] = Spec(Key(text), functools.partial(_same, str), rules.default)
+        own["fuzzy"] = Spec(Key(text), always(str), rules.default)
 
     def make(values: dict[str, Any]) -> Controller:
         options = {key: value for key, value in values.items() if key not in RESERVED}
@@ -103,11 +107,5 @@ def _gain(gain: Gain) -> Spec:
     note = "" if gain.only_with is None else f"; only with {gain.condition}"
     above, at_least = (0, None) if gain.positive else (None, 0)
     key = Key(gain.meaning, gain.unit, note, above, at_least, end="")
-    vector = functools.partial(_same, Annotated[Any, EachJoint(key)])
-    if gain.only_with is None:
-        return Spec(key, vector, vector=True)
-    return Spec(key, vector, None, vector=True)
-
-
-def _same(kind: Any, describes: bool) -> Any:
-    return kind
+    default = MISSING if gain.only_with is None else None
+    return Spec(key, always(Annotated[Any, NumberOrList(key)]), default, vector=True)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 from pydantic import Discriminator, Field, Tag, TypeAdapter
 
 from torquebench.errors import Fault, FuzzyError
-from torquebench.experiment.groups import Checked, Many, group_of, number, refusal
+from torquebench.experiment.groups import Checked, Many, NumberOrList, group_of, number, refusal
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable
@@ -28,18 +28,6 @@ SYSTEMS = Kinds("kind of fuzzy system")
 _NUMBER: Any = number(Key(""))
 
 
-def _numbers(least: int, most: int, describes: bool) -> Any:
-    """Return the type of one number or a list of some."""
-    many = Annotated[tuple[_NUMBER, ...], Field(strict=False, min_length=least, max_length=most)]
-
-    def shape(value: object) -> str:
-        return "list" if isinstance(value, list | tuple) else "number"
-
-    if describes:
-        return _NUMBER | many
-    return Annotated[Annotated[_NUMBER, Tag("number")] | Annotated[many, Tag("list")], Discriminator(shape)]
-
-
 @dataclass(frozen=True)
 class NamedNumbers:
     """Note of a key that takes a mapping of names to one number, or a list of some."""
@@ -49,57 +37,14 @@ class NamedNumbers:
 
     def type(self, describes: bool) -> Any:
         """Return the type for pydantic; see `Spec.type`."""
-        return dict[str, _numbers(self.least, self.most, describes)]  # type: ignore[misc]
+        if not describes:
+            return dict[str, Annotated[Any, NumberOrList(Key(""), least=self.least, most=self.most)]]
+        many = Annotated[tuple[_NUMBER, ...], Field(strict=False, min_length=self.least, max_length=self.most)]
+        return dict[str, _NUMBER | many]
 
 
 _RANGE = Key("What the law sees as -1 and 1", wanted="a list of two numbers, such as [-1, 1]")
 Shapes: TypeAlias = Mapping[str, float | tuple[float, ...]]
-
-
-def _check_range(path: KeyPath, ends: tuple[float, float]) -> Iterator[Fault]:
-    message = range_error(*ends)
-    if message is not None:
-        yield Fault((*path, "range"), message)
-
-
-def _check_shapes(path: KeyPath, terms: Shapes) -> Iterator[Fault]:
-    for finding in shape_errors(dict(terms)):
-        yield Fault((*path, *finding.where), finding.message)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FuzzyInput:
-    """A range, to which the input is clipped, and named terms that overlap on it."""
-
-    range: Annotated[tuple[float, float], _RANGE] = (-1.0, 1.0)
-    terms: Annotated[
-        Shapes,
-        Key(
-            "Name and shape, from low to high: a number is the peak of a triangle that reaches to the peaks beside it; "
-            "3 numbers are a triangle, 4 a trapezoid",
-            "1",
-            wanted=SHAPE,
-        ),
-        NamedNumbers(3, 4),
-    ]
-
-    def faults(self, path: KeyPath) -> Iterator[Fault]:
-        """Yield what is wrong with it; `path` is where it is."""
-        yield from _check_range(path, self.range)
-        yield from _check_shapes(path, self.terms)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FuzzyTerms:
-    """The output of a Mamdani system: named terms, which may reach beyond the range."""
-
-    range: Annotated[tuple[float, float], _RANGE] = (-1.0, 1.0)
-    terms: Annotated[Shapes, Key("Name and shape, as of an input", "1", wanted=SHAPE), NamedNumbers(3, 4)]
-
-    def faults(self, path: KeyPath) -> Iterator[Fault]:
-        """Yield what is wrong with it; `path` is where it is."""
-        yield from _check_range(path, self.range)
-        yield from _check_shapes(path, self.terms)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,25 +62,38 @@ class FuzzyFunctions:
         NamedNumbers(1, 3),
     ]
 
-    def faults(self, path: KeyPath) -> Iterator[Fault]:
-        """Yield what is wrong with it; `path` is where it is."""
-        yield from _check_range(path, self.range)
+
+@dataclass(frozen=True, kw_only=True)
+class FuzzyTerms:
+    """The output of a Mamdani system: named terms, which may reach beyond the range."""
+
+    range: Annotated[tuple[float, float], _RANGE] = (-1.0, 1.0)
+    terms: Annotated[Shapes, Key("Name and shape, as of an input", "1", wanted=SHAPE), NamedNumbers(3, 4)]
 
 
-def _check_when(raw: Any) -> Any:
-    return _WHEN.validate_python(raw)
+@dataclass(frozen=True, kw_only=True)
+class FuzzyInput(FuzzyTerms):
+    """A range, to which the input is clipped, and named terms that overlap on it."""
 
-
-@dataclass(frozen=True)
-class FuzzyRule:
-    """One rule, where rules are not a table."""
-
-    when: Annotated[
-        str | tuple[str, ...],
-        Key("A term of each input; all must hold", name="if", wanted="names"),
-        Checked(_check_when, str | Annotated[list[str], Field(min_length=1, max_length=2)]),
+    terms: Annotated[
+        Shapes,
+        Key(
+            "Name and shape, from low to high: a number is the peak of a triangle that reaches to the peaks beside it; "
+            "3 numbers are a triangle, 4 a trapezoid",
+            "1",
+            wanted=SHAPE,
+        ),
+        NamedNumbers(3, 4),
     ]
-    then: Annotated[str, Key("Name of the consequent")]
+
+
+def _variable_faults(path: KeyPath, keys: FuzzyTerms | FuzzyFunctions) -> Iterator[Fault]:
+    """Yield what is wrong with an input or the output, which stands at a path."""
+    message = range_error(*keys.range)
+    if message is not None:
+        yield Fault((*path, "range"), message)
+    for finding in shape_errors(keys.terms) if isinstance(keys, FuzzyTerms) else ():
+        yield Fault((*path, *finding.where), finding.message)
 
 
 def _shape_of_rule(value: object) -> str:
@@ -148,6 +106,20 @@ _WHEN: TypeAdapter[Any] = TypeAdapter(
         Annotated[str, Field(strict=True), Tag("word")] | Annotated[_WORDS, Tag("list")], Discriminator(_shape_of_rule)
     ]
 )
+
+
+@dataclass(frozen=True)
+class FuzzyRule:
+    """One rule, where rules are not a table."""
+
+    when: Annotated[
+        str | tuple[str, ...],
+        Key("A term of each input; all must hold", name="if", wanted="names"),
+        Checked(_WHEN.validate_python, str | Annotated[list[str], Field(min_length=1, max_length=2)]),
+    ]
+    then: Annotated[str, Key("Name of the consequent")]
+
+
 _RULE: Any = group_of(FuzzyRule).type(False)
 _FORMS: Mapping[type, TypeAdapter[Any]] = {
     str: TypeAdapter(_WORDS),
@@ -198,8 +170,8 @@ class AnyFuzzy:
 
     def faults(self) -> Iterator[Fault]:
         """Yield what leaves the system without meaning: shapes, then the size of its table, then its rules."""
-        groups = [(("inputs", i), variable) for i, variable in enumerate(self.inputs)] + [(("output",), self.output)]
-        inner = [fault for path, group in groups for fault in group.faults(path)]
+        variables = [*((("inputs", i), keys) for i, keys in enumerate(self.inputs)), (("output",), self.output)]
+        inner = [fault for path, keys in variables for fault in _variable_faults(path, keys)]
         sizes = inner or list(self._sizes())
         yield from sizes or self._meaning()
 

@@ -21,7 +21,6 @@ from pydantic import (
     Tag,
     TypeAdapter,
     ValidationError,
-    ValidationInfo,
     create_model,
 )
 from pydantic_core import PydanticCustomError
@@ -79,6 +78,11 @@ class Spec(NamedTuple):
         return self.default is dataclasses.MISSING
 
 
+def always(kind: Any) -> Callable[[bool], Any]:
+    """Return the `Spec.type` of a key whose type for pydantic is the same in both uses."""
+    return lambda describes: kind
+
+
 class Group:
     """A mapping with fixed keys, which becomes one object.
 
@@ -125,7 +129,7 @@ class Group:
     def _adapter(self) -> TypeAdapter[Any]:
         return TypeAdapter(self.model(False))
 
-    def validate(self, raw: Any, info: ValidationInfo | None = None) -> Any:
+    def validate(self, raw: Any) -> Any:
         """Return the object of raw values.
 
         Raises:
@@ -163,7 +167,7 @@ def group_of(kind: Any, tag: tuple[str, str, str] | None = None) -> Group:
 
 def _constant(value: str, meaning: str) -> Spec:
     kind: Any = Literal[value]
-    return Spec(Key(meaning.removesuffix(".")), lambda _: kind, choices=(value,))
+    return Spec(Key(meaning.removesuffix(".")), always(kind), choices=(value,))
 
 
 class OneOf:
@@ -209,14 +213,14 @@ class OneOf:
         for group in groups:
             for name, spec in group.fields.items():
                 shared = all(name in other.fields and other.fields[name].key == spec.key for other in groups)
-                fields.setdefault(name, spec if shared else Spec(spec.key, lambda _: Any, None))
+                fields.setdefault(name, spec if shared else Spec(spec.key, always(Any), None))
         names = self.names()
         kind: Any = Literal[names]
-        fields[self.tag] = Spec(Key(self.meaning.removesuffix(".")), lambda _: kind, choices=names)
+        fields[self.tag] = Spec(Key(self.meaning.removesuffix(".")), always(kind), choices=names)
         self._unknown = groups, Group("unknown", "", fields, lambda values: None, noun=groups[0].noun)
         return self._unknown[1]
 
-    def validate(self, raw: Any, info: ValidationInfo | None = None) -> Any:
+    def validate(self, raw: Any) -> Any:
         """Return the object of raw values.
 
         Raises:
@@ -258,6 +262,10 @@ class Many:
             raise refusal([Fault((), **self.fault(raw))], raw)
         return raw
 
+    def items(self, raw: Any) -> Iterable[tuple[int | str, Any]]:
+        """Return the items of raw values with the index or name of each; none where they are no such list."""
+        return enumerate(raw) if isinstance(raw, list) and len(raw) <= self.most else ()
+
     def fault(self, raw: Any) -> dict[str, Any]:
         """Return what was wanted instead of a value that is no such list."""
         if isinstance(raw, list) and len(raw) > self.most:
@@ -277,6 +285,10 @@ class ManyNamed(Many):
         extra: Any = {"additionalProperties": False}
         return Annotated[dict[Slug, item], Field(max_length=self.most, json_schema_extra=extra)]
 
+    def items(self, raw: Any) -> Iterable[tuple[int | str, Any]]:
+        """Return the items of raw values with the index or name of each; none where they are no such mapping."""
+        return raw.items() if isinstance(raw, dict) and len(raw) <= self.most else ()
+
     def fault(self, raw: Any) -> dict[str, Any]:
         """Return what was wanted instead of a value that is no such mapping."""
         if isinstance(raw, dict) and len(raw) > self.most:
@@ -289,30 +301,31 @@ class Named:
 
     Args:
         registry: What is registered.
-        kind: Class of what is registered, which declares the mapping's keys.
+        kind: Class of what is registered, which declares the mapping's keys; None where only a name will do, which
+            then stays one.
     """
 
-    def __init__(self, registry: Any, kind: type[Any]) -> None:
-        described: Any = kind
-        self.registry, self.node = registry, group_of(described)
+    def __init__(self, registry: Any, kind: Any = None) -> None:
+        self.registry, self.node = registry, None if kind is None else group_of(kind)
 
     @property
     def choices(self) -> tuple[str, ...]:
         """Names of what is registered."""
         return tuple(self.registry)
 
-    def validate(self, raw: Any, info: ValidationInfo) -> Any:
+    def validate(self, raw: Any) -> Any:
         """Return what a name stands for, or the object of a mapping's raw values.
 
         Raises:
             ValidationError: there are mistakes; all of them.
         """
-        if isinstance(raw, dict):
+        if isinstance(raw, dict) and self.node is not None:
             return self.node.validate(raw)
         if isinstance(raw, str) and raw in self.registry:
-            return self.registry[raw] if isinstance(self.registry, Registry) else raw
-        names = ", ".join(self.registry)
-        wanted = f"one of {names}, or a mapping ({', '.join(self.node.fields)})"
+            return self.registry[raw] if self.node is not None and isinstance(self.registry, Registry) else raw
+        wanted = f"one of {', '.join(self.registry)}"
+        if self.node is not None:
+            wanted += f", or a mapping ({', '.join(self.node.fields)})"
         near = nearest(raw, tuple(self.registry)) if isinstance(raw, str) else None
         raise refusal([Fault((), wanted=wanted, nearest=near or "")], raw)
 
@@ -321,29 +334,7 @@ class Named:
         if not describes:
             return Annotated[Any, PlainValidator(self.validate)]
         names: Any = Literal[tuple(self.registry)]
-        return Union[names, self.node.model(True)]  # noqa: UP007  (of computed types)
-
-
-class NameOf:
-    """Note of a key that takes the name of something registered."""
-
-    def __init__(self, registry: Registry[Any]) -> None:
-        self.registry = registry
-
-    def validate(self, raw: Any) -> str:
-        """Return the name.
-
-        Raises:
-            ValidationError: nothing has it.
-        """
-        if isinstance(raw, str) and raw in self.registry:
-            return raw
-        near = nearest(raw, self.registry.names()) if isinstance(raw, str) else None
-        raise refusal([Fault((), wanted=f"one of {', '.join(self.registry)}", nearest=near or "")], raw)
-
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        return Literal[self.registry.names()] if describes else Annotated[Any, PlainValidator(self.validate)]
+        return names if self.node is None else Union[names, self.node.model(True)]  # noqa: UP007  (computed types)
 
 
 @dataclass(frozen=True)
@@ -394,8 +385,8 @@ def spec_of(declared: Declared) -> Spec:
     members = [x for x in get_args(plain) if x is not types.NoneType] if union else [plain]
     words = next((get_args(x) for x in members if get_origin(x) is Literal), ())
     if tuple[float, ...] in members:
-        vector = Annotated[Any, EachJoint(key, words[0] if words else None)]
-        return Spec(key, lambda _: vector, default, choices=words, vector=True)
+        vector = always(Annotated[Any, NumberOrList(key, words[0] if words else None)])
+        return Spec(key, vector, default, choices=words, vector=True)
     (plain,) = members
     if dataclasses.is_dataclass(plain):
         group = group_of(plain)  # type: ignore[arg-type]
@@ -434,16 +425,18 @@ def _plain_type(plain: Any, key: Key, notes: Iterable[Any], describes: bool) -> 
 
 
 @dataclass(frozen=True)
-class EachJoint:
-    """Annotation of a vector key: finite numbers within a key's limits, and optionally one accepted word."""
+class NumberOrList:
+    """Annotation of a key that takes one number or a list of some, within its limits, and optionally one word."""
 
     key: Key
     word: str | None = None
+    least: int = 1
+    most: int | None = None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return pydantic's schema for a number, or a list of them, in strict mode."""
         one: Any = number(self.key)
-        numbers = Annotated[tuple[one, ...], Field(strict=False, min_length=1)]
+        numbers = Annotated[tuple[one, ...], Field(strict=False, min_length=self.least, max_length=self.most)]
         kinds: Any = Annotated[one, Tag("number")] | Annotated[numbers, Tag("list")]
         if self.word is not None:
             kinds = kinds | Annotated[Literal[self.word], Tag("word")]

@@ -6,24 +6,12 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from torquebench.experiment.controllers import LAWS, MAX_CONTROLLERS, Laws
+from torquebench.experiment.controllers import MAX_CONTROLLERS, Laws
 from torquebench.experiment.groups import Group, Many, Node, OneOf, Spec, group_of
 from torquebench.experiment.schema import Experiment
 from torquebench.keys import Key
 from torquebench.laws import find_law
 from torquebench.laws.law import law_names
-
-
-class _SomeLaws(Laws):
-    """Controllers of some laws only."""
-
-    def __init__(self, names: Iterable[str]) -> None:
-        super().__init__()
-        self._names = tuple(names)
-
-    def names(self) -> tuple[str, ...]:
-        """Names of these laws."""
-        return self._names
 
 
 def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
@@ -36,7 +24,7 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
 
     top = group_of(Experiment)
     fields = dict(top.fields)
-    some = Many("controllers", 1, MAX_CONTROLLERS, LAWS if laws is None else _SomeLaws(sorted(laws)))
+    some = Many("controllers", 1, MAX_CONTROLLERS, Laws(laws))
     fields["controllers"] = fields["controllers"]._replace(type=some.type)
     sweep = Key("What `torquebench sweep` varies; not for other commands")
     fields["sweep"] = Spec(sweep, group_of(Sweep).type, None)

@@ -118,23 +118,16 @@ def structures_that_there_are(plant: PlantKeys, model: Belief) -> Iterator[Fault
 
 
 @rule
-def exact_is_not_printed(model: Belief, document: Document) -> Iterator[Fault]:
-    """The printed constants are no rigid body's."""
-    yield from _exact_and_printed("model", model, document)
-
-
-@rule
-def exact_plant_is_not_printed(plant: PlantKeys, document: Document) -> Iterator[Fault]:
-    """Nor are they a plant's."""
-    if plant.form == ("exact", "printed"):
-        yield from _exact_and_printed("plant", plant, document)
-
-
-def _exact_and_printed(section: str, owner: Any, document: Document) -> Iterator[Fault]:
-    if (owner.structure, owner.constants) == ("exact", "printed"):
-        key = "constants" if document.written((section, "constants")) else "structure"
-        text = "structure exact cannot have constants printed: the printed constants break the seven exact ties that "
-        yield Fault((section, key), f"{text}those of a rigid body satisfy")
+def exact_is_not_printed(items: Items, document: Document) -> Iterator[Fault]:
+    """The printed constants are no rigid body's, be it the model or the plant."""
+    for path, owner in items.items():
+        if (getattr(owner, "structure", ""), getattr(owner, "constants", "")) == ("exact", "printed"):
+            text = (
+                "structure exact cannot have constants printed: the printed constants break the seven exact ties that "
+            )
+            given = document.written((*path, "constants"))
+            key, wanted = ("constants", "fitted") if given else ("structure", "corrected or printed")
+            yield Fault((*path, key), f"{text}those of a rigid body satisfy", wanted=wanted)
 
 
 @rule
@@ -177,10 +170,11 @@ def controllers_have_names_of_their_own(controllers: Items, document: Document) 
         here, name = (*path, "name"), controller.name
         if name in first:
             where = document.where(document.place(first[name]))
-            yield Fault(here, f"'{name}' is already the name of another controller ({where})")
+            text = f"'{name}' is already the name of another controller ({where})"
+            yield Fault(here, text, wanted="a name of its own")
         elif name in TAKEN:
-            text = f"a controller may not be called '{name}': in the run's folder, that is the figures' folder"
-            yield Fault(here, text)
+            text = f"'{name}' is the figures' folder, beside the controllers' own"
+            yield Fault(here, text, wanted="another name")
         else:
             first[name] = here
 
@@ -190,10 +184,14 @@ def gains_that_act(controllers: Items, document: Document) -> Iterator[Fault]:
     """Each gain that has an effect under the chosen options is given, and no other."""
     for path, controller in controllers.items():
         law = find_law(controller.law)
-        for name in law.gains:
-            problem = law.gain_problem(name, name in controller.gains, controller.options)
-            if problem is not None:
-                yield Fault((*path, "gains", name), problem, at="key")
+        for name, gain in law.gains.items():
+            given, acts = name in controller.gains, gain.acts(controller.options)
+            if given and not acts:
+                text = f"gain '{name}' has no effect"
+                yield Fault((*path, "gains", name), text, wanted=gain.condition, at="key")
+            elif acts and not given:
+                text, wanted = f"gain '{name}' is missing", f"a value ({gain.meaning} [{gain.unit}])"
+                yield Fault((*path, "gains", name), text, wanted=wanted, at="key")
         problem = law.fuzzy_problem(controller.options)
         if problem is not None and document.written((*path, "fuzzy")):
             yield Fault((*path, "fuzzy"), problem, at="key")
@@ -218,7 +216,7 @@ def names_of_fuzzy_systems(document: Document) -> Iterator[Fault]:
     own = document.root.get("fuzzy")
     for name in own if isinstance(own, dict) else ():
         if name in BUILTIN:
-            yield Fault(("fuzzy", name), f"'{name}' is built in: choose another name", at="key")
+            yield Fault(("fuzzy", name), f"'{name}' is built in", wanted="another name", at="key")
 
 
 @rule

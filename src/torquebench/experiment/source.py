@@ -9,7 +9,18 @@ from pathlib import Path
 from typing import Any, Literal, NoReturn
 
 from torquebench.errors import ConfigError, Fault, Problem, did_you_mean_path, nearest
-from torquebench.experiment.yaml_tree import BROKEN, MAX_DEPTH, KeyPath, Map, Place, Seq, copied, parse_value, shortened
+from torquebench.experiment.yaml_tree import (
+    BROKEN,
+    MAX_DEPTH,
+    KeyPath,
+    Map,
+    Place,
+    Seq,
+    copied,
+    parse_value,
+    shortened,
+    value_at,
+)
 
 MAX_BYTES = 1 << 20
 MAX_PROBLEMS = 100
@@ -72,13 +83,8 @@ class Document:
 
     def written(self, path: KeyPath) -> bool:
         """Whether a key is given."""
-        node = self.root
-        for part in path:
-            try:
-                node = node[part]
-            except (KeyError, IndexError, TypeError):
-                return False
-        return True
+        nothing = object()
+        return value_at(self.root, path, nothing) is not nothing
 
     def overridden(self, path: KeyPath) -> bool:
         """Whether an override names this very key, so that it may replace what the file gives."""
@@ -287,7 +293,7 @@ def assign(document: Document, parts: Sequence[str | int], value: Any, key_place
     for depth, part in enumerate(parts):
         if node is BROKEN:
             return
-        index = _index(node, part)
+        index = index_of(node, part)
         if index is None:
             text, near = _refusal(node, path, part)
             document.add((*path, part), f"cannot be set: {text}", place=key_place, nearest=near)
@@ -324,7 +330,7 @@ def split_key(key: str) -> list[str | int] | None:
     return parts
 
 
-def _index(node: Any, part: str | int) -> str | int | None:
+def index_of(node: Any, part: str | int) -> str | int | None:
     """Return the key or index of the child of `node` that `part` addresses, or None."""
     if isinstance(node, dict):
         return part if isinstance(part, str) else None

@@ -12,11 +12,11 @@ from pydantic import Field
 
 from torquebench.experiment.config import SWEEP, check_group
 from torquebench.experiment.controllers import OWN_KEYS, Controller
-from torquebench.experiment.groups import Checked, Named, NameOf, group_of
+from torquebench.experiment.groups import Checked, Named, group_of
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.source import Document, assign, split_key
+from torquebench.experiment.source import Document, assign, index_of, split_key
 from torquebench.experiment.words import shown
-from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Place, copied, shortened
+from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Place, copied, shortened, value_at
 from torquebench.keys import Key, altered
 from torquebench.laws.law import find_law, law_names
 from torquebench.metrics import METRICS
@@ -79,7 +79,7 @@ class Worst:
     """Trajectories of the worst runs only; a run that failed is worse than any that did not."""
 
     worst: Annotated[int, Key("Number of runs of each controller", "1", at_least=1, at_most=10_000)]
-    by: Annotated[str, Key("Metric that is compared"), NameOf(METRICS)] = "rmse"
+    by: Annotated[str, Key("Metric that is compared"), Named(METRICS)] = "rmse"
 
 
 @dataclass(frozen=True)
@@ -206,145 +206,142 @@ def take_sweep(document: Document) -> SweepKeys:
     if SWEEP not in document.root:
         document.add((SWEEP,), "missing: what is varied, such as sweep: {draws: 30}", at="key")
         return SweepKeys(1, (), (), "none")
-    raw, reader = document.root[SWEEP], _Reader(document)
+    raw = document.root[SWEEP]
     sweep = check_group(document, (SWEEP,), group_of(Sweep)) or Sweep()
     given = raw if isinstance(raw, dict) else {}
-    axes = reader.grid((SWEEP, "grid"), given["grid"]) if "grid" in given else ()
-    random = reader.random((SWEEP, "random"), given["random"]) if "random" in given else ()
+    axes = _grid(document, (SWEEP, "grid"), given["grid"]) if "grid" in given else ()
+    random = _random(document, (SWEEP, "random"), given["random"]) if "random" in given else ()
     for both in {axis.key for axis in axes} & {r.key for r in random}:
         document.add((SWEEP, "random", both), "is in the grid already", at="key", wanted="it in one of the two")
     del document.root[SWEEP]
     return SweepKeys(sweep.draws, axes, random, sweep.keep)
 
 
-class _Reader:
-    """Checks the parts of the section."""
+def _grid(document: Document, path: KeyPath, raw: Any) -> tuple[Axis, ...]:
+    found = []
+    for key, value in _keys(document, path, raw):
+        here = (*path, key)
+        values = _values(document, here, value)
+        if values:
+            found.append(Axis(key, document.place(here, "key"), values))
+    return tuple(found)
 
-    def __init__(self, document: Document) -> None:
-        self._document = document
 
-    def grid(self, path: KeyPath, raw: Any) -> tuple[Axis, ...]:
-        found = []
-        for key, value in self._keys(path, raw):
-            here = (*path, key)
-            values = self._values(here, value)
-            if values:
-                found.append(Axis(key, self._document.place(here, "key"), values))
-        return tuple(found)
+def _random(document: Document, path: KeyPath, raw: Any) -> tuple[Random, ...]:
+    drawn = [_distribution(document, key, (*path, key), value) for key, value in _keys(document, path, raw)]
+    return tuple(random for random in drawn if random is not None)
 
-    def random(self, path: KeyPath, raw: Any) -> tuple[Random, ...]:
-        drawn = [self._distribution(key, (*path, key), value) for key, value in self._keys(path, raw)]
-        return tuple(random for random in drawn if random is not None)
 
-    def _keys(self, path: KeyPath, raw: Any) -> list[tuple[str, Any]]:
-        """Return the keys that are ones, with what is written for each."""
-        document = self._document
-        if not isinstance(raw, dict):
-            if raw is not BROKEN:
-                document.add(path, got=shown(raw), wanted="a mapping of keys, such as plant.payload.mass: [1, 2]")
-            return []
-        if len(raw) > MAX_KEYS:
-            document.add(path, got=f"{len(raw)} keys", wanted=f"at most {MAX_KEYS}")
-        found = []
-        for key, value in list(raw.items())[:MAX_KEYS]:
-            here = (*path, key)
-            star = key.startswith(EVERY)
-            parts = split_key(key.replace(EVERY, "controllers.x.", 1) if star else key)
-            if parts is None:
-                document.add(here, "is not a key", at="key", wanted="one such as run.duration or controllers.*.gains.k")
-            elif parts[0] in NOT_VARIED:
-                document.add(here, "cannot be varied", at="key", wanted="a key that decides what is run")
-            elif parts == ["run", "draw"]:
-                document.add(here, "is what sweep.draws counts", at="key", wanted="draws there")
-            elif value is None:
-                document.add(here, "nothing is given", wanted="values")
-            elif value is not BROKEN:
-                found.append((key, value))
-        return found
+def _keys(document: Document, path: KeyPath, raw: Any) -> list[tuple[str, Any]]:
+    """Return the keys that are ones, with what is written for each."""
+    if not isinstance(raw, dict):
+        if raw is not BROKEN:
+            document.add(path, got=shown(raw), wanted="a mapping of keys, such as plant.payload.mass: [1, 2]")
+        return []
+    if len(raw) > MAX_KEYS:
+        document.add(path, got=f"{len(raw)} keys", wanted=f"at most {MAX_KEYS}")
+    found = []
+    for key, value in list(raw.items())[:MAX_KEYS]:
+        here = (*path, key)
+        star = key.startswith(EVERY)
+        parts = split_key(key.replace(EVERY, "controllers.x.", 1) if star else key)
+        if parts is None:
+            document.add(here, "is not a key", at="key", wanted="one such as run.duration or controllers.*.gains.k")
+        elif parts[0] in NOT_VARIED:
+            document.add(here, "cannot be varied", at="key", wanted="a key that decides what is run")
+        elif parts == ["run", "draw"]:
+            document.add(here, "is what sweep.draws counts", at="key", wanted="draws there")
+        elif value is None:
+            document.add(here, "nothing is given", wanted="values")
+        elif value is not BROKEN:
+            found.append((key, value))
+    return found
 
-    def _values(self, path: KeyPath, raw: Any) -> tuple[Value, ...]:
-        if isinstance(raw, dict) and "from" in raw:
-            return self._range(path, raw)
-        document = self._document
-        wanted = "a list of values, a range such as {from: 0, to: 1, count: 5}, or a mapping of names to values"
-        if not isinstance(raw, list | dict) or not raw:
-            document.add(path, got=shown(raw), wanted=wanted)
-            return ()
-        if len(raw) > MAX_VALUES:
-            document.add(path, got=f"{len(raw)} values", wanted=f"at most {MAX_VALUES}")
-            return ()
-        if isinstance(raw, dict) and set(raw) <= RANGE_WORDS:
-            names = "{from: 0, to: 1, count: 5}, or names that are no words of one"
-            document.add(path, "looks like a range", wanted=names)
-            return ()
-        items = list(raw.items()) if isinstance(raw, dict) else list(enumerate(raw))
-        found: dict[float | str, Value] = {}
-        for index, value in items:
-            here = (*path, index)
-            if value is None:
-                document.add(here, "nothing is given", wanted="a value")
-            if value is None or value is BROKEN:
-                continue
-            if path[2] == "run" and isinstance(value, dict) and "draw" in value:
-                place = document.place(here)
-                document.add((SWEEP, "run"), "draw is what sweep.draws counts", place=place, wanted="none here")
-            word = str(index) if isinstance(raw, dict) else in_tables(value)
-            if isinstance(word, str) and len(word) > MAX_WORD:
-                text = f"such a value, {shown(value)}, needs a name"
-                document.add(here, text, wanted="{name: value, ...}")
-            elif word in found:
-                document.add(here, f"{word} is there already")
-            else:
-                found[word] = Value(value, word, document.place(here))
-        return tuple(found.values())
 
-    def _range(self, path: KeyPath, raw: Mapping[str, Any]) -> tuple[Value, ...]:
-        ends: Range | None = check_group(self._document, path, group_of(Range))
-        if ends is None:
-            return ()
-        low, high, log = ends.start, ends.stop, ends.spacing == "log"
-        if low == high:
-            self._document.add((*path, "to"), got=f"{high:g} twice", wanted="another end")
-            return ()
-        if log and not (low > 0.0 and high > 0.0):
-            self._document.add(path, f"spacing log from {low:g} to {high:g}", wanted="both positive")
-            return ()
-        place = self._document.place(path)
-        numbers = [between(low, high, i / (ends.count - 1), log) for i in range(ends.count)]
-        whole = all(isinstance(raw[end], int) for end in ("from", "to")) and all(x == int(x) for x in numbers)
-        return tuple(Value(int(x) if whole else x, float(x), place) for x in numbers)
+def _values(document: Document, path: KeyPath, raw: Any) -> tuple[Value, ...]:
+    if isinstance(raw, dict) and "from" in raw:
+        return _range(document, path, raw)
+    wanted = "a list of values, a range such as {from: 0, to: 1, count: 5}, or a mapping of names to values"
+    if not isinstance(raw, list | dict) or not raw:
+        document.add(path, got=shown(raw), wanted=wanted)
+        return ()
+    if len(raw) > MAX_VALUES:
+        document.add(path, got=f"{len(raw)} values", wanted=f"at most {MAX_VALUES}")
+        return ()
+    if isinstance(raw, dict) and set(raw) <= RANGE_WORDS:
+        names = "{from: 0, to: 1, count: 5}, or names that are no words of one"
+        document.add(path, "looks like a range", wanted=names)
+        return ()
+    items = list(raw.items()) if isinstance(raw, dict) else list(enumerate(raw))
+    found: dict[float | str, Value] = {}
+    for index, value in items:
+        here = (*path, index)
+        if value is None:
+            document.add(here, "nothing is given", wanted="a value")
+        if value is None or value is BROKEN:
+            continue
+        if path[2] == "run" and isinstance(value, dict) and "draw" in value:
+            place = document.place(here)
+            document.add((SWEEP, "run"), "draw is what sweep.draws counts", place=place, wanted="none here")
+        word = str(index) if isinstance(raw, dict) else in_tables(value)
+        if isinstance(word, str) and len(word) > MAX_WORD:
+            text = f"such a value, {shown(value)}, needs a name"
+            document.add(here, text, wanted="{name: value, ...}")
+        elif word in found:
+            document.add(here, f"{word} is there already")
+        else:
+            found[word] = Value(value, word, document.place(here))
+    return tuple(found.values())
 
-    def _distribution(self, key: str, path: KeyPath, raw: Any) -> Random | None:
-        document, ways = self._document, tuple(group_of(Distribution).fields)
-        if not isinstance(raw, dict):
-            wanted = f"a mapping with one of {', '.join(ways)}, such as {{uniform: [0, 1]}}"
-            document.add(path, got=shown(raw), wanted=wanted)
+
+def _range(document: Document, path: KeyPath, raw: Mapping[str, Any]) -> tuple[Value, ...]:
+    ends: Range | None = check_group(document, path, group_of(Range))
+    if ends is None:
+        return ()
+    low, high, log = ends.start, ends.stop, ends.spacing == "log"
+    if low == high:
+        document.add((*path, "to"), got=f"{high:g} twice", wanted="another end")
+        return ()
+    if log and not (low > 0.0 and high > 0.0):
+        document.add(path, f"spacing log from {low:g} to {high:g}", wanted="both positive")
+        return ()
+    place = document.place(path)
+    numbers = [between(low, high, i / (ends.count - 1), log) for i in range(ends.count)]
+    whole = all(isinstance(raw[end], int) for end in ("from", "to")) and all(x == int(x) for x in numbers)
+    return tuple(Value(int(x) if whole else x, float(x), place) for x in numbers)
+
+
+def _distribution(document: Document, key: str, path: KeyPath, raw: Any) -> Random | None:
+    ways = tuple(group_of(Distribution).fields)
+    if not isinstance(raw, dict):
+        wanted = f"a mapping with one of {', '.join(ways)}, such as {{uniform: [0, 1]}}"
+        document.add(path, got=shown(raw), wanted=wanted)
+        return None
+    distribution: Distribution | None = check_group(document, path, group_of(Distribution))
+    given = [way for way in ways if way in raw]
+    if not raw:
+        document.add(path, f"missing: one of {', '.join(ways)}", at="key")
+    for way in given[1:]:
+        document.add((*path, way), f"{given[0]} is given already", at="key", wanted="one of the two")
+    if len(given) != 1 or distribution is None:
+        return None
+    kind, place = given[0], document.place(path, "key")
+    drawn: Any = getattr(distribution, kind)
+    if kind == "choice":
+        if not isinstance(drawn, list):
+            document.add((*path, kind), got=shown(drawn), wanted="a list of values")
             return None
-        distribution: Distribution | None = check_group(document, path, group_of(Distribution))
-        given = [way for way in ways if way in raw]
-        if not raw:
-            document.add(path, f"missing: one of {', '.join(ways)}", at="key")
-        for way in given[1:]:
-            document.add((*path, way), f"{given[0]} is given already", at="key", wanted="one of the two")
-        if len(given) != 1 or distribution is None:
-            return None
-        kind, place = given[0], document.place(path, "key")
-        drawn: Any = getattr(distribution, kind)
-        if kind == "choice":
-            if not isinstance(drawn, list):
-                document.add((*path, kind), got=shown(drawn), wanted="a list of values")
-                return None
-            values = self._values((*path, kind), drawn)
-            return Random(key, place, kind, (), Axis(key, place, values)) if values else None
-        numbers = (drawn.mean, drawn.std) if isinstance(drawn, Normal) else drawn
-        if kind != "normal" and not numbers[0] < numbers[1]:
-            got = f"{numbers[0]:g} and {numbers[1]:g}"
-            document.add((*path, kind), got=got, wanted="the smaller number first")
-            return None
-        if kind == "log_uniform" and not numbers[0] > 0.0:
-            document.add((*path, kind), got=f"{numbers[0]:g}", wanted="more than 0")
-            return None
-        return Random(key, place, kind, tuple(numbers))
+        values = _values(document, (*path, kind), drawn)
+        return Random(key, place, kind, (), Axis(key, place, values)) if values else None
+    numbers = (drawn.mean, drawn.std) if isinstance(drawn, Normal) else drawn
+    if kind != "normal" and not numbers[0] < numbers[1]:
+        got = f"{numbers[0]:g} and {numbers[1]:g}"
+        document.add((*path, kind), got=got, wanted="the smaller number first")
+        return None
+    if kind == "log_uniform" and not numbers[0] > 0.0:
+        document.add((*path, kind), got=f"{numbers[0]:g}", wanted="more than 0")
+        return None
+    return Random(key, place, kind, tuple(numbers))
 
 
 def varied(document: Document, values: Sequence[tuple[str, Value]]) -> tuple[Document, dict[str, list[KeyPath]]]:
@@ -377,7 +374,7 @@ def overwritten(
     """
     found = []
     for key, value in values:
-        if not all(_stands(_at(document.root, path), value.raw) for path in places[key]):
+        if not all(_stands(value_at(document.root, path), value.raw) for path in places[key]):
             others = (other for other in places if other != key and _meet(places[key], places[other]))
             found.append((key, next(others, "another key")))
     return found
@@ -394,15 +391,6 @@ def _stands(node: Any, raw: Any) -> bool:
     if isinstance(raw, list):
         return isinstance(node, list) and len(node) == len(raw) and all(map(_stands, node, raw))
     return bool(node is raw or node == raw)
-
-
-def _at(node: Any, path: KeyPath) -> Any:
-    for part in path:
-        try:
-            node = node[part]
-        except (KeyError, IndexError, TypeError):
-            return BROKEN
-    return node
 
 
 def expanded(document: Document, key: str) -> list[list[str | int]]:
@@ -430,10 +418,9 @@ def _indexed(node: Any, parts: Iterable[str | int]) -> KeyPath:
     """Return a key with the indices of list items in place of their names."""
     path: KeyPath = ()
     for part in parts:
-        if isinstance(node, list) and isinstance(part, str):
-            named = (i for i, item in enumerate(node) if isinstance(item, dict) and item.get("name") == part)
-            part = next(named, part)
-        path, node = (*path, part), _at(node, (part,))
+        index = index_of(node, part)
+        path = (*path, part if index is None else index)
+        node = value_at(node, path[-1:])
     return path
 
 
@@ -445,8 +432,7 @@ def with_number(experiment: Experiment, path: KeyPath, value: float) -> Experime
         path: Where a number, or a vector, is now.
         value: The number.
     """
-    changed: Experiment = _replaced(experiment, path, value)
-    return changed
+    return _replaced(experiment, path, value)  # type: ignore[no-any-return]
 
 
 def with_draw(experiment: Experiment, draw: int) -> Experiment:

@@ -11,6 +11,8 @@ from torquebench.errors import nearest
 from torquebench.experiment.groups import Spec
 from torquebench.experiment.yaml_tree import shortened
 
+SLUG_IN_WORDS = "1 to 64 of a-z, 0-9 and -, a letter or digit at both ends"
+
 
 def shown(value: object) -> str:
     """Return what the user wrote, in words that fit on one line."""
@@ -88,7 +90,7 @@ def explain(error: Mapping[str, Any], spec: Spec, inner: bool) -> dict[str, str]
         "less_than_equal": (f"at most {_limit(limits.get('le'))}{unit(spec)}", ""),
         "multiple_of": ("an even number", ""),
         "string_type": ("a name" if inner else "text", "put it in quotes" if _is_number(value) and not inner else ""),
-        "string_pattern_mismatch": ("a slug: 1 to 64 of a-z, 0-9 and -, a letter or digit at both ends", ""),
+        "string_pattern_mismatch": (f"a slug: {SLUG_IN_WORDS}", ""),
         "string_too_long": (f"at most {limits.get('max_length')} characters", ""),
         "bool_type": ("true or false", "yes, no, on and off are text" if isinstance(value, str) else ""),
         "too_short": ("at least one number", ""),

@@ -92,6 +92,16 @@ def copied(node: Any) -> Any:
     return node
 
 
+def value_at(node: Any, path: KeyPath, default: Any = BROKEN) -> Any:
+    """Return the value at a place below a node of a tree, or a default where there is none."""
+    for part in path:
+        try:
+            node = node[part]
+        except (KeyError, IndexError, TypeError):
+            return default
+    return node
+
+
 def shortened(text: str, limit: int = 64) -> str:
     """Return `text` quoted, on one line, in at most about `limit` characters."""
     return ascii(text) if len(text) <= limit else ascii(text[:limit]) + "..."
