@@ -14,7 +14,7 @@ from torquebench.errors import ConfigError, ResultError
 
 NOISE = [{"kind": "band-limited-noise", "channel": "torque", "sigma": 0.1}]
 GRID = {"controllers.band.gains.phi": np.geomspace(0.1, 0.4, 3)}
-HOW = {"workers": 1, "threads": True}
+HOW = {"workers": 1}
 
 
 @pytest.fixture(scope="module")

@@ -311,9 +311,10 @@ class Result:
         Raises:
             ResultError: this run has no such figure.
         """
-        figures = run_figures(self.numbers)
+        figures = run_figures(self.numbers, only=name)
         if name not in figures:
-            raise ResultError(f"no figure '{name}' of this run{did_you_mean(name, figures)}")
+            known = run_figures(self.numbers)
+            raise ResultError(f"no figure '{name}' of this run{did_you_mean(name, known)}")
         return figures[name]
 
     def report(self, path: str | Path | None = None, figures: bool = True) -> bytes:

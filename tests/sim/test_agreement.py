@@ -117,11 +117,11 @@ import sys
 {block}
 import numpy as np
 from torquebench import AnalyticPlant, Controller, Puma560, find_law, simulate
-from torquebench.references import sine
+from torquebench import Sine
 law = find_law("linear-band-smc")
 gains = law.pack_gains(6, {{"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20}}, {{}})
 run = simulate(AnalyticPlant(Puma560()), Controller("x", law, gains), Puma560("corrected", "printed"),
-               Sine(np.ones(6), np.ones(6)), duration=0.2)
+               Sine(1.0, 1.0), duration=0.2)
 print(run.digest(), "mujoco" in sys.modules and sys.modules["mujoco"] is not None)
 """
     outputs = []

@@ -71,8 +71,8 @@ def figure_files(result: ExperimentResult, progress: Progress | None = None) -> 
         yield name, files
 
 
-def run_figures(result: ExperimentResult) -> dict[str, Figure]:
-    """Draw the figures of a run, by name, from its trajectories.
+def run_figures(result: ExperimentResult, only: str | None = None) -> dict[str, Figure]:
+    """Draw the figures of a run, by name, from its trajectories; with `only`, that one at most.
 
     Those of the stability certificates need the arm that was run, and are left out where its files have changed.
     """
@@ -96,7 +96,7 @@ def run_figures(result: ExperimentResult) -> dict[str, Figure]:
         fuzzy=fuzzy_in_use(experiment),
         fired=fired_rules(result),
     )
-    return draw_figures(view)
+    return draw_figures(view, only)
 
 
 def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:

@@ -143,14 +143,20 @@ class RunView:
         return [Patch(label=label, **SHADE | {"color": "0.9"})] if self.metrics_from > 0.0 else []
 
 
-def draw_figures(x: RunView) -> dict[str, Figure]:
+def draw_figures(x: RunView, only: str | None = None) -> dict[str, Figure]:
     """Draw every registered figure that has something to show, by the name of its file, in page order.
+
+    Args:
+        x: The runs.
+        only: Name of the one file that is wanted; figures that cannot be it are not drawn.
 
     Raises:
         ResultError: a figure of a plug-in cannot be drawn.
     """
     pages: dict[str, Figure] = {}
     for info in figures_in_order():
+        if only is not None and only != info.name and not only.startswith(f"{info.name}-"):
+            continue
         try:
             with style.journal_style():
                 drawn = info.draw(x)
