@@ -15,8 +15,6 @@ SNAKE = re.compile(r"[a-z](?:[a-z0-9_]{0,62}[a-z0-9])?")
 REGISTRIES: list[Registry[Any]] = []
 """Every registry there is."""
 
-_PACKAGE = f"{__package__}."
-
 T = TypeVar("T")
 
 
@@ -112,37 +110,28 @@ def registered_by(module: str) -> tuple[str, ...]:
 @contextlib.contextmanager
 def registering_again(module: str) -> Iterator[None]:
     """Let a module that is run again register its items again; if it fails, those of before are there again."""
-    before = _contents()
+    before = [(registry, dict(registry._items), dict(registry._makers)) for registry in REGISTRIES]
     for registry in REGISTRIES:
         registry.forget(module)
     try:
         yield
     except BaseException:
-        _put_back(before)
+        for registry, items, makers in before:
+            registry._items, registry._makers = items, makers
         raise
 
 
 @contextlib.contextmanager
 def restored() -> Iterator[None]:
-    """Forget in the end what was registered in between, but for what the package itself registers when first used."""
-    before = _contents()
+    """Forget, at the end, what was registered meanwhile by anyone but this package, which registers some kinds late."""
+    before = [(registry, dict(registry._items), dict(registry._makers)) for registry in REGISTRIES]
     try:
         yield
     finally:
         for registry, items, makers in before:
-            late = {name: maker for name, maker in registry._makers.items() if maker.__module__.startswith(_PACKAGE)}
-            items.update((name, registry._items[name]) for name in late if name not in items)
-            makers.update((name, maker) for name, maker in late.items() if name not in makers)
-        _put_back(before)
-
-
-def _contents() -> list[tuple[Registry[Any], dict[str, Any], dict[str, Any]]]:
-    return [(registry, dict(registry._items), dict(registry._makers)) for registry in REGISTRIES]
-
-
-def _put_back(contents: list[tuple[Registry[Any], dict[str, Any], dict[str, Any]]]) -> None:
-    for registry, items, makers in contents:
-        registry._items, registry._makers = items, makers
+            late = {name for name, maker in registry._makers.items() if maker.__module__.startswith("torquebench.")}
+            registry._items = items | {name: registry._items[name] for name in late if name in registry._items}
+            registry._makers = makers | {name: registry._makers[name] for name in late}
 
 
 def _is_rerun(old: Any, new: Any) -> bool:
