@@ -251,7 +251,7 @@ def test_other_software_is_refused(swept, command, monkeypatch):
             "--set sweep.draws=0: sweep.draws: got 0, wanted at least 1",
         ),
         (("sweep", "base.yaml"), "base.yaml:1:1: sweep: missing"),
-        (("run", "small.yaml"), "small.yaml:12:1: sweep: is for many runs: wanted torquebench sweep FILE"),
+        (("run", "small.yaml"), "small.yaml:12:1: sweep: is for many runs, wanted torquebench sweep FILE"),
         (("run",), "CONFIG: missing"),
         (("run", "small.yaml", "--index", "3"), "--index: has no effect without --from-sweep"),
         (("run", "--from-sweep", "s"), "--index: missing"),
