@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+from torquebench.laws.plugin import SourceLoader
+
 COUNT = itertools.count()
 
 
@@ -18,7 +20,7 @@ def load(folder: Path, text: str, name: str = "") -> ModuleType:
     path = folder / f"{name}.py"
     path.write_text(text)
     linecache.checkcache(str(path))
-    spec = importlib.util.spec_from_file_location(name, path)
+    spec = importlib.util.spec_from_file_location(name, path, loader=SourceLoader(name, str(path)))
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
