@@ -121,6 +121,28 @@ def parse_side(text: str, argument: str) -> Side:
         raise ConfigError([Problem(argument, text, message)]) from error
 
 
+def parse_sides(first: str, second: str, places: tuple[str, str]) -> tuple[Side, Side]:
+    """Return both sides of a comparison.
+
+    Args:
+        first, second: What is compared; see `parse_side`.
+        places: What each is called in messages.
+
+    Raises:
+        ConfigError: one of them cannot be compared, or neither; the mistakes of both at once.
+    """
+    sides: list[Side] = []
+    problems: list[Problem] = []
+    for text, place in zip((first, second), places, strict=True):
+        try:
+            sides.append(parse_side(text, place))
+        except ConfigError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigError(problems)
+    return sides[0], sides[1]
+
+
 def source_of(text: str) -> str:
     """Name or file of the model in a side's text."""
     engine, _, rest = text.partition(":")

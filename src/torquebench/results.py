@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench import comparison
-from torquebench.comparison import parse_side
+from torquebench.comparison import parse_sides
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
 from torquebench.experiment.config import check_experiment
@@ -155,7 +155,7 @@ def compare(
     """
     import pandas as pd
 
-    first, second = parse_side(a, "a"), parse_side(b, "b")
+    first, second = parse_sides(a, b, ("a", "b"))
     n, problems = first.dynamics.n, []
     if second.dynamics.n != n:
         problems.append(Problem("b", second.label, f"has {second.dynamics.n} joints, wanted {n} as in {first.label}"))

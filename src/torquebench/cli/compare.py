@@ -13,7 +13,7 @@ from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
-    from torquebench.comparison import Row, Side
+    from torquebench.comparison import Row
 
 SIDES = ("mujoco:puma560", "mujoco:two-link", "analytic:two-link", "analytic:puma560")
 """Sides that completion offers, beside files."""
@@ -101,7 +101,7 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
     with progress_bar(
         comparison.LOOPS + 1 if rollout > 0 else 1, "comparison", "starting (compiles on first use)"
     ) as bar:
-        first, second = _sides(a, b)
+        first, second = comparison.parse_sides(a, b, ("A", "B"))
         n = first.dynamics.n
         if second.dynamics.n != n:
             raise ConfigError(
@@ -142,21 +142,6 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
     say(table(["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"], [_cells(r) for r in rows]))
     say(f"\n{'agree' if agree else 'DIFFER'}: {sum(r.agrees for r in rows)} of {len(rows)} within their limits")
     return 0 if agree else 1
-
-
-def _sides(first: str, second: str) -> tuple[Side, Side]:
-    from torquebench.comparison import parse_side
-
-    sides: list[Side] = []
-    problems: list[Problem] = []
-    for text, place in ((first, "A"), (second, "B")):
-        try:
-            sides.append(parse_side(text, place))
-        except ConfigError as error:
-            problems += error.problems
-    if problems:
-        raise ConfigError(problems)
-    return sides[0], sides[1]
 
 
 def _cells(row: Row) -> list[object]:

@@ -159,7 +159,7 @@ def build_belief(experiment: schema.Experiment, right: RobotModel | None = None)
     try:
         return keys.mismatch.apply(model, generator(run.seed, run.draw, Stream.MISMATCH))
     except ModelError as error:
-        raise ConfigError([Problem("", "model.mismatch", str(error))]) from error
+        raise _bad("model.mismatch", str(error)) from error
 
 
 def plant_factors(experiment: schema.Experiment) -> Array | None:
@@ -177,7 +177,7 @@ def build_plant(experiment: schema.Experiment) -> Plant:
     try:
         return experiment.plant.build(plant_factors(experiment))
     except SteepError as error:
-        raise ConfigError([Problem("", "plant.friction", str(error))]) from error
+        raise _bad("plant.friction", str(error)) from error
 
 
 def sampled(reference: Any, n: int, n_steps: int, control_period: float) -> Reference:
