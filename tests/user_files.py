@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
-import linecache
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -19,7 +18,6 @@ def load(folder: Path, text: str, name: str = "") -> ModuleType:
     name = name or f"user_file_{next(COUNT)}"
     path = folder / f"{name}.py"
     path.write_text(text)
-    linecache.checkcache(str(path))
     spec = importlib.util.spec_from_file_location(name, path, loader=SourceLoader(name, str(path)))
     assert spec is not None
     assert spec.loader is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import linecache
 import sys
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
@@ -21,8 +22,9 @@ class SourceLoader(SourceFileLoader):
     """Runs a file as it is now: stored bytecode may be that of another text of the same size and second."""
 
     def get_code(self, fullname: str) -> Any:
-        """Compile the file's text."""
+        """Compile the file's text, and forget the lines that were read of an earlier one."""
         path = self.get_filename(fullname)
+        linecache.cache.pop(path, None)
         return self.source_to_code(self.get_data(path), path)
 
 
@@ -53,7 +55,7 @@ def _load(path: Path, where: str, name: str) -> tuple[str, ...]:
             raise ControllerError(f"no such file{did_you_mean_path(path, PYTHON)}")
         if spec is None or spec.loader is None:
             raise ControllerError("not a Python file (wanted a name ending in .py)")
-        spec.loader = SourceLoader(name, str(path))
+        spec.loader = SourceLoader(name, str(path.absolute()))
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
         spec.loader.exec_module(module)
