@@ -8,8 +8,9 @@ and (122)-(124) of the paper; Slotine and Li, Applied Nonlinear Control, 1991, s
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,22 @@ from torquebench.errors import ResultError
 from torquebench.kernel import Array
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.trajectory import Trajectory
+
+
+class FigureInfo(NamedTuple):
+    """A headline figure of a certificate, as in ``certificates.json`` and in the table of a sweep that certifies."""
+
+    unit: str
+    meaning: str
+
+
+FIGURES: Mapping[str, FigureInfo] = {
+    "V_max": FigureInfo("J", "largest V, (108)"),
+    "share_outside": FigureInfo("1", "share of instants with a joint outside its layer"),
+    "share_rising_outside": FigureInfo("1", "share of those in which V rises"),
+    "least_eta_over_K": FigureInfo("1", "least eta_i / K_i, (124), of a joint outside its layer"),
+    "reaching_time": FigureInfo("s", "time from the largest V until every joint is in its layer"),
+}
 
 
 class Arm(Protocol):

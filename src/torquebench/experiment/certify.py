@@ -107,11 +107,32 @@ def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag, ...]:
     return tuple(found)
 
 
+def certificate_of(
+    experiment: schema.Experiment,
+    loop: Loop,
+    keys: Controller,
+    run: Trajectory,
+    truth: RobotModel | Phases | None = None,
+) -> Certificate | None:
+    """Return the certificate of one run; None where it did not complete, or its law has none.
+
+    Args:
+        experiment: What was run.
+        loop: Its objects.
+        keys: The controller.
+        run: Its run.
+        truth: The arm, where it is at hand; see `truth_of`.
+    """
+    law = sliding_law(keys, loop, experiment.n)
+    if law is None or not run.completed:
+        return None
+    return certify(run, truth or truth_of(experiment), law, experiment.run.control_period)
+
+
 def certificates(experiment: schema.Experiment, loop: Loop, runs: Mapping[str, Trajectory]) -> dict[str, Certificate]:
     """Return the certificates of every completed run of a law that has them."""
-    truth, found = truth_of(experiment), {}
-    for keys in experiment.controllers:
-        law, run = sliding_law(keys, loop, experiment.n), runs[keys.name]
-        if law is not None and run.completed:
-            found[keys.name] = certify(run, truth, law, experiment.run.control_period)
-    return found
+    truth = truth_of(experiment)
+    found = {
+        keys.name: certificate_of(experiment, loop, keys, runs[keys.name], truth) for keys in experiment.controllers
+    }
+    return {name: certificate for name, certificate in found.items() if certificate is not None}

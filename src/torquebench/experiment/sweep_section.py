@@ -112,6 +112,9 @@ class Sweep:
         Key("Key -> its distribution; keys as in grid"),
         Checked(_as_it_is, Annotated[dict[str, group_of(Distribution).model(True)], Field(max_length=MAX_KEYS)]),
     ] = None
+    certificates: Annotated[
+        bool, Key("Whether the table has the figures of each run's stability certificates, which cost as much as a run")
+    ] = False
     keep: Annotated[str | Worst, Key("Trajectories to store, besides the metrics"), Named(("none", "all"), Worst)] = (
         "none"
     )
@@ -159,10 +162,12 @@ class SweepKeys(NamedTuple):
     axes: tuple[Axis, ...]
     random: tuple[Random, ...]
     keep: str | Worst
+    certificates: bool = False
 
     def plain(self) -> dict[str, Any]:
         """Return what decides results, as plain values."""
-        return {
+        certified = {"certificates": True} if self.certificates else {}
+        return certified | {
             "draws": self.draws,
             "grid": [[axis.key, [[value.word, value.raw] for value in axis.values]] for axis in self.axes],
             "random": [
@@ -214,7 +219,7 @@ def take_sweep(document: Document) -> SweepKeys:
     for both in {axis.key for axis in axes} & {r.key for r in random}:
         document.add((SWEEP, "random", both), "is in the grid already", at="key", wanted="it in one of the two")
     del document.root[SWEEP]
-    return SweepKeys(sweep.draws, axes, random, sweep.keep)
+    return SweepKeys(sweep.draws, axes, random, sweep.keep, sweep.certificates)
 
 
 def _grid(document: Document, path: KeyPath, raw: Any) -> tuple[Axis, ...]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from torquebench.certificates import FIGURES
 from torquebench.errors import ResultError
 from torquebench.experiment.sweep_section import Axis, Value
 from torquebench.kernel import Array
@@ -48,6 +49,7 @@ def empty_columns(plan: Plan, rows: int) -> dict[str, NDArray[Any]]:
     kinds |= {key: floats for key in (*(axis.key for axis in plan.keys.axes), *(r.key for r in plan.keys.random))}
     kinds |= {axis.key: _text([_word(value) for value in axis.values]) for axis in _axes(plan) if not axis.numeric}
     kinds |= dict.fromkeys(METRICS.names(), floats)
+    kinds |= dict.fromkeys(FIGURES if plan.keys.certificates else (), floats)
     return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
 
 
@@ -124,7 +126,7 @@ def check_table(table: Table) -> Table:
 
 def varied_keys(table: Table) -> tuple[str, ...]:
     """Return the experiment's keys that the sweep varies, in the table's order."""
-    return tuple(str(name) for name in table if name not in FIXED and name not in METRICS)
+    return tuple(str(name) for name in table if not (name in FIXED or name in METRICS or name in FIGURES))
 
 
 def grid_keys(table: Table) -> tuple[str, ...]:

@@ -5,15 +5,20 @@ from __future__ import annotations
 import functools
 import math
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from torquebench.certificates import FIGURES
 from torquebench.errors import ConfigError, ModelError
-from torquebench.experiment.build import Builder
+from torquebench.experiment.build import Builder, Loop
+from torquebench.experiment.certify import certificate_of
+from torquebench.experiment.controllers import Controller
 from torquebench.experiment.run import joints_of, trial_of
+from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import atomic_write
 from torquebench.kernel import Array
 from torquebench.laws.plugin import load_plugin
@@ -34,6 +39,8 @@ class Ended(NamedTuple):
     """Headline of each of `METRICS`; NaN where undefined."""
     run: Trajectory | None
     """None of a run that could not be built."""
+    certified: Mapping[str, float] = MappingProxyType({})
+    """Figures of its certificates, where the sweep asks for them and the law has them."""
 
 
 class Stopped(Exception):
@@ -88,6 +95,8 @@ class Worker:
                 columns[key][at : at + count] = values
             for ended in self.pair(case, draw):
                 outcome[at], failed_at[at], metrics[at] = ended.outcome, ended.failed_at, ended.metrics
+                for key in FIGURES if plan.keys.certificates else ():
+                    columns[key][at] = ended.certified.get(key, math.nan)
                 if task.trajectories is not None and ended.run is not None:
                     index, name = pair * count + at % count, plan.controllers[at % count]
                     write_trajectory(task.trajectories, index, name, ended.run)
@@ -113,9 +122,19 @@ class Worker:
             run = session.run(loop.plant, trial_of(experiment, loop, controller))
             if run.completed:
                 metrics = headlines(joints_of(experiment, loop, keys, run))
-                yield Ended(run.outcome.name, math.nan, metrics, run)
+                yield Ended(run.outcome.name, math.nan, metrics, run, self._certify(experiment, loop, keys, run))
             else:
                 yield Ended(run.outcome.name, float(run.failed_at or 0), undefined, run)
+
+    def _certify(
+        self, experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory
+    ) -> Mapping[str, float]:
+        """Return the figures of a run's certificates, where the sweep asks for them and the law has them."""
+        if not self._plan.keys.certificates:
+            return {}
+        found = certificate_of(experiment, loop, keys, run)
+        facts = {} if found is None else found.to_json()
+        return {key: float(facts[key]) for key in FIGURES if facts.get(key) is not None}
 
 
 def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:

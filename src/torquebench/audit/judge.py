@@ -1,0 +1,257 @@
+"""Judging the claims of a study from its runs: nothing but the runs decides."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from torquebench.audit.run import Runs
+from torquebench.audit.study import Claim, Condition, Measure, Pair, Question, Study
+from torquebench.audit.verdicts import Interval, Verdict, all_of, judge, mean, over_cases, ratio, share
+from torquebench.certificates import FIGURES
+from torquebench.plain import plain
+
+AS_WELL = 1.1
+"""Ratio up to which one law does as well as another [1]."""
+
+
+class Figure(NamedTuple):
+    """One measure of one case."""
+
+    measure: Measure
+    interval: Interval
+    of: float | None
+    """Mean of the judged law's figure over draws, in the figure's unit."""
+    beside: float | None
+    """The same of what it is set against."""
+    verdict: Verdict
+
+
+class Case(NamedTuple):
+    """One pair of controllers under one condition."""
+
+    pair: Pair
+    condition: Condition
+    figures: tuple[Figure, ...]
+    verdict: Verdict
+
+    @property
+    def where(self) -> str:
+        """The condition in words."""
+        return ", ".join(self.condition)
+
+
+class Ablation(NamedTuple):
+    """A simpler law beside the one that is judged."""
+
+    label: str
+    condition: Condition
+    interval: Interval
+    """Ratio of the first measure's figure."""
+
+    @property
+    def as_well(self) -> bool:
+        """Whether it does as well: at most a tenth worse, interval and all."""
+        return not self.interval.failed[0] and self.interval.high < AS_WELL
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim with its verdict and what it rests on."""
+
+    key: str
+    claim: Claim
+    verdict: Verdict
+    cases: tuple[Case, ...]
+    """Those that are judged."""
+    shown: tuple[Case, ...]
+    """Those of unlike pairs, which are not."""
+    vacuous: int
+    """Cases left out: no joint ever leaves its layer, so that certificates say nothing."""
+    ablations: tuple[Ablation, ...]
+
+    @property
+    def moved(self) -> bool:
+        """Whether the verdict is another one than the study expects."""
+        return self.claim.expect is not None and self.claim.expect != self.verdict
+
+    @property
+    def typical(self) -> tuple[float, float, float]:
+        """Median, least and greatest of the first measure over the cases; NaN where none has a figure."""
+        values = [case.figures[0].interval.value for case in self.cases]
+        known = [value for value in values if not math.isnan(value)]
+        return (statistics.median(known), min(known), max(known)) if known else (math.nan,) * 3
+
+    @property
+    def source(self) -> str:
+        """Where the claim stands, and whether the text says so."""
+        return self.claim.where if self.claim.quoted else f"{self.claim.where}; implied, not said"
+
+    @property
+    def sentence(self) -> str:
+        """What came out, in at most 25 words: where it turns, and the median with its range."""
+        counts = Counter(case.verdict for case in self.cases)
+        said = [f"{verdict} in {counts[verdict]}" for verdict in Verdict if counts[verdict]]
+        middle, low, high = self.typical
+        first = self.claim.measures[0]
+        text = f"{' and '.join(said)} of {len(self.cases)}" if len(said) > 1 else f"in all {len(self.cases)}"
+        if len(self.cases) == 1:
+            text = "in the one case"
+        if not math.isnan(middle):
+            median = shown(middle, first)
+            text += f"; median {median}" + (f", {shown(low, first)} to {shown(high, first)}" if low != high else "")
+        return text
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain data, None for a figure that there is not."""
+        middle, low, high = self.typical
+        found: dict[str, Any] = plain(
+            {
+                "id": self.key,
+                "claim": self.claim.says,
+                "where": self.claim.where,
+                "quoted": self.claim.quoted,
+                "implied": self.claim.implied,
+                "verdict": str(self.verdict),
+                "expect": self.claim.expect,
+                "figure": middle,
+                "interval": [low, high],
+                "condition": self.sentence,
+                "measures": [measure_words(measure) for measure in self.claim.measures],
+                "why": [measure.why for measure in self.claim.measures],
+                "cases": [_case(case) for case in (*self.cases, *self.shown)],
+                "vacuous": self.vacuous,
+                "ablations": [
+                    {"who": one.label, "where": ", ".join(one.condition), "as_well": one.as_well}
+                    | _interval(one.interval)
+                    for one in self.ablations
+                ],
+            }
+        )
+        return found
+
+
+def _case(case: Case) -> dict[str, Any]:
+    return {
+        "who": case.pair.label,
+        "of": case.pair.of,
+        "beside": case.pair.over,
+        "like": case.pair.like,
+        "place": list(case.condition),
+        "where": case.where,
+        "verdict": str(case.verdict),
+        "figures": [
+            {"figure": one.measure.figure, "as": one.measure.relation, "of": one.of, "over": one.beside}
+            | _interval(one.interval)
+            | {"verdict": str(one.verdict)}
+            for one in case.figures
+        ],
+    }
+
+
+def _interval(interval: Interval) -> dict[str, Any]:
+    return {
+        "value": interval.value,
+        "low": interval.low,
+        "high": interval.high,
+        "n": interval.n,
+        "failed": list(interval.failed),
+    }
+
+
+def judge_study(study: Study, runs: Runs) -> list[Judged]:
+    """Judge every claim of a study, in its order."""
+    return [judge_claim(study, question, runs) for question in study.questions]
+
+
+def judge_claim(study: Study, question: Question, runs: Runs) -> Judged:
+    """Judge one claim.
+
+    Args:
+        study: The study.
+        question: The claim.
+        runs: What came out.
+    """
+    cases, other, vacuous = list[Case](), list[Case](), 0
+    certified = any(measure.figure in FIGURES for measure in question.claim.measures)
+    for pair in question.pairs:
+        for condition in question.conditions:
+            if certified and runs.idle(pair.of, condition):
+                vacuous += pair.like
+                continue
+            figures = tuple(_figure(study, runs, measure, pair, condition) for measure in question.claim.measures)
+            case = Case(pair, condition, figures, all_of([one.verdict for one in figures]))
+            (cases if pair.like else other).append(case)
+    first = question.claim.measures[0]
+    ablations = tuple(
+        Ablation(pair.label, condition, _ratio(runs, first, pair, condition))
+        for pair in question.ablations
+        for condition in question.ablated
+    )
+    verdict = over_cases([case.verdict for case in cases]) if cases else Verdict.UNDECIDED
+    return Judged(question.key, question.claim, verdict, tuple(cases), tuple(other), vacuous, ablations)
+
+
+def _figure(study: Study, runs: Runs, measure: Measure, pair: Pair, condition: Condition) -> Figure:
+    """Compute one measure of one case, and judge it."""
+    of = runs.values(measure.figure, pair.of, condition)
+    beside: list[float | None] | None = None
+    if measure.against is not None:
+        beside = runs.values(measure.figure, pair.of, study.moved(condition, measure.against))
+    elif pair.over is not None and measure.relation in ("ratio", "difference"):
+        beside = runs.values(measure.figure, pair.over, condition)
+    if beside is not None:  # where one of the two has nothing to draw, its one run stands for all
+        of, beside = (x * max(len(of), len(beside)) if len(x) == 1 else x for x in (of, beside))
+    if measure.relation == "ratio":
+        interval = ratio(of, beside or [], measure.floor)
+    elif measure.relation == "share":
+        interval = share(of, measure.counted)
+    else:
+        interval = mean(of, beside)
+    return Figure(measure, interval, _mean(of), _mean(beside), judge(interval, measure.threshold))
+
+
+def _ratio(runs: Runs, measure: Measure, pair: Pair, condition: Condition) -> Interval:
+    of, over = (runs.values(measure.figure, name, condition) for name in (pair.of, pair.over or pair.of))
+    return ratio(of, over, measure.floor)
+
+
+def _mean(values: list[float | None] | None) -> float | None:
+    known = [x for x in values or () if x is not None]
+    return statistics.fmean(known) if known else None
+
+
+def unit_of(figure: str) -> tuple[str, float]:
+    """Return the unit in which a figure is shown, and by how much the stored value is multiplied."""
+    from torquebench.metrics import METRICS
+
+    if figure in METRICS:
+        info = METRICS[figure]
+        return info.shown_unit, info.scale
+    return FIGURES[figure].unit if figure in FIGURES else "1", 1.0
+
+
+def shown(value: float, measure: Measure) -> str:
+    """Return a value of a measure with its unit."""
+    if measure.relation == "ratio":
+        return f"x{value:.3g}"
+    if measure.relation == "share":
+        return f"{100.0 * value:.3g} %"
+    unit, scale = unit_of(measure.figure)
+    return f"{value * scale:.3g}{'' if unit == '1' else f' {unit}'}"
+
+
+def measure_words(measure: Measure) -> str:
+    """Return what is measured, and the threshold, in words."""
+    relations: Mapping[str, str] = {"value": "", "ratio": "ratio of ", "difference": "difference of ", "share": ""}
+    what = f"{relations[measure.relation]}{measure.figure}"
+    if measure.relation == "share":
+        what = f"share of draws with {measure.figure} {measure.counted}"
+    if measure.against is not None:
+        what += f", against {', '.join(measure.against.values())}"
+    limit = measure.threshold
+    return f"{what}: holds {limit.side} {shown(limit.limit, measure)}"

@@ -1,0 +1,206 @@
+"""Running a study: a sweep for each condition, with the controllers that some claim needs there."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from torquebench.audit.study import AUDIT, FEEDFORWARD, Condition, Study
+from torquebench.certificates import FIGURES
+from torquebench.experiment.build import build
+from torquebench.experiment.config import check_experiment
+from torquebench.experiment.dump import dump_tree
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import Document, assign, split_key
+from torquebench.experiment.yaml_tree import copied
+from torquebench.references import Reference
+from torquebench.robot import load_model
+from torquebench.robot.flat_model import own_copy
+from torquebench.sim.interpreted import call_law
+from torquebench.sweep.executors import Threads
+from torquebench.sweep.folder import TABLE
+from torquebench.sweep.plan import Plan, Source
+from torquebench.sweep.run import run_sweep
+from torquebench.sweep.table import read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CONDITIONS = "conditions"
+"""Folder of a study's sweeps, one for each condition."""
+SAMPLES = 100
+"""Instants at which a law is asked for its torque at zero error."""
+
+
+class Runs:
+    """What came out of a study: the figures of each controller under each condition, by draw."""
+
+    def __init__(self, experiments: dict[Condition, Experiment], tables: dict[Condition, pd.DataFrame]) -> None:
+        self.experiments, self.tables = experiments, tables
+
+    def values(self, figure: str, controller: str, condition: Condition) -> list[float | None]:
+        """Return a figure of one controller by draw; None where the run failed or has no such figure.
+
+        Args:
+            figure: Metric, figure of the certificates, or `FEEDFORWARD`.
+            controller: Name of the controller.
+            condition: Where it was run.
+        """
+        table = self.tables[condition]
+        rows = table[table["controller"] == controller].sort_values("draw")
+        if figure == FEEDFORWARD:
+            share = feedforward(self.experiments[condition], controller)
+            return [share] * len(rows)
+        return [None if math.isnan(x) else float(x) for x in rows[figure]]
+
+    def idle(self, controller: str, condition: Condition) -> bool:
+        """Whether a controller's certificates say nothing: no joint ever leaves its layer in any run that completed."""
+        table = self.tables[condition]
+        rows = table[(table["controller"] == controller) & (table["outcome"] == "COMPLETED")]
+        return bool(len(rows)) and bool((rows["share_outside"] == 0.0).all())
+
+
+@dataclass(frozen=True)
+class Part:
+    """The sweep of one condition."""
+
+    condition: Condition
+    folder: str
+    experiment: Experiment
+    text: str
+    """Its config, which can be run by itself."""
+
+    @property
+    def plan(self) -> Plan:
+        """The sweep's rows."""
+        return Plan(Source(self.text.encode(), f"{self.folder}/sweep.yaml"))
+
+
+def parts_of(study: Study, draws: int | None = None) -> list[Part]:
+    """Return the sweeps that a study needs, in the order of its conditions.
+
+    Args:
+        study: The study.
+        draws: Draws in place of those of the study.
+
+    Raises:
+        ConfigError: a condition makes an experiment with mistakes; all of them, with their places.
+    """
+    certified = _certified(study)
+    parts, documents = [], []
+    for condition, names in study.needs().items():
+        document = _document(study, condition, names)
+        documents.append(document)
+        experiment = check_experiment(document)
+        sweep: dict[str, Any] = {"draws": (draws or study.audit.draws) if experiment.is_drawn else 1}
+        if condition in certified:
+            sweep["certificates"] = True
+        slug = re.sub(r"[^a-z0-9]+", "-", study.words(condition).lower()).strip("-")[:60]
+        root = json.loads(json.dumps(document.root))
+        root["name"] = f"{slug or 'case'}"
+        text = dump_tree(root | {"sweep": sweep})
+        parts.append(Part(condition, f"{len(parts) + 1:02d}-{slug}", experiment, text))
+    return parts
+
+
+def _certified(study: Study) -> set[Condition]:
+    """Return the conditions under which a claim needs certificates."""
+    return {
+        condition
+        for question in study.questions
+        if any(measure.figure in FIGURES for measure in question.claim.measures)
+        for condition in question.conditions
+    }
+
+
+def _document(study: Study, condition: Condition, names: Sequence[str]) -> Document:
+    """Return the experiment of a condition, with some of the study's controllers, unchecked."""
+    document = study.document.copy()
+    for (axis, levels), level in zip(study.axes.items(), condition, strict=True):
+        for key, value in levels[level].items():
+            place = study.file.place((AUDIT, "conditions", axis, level, key))
+            assign(document, split_key(key) or [], copied(value), place, place)
+    controllers = document.root["controllers"]
+    for i in reversed(range(len(controllers))):
+        if controllers[i]["name"] not in names:
+            del controllers[i], controllers.places[i]
+    return document
+
+
+def run_parts(
+    parts: Sequence[Part],
+    folder: Path,
+    workers: int,
+    progress: Callable[[str, int], None] = lambda what, runs: None,
+) -> Runs:
+    """Run the sweeps of a study, or what is left of them; those that are finished are verified and read.
+
+    Args:
+        parts: The sweeps.
+        folder: Where their folders are, or will be.
+        workers: How many are run at once, each on a thread.
+        progress: Called with what is being run, and with the number of runs done since the last call.
+
+    Raises:
+        ResultError: a stored file was altered.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def run(part: Part) -> pd.DataFrame:
+        done = 0
+
+        def report(rows: int, _all: int) -> None:
+            nonlocal done
+            progress(", ".join(part.condition), rows - done)
+            done = rows
+
+        stored = run_sweep(part.plan, folder / part.folder, Threads(1), progress=report)
+        return read_table(stored.folder / TABLE)
+
+    with ThreadPoolExecutor(workers) as pool:
+        tables = list(pool.map(run, parts))
+    return Runs(
+        {part.condition: part.experiment for part in parts},
+        {part.condition: table for part, table in zip(parts, tables, strict=True)},
+    )
+
+
+def feedforward(experiment: Experiment, controller: str) -> float | None:
+    """Return the share of the inverse dynamics that a law supplies at zero error, with an empty memory.
+
+    1 - sum |tau_need - tau|^2 / sum |tau_need|^2, each joint over its torque limit, at instants along the reference
+    within the window of metrics: 1 for a law that knows the arm, 0 for one that only reacts to errors. tau_need is the
+    inverse dynamics of the arm, without payload; tau what the law commands where q = q_ref and qd = qd_ref.
+
+    Args:
+        experiment: What was run.
+        controller: Name of the controller.
+    """
+    loop = build(experiment)
+    own = next(c for c in loop.controllers if c.name == controller)
+    first = round(experiment.run.metrics_from / experiment.run.control_period)
+    instants = np.unique(np.linspace(first, len(loop.reference.q) - 1, SAMPLES).astype(int))
+    belief = own_copy(loop.model.flat, control_period=experiment.run.control_period)
+    limit = np.asarray(loop.plant.tau_max)
+    given = []
+    for k in instants:
+        ref = Reference(*(x[k].copy() for x in loop.reference))
+        t = float(k * experiment.run.control_period)
+        tau, _, detail = call_law(
+            own.law, own.gains, belief, t, ref.q.copy(), ref.qd.copy(), ref, own.law.new_memory(experiment.n)
+        )
+        if detail:
+            return None
+        given.append(np.clip(tau, -limit, limit))
+    truth = load_model(experiment.plant.model)
+    needed = truth.inverse_dynamics(*(x[instants] for x in loop.reference))
+    left = (needed - np.array(given)) / limit
+    return float(1.0 - np.sum(left**2) / np.sum((needed / limit) ** 2))

@@ -1,0 +1,396 @@
+"""The section ``audit`` of a config: conditions, claims, and what each claim is judged by."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
+
+from torquebench.audit.verdicts import Threshold
+from torquebench.certificates import FIGURES
+from torquebench.errors import nearest
+from torquebench.experiment.config import check_group
+from torquebench.experiment.groups import Checked, Many, ManyNamed, Text, group_of
+from torquebench.experiment.source import Document
+from torquebench.experiment.sweep_section import MAX_DRAWS, MAX_KEYS, NOT_VARIED
+from torquebench.experiment.words import shown
+from torquebench.experiment.yaml_tree import BROKEN, KeyPath, copied, value_at
+from torquebench.keys import Key
+from torquebench.metrics import METRICS
+
+AUDIT = "audit"
+ALL = "all"
+FEEDFORWARD = "feedforward"
+"""Share of the inverse dynamics that a law supplies at zero error: a figure of a law, not of a run."""
+MAX_CLAIMS = 64
+MAX_CASES = 2000
+"""Cases that one claim may have."""
+MAX_WORDS = 25
+"""Words of a sentence that stands in a cell of a table."""
+
+
+def _as_it_is(raw: Any) -> Any:
+    return raw
+
+
+_NAMED = dict[str, Any]
+_Levels: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paper:
+    """The publication whose claims are judged."""
+
+    authors: Annotated[str, Key("Authors"), Text(longest=400)]
+    title: Annotated[str, Key("Title"), Text(longest=400)]
+    published: Annotated[str, Key("Journal or publisher, volume, pages"), Text(longest=400)]
+    year: Annotated[int, Key("Year", "1", at_least=1600, at_most=2200)]
+
+    def __str__(self) -> str:
+        return f"{self.authors}, {self.title}, {self.published}, {self.year}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """A figure, what it is set against, and the threshold that was named before looking."""
+
+    figure: Annotated[
+        str,
+        Key(
+            "A metric, a figure of certificates.json, or feedforward: the share of the inverse dynamics that a law "
+            "supplies at zero error"
+        ),
+    ]
+    relation: Annotated[
+        Literal["value", "ratio", "difference", "share"],
+        Key(
+            "value: the mean over draws; ratio, difference: to the second law of the pair, or to another condition, "
+            "paired by draw; share: of the draws that counts says",
+            name="as",
+        ),
+    ] = "value"
+    below: Annotated[float | None, Key("The claim holds below this; in the figure's SI unit", "1")] = None
+    above: Annotated[float | None, Key("The claim holds above this; in the figure's SI unit", "1")] = None
+    floor: Annotated[float | None, Key("Figures of a ratio count as at least this", "1", above=0)] = None
+    counts: Annotated[
+        Any,
+        Key("Which draws a share counts: {above: 0} or {below: 0}"),
+        Checked(_as_it_is, dict[Literal["above", "below"], float]),
+    ] = None
+    against: Annotated[
+        Any,
+        Key("Another condition that the same law is set against: axis -> level, the other axes as in the case"),
+        Checked(_as_it_is, dict[str, str]),
+    ] = None
+    why: Annotated[str, Key("Why this threshold"), Text(longest=400)]
+
+    @property
+    def threshold(self) -> Threshold:
+        """The threshold with its side."""
+        limit, side = (self.above, "above") if self.below is None else (self.below, "below")
+        return Threshold(float(limit or 0.0), side)
+
+    @property
+    def counted(self) -> Threshold:
+        """Which draws a share counts."""
+        ((side, limit),) = self.counts.items()
+        return Threshold(float(limit), side)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A sentence, where it stands, and what decides whether it holds."""
+
+    says: Annotated[str, Key("The claim in a sentence of at most 25 words"), Text(longest=300)]
+    where: Annotated[str, Key("Equation, figure or page, with a word of what it is"), Text(longest=300)]
+    quoted: Annotated[str | None, Key("The words of the text, if it says so"), Text(longest=1000)] = None
+    implied: Annotated[str | None, Key("What implies it, if the text does not say so"), Text(longest=1000)] = None
+    pairs: Annotated[
+        Any,
+        Key("Label -> the controller judged, or [judged, beside]: like with like, a model on both sides or on neither"),
+        Checked(_as_it_is, dict[str, str | list[str]]),
+    ]
+    unlike: Annotated[
+        Any,
+        Key("Pairs as under pairs that are shown and not judged, because they are not alike"),
+        Checked(_as_it_is, dict[str, str | list[str]]),
+    ] = None
+    measures: Annotated[
+        tuple[Measure, ...],
+        Key("Figures that decide a case: it holds where all do, and fails where one does"),
+        Many("measures", 1, 8, group_of(Measure)),
+    ]
+    under: Annotated[
+        Any,
+        Key(
+            "Conditions: axis -> a level, a list of them, or all; the first level of an axis that is left out. A list "
+            "of such mappings for several sets"
+        ),
+        Checked(_as_it_is, _NAMED | list[_NAMED]),
+    ] = None
+    ablations: Annotated[
+        Any,
+        Key(
+            "Laws that may do as well: label -> [controller, the judged one]; the first measure's figure, as ratio, "
+            "under the claim's conditions or those of ablated_under"
+        ),
+        Checked(_as_it_is, dict[str, list[str]]),
+    ] = None
+    ablated_under: Annotated[
+        Any, Key("Conditions of the ablations, as under"), Checked(_as_it_is, _NAMED | list[_NAMED])
+    ] = None
+    expect: Annotated[
+        Literal["holds", "fails", "depends", "undecided"] | None,
+        Key("Verdict that is expected; another one makes the exit status 1"),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class AuditKeys:
+    """A study: conditions under which the file's controllers are run, and claims about what comes out."""
+
+    paper: Annotated[Paper | None, Key("The publication whose claims these are")] = None
+    open: Annotated[
+        Any, Key("What the publication leaves open, a list of sentences"), Checked(_as_it_is, list[str])
+    ] = None
+    draws: Annotated[
+        int,
+        Key("Draws of each condition in which something is random", "1", at_least=1, at_most=MAX_DRAWS),
+    ] = 30
+    conditions: Annotated[
+        Any,
+        Key(
+            "Axis -> level -> the keys that it sets, as for --set; a case of a claim has one level of each axis. Cases "
+            "are grouped by the first axis"
+        ),
+        Checked(_as_it_is, dict[str, dict[str, _NAMED]]),
+    ] = field(default_factory=dict)
+    claims: Annotated[
+        Mapping[str, Claim], Key("What is judged, by name"), ManyNamed("claims", 1, MAX_CLAIMS, group_of(Claim))
+    ]
+
+
+Condition: TypeAlias = tuple[str, ...]
+"""A level of each axis, in the file's order."""
+
+
+class Pair(NamedTuple):
+    """The controller that a case judges, and the one beside it."""
+
+    label: str
+    of: str
+    over: str | None
+    like: bool
+    """Whether it is judged; else it is shown only."""
+
+
+class Question(NamedTuple):
+    """A claim with its pairs and conditions spelled out."""
+
+    key: str
+    claim: Claim
+    pairs: tuple[Pair, ...]
+    conditions: tuple[Condition, ...]
+    ablations: tuple[Pair, ...]
+    ablated: tuple[Condition, ...]
+
+
+class Study(NamedTuple):
+    """A config's section ``audit`` without mistakes, and the experiment that it varies."""
+
+    document: Document
+    """The experiment, without the section."""
+    file: Document
+    """The whole file, which knows where everything is written."""
+    audit: AuditKeys
+    axes: dict[str, dict[str, dict[str, Any]]]
+    """Axis -> level -> dotted key -> value."""
+    questions: tuple[Question, ...]
+
+    def words(self, condition: Condition) -> str:
+        """Return a condition in words."""
+        return ", ".join(condition)
+
+    def moved(self, condition: Condition, to: Mapping[str, str]) -> Condition:
+        """Return a condition with other levels on some axes."""
+        return tuple(to.get(axis, level) for axis, level in zip(self.axes, condition, strict=True))
+
+    def needs(self) -> dict[Condition, list[str]]:
+        """Return the controllers that must be run under each condition, both in the file's order."""
+        found: dict[Condition, set[str]] = {}
+        for question in self.questions:
+            for condition, name in _needs(self, question):
+                found.setdefault(condition, set()).add(name)
+        levels = [list(levels) for levels in self.axes.values()]
+        order = [keys["name"] for keys in self.document.root["controllers"]]
+        return {
+            condition: [name for name in order if name in found[condition]]
+            for condition in itertools.product(*levels)
+            if condition in found
+        }
+
+
+def _needs(study: Study, question: Question) -> Iterator[tuple[Condition, str]]:
+    """Yield each condition with a controller that must be run under it."""
+    for pairs, conditions in ((question.pairs, question.conditions), (question.ablations, question.ablated)):
+        for pair, condition in itertools.product(pairs, conditions):
+            for name in filter(None, (pair.of, pair.over)):
+                yield condition, name
+    for measure in question.claim.measures:
+        for pair, condition in itertools.product(question.pairs, question.conditions if measure.against else ()):
+            yield study.moved(condition, measure.against), pair.of
+
+
+def take_audit(document: Document) -> Study:
+    """Take the section out of a config and return the study; mistakes are recorded in the document, all of them.
+
+    Raises:
+        ConfigError: there is a mistake in the section.
+    """
+    if AUDIT not in document.root:
+        document.add((AUDIT,), "missing: the claims, and the conditions under which they are judged", at="key")
+    document.raise_problems()
+    audit: AuditKeys | None = check_group(document, (AUDIT,), group_of(AuditKeys))
+    document.raise_problems()
+    assert audit is not None  # noqa: S101  (no mistake was recorded)
+    names = [item.get("name") for item in document.root.get("controllers", []) if isinstance(item, dict)]
+    reader = _Reader(document, dict(audit.conditions), [name for name in names if isinstance(name, str)])
+    reader.check_axes()
+    document.raise_problems()
+    questions = tuple(reader.question(key, claim) for key, claim in audit.claims.items())
+    document.raise_problems()
+    copy = document.copy()
+    del copy.root[AUDIT]
+    return Study(copy, document, audit, reader.axes, questions)
+
+
+class _Reader:
+    """Reads what the section names elsewhere: axes, levels, controllers and figures."""
+
+    def __init__(self, document: Document, axes: Mapping[str, Any], controllers: Sequence[str]) -> None:
+        self.document, self.axes, self.controllers = document, axes, controllers
+
+    def check_axes(self) -> None:
+        """Record axes that are no mappings of levels to keys."""
+        for axis, levels in self.axes.items():
+            path: KeyPath = (AUDIT, "conditions", axis)
+            if not isinstance(levels, dict) or not levels:
+                self.document.add(path, got=shown(levels), wanted="levels, such as {ideal: {chain: ideal}}")
+                continue
+            for level, keys in levels.items():
+                self._check_level((*path, level), keys)
+
+    def _check_level(self, path: KeyPath, keys: Any) -> None:
+        if not isinstance(keys, dict):
+            self.document.add(path, got=shown(keys), wanted="keys and their values, {} for none")
+            return
+        if len(keys) > MAX_KEYS:
+            self.document.add(path, got=f"{len(keys)} keys", wanted=f"at most {MAX_KEYS}")
+        for key in keys:
+            if key.partition(".")[0] in (*NOT_VARIED, "controllers", AUDIT):
+                self.document.add((*path, key), "cannot be varied", at="key", wanted="a key that decides what is run")
+
+    def question(self, key: str, claim: Claim) -> Question:
+        """Return a claim with its pairs and conditions spelled out."""
+        path: KeyPath = (AUDIT, "claims", key)
+        if len(claim.says.split()) > MAX_WORDS:
+            self.document.add((*path, "says"), f"has {len(claim.says.split())} words", wanted=f"at most {MAX_WORDS}")
+        if (claim.quoted is None) == (claim.implied is None):
+            wanted = "the text's own words as quoted, or what implies the claim as implied"
+            self.document.add((*path, "quoted"), "one of quoted and implied is needed", wanted=wanted)
+        pairs = [
+            *self._pairs((*path, "pairs"), claim.pairs, True),
+            *self._pairs((*path, "unlike"), claim.unlike or {}, False),
+        ]
+        for i, measure in enumerate(claim.measures):
+            self._check_measure((*path, "measures", i), measure, pairs)
+        under = self._conditions((*path, "under"), claim.under)
+        ablations = tuple(self._pairs((*path, "ablations"), claim.ablations or {}, True))
+        ablated = under
+        if claim.ablated_under is not None:
+            ablated = self._conditions((*path, "ablated_under"), claim.ablated_under)
+        if len(pairs) * len(under) > MAX_CASES:
+            self.document.add((*path, "under"), f"makes {len(pairs) * len(under)} cases", wanted=f"at most {MAX_CASES}")
+        return Question(key, claim, tuple(pairs), under, ablations, ablated)
+
+    def _pairs(self, path: KeyPath, raw: Mapping[str, Any], like: bool) -> Iterator[Pair]:
+        if not isinstance(raw, dict) or (path[-1] == "pairs" and not raw):
+            self.document.add(path, got=shown(raw), wanted="label: [controller, the one beside it]")
+            return
+        for label, names in raw.items():
+            both = names if isinstance(names, list) else [names]
+            if not 1 <= len(both) <= 2 or not all(isinstance(name, str) for name in both):
+                self.document.add((*path, label), got=shown(names), wanted="a controller, or [judged, beside]")
+                continue
+            for i, name in enumerate(both):
+                self._check_name((*path, label, i) if isinstance(names, list) else (*path, label), name)
+            yield Pair(label, both[0], both[1] if len(both) == 2 else None, like)
+
+    def _check_name(self, path: KeyPath, name: str) -> None:
+        if name not in self.controllers:
+            near = nearest(name, self.controllers) or ""
+            self.document.add(path, "no such controller", got=shown(name), nearest=near, wanted=self._list(near))
+
+    def _list(self, near: str) -> str:
+        return "" if near else f"one of {', '.join(self.controllers)}"
+
+    def _check_measure(self, path: KeyPath, measure: Measure, pairs: Sequence[Pair]) -> None:
+        add = self.document.add
+        figures = (*METRICS.names(), *FIGURES, FEEDFORWARD)
+        if measure.figure not in figures:
+            near = nearest(measure.figure, figures) or ""
+            wanted = "" if near else f"one of {', '.join(figures)}"
+            add((*path, "figure"), "no such figure", got=shown(measure.figure), nearest=near, wanted=wanted)
+        if (measure.below is None) == (measure.above is None):
+            add((*path, "below"), "one of below and above is needed", wanted="the threshold")
+        beside = measure.against is None and any(pair.over is None for pair in pairs)
+        if measure.relation in ("ratio", "difference") and beside:
+            text = f"{measure.relation}, but some pairs have one controller and there is no other condition"
+            add((*path, "as"), text, wanted="pairs of two, or against")
+        if measure.against is not None and measure.relation not in ("ratio", "difference"):
+            add((*path, "against"), f"has no effect with as: {measure.relation}", at="key")
+        if measure.floor is not None and measure.relation != "ratio":
+            add((*path, "floor"), f"has no effect with as: {measure.relation}", at="key")
+        counts = measure.counts
+        sided = isinstance(counts, dict) and len(counts) == 1 and next(iter(counts)) in ("above", "below")
+        number = sided and isinstance(next(iter(counts.values())), int | float)
+        if (measure.relation == "share") != (counts is not None) or (counts is not None and not number):
+            add((*path, "counts"), got=shown(counts), wanted="{above: 0} or {below: 0} with as: share, else nothing")
+        if measure.against is not None:
+            self._levels((*path, "against"), measure.against, one=True)
+
+    def _levels(self, path: KeyPath, raw: Any, one: bool = False) -> dict[str, list[str]]:
+        """Return the levels that a mapping names for each axis."""
+        found: dict[str, list[str]] = {}
+        if not isinstance(raw, dict):
+            self.document.add(path, got=shown(raw), wanted="axis: level")
+            return found
+        for axis, named in raw.items():
+            here = (*path, axis)
+            if axis not in self.axes:
+                near = nearest(axis, self.axes) or ""
+                wanted = "" if near else f"one of {', '.join(self.axes)}"
+                self.document.add(here, "no such axis", at="key", nearest=near, wanted=wanted)
+                continue
+            levels = list(self.axes[axis])
+            chosen = levels if named == ALL else named if isinstance(named, list) else [named]
+            for level in chosen:
+                if level not in levels:
+                    near = (nearest(level, levels) or "") if isinstance(level, str) else ""
+                    wanted = "" if near else f"one of {', '.join(levels)}"
+                    self.document.add(here, "no such level", got=shown(level), nearest=near, wanted=wanted)
+            if one and len(chosen) != 1:
+                self.document.add(here, got=shown(named), wanted="one level")
+            found[axis] = [level for level in chosen if level in levels]
+        return found
+
+    def _conditions(self, path: KeyPath, raw: Any) -> tuple[Condition, ...]:
+        """Return the conditions that a mapping of axes to levels stands for, or a list of such mappings."""
+        sets = raw if isinstance(raw, list) else [raw or {}]
+        found: dict[Condition, None] = {}
+        for i, one in enumerate(sets):
+            named = self._levels((*path, i) if isinstance(raw, list) else path, one)
+            every = [named.get(axis, list(levels)[:1]) for axis, levels in self.axes.items()]
+            found |= dict.fromkeys(itertools.product(*every))
+        return tuple(found)

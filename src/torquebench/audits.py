@@ -1,0 +1,180 @@
+"""Audits from Python: the claims of a study, run and judged."""
+
+from __future__ import annotations
+
+import hashlib
+import html
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from torquebench.audit.judge import Judged, judge_study
+from torquebench.audit.pages import write_files
+from torquebench.audit.run import CONDITIONS, Part, Runs, parts_of, run_parts
+from torquebench.audit.study import Study, take_audit
+from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
+from torquebench.experiment.run import Progress
+from torquebench.experiment.source import apply_overrides, read_bytes, read_document
+from torquebench.experiment.store import MANIFEST, RunDirectory, atomic_write, claim_folder, json_bytes
+from torquebench.laws.plugin import load_plugin
+from torquebench.shipped import find_config
+from torquebench.sweeps import edits_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+STUDY = "study.yaml"
+"""The study's file, as it was given."""
+DIGEST = "study.json"
+"""What identifies the audit in a folder, so that it can go on there."""
+
+
+def run_audit(
+    study: str | Path,
+    *,
+    folder: str | Path | None = None,
+    draws: int | None = None,
+    changes: Mapping[str, Any] | Sequence[str] = (),
+    workers: int | None = None,
+    figures: bool = True,
+    plugins: Sequence[str | Path] = (),
+    progress: Progress | None = None,
+) -> Audit:
+    """Run a study under each of its conditions, and judge its claims.
+
+    Args:
+        study: A config with a section ``audit``: its file, or the name of a shipped one.
+        folder: Where to store it: new, empty, or one in which this audit was begun, which then goes on; None for
+            ``runs/NAME-UTC``.
+        draws: Draws in place of those of the study.
+        changes: Dotted key -> value, set before the check.
+        workers: How many conditions run at once; None for one per core.
+        figures: Whether to draw.
+        plugins: Python files that register kinds of your own.
+        progress: Called with what is being done, how many runs are done, and of how many.
+
+    Raises:
+        ConfigError: the study has mistakes, or the folder holds something else.
+        ResultError: a stored file was altered.
+    """
+    for file in plugins:
+        load_plugin(Path(file))
+    path = find_config(str(study))
+    text = read_bytes(path)
+    edits = edits_of(changes) if isinstance(changes, Mapping) else list(changes)
+    document = read_document(text, str(path))
+    apply_overrides(document, edits)
+    asked = take_audit(document)
+    parts = parts_of(asked, draws)
+    directory = _claim(None if folder is None else Path(folder), asked, parts)
+    directory.write(STUDY, text)
+    directory.write(DIGEST, json_bytes({"digest": _digest(parts)}))
+    total = sum(part.plan.rows for part in parts)
+    done = 0
+
+    def report(what: str, runs: int) -> None:
+        nonlocal done
+        done += runs
+        if progress is not None:
+            progress(what, done, total)
+
+    runs = run_parts(parts, directory.folder / CONDITIONS, workers or os.cpu_count() or 1, report)
+    judged = judge_study(asked, runs)
+    for name, content in write_files(asked, judged, parts, directory.folder, figures, lambda what: report(what, 0)):
+        directory.write(name, content)
+    directory.finish({"name": asked.document.root["name"], "runs": total})
+    return Audit(asked, runs, judged, directory.folder)
+
+
+def _digest(parts: Sequence[Part]) -> str:
+    """Return what identifies the runs of an audit."""
+    return hashlib.sha256("\n".join(part.folder + "\n" + part.text for part in parts).encode()).hexdigest()
+
+
+def _claim(folder: Path | None, study: Study, parts: Sequence[Part]) -> RunDirectory:
+    """Return the folder to write to: a new or empty one, or one in which the same audit was begun."""
+    if folder is not None and (folder / DIGEST).is_file():
+        if (folder / DIGEST).read_bytes() != json_bytes({"digest": _digest(parts)}):
+            message = f"{folder} holds an audit of other runs, wanted a new or empty folder, or this study's own"
+            raise ConfigError([Problem("--out", "", message)])
+        (folder / MANIFEST).unlink(missing_ok=True)
+        return RunDirectory(folder)
+    return RunDirectory(claim_folder(folder, str(study.document.root["name"])))
+
+
+class Audit:
+    """A study that was run, and its claims with their verdicts.
+
+    Args:
+        study: The study.
+        runs: What came out.
+        claims: Its claims, judged, in order.
+        folder: Where everything is stored.
+    """
+
+    def __init__(self, study: Study, runs: Runs, claims: Sequence[Judged], folder: Path) -> None:
+        self.study, self.runs, self.claims, self.folder = study, runs, tuple(claims), folder
+
+    def claim(self, key: str) -> Judged:
+        """Return one claim.
+
+        Raises:
+            ResultError: there is none of this name.
+        """
+        found = {claim.key: claim for claim in self.claims}
+        if key not in found:
+            raise ResultError(f"no claim '{key}'{did_you_mean(key, found)}")
+        return found[key]
+
+    @property
+    def moved(self) -> tuple[Judged, ...]:
+        """Claims whose verdict is another one than the study expects."""
+        return tuple(claim for claim in self.claims if claim.moved)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a row for each figure of each case: claim, pair, levels of the axes, value, interval, verdict."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {"claim": claim.key, "pair": case.pair.label, "like": case.pair.like}
+                | dict(zip(self.study.axes, case.condition, strict=True))
+                | {"figure": one.measure.figure, "as": one.measure.relation, "of": one.of, "beside": one.beside}
+                | one.interval._asdict()
+                | {"verdict": str(one.verdict), "case": str(case.verdict)}
+                for claim in self.claims
+                for case in (*claim.cases, *claim.shown)
+                for one in case.figures
+            ]
+        )
+
+    def figure(self, key: str | None = None, measure: int = 0) -> Figure:
+        """Draw the overview, or the forest plot of one claim.
+
+        Args:
+            key: Name of the claim; None for the overview.
+            measure: Which of its measures.
+
+        Raises:
+            ResultError: there is no such claim.
+        """
+        from torquebench.audit.figures import forest, overview
+
+        return overview(self.study, self.claims, "Claims") if key is None else forest(self.claim(key), measure)
+
+    def __repr__(self) -> str:
+        """Name the study and how many claims have which verdict."""
+        verdicts = [str(claim.verdict) for claim in self.claims]
+        counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in dict.fromkeys(verdicts))
+        return f"<Audit {self.study.document.root['name']}: {counts}>"
+
+    def _repr_html_(self) -> str:
+        """Show the claims in a notebook."""
+        rows = "".join(
+            f"<tr><td>{html.escape(claim.claim.says)}</td><td><b>{claim.verdict}</b></td>"
+            f"<td>{html.escape(claim.sentence)}</td></tr>"
+            for claim in self.claims
+        )
+        return f"<table><tr><th>claim</th><th>verdict</th><th>what came out</th></tr>{rows}</table>"

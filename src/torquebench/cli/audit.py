@@ -1,0 +1,128 @@
+"""``torquebench audit``: the claims of a study, judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Config, argument, option, out_folder, plugins, refuse, settings
+from torquebench.cli.parameters import workers as workers_option
+from torquebench.cli.terminal import complain, following, progress_bar, say, tell, width
+from torquebench.errors import Problem, nearest
+
+if TYPE_CHECKING:
+    from torquebench.audits import Audit
+
+QUICK = 4
+"""Draws of a quick look."""
+VERDICTS = ("holds", "fails", "depends", "undecided")
+ANY = "*"
+
+
+@command(example="torquebench audit paper/audit --quick")
+@argument("config", type=Config(), help="experiment with a section `audit`: a file, or a shipped one")
+@out_folder(help="folder for the results: new, empty, or one in which this audit was begun (default: runs/NAME-UTC)")
+@option("--quick", is_flag=True, help=f"{QUICK} draws in place of the study's: for a look")
+@workers_option(help="how many conditions run at once (default: one per core)")
+@settings(help="change one key, for example audit.draws=10")
+@plugins
+@option(
+    "--fail-if",
+    multiple=True,
+    metavar="CLAIM=VERDICT",
+    help="exit status 1 if this claim has this verdict; * stands for every claim; repeatable",
+)
+@option("--no-figures", is_flag=True, help="claims and page only: no figures")
+def audit(
+    config: Path,
+    out: Path | None,
+    quick: bool,
+    workers: int | None,
+    overrides: Sequence[str],
+    plugin: Sequence[Path],
+    fail_if: Sequence[str],
+    no_figures: bool,
+) -> int:
+    """Judge the claims of a study under each of its conditions.
+
+    A claim holds, fails, depends on the conditions, or is undecided. A verdict other than the one that the study
+    expects makes the exit status 1.
+    """
+    gates = _gates(fail_if)
+    from torquebench.audits import run_audit
+
+    with progress_bar(0, "run", "starting (compiles on first use)") as bar:
+        found = run_audit(
+            config,
+            folder=out,
+            draws=QUICK if quick else None,
+            changes=overrides,
+            workers=workers,
+            figures=not no_figures,
+            plugins=plugin,
+            progress=following(bar),
+        )
+    return report(found, gates)
+
+
+def report(found: Audit, gates: Sequence[tuple[str, str]] = ()) -> int:
+    """Say what came out, and return the exit status.
+
+    Args:
+        found: The audit.
+        gates: Claim, or `ANY`, and verdict that makes the status 1.
+    """
+    known = {claim.key for claim in found.claims}
+    refuse([_unknown(key, known) for key, _ in gates if key not in known and key != ANY])
+    tell(directory=found.folder, claims=[claim.to_json() for claim in found.claims])
+    say(claim_lines(found))
+    say(f"results: {found.folder}")
+    wrong = [
+        f"claim '{claim.key}': {claim.verdict}, the study expects {claim.claim.expect}" for claim in found.moved
+    ]
+    wrong += [
+        f"claim '{claim.key}': {claim.verdict} (--fail-if {key}={verdict})"
+        for key, verdict in gates
+        for claim in found.claims
+        if key in (claim.key, ANY) and claim.verdict == verdict
+    ]
+    for text in wrong:
+        complain(f"torquebench: {text}")
+    return 1 if wrong else 0
+
+
+def _gates(texts: Sequence[str]) -> list[tuple[str, str]]:
+    """Return claim and verdict of each text ``CLAIM=VERDICT``."""
+    found, problems = [], []
+    for text in texts:
+        key, _, verdict = text.partition("=")
+        if verdict not in VERDICTS:
+            near = nearest(verdict, VERDICTS) or ""
+            wanted = "" if near else f"CLAIM=VERDICT, the verdict one of {', '.join(VERDICTS)}"
+            problems.append(Problem("--fail-if", got=f"'{text}'", nearest=near, wanted=wanted))
+        found.append((key, verdict))
+    refuse(problems)
+    return found
+
+
+def _unknown(key: str, known: set[str]) -> Problem:
+    near = nearest(key, known) or ""
+    wanted = "" if near else f"one of {', '.join(sorted(known))}, or *"
+    return Problem("--fail-if", text="no such claim", got=f"'{key}'", nearest=near, wanted=wanted)
+
+
+def claim_lines(found: Audit) -> str:
+    """Return the claims for the terminal: a line each with verdict and dots, a sentence under it."""
+    from torquebench.audit.pages import dots
+
+    lines = [f"{found.study.audit.paper}" if found.study.audit.paper else "", "● holds  ◐ undecided  ○ fails", ""]
+    longest = max(len(claim.claim.says) for claim in found.claims)
+    says = min(longest, max(40, (width() or 120) - 60))
+    for i, claim in enumerate(found.claims, 1):
+        text = claim.claim.says if len(claim.claim.says) <= says else claim.claim.says[: says - 4] + " ..."
+        where = "  ".join(f"{group} {text}" for group, text in dots(found.study, claim))
+        lines.append(f"{i:2d} {text:{says}}  {str(claim.verdict).upper():9}  {where}")
+        lines.append(f"   {claim.sentence}")
+    return "\n".join(line for line in lines if line is not None)
