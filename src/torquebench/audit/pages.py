@@ -36,7 +36,9 @@ def markdown(study: Study, judged: Sequence[Judged]) -> str:
         for measure in claim.claim.measures:
             lines.append(f"* {measure_words(measure)}. {measure.why}.")
         if claim.vacuous:
-            lines.append(f"* {claim.vacuous} cases are left out: no joint leaves its layer, so that nothing is certified.")
+            lines.append(
+                f"* {claim.vacuous} cases are left out: no joint leaves its layer, so that nothing is certified."
+            )
         lines += ["", "| pair | condition | verdict | " + " | ".join(m.figure for m in claim.claim.measures) + " |"]
         lines.append("|---|---|---|" + "---|" * len(claim.claim.measures))
         for case in (*claim.cases, *claim.shown):
@@ -49,7 +51,9 @@ def markdown(study: Study, judged: Sequence[Judged]) -> str:
 def figure_text(figure: Figure) -> str:
     """Return a figure with its interval, the number of draws, and the absolute figures behind it."""
     interval, measure = figure.interval, figure.measure
-    failed = "".join(f"; {count} {who} failed" for count, who in zip(interval.failed, ("", "beside"), strict=True) if count)
+    failed = "".join(
+        f"; {count} {who} failed" for count, who in zip(interval.failed, ("", "beside"), strict=True) if count
+    )
     if math.isnan(interval.value):
         return f"none{failed}"
     text = shown(interval.value, measure)
@@ -100,55 +104,59 @@ def write_files(
         yield f"figures/{name}.svg", svg
         yield f"figures/{name}.png", figure_bytes(figure, "png")
         pictures[name] = Picture(title, svg)
-    commands = {part.condition: f"torquebench sweep {folder / CONDITIONS / part.folder / 'sweep.yaml'}" for part in parts}
+    commands = {
+        part.condition: f"torquebench sweep {folder / CONDITIONS / part.folder / 'sweep.yaml'}" for part in parts
+    }
     audit = study.audit
-    yield PAGE, render(
-        "audit",
-        figures=list(pictures.values()),
-        title=str(study.document.root["name"]),
-        lead=str(audit.paper) if audit.paper else str(study.document.root.get("description") or ""),
-        overview=pictures.get("claims"),
-        claims=[
-            {
-                "key": claim.key,
-                "says": claim.claim.says,
-                "verdict": str(claim.verdict),
-                "moved": claim.moved,
-                "expect": claim.claim.expect,
-                "source": claim.source,
-                "quoted": claim.claim.quoted,
-                "implied": claim.claim.implied,
-                "sentence": claim.sentence,
-                "vacuous": claim.vacuous,
-                "dots": dots(study, claim),
-                "measures": [(measure_words(measure), measure.why) for measure in claim.claim.measures],
-                "columns": [measure.figure for measure in claim.claim.measures],
-                "cases": [
-                    {
-                        "pair": case.pair.label,
-                        "group": case.condition[0] if case.condition else "all",
-                        "where": case.where,
-                        "verdict": str(case.verdict) if case.pair.like else "not judged",
-                        "cells": [figure_text(one) for one in case.figures],
-                        "command": commands.get(case.condition, ""),
-                    }
-                    for case in (*claim.cases, *claim.shown)
-                ],
-                "pictures": [pictures[name] for name in pictures if name.startswith(f"{claim.key}.")],
-            }
-            for claim in judged
-        ],
-        classes={"holds": "holds", "fails": "fails", "depends": "only", "undecided": "only", "not judged": "soft"},
-        open=list(audit.open or ()),
-        draws=audit.draws,
-        facts=json.dumps(versions() | machine(), indent=2),
+    yield (
+        PAGE,
+        render(
+            "audit",
+            figures=list(pictures.values()),
+            title=str(study.document.root["name"]),
+            lead=str(audit.paper) if audit.paper else str(study.document.root.get("description") or ""),
+            overview=pictures.get("claims"),
+            claims=[
+                {
+                    "key": claim.key,
+                    "says": claim.claim.says,
+                    "verdict": str(claim.verdict),
+                    "moved": claim.moved,
+                    "expect": claim.claim.expect,
+                    "source": claim.source,
+                    "quoted": claim.claim.quoted,
+                    "implied": claim.claim.implied,
+                    "sentence": claim.sentence,
+                    "vacuous": claim.vacuous,
+                    "dots": dots(study, claim),
+                    "measures": [(measure_words(measure), measure.why) for measure in claim.claim.measures],
+                    "columns": [measure.figure for measure in claim.claim.measures],
+                    "cases": [
+                        {
+                            "pair": case.pair.label,
+                            "group": case.condition[0] if case.condition else "all",
+                            "where": case.where,
+                            "verdict": str(case.verdict) if case.pair.like else "not judged",
+                            "cells": [figure_text(one) for one in case.figures],
+                            "command": commands.get(case.condition, ""),
+                        }
+                        for case in (*claim.cases, *claim.shown)
+                    ],
+                    "pictures": [pictures[name] for name in pictures if name.startswith(f"{claim.key}.")],
+                }
+                for claim in judged
+            ],
+            classes={"holds": "holds", "fails": "fails", "depends": "only", "undecided": "only", "not judged": "soft"},
+            open=list(audit.open or ()),
+            draws=audit.draws,
+            facts=json.dumps(versions() | machine(), indent=2),
+        ),
     )
 
 
 def _drawn(study, judged, overview, forest, ablation_plot):  # type: ignore[no-untyped-def]
     """Yield name, title and maker of each figure."""
-    title = f"Claims of {study.audit.paper.authors.split(',')[0]} {study.audit.paper.year}" if study.audit.paper else ""
-    yield "claims", "The claims", lambda: overview(study, judged, title or "Claims")
+    yield "claims", "The claims", lambda: overview(study, judged)
     for claim in judged:
         for i, measure in enumerate(claim.claim.measures):
             yield f"{claim.key}.{i + 1}", measure.figure, lambda claim=claim, i=i: forest(claim, i)

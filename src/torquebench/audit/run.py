@@ -95,12 +95,11 @@ def parts_of(study: Study, draws: int | None = None) -> list[Part]:
         ConfigError: a condition makes an experiment with mistakes; all of them, with their places.
     """
     certified = _certified(study)
-    parts, documents = [], []
-    for condition, names in study.needs().items():
+    parts = list[Part]()
+    for condition, (names, most) in study.needs().items():
         document = _document(study, condition, names)
-        documents.append(document)
         experiment = check_experiment(document)
-        sweep: dict[str, Any] = {"draws": (draws or study.audit.draws) if experiment.is_drawn else 1}
+        sweep: dict[str, Any] = {"draws": min(most, draws or most) if experiment.is_drawn else 1}
         if condition in certified:
             sweep["certificates"] = True
         slug = re.sub(r"[^a-z0-9]+", "-", study.words(condition).lower()).strip("-")[:60]

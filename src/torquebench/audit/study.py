@@ -42,13 +42,13 @@ _Levels: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]
 class Paper:
     """The publication whose claims are judged."""
 
-    authors: Annotated[str, Key("Authors"), Text(longest=400)]
     title: Annotated[str, Key("Title"), Text(longest=400)]
-    published: Annotated[str, Key("Journal or publisher, volume, pages"), Text(longest=400)]
-    year: Annotated[int, Key("Year", "1", at_least=1600, at_most=2200)]
+    authors: Annotated[str | None, Key("Authors"), Text(longest=400)] = None
+    published: Annotated[str | None, Key("Journal or publisher, volume, pages"), Text(longest=400)] = None
+    year: Annotated[int | None, Key("Year", "1", at_least=1600, at_most=2200)] = None
 
     def __str__(self) -> str:
-        return f"{self.authors}, {self.title}, {self.published}, {self.year}"
+        return ", ".join(str(part) for part in (self.authors, self.title, self.published, self.year) if part)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +128,10 @@ class Claim:
             "of such mappings for several sets"
         ),
         Checked(_as_it_is, _NAMED | list[_NAMED]),
+    ] = None
+    draws: Annotated[
+        int | None,
+        Key("Draws of its conditions in place of the study's", "1", at_least=1, at_most=MAX_DRAWS),
     ] = None
     ablations: Annotated[
         Any,
@@ -216,16 +220,18 @@ class Study(NamedTuple):
         """Return a condition with other levels on some axes."""
         return tuple(to.get(axis, level) for axis, level in zip(self.axes, condition, strict=True))
 
-    def needs(self) -> dict[Condition, list[str]]:
-        """Return the controllers that must be run under each condition, both in the file's order."""
+    def needs(self) -> dict[Condition, tuple[list[str], int]]:
+        """Return the controllers that must be run under each condition, in the file's order, and in how many draws."""
         found: dict[Condition, set[str]] = {}
+        draws: dict[Condition, int] = {}
         for question in self.questions:
             for condition, name in _needs(self, question):
                 found.setdefault(condition, set()).add(name)
+                draws[condition] = max(draws.get(condition, 1), question.claim.draws or self.audit.draws)
         levels = [list(levels) for levels in self.axes.values()]
         order = [keys["name"] for keys in self.document.root["controllers"]]
         return {
-            condition: [name for name in order if name in found[condition]]
+            condition: ([name for name in order if name in found[condition]], draws[condition])
             for condition in itertools.product(*levels)
             if condition in found
         }

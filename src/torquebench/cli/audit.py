@@ -79,9 +79,7 @@ def report(found: Audit, gates: Sequence[tuple[str, str]] = ()) -> int:
     tell(directory=found.folder, claims=[claim.to_json() for claim in found.claims])
     say(claim_lines(found))
     say(f"results: {found.folder}")
-    wrong = [
-        f"claim '{claim.key}': {claim.verdict}, the study expects {claim.claim.expect}" for claim in found.moved
-    ]
+    wrong = [f"claim '{claim.key}': {claim.verdict}, the study expects {claim.claim.expect}" for claim in found.moved]
     wrong += [
         f"claim '{claim.key}': {claim.verdict} (--fail-if {key}={verdict})"
         for key, verdict in gates
