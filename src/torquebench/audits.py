@@ -16,7 +16,7 @@ from torquebench.audit.study import Study, take_audit
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.run import Progress
 from torquebench.experiment.source import apply_overrides, read_bytes, read_document
-from torquebench.experiment.store import MANIFEST, RunDirectory, atomic_write, claim_folder, json_bytes
+from torquebench.experiment.store import MANIFEST, RunDirectory, claim_folder, json_bytes
 from torquebench.laws.plugin import load_plugin
 from torquebench.shipped import find_config
 from torquebench.sweeps import edits_of

@@ -204,8 +204,8 @@ def _figure(study: Study, runs: Runs, measure: Measure, pair: Pair, condition: C
         beside = runs.values(measure.figure, pair.of, study.moved(condition, measure.against))
     elif pair.over is not None and measure.relation in ("ratio", "difference"):
         beside = runs.values(measure.figure, pair.over, condition)
-    if beside is not None:  # where one of the two has nothing to draw, its one run stands for all
-        of, beside = (x * max(len(of), len(beside)) if len(x) == 1 else x for x in (of, beside))
+    if beside is not None:
+        of, beside = _paired(of, beside)
     if measure.relation == "ratio":
         interval = ratio(of, beside or [], measure.floor)
     elif measure.relation == "share":
@@ -218,6 +218,15 @@ def _figure(study: Study, runs: Runs, measure: Measure, pair: Pair, condition: C
 def _ratio(runs: Runs, measure: Measure, pair: Pair, condition: Condition) -> Interval:
     of, over = (runs.values(measure.figure, name, condition) for name in (pair.of, pair.over or pair.of))
     return ratio(of, over, measure.floor)
+
+
+def _paired(a: list[float | None], b: list[float | None]) -> tuple[list[float | None], list[float | None]]:
+    """Return the draws that both have; where one has nothing to draw, its one run stands for all."""
+    if 1 in (len(a), len(b)):
+        n = max(len(a), len(b))
+        return a * (n // len(a)), b * (n // len(b))
+    n = min(len(a), len(b))
+    return a[:n], b[:n]
 
 
 def _mean(values: list[float | None] | None) -> float | None:

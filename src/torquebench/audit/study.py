@@ -15,12 +15,12 @@ from torquebench.experiment.groups import Checked, Many, ManyNamed, Text, group_
 from torquebench.experiment.source import Document
 from torquebench.experiment.sweep_section import MAX_DRAWS, MAX_KEYS, NOT_VARIED
 from torquebench.experiment.words import shown
-from torquebench.experiment.yaml_tree import BROKEN, KeyPath, copied, value_at
+from torquebench.experiment.yaml_tree import KeyPath
 from torquebench.keys import Key
 from torquebench.metrics import METRICS
 
 AUDIT = "audit"
-ALL = "all"
+ALL, DRAWS = "all", "draws"
 FEEDFORWARD = "feedforward"
 """Share of the inverse dynamics that a law supplies at zero error: a figure of a law, not of a run."""
 MAX_CLAIMS = 64
@@ -124,14 +124,10 @@ class Claim:
     under: Annotated[
         Any,
         Key(
-            "Conditions: axis -> a level, a list of them, or all; the first level of an axis that is left out. A list "
-            "of such mappings for several sets"
+            "Conditions: axis -> a level, a list of them, or all; the first level of an axis that is left out; draws, if "
+            "not the study's. A list of such mappings for several sets"
         ),
         Checked(_as_it_is, _NAMED | list[_NAMED]),
-    ] = None
-    draws: Annotated[
-        int | None,
-        Key("Draws of its conditions in place of the study's", "1", at_least=1, at_most=MAX_DRAWS),
     ] = None
     ablations: Annotated[
         Any,
@@ -195,9 +191,10 @@ class Question(NamedTuple):
     key: str
     claim: Claim
     pairs: tuple[Pair, ...]
-    conditions: tuple[Condition, ...]
+    conditions: Mapping[Condition, int]
+    """With the draws of each."""
     ablations: tuple[Pair, ...]
-    ablated: tuple[Condition, ...]
+    ablated: Mapping[Condition, int]
 
 
 class Study(NamedTuple):
@@ -225,9 +222,9 @@ class Study(NamedTuple):
         found: dict[Condition, set[str]] = {}
         draws: dict[Condition, int] = {}
         for question in self.questions:
-            for condition, name in _needs(self, question):
+            for condition, name, least in _needs(self, question):
                 found.setdefault(condition, set()).add(name)
-                draws[condition] = max(draws.get(condition, 1), question.claim.draws or self.audit.draws)
+                draws[condition] = max(draws.get(condition, 1), least)
         levels = [list(levels) for levels in self.axes.values()]
         order = [keys["name"] for keys in self.document.root["controllers"]]
         return {
@@ -237,15 +234,16 @@ class Study(NamedTuple):
         }
 
 
-def _needs(study: Study, question: Question) -> Iterator[tuple[Condition, str]]:
-    """Yield each condition with a controller that must be run under it."""
+def _needs(study: Study, question: Question) -> Iterator[tuple[Condition, str, int]]:
+    """Yield each condition with a controller that must be run under it, and in how many draws at least."""
     for pairs, conditions in ((question.pairs, question.conditions), (question.ablations, question.ablated)):
-        for pair, condition in itertools.product(pairs, conditions):
+        for pair, (condition, draws) in itertools.product(pairs, conditions.items()):
             for name in filter(None, (pair.of, pair.over)):
-                yield condition, name
+                yield condition, name, draws
     for measure in question.claim.measures:
-        for pair, condition in itertools.product(question.pairs, question.conditions if measure.against else ()):
-            yield study.moved(condition, measure.against), pair.of
+        if measure.against is not None:
+            for pair, (condition, draws) in itertools.product(question.pairs, question.conditions.items()):
+                yield study.moved(condition, measure.against), pair.of, draws
 
 
 def take_audit(document: Document) -> Study:
@@ -259,9 +257,9 @@ def take_audit(document: Document) -> Study:
     document.raise_problems()
     audit: AuditKeys | None = check_group(document, (AUDIT,), group_of(AuditKeys))
     document.raise_problems()
-    assert audit is not None  # noqa: S101  (no mistake was recorded)
+    assert audit is not None
     names = [item.get("name") for item in document.root.get("controllers", []) if isinstance(item, dict)]
-    reader = _Reader(document, dict(audit.conditions), [name for name in names if isinstance(name, str)])
+    reader = _Reader(document, audit.draws, dict(audit.conditions), [name for name in names if isinstance(name, str)])
     reader.check_axes()
     document.raise_problems()
     questions = tuple(reader.question(key, claim) for key, claim in audit.claims.items())
@@ -274,13 +272,15 @@ def take_audit(document: Document) -> Study:
 class _Reader:
     """Reads what the section names elsewhere: axes, levels, controllers and figures."""
 
-    def __init__(self, document: Document, axes: Mapping[str, Any], controllers: Sequence[str]) -> None:
-        self.document, self.axes, self.controllers = document, axes, controllers
+    def __init__(self, document: Document, draws: int, axes: Mapping[str, Any], controllers: Sequence[str]) -> None:
+        self.document, self.draws, self.axes, self.controllers = document, draws, axes, controllers
 
     def check_axes(self) -> None:
         """Record axes that are no mappings of levels to keys."""
         for axis, levels in self.axes.items():
             path: KeyPath = (AUDIT, "conditions", axis)
+            if axis == DRAWS:
+                self.document.add(path, "is the number of draws where conditions are chosen", at="key", wanted="another name")
             if not isinstance(levels, dict) or not levels:
                 self.document.add(path, got=shown(levels), wanted="levels, such as {ideal: {chain: ideal}}")
                 continue
@@ -391,12 +391,17 @@ class _Reader:
             found[axis] = [level for level in chosen if level in levels]
         return found
 
-    def _conditions(self, path: KeyPath, raw: Any) -> tuple[Condition, ...]:
-        """Return the conditions that a mapping of axes to levels stands for, or a list of such mappings."""
-        sets = raw if isinstance(raw, list) else [raw or {}]
-        found: dict[Condition, None] = {}
-        for i, one in enumerate(sets):
-            named = self._levels((*path, i) if isinstance(raw, list) else path, one)
-            every = [named.get(axis, list(levels)[:1]) for axis, levels in self.axes.items()]
-            found |= dict.fromkeys(itertools.product(*every))
-        return tuple(found)
+    def _conditions(self, path: KeyPath, raw: Any) -> dict[Condition, int]:
+        """Return the conditions that a mapping of axes to levels stands for, or a list of such, with their draws."""
+        found: dict[Condition, int] = {}
+        for i, one in enumerate(raw if isinstance(raw, list) else [raw or {}]):
+            here = (*path, i) if isinstance(raw, list) else path
+            draws = one.get(DRAWS, self.draws) if isinstance(one, dict) else self.draws
+            if type(draws) is not int or not 1 <= draws <= MAX_DRAWS:
+                self.document.add((*here, DRAWS), got=shown(draws), wanted=f"a whole number, 1 to {MAX_DRAWS}")
+                continue
+            levels = {key: value for key, value in one.items() if key != DRAWS} if isinstance(one, dict) else one
+            named = self._levels(here, levels)
+            for condition in itertools.product(*(named.get(axis, list(own)[:1]) for axis, own in self.axes.items())):
+                found[condition] = max(draws, found.get(condition, 0))
+        return found
