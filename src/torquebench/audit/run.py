@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from torquebench.audit.study import AUDIT, FEEDFORWARD, Condition, Study
+from torquebench.audit.study import FEEDFORWARD, Condition, Study
 from torquebench.certificates import FIGURES
 from torquebench.experiment.build import build
-from torquebench.experiment.config import check_experiment
+from torquebench.experiment.config import AUDIT, check_experiment
 from torquebench.experiment.dump import dump_tree
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign, split_key

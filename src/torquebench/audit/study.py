@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 from torquebench.audit.verdicts import Threshold
 from torquebench.certificates import FIGURES
 from torquebench.errors import nearest
-from torquebench.experiment.config import check_group
+from torquebench.experiment.config import AUDIT, check_group
 from torquebench.experiment.groups import Checked, Many, ManyNamed, Text, group_of
 from torquebench.experiment.source import Document
 from torquebench.experiment.sweep_section import MAX_DRAWS, MAX_KEYS, NOT_VARIED
@@ -19,7 +19,6 @@ from torquebench.experiment.yaml_tree import KeyPath
 from torquebench.keys import Key
 from torquebench.metrics import METRICS
 
-AUDIT = "audit"
 ALL, DRAWS = "all", "draws"
 FEEDFORWARD = "feedforward"
 """Share of the inverse dynamics that a law supplies at zero error: a figure of a law, not of a run."""
@@ -280,7 +279,9 @@ class _Reader:
         for axis, levels in self.axes.items():
             path: KeyPath = (AUDIT, "conditions", axis)
             if axis == DRAWS:
-                self.document.add(path, "is the number of draws where conditions are chosen", at="key", wanted="another name")
+                self.document.add(
+                    path, "is the number of draws where conditions are chosen", at="key", wanted="another name"
+                )
             if not isinstance(levels, dict) or not levels:
                 self.document.add(path, got=shown(levels), wanted="levels, such as {ideal: {chain: ideal}}")
                 continue

@@ -18,7 +18,12 @@ from torquebench.experiment.words import SLUG_IN_WORDS, explain, shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath, value_at
 from torquebench.keys import values_of
 
-SWEEP = "sweep"
+SWEEP, AUDIT = "sweep", "audit"
+MANY = {
+    SWEEP: "torquebench sweep FILE, or one of its runs by torquebench run --from-sweep DIR --index K",
+    AUDIT: "torquebench audit FILE, or one of its conditions by torquebench sweep DIR/conditions/CONDITION/sweep.yaml",
+}
+"""Section that makes many runs of an experiment -> what to type instead of ``torquebench run``."""
 TYPO = 0.8
 """So alike are a word and the key that it surely was meant to be, wherever else such a key may be valid."""
 _STRUCTURE = frozenset(("model_type", "tuple_type", "list_type", "dict_type", "too_short", "too_long"))
@@ -185,9 +190,8 @@ class _Explainer:
         other = self._belongs(path, group, key)
         if other is not None:
             return other
-        if key == SWEEP and len(path) == 1:
-            wanted = "torquebench sweep FILE, or one of its runs by torquebench run --from-sweep DIR --index K"
-            return Fault(path, "is for many runs", wanted=wanted, at="key")
+        if key in MANY and len(path) == 1:
+            return Fault(path, "is for many runs", wanted=MANY[key], at="key")
         home = homes().get(key)
         if home is None or home == path[0]:
             return None
