@@ -83,7 +83,7 @@ def test_claims_json(done):
 
 def test_the_command_of_a_row_runs_it_again(done, tmp_path, capsys):
     """The condition's config is there as a file, and gives the same table."""
-    config = done.folder / "conditions" / "03-fast-nominal" / "sweep.yaml"
+    config = done.folder / "conditions" / "03-fast" / "sweep.yaml"
     assert main(["sweep", str(config), "--out", str(tmp_path / "again"), "--no-figures", "-q"]) == 0
     assert (tmp_path / "again" / "results.csv").read_bytes() == (config.parent / "results.csv").read_bytes()
 
@@ -94,7 +94,7 @@ def test_same_bytes_whoever_runs_it_and_when(done, tmp_path):
     shutil.copytree(done.folder, other)
     (other / "manifest.json").unlink()
     (other / "claims.json").unlink()
-    shutil.rmtree(other / "conditions" / "03-fast-nominal")
+    shutil.rmtree(other / "conditions" / "03-fast")
     run_audit(done.folder.parent / "study.yaml", folder=other, workers=1, figures=False)
     assert (other / "claims.json").read_bytes() == (done.folder / "claims.json").read_bytes()
 
@@ -146,7 +146,7 @@ def test_page(done):
     page = (done.folder / "report.html").read_text()
     assert "default-src 'none'" in page
     assert all(claim.claim.says in page for claim in done.claims)
-    assert "conditions/03-fast-nominal/sweep.yaml" in page
+    assert "conditions/03-fast/sweep.yaml" in page
     assert page.count("<figure>") >= 6
 
 

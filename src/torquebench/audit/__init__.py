@@ -1,0 +1,1 @@
+"""Claims of a study: conditions, verdicts, and what is written about them."""

@@ -36,20 +36,18 @@ class Case(NamedTuple):
 
     pair: Pair
     condition: Condition
+    where: str
+    """The condition in words; see `Study.words`."""
     figures: tuple[Figure, ...]
     verdict: Verdict
-
-    @property
-    def where(self) -> str:
-        """The condition in words."""
-        return ", ".join(self.condition)
 
 
 class Ablation(NamedTuple):
     """A simpler law beside the one that is judged."""
 
     label: str
-    condition: Condition
+    where: str
+    """The condition in words."""
     interval: Interval
     """Ratio of the first measure's figure."""
 
@@ -126,8 +124,7 @@ class Judged:
                 "cases": [_case(case) for case in (*self.cases, *self.shown)],
                 "vacuous": self.vacuous,
                 "ablations": [
-                    {"who": one.label, "where": ", ".join(one.condition), "as_well": one.as_well}
-                    | _interval(one.interval)
+                    {"who": one.label, "where": one.where, "as_well": one.as_well} | _interval(one.interval)
                     for one in self.ablations
                 ],
             }
@@ -184,11 +181,11 @@ def judge_claim(study: Study, question: Question, runs: Runs) -> Judged:
                 vacuous += pair.like
                 continue
             figures = tuple(_figure(study, runs, measure, pair, condition) for measure in question.claim.measures)
-            case = Case(pair, condition, figures, all_of([one.verdict for one in figures]))
+            case = Case(pair, condition, study.words(condition), figures, all_of([one.verdict for one in figures]))
             (cases if pair.like else other).append(case)
     first = question.claim.measures[0]
     ablations = tuple(
-        Ablation(pair.label, condition, _ratio(runs, first, pair, condition))
+        Ablation(pair.label, study.words(condition), _ratio(runs, first, pair, condition))
         for pair in question.ablations
         for condition in question.ablated
     )

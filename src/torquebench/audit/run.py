@@ -73,6 +73,7 @@ class Part:
     """The sweep of one condition."""
 
     condition: Condition
+    words: str
     folder: str
     experiment: Experiment
     text: str
@@ -106,7 +107,7 @@ def parts_of(study: Study, draws: int | None = None) -> list[Part]:
         root = json.loads(json.dumps(document.root))
         root["name"] = f"{slug or 'case'}"
         text = dump_tree(root | {"sweep": sweep})
-        parts.append(Part(condition, f"{len(parts) + 1:02d}-{slug}", experiment, text))
+        parts.append(Part(condition, study.words(condition), f"{len(parts) + 1:02d}-{slug}", experiment, text))
     return parts
 
 
@@ -158,7 +159,7 @@ def run_parts(
 
         def report(rows: int, _all: int) -> None:
             nonlocal done
-            progress(", ".join(part.condition), rows - done)
+            progress(part.words, rows - done)
             done = rows
 
         stored = run_sweep(part.plan, folder / part.folder, Threads(1), progress=report)

@@ -123,7 +123,7 @@ class Claim:
     under: Annotated[
         Any,
         Key(
-            "Conditions: axis -> a level, a list of them, or all; the first level of an axis that is left out; draws, if "
+            "Conditions: axis -> a level, a list of them, or all; the first level of an axis left out; draws, if "
             "not the study's. A list of such mappings for several sets"
         ),
         Checked(_as_it_is, _NAMED | list[_NAMED]),
@@ -209,8 +209,10 @@ class Study(NamedTuple):
     questions: tuple[Question, ...]
 
     def words(self, condition: Condition) -> str:
-        """Return a condition in words."""
-        return ", ".join(condition)
+        """Return a condition in words: its level on the first axis, and on others where it is not the first level."""
+        usual = [next(iter(levels)) for levels in self.axes.values()]
+        told = [level for i, level in enumerate(condition) if i == 0 or level != usual[i]]
+        return ", ".join(told) or "all"
 
     def moved(self, condition: Condition, to: Mapping[str, str]) -> Condition:
         """Return a condition with other levels on some axes."""
