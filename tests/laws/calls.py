@@ -64,6 +64,8 @@ VALUES = {
     "gd": 2.0,
     "ge": 0.2,
     "gi": 0.1,
+    "k1": 4.0,
+    "k2": 30.0,
 }
 """Value of each gain, unless a test says otherwise."""
 

@@ -131,6 +131,13 @@ def fuzzy_linear_band(options: Options, g: Gains, a: State) -> Answer:
     return Answer(tau, s, grown(a, tau) if options["integral"] else None, velocity)
 
 
+def super_twisting(options: Options, g: Gains, a: State) -> Answer:
+    """[tau_eq +] Mbar k1 |s|^1/2 sgn(s); its integral w is zero at a first call."""
+    s = a.de + g["lam"] * a.e
+    tau, velocity = equivalent(options, g, a)
+    return Answer(tau + a.mbar * g["k1"] * np.abs(s) ** 0.5 * np.sign(s), s, None, velocity)
+
+
 def kept_within(a: State, scale: Array) -> Array:
     """Return the integral after an instant: it waits beyond what the fuzzy system sees as 1, along the error."""
     waits = (np.abs(a.integral) >= scale) & (a.integral * a.e > 0.0)
@@ -161,6 +168,7 @@ EQUATIONS: dict[str, Callable[[Options, Gains, State], Answer]] = {
     "computed-torque": computed_torque,
     "smc": smc,
     "linear-band-smc": linear_band,
+    "super-twisting": super_twisting,
     "fuzzy-linear-band-smc": fuzzy_linear_band,
     "fuzzy-pd": fuzzy_pd,
     "fuzzy-pi": fuzzy_pi,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.arms import pendulum, pendulum_terms
+from tests.arms import pack, pendulum, pendulum_terms
 from tests.laws.calls import CASES, EXACT, INTEGRAL, PENDULUM, TWO_LINK, Case, T, call, equivalent, errors, sat
 from tests.laws.core_equations import EQUATIONS
-from tests.laws.forms import Options, forms
+from tests.laws.forms import Options, filled, forms
 from torquebench.laws import find_law
 from torquebench.references import Reference
 
@@ -135,6 +136,37 @@ def test_linear_band(case: Case, with_model: bool, switching: str) -> None:
     tau, memory = call("linear-band-smc", case, {"equivalent_control": with_model, "switching": switching})
     assert tau == pytest.approx(wanted + (equivalent(case) if with_model else 0.0), rel=EXACT)
     assert memory.s == pytest.approx(s, rel=EXACT)
+
+
+def test_super_twisting_by_hand() -> None:
+    """At s = 0.25 rad/s: Mbar (4 x 0.5 + w), and w grows by 30 T; beyond the torque limit it waits along s alone.
+
+    The pendulum's Mbar is 0.5 kg m^2 and its limit 40 N m.
+    """
+    case = Case(
+        pendulum(gravity=0.0),
+        pendulum_terms,
+        np.zeros(1),
+        np.zeros(1),
+        Reference(np.zeros(1), np.array([0.25]), np.zeros(1)),
+    )
+    mbar = float(case.arm.flat.inertia_scale[0])
+
+    def after(w: float, s: float) -> tuple[float, float]:
+        controller = pack("super-twisting", 1, {"equivalent_control": False}, lam=10.0, k1=4.0, k2=30.0)
+        memory = filled("super-twisting", 1, {"w": np.array([w])})
+        tau = np.zeros(1)
+        ref = case.ref._replace(qd=np.array([s]))
+        controller.law.function(
+            controller.gains, replace(case.arm.flat, control_period=T), 0.0, case.q, case.qd, ref, memory, tau
+        )
+        return float(tau[0]), float(memory.w[0])
+
+    assert after(0.0, 0.25) == pytest.approx((mbar * 2.0, 30.0 * T), rel=EXACT)
+    assert after(3.0, -0.25) == pytest.approx((mbar * (3.0 - 2.0), 3.0 - 30.0 * T), rel=EXACT)
+    beyond = 41.0 / mbar
+    assert after(beyond, 0.25)[1] == beyond
+    assert after(beyond, -0.25)[1] == pytest.approx(beyond - 30.0 * T, rel=EXACT)
 
 
 def feels(law: str, options: Options, part: str) -> bool:

@@ -36,6 +36,8 @@ SIZE = {
     "rad/s^2": 60.0,
     "rad": 0.15,
     "rad s": 0.05,
+    "rad^0.5/s^1.5": 4.0,
+    "rad/s^3": 30.0,
 }
 """Size of a gain by its unit; bands are wider than s, so that sgn and sat are told apart."""
 

@@ -38,6 +38,8 @@ GAINS = {
     "gd": np.array([2.0, 5.0]),
     "ge": np.array([0.2, 0.5]),
     "gi": np.array([0.03, 0.05]),
+    "k1": np.array([4.0, 9.0]),
+    "k2": np.array([30.0, 70.0]),
 }
 """s = de + lam e is 0.2 and 0.8, inside its joint's band; with the other joint's slope it is -0.1 and -1.0. On the
 other surfaces s is 0.625 and -1.32 (pi), 0.325 and 0.68 (pid)."""
@@ -105,7 +107,8 @@ def test_each_joints_gain_has_its_own_effect(law: str) -> None:
                 assert tau == pytest.approx(EQUATIONS[law](options, changed, state()).tau, rel=EXACT, abs=1e-11)
                 if np.max(np.abs(tau - base)) > 1e-3:
                     felt.add((name, joint))
-    assert felt == {(name, joint) for name in find_law(law).gains for joint in (0, 1)}
+    later = {"k2"}  # of super-twisting: it is the rate of its integral, which is zero at a first call
+    assert felt == {(name, joint) for name in find_law(law).gains for joint in (0, 1) if name not in later}
 
 
 @pytest.mark.parametrize(

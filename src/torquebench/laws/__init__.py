@@ -10,6 +10,7 @@ from torquebench.laws import (
     pi_smc_fuzzy_estimator,
     sliding_mode,
     sliding_mode_fuzzy,
+    super_twisting,
     supervised_fuzzy_smc,
     two_input_sliding_mode_fuzzy,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "pi_smc_fuzzy_estimator",
     "sliding_mode",
     "sliding_mode_fuzzy",
+    "super_twisting",
     "supervised_fuzzy_smc",
     "two_input_sliding_mode_fuzzy",
 ]
