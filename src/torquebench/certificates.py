@@ -272,9 +272,7 @@ def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float)
     layer = one_period if law.phi is None else np.maximum(law.phi, one_period)
     margin = law.K - demand
     first, time, bound = _reaching(run.t, s, V, M, fall, layer)
-    found = Certificate(
-        law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, eta, K_u, layer, first, time, bound
-    )
+    found = Certificate(law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, eta, K_u, layer, first, time, bound)
     return found if law.Kp is None else replace(found, set_point=_set_point(found, run, law.Kp, M, V))
 
 
@@ -359,16 +357,16 @@ class Held(NamedTuple):
     @property
     def coarse(self) -> npt.NDArray[np.bool_]:
         """Whether K moves s by more than that, (n,)."""
-        return np.asarray(self.step > self.most)
+        return np.asarray(self.step > self.most * (1.0 + 1e-9))
 
 
 def held_to(truth: Arm, law: SlidingLaw, poses: Array, span: Array, control_period: float) -> Held:
     """Return what K moves s in one control period, and the most that it may; joint by joint, the others left free.
 
-    M is the least inertia that the joint has at the poses, 1 / (M^-1)_ii. In its layer a joint under K sat(s/phi) + Kd s
-    and a perfect equivalent control has s_next = (1 - T (K/phi + Kd) / M) s, which dies out below 2 and, with no
-    ringing, up to 1: that is what the K that would do has. A law that switches leaves s at T K / M, and so an error of
-    up to T K / (M lambda): at most a tenth of the joint's motion.
+    M is the least inertia that the joint has at the poses, 1 / (M^-1)_ii. In its layer a joint under K sat(s/phi) +
+    Kd s and a perfect equivalent control has s_next = (1 - T (K/phi + Kd) / M) s, which dies out while that T (..) / M
+    is below 2 and, with no ringing, up to 1: the K that would do has 1. A law that switches leaves s at T K / M, and
+    so an error of up to T K / (M lambda): at most a tenth of the joint's motion.
 
     Args:
         truth: The true arm.

@@ -20,7 +20,6 @@ from torquebench.robot.payload import phases
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
 
-
 POSES = 100
 """Poses along the motion at which the arm's inertia is looked at."""
 TINY = 1e-300

@@ -105,8 +105,8 @@ class Run:
     chattering_from_hz: Annotated[
         float | None,
         Key(
-            "Frequency from which the torque counts as chattering, at most 0.3 / run.control_period; if left out, eight "
-            "times the highest frequency of the reference, at least 8",
+            "Frequency from which the torque counts as chattering, at most 0.3 / run.control_period; if left out, "
+            "eight times the highest frequency of the reference, at least 8",
             "Hz",
             above=0,
         ),

@@ -33,6 +33,8 @@ LINE_SHARE = 0.5
 """Share of the power above the corner, beyond what noise has there, from which such lines are a limit cycle [1]."""
 LEAST_PERIODS = 8.0
 """Periods of the peak that a window must have to tell whether it is a limit cycle's [1]."""
+LEAST_LINES = 50
+"""Lines above f_c that a spectrum must have for it: of few lines noise has half its power in two or three by chance."""
 LASTING = 0.25
 """Power of the lines in the second half of the window over that in the first, from which they do not die away [1]."""
 
@@ -150,23 +152,23 @@ def limit_cycle_shares(tau: Array, control_period: float, powers: Array, from_hz
         peaks: Frequency of the largest line above it, (n,) [Hz]; NaN for a joint that has no limit cycle anyhow.
 
     Returns:
-        (n,), NaN in a window shorter than eight periods of the peak, which cannot tell.
+        (n,), NaN in a window that cannot tell: one shorter than eight periods of the peak, or of fewer than 50 lines.
     """
     n = len(tau)
     near, among, total, lines = powers_near(powers, n, control_period, from_hz, peaks)
-    shares = np.zeros(len(peaks))
-    some = np.isfinite(peaks)
+    unknown = np.isfinite(peaks) & ((n * control_period * peaks < LEAST_PERIODS) | (lines < LEAST_LINES))
+    some = np.isfinite(peaks) & ~unknown
+    shares = np.where(unknown, np.nan, 0.0)
     by_chance = among[some] / lines
     shares[some] = (near[some] / total[some] - by_chance) / (1.0 - by_chance)
     shares[shares < LINE_SHARE] = 0.0
-    if shares.any():
+    if np.any(shares > 0.0):
         half = n // 2
         before, after = (
             powers_near(line_powers(part, control_period), half, control_period, from_hz, peaks)[0]
             for part in (tau[:half], tau[-half:])
         )
-        shares[after < LASTING * before] = 0.0
-    shares[n * control_period * peaks < LEAST_PERIODS] = np.nan
+        shares[some & (after < LASTING * before)] = 0.0
     return shares
 
 

@@ -7,9 +7,9 @@ A kind is a frozen dataclass whose fields are its keys (see `Key`), with one met
 and, if it likes, ``check(timing)``, which yields a `Fault` for each key that does not fit the run. It may say by
 ``metrics_from`` when the window for metrics opens where a config does not [s], by ``is_step_like = True`` that rise
 time, overshoot and settling time have a meaning, by ``has_corners = True`` that its rates leave out jumps, and by a
-method ``highest_hz()`` what its highest frequency is [Hz], above a multiple of which torque counts as chattering; of one
-that does not say, `highest_frequency` finds it. Of a user's kind without corners it is checked that the rates are the
-derivatives of the positions.
+method ``highest_hz()`` what its highest frequency is [Hz], above a multiple of which torque counts as chattering; of
+one that does not say, `highest_frequency` finds it. Of a user's kind without corners it is checked that the rates are
+the derivatives of the positions.
 """
 
 from __future__ import annotations

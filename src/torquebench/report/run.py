@@ -169,7 +169,9 @@ def certificate_lines(result: ExperimentResult) -> list[str]:
     for name, facts in result.certified.items():
         worst = facts["worst_margin"]
         joint, force = result.joints.names[worst["joint"] - 1], "N" if result.slides[worst["joint"] - 1] else "N m"
-        text = f"certificate of {name}: least K - (123) {worst['value']:.3g} {force} ({joint}, t = {worst['t']:.4g} s); "
+        text = (
+            f"certificate of {name}: least K - (123) {worst['value']:.3g} {force} ({joint}, t = {worst['t']:.4g} s); "
+        )
         time, most = facts["reaching_time"], facts["reaching_bound"]
         if not facts["share_outside"]:
             text += "the rest is vacuous: no joint is ever outside its layer"
