@@ -9,15 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.arms import PENDULUM_INERTIA, pendulum
 from tests.sampled import simulate_sampled
 from torquebench import AnalyticPlant, Controller, Puma560, find_law, load_model
-from torquebench.certificates import SlidingLaw, certify, coriolis_force, required_gain
+from torquebench.certificates import SlidingLaw, certify, coriolis_force, held_to, required_gain
 from torquebench.errors import ResultError
-from torquebench.experiment import load_experiment
+from torquebench.experiment import load_experiment, parse_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.certify import certificates, flags, sliding_law
+from torquebench.experiment.certify import Coarse, certificates, flags, sliding_law
+from torquebench.experiment.folder import manifest_of
 from torquebench.experiment.run import run_experiment
-from torquebench.references import Sine, Step
+from torquebench.references import Quintic, Sine, Step
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 PERIOD = 0.001
@@ -215,3 +217,292 @@ def test_an_example_that_warns_explains_the_warning() -> None:
             warned.add(path.stem)
         assert (len(comments) == 1) == (path.stem in warned), path
     assert {"scenarios", "fuzzy"} <= warned
+
+
+class Block:
+    """An arm without bias forces whose mass matrix is constant: V is that of a body in free space."""
+
+    def __init__(self, *rows: tuple[float, ...]) -> None:
+        self.M = np.array(rows)
+
+    def mass_matrix(self, q: Any) -> Any:
+        """The same at every position."""
+        return np.tile(self.M, (len(q), 1, 1))
+
+    def bias_forces(self, q: Any, qd: Any) -> Any:
+        """None."""
+        return np.zeros_like(q)
+
+    def gravity(self, q: Any) -> Any:
+        """None."""
+        return np.zeros_like(q)
+
+
+def along(qd: Any, tau: Any = None, tau_law: Any = None, q_ref: Any = 0.0, period: float = PERIOD) -> Trajectory:
+    """Return a run with given velocities (N, n), from rest at zero, by Euler's method: e_(k+1) = e_k + T de_k."""
+    q = np.concatenate([np.zeros((1, qd.shape[1])), np.cumsum(qd[:-1], axis=0) * period])
+    zero = np.zeros_like(qd)
+    tau = zero if tau is None else tau
+    reference = np.broadcast_to(q_ref, q.shape)
+    law = tau if tau_law is None else tau_law
+    t = period * np.arange(len(qd))
+    return Trajectory(t, q, qd, q, qd, reference, zero, zero, zero, law, tau, tau)
+
+
+def sliding(lam: float, *K: float, phi: float | None = None, Kp: float | None = None) -> SlidingLaw:
+    """Return the parameters of a law without a model."""
+    n = len(K)
+    width, spring = None if phi is None else np.full(n, phi), None if Kp is None else np.full(n, Kp)
+    return SlidingLaw(np.full(n, lam), np.array(K), width, None, spring)
+
+
+def test_the_rate_of_V_is_its_mean_over_the_control_period() -> None:
+    """The difference of V: to round-off where M is constant, to 2 % of a switching law's own, chatter and all.
+
+    The rate at the period's beginning, s' (M ds + C s), is another one by as much as the rate itself.
+    """
+    qd = np.random.default_rng(0).normal(size=(200, 2))
+    arm = Block((2.0, 0.5), (0.5, 1.0))
+    found = certify(along(qd), arm, sliding(3.0, 1.0, 1.0), PERIOD)
+    fall = np.diff(0.5 * np.einsum("ki,ij,kj->k", found.s, arm.M, found.s)) / PERIOD
+    assert found.V_rate[:-1] == pytest.approx(fall, rel=1e-9, abs=1e-9 * np.max(np.abs(fall)))
+    run = run_of(Step([0.6, -0.4], 0.0), duration=2.0)
+    found = certify(run, load_model("two-link"), law_of(), PERIOD)
+    late = slice(1200, -1)
+    fall = np.diff(found.V)[late] / PERIOD
+    size = np.max(np.abs(fall))
+    assert np.max(np.abs(found.V_rate[:-1][late] - fall)) < 0.02 * size
+    jumps = np.diff(found.s, axis=0)[late] / PERIOD
+    M = load_model("two-link").mass_matrix(run.q)[: len(found.s) - 1][late]
+    at_first = np.einsum("ki,kij,kj->k", found.s[:-1][late], M, jumps)
+    assert np.max(np.abs(at_first - fall)) > 0.3 * size
+
+
+def test_the_layer_is_what_K_moves_s_in_one_period() -> None:
+    """T |M^-1| K to round-off, and phi where that is wider."""
+    arm = Block((2.0, 0.5), (0.5, 1.0))
+    run = along(np.zeros((3, 2)))
+    moved = PERIOD * np.abs(np.linalg.inv(arm.M)) @ np.array([30.0, 4.0])
+    assert certify(run, arm, sliding(3.0, 30.0, 4.0), PERIOD).layer == pytest.approx(moved, rel=1e-12)
+    wide = certify(run, arm, sliding(3.0, 30.0, 4.0, phi=0.015), PERIOD).layer
+    assert wide == pytest.approx(np.maximum(moved, 0.015), rel=1e-12)
+    assert 0.015 in wide
+    assert wide.max() > 0.015
+    assert certify(run, arm, sliding(3.0, 30.0, 4.0), PERIOD).to_json()["layer"] == pytest.approx(moved.tolist())
+
+
+def test_the_reaching_bound_is_exact_where_s_falls_evenly() -> None:
+    """One joint of inertia M under the constant torque K from s0: sqrt(2 V M) / K = M s0 / K, when s is zero.
+
+    Of two joints V is a quarter of what M's largest row sum, 2.5, would have at that s: the bound is from it.
+    """
+    K, M, s0 = 4.0, 0.5, 1.6
+    t = PERIOD * np.arange(300)
+    qd = -np.maximum(s0 - K / M * t, 0.0)[:, None]
+    found = certify(along(qd), Block((M,)), sliding(0.0, K), PERIOD)
+    assert found.reaching_bound == pytest.approx(M * s0 / K, rel=1e-9)
+    assert found.reaching_from == 0.0
+    assert found.reaching_time == pytest.approx(M * s0 / K - PERIOD, abs=1.01 * PERIOD)
+    assert found.reaching_time <= found.reaching_bound
+    arm = Block((2.0, 0.5), (0.5, 1.0))
+    both = certify(along(np.repeat(qd, 2, axis=1)), arm, sliding(0.0, K, K), PERIOD)
+    V, force = 0.5 * 4.0 * s0 * s0, 4.0 * K / M
+    assert both.V[0] == pytest.approx(V)
+    assert both.reaching_bound == pytest.approx(np.sqrt(2.0 * V * 2.5) / (force / 2.0), rel=1e-9)
+
+
+def test_a_certificate_of_a_law_that_never_leaves_its_layer_is_vacuous() -> None:
+    """It says so, and has no reaching time: null, not zero, nor a bound, nor a share in which V grew."""
+    run = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation")
+    found = certify(run, load_model("two-link"), law_of(phi=PHI), PERIOD)
+    stored = found.to_json()
+    assert found.is_vacuous
+    assert stored["vacuous"] is True
+    assert stored["share_outside"] == 0.0
+    none = ("reaching_from", "reaching_time", "reaching_bound", "share_rising_outside", "least_eta_over_K")
+    assert [stored[key] for key in none] == [None] * len(none)
+    assert stored["no_bound"] == "vacuous: nothing is ever outside the layer"
+    step = certify(run_of(Step([0.6, -0.4], 0.1), duration=2.0), load_model("two-link"), law_of(), PERIOD).to_json()
+    assert (step["vacuous"], step["no_bound"]) == (False, None)
+    assert step["reaching_bound"] > step["reaching_time"] > 0.0
+    assert step["reaching_from"] == pytest.approx(0.1)
+
+
+def test_a_bound_longer_than_the_run_is_not_given() -> None:
+    """S falls evenly and would be zero after 0.2 s; of a run of 0.19 s the bound says nothing, of 0.21 s it does."""
+    t = PERIOD * np.arange(400)
+    qd = -np.maximum(1.6 - 8.0 * t, 0.0)[:, None]
+    for samples, bound, why in ((190, None, "vacuous: longer than the run"), (210, pytest.approx(0.2), None)):
+        found = certify(along(qd[:samples]), Block((0.5,)), sliding(0.0, 4.0), PERIOD)
+        assert found.reaching_bound == pytest.approx(0.2)
+        assert (found.to_json()["reaching_bound"], found.no_bound) == (bound, why)
+    rising = certify(along(-qd[::-1]), Block((0.5,)), sliding(0.0, 4.0), PERIOD)
+    assert rising.to_json()["no_bound"] == "none: V grew on the way"
+
+
+def test_the_papers_own_function_has_kinetic_and_position_energy() -> None:
+    """(142) of one joint at a set point is M (s^2 + qd^2) / 2 + Kp e^2 / 2; its rate is its difference."""
+    qd = np.random.default_rng(1).normal(size=(50, 1))
+    run = along(qd, q_ref=0.7)
+    found = certify(run, Block((0.5,)), sliding(3.0, 1.0, Kp=6.0), PERIOD).set_point
+    e = 0.7 - run.q
+    s = -qd + 3.0 * e
+    V = (0.25 * (s * s + qd * qd) + 3.0 * e * e)[:, 0]
+    assert found is not None
+    assert found.V == pytest.approx(V[:-1], rel=1e-12)
+    assert found.V_rate == pytest.approx(np.diff(V) / PERIOD, rel=1e-9)
+    assert found.zeta == pytest.approx(-np.diff(V) / PERIOD / np.abs(s[:-1, 0]), rel=1e-9)
+    assert certify(run, Block((0.5,)), sliding(3.0, 1.0), PERIOD).set_point is None
+
+
+@pytest.mark.parametrize(
+    ("speeds", "asked", "says"),
+    [
+        ([1.0, 1.5, 2.0, 2.5], [], "falls"),
+        ([1.0, 0.5, 4.0, 4.5], [], "rises"),
+        ([1.0, 0.5, 4.0, 4.5], [0], "lost to saturation"),
+        ([1.0, 0.5, 4.0, 4.5], [1], "rises"),
+        ([1.0, 1.0, 1.0, 1.0], [], "falls"),
+    ],
+)
+def test_what_the_papers_own_function_says(speeds: list[float], asked: list[int], says: str) -> None:
+    """Lost to saturation only where at every instant at which V rises the law asks for more than the limit."""
+    qd = np.array(speeds)[:, None]
+    tau = np.zeros_like(qd)
+    law = tau.copy()
+    law[asked] = 9.0
+    found = certify(along(qd, tau, law, q_ref=1.0, period=0.01), Block((0.5,)), sliding(10.0, 1.0, Kp=60.0), 0.01)
+    assert found.set_point is not None
+    assert found.set_point.says == says
+    assert found.set_point.to_json()["says"] == says
+
+
+def test_there_is_no_function_for_tracking() -> None:
+    """(142) is judged while the desired position stands still: not on a sine, on a quintic from where it ends."""
+    limit = np.asarray(AnalyticPlant(load_model("two-link")).tau_max)
+    law = replace(law_of(phi=PHI), Kp=3.0 * limit)
+    moving = certify(run_of(Sine([1.0, -1.0], [0.5, 0.7])), load_model("two-link"), law, PERIOD).set_point
+    assert moving is not None
+    assert len(moving.V) == 0
+    assert moving.to_json() == dict.fromkeys(moving.to_json()) | {"says": "no function for tracking"}
+    run = run_of(Quintic([1.0, -1.0], 0.5))
+    still = certify(run, load_model("two-link"), law, PERIOD).set_point
+    assert still is not None
+    assert len(still.V) == 499
+    assert still.says == "vacuous"
+    assert still.to_json()["share_rising_outside"] is None
+
+
+def test_the_papers_function_for_the_papers_law_on_the_papers_step() -> None:
+    """An independent program's figures: set L falls by zeta 0.97 N m, M rises in 32 %, always with a joint at a limit.
+
+    Conventional control has no linear term, and so no such function.
+    """
+    found = run_experiment(load_experiment(Path("configs/paper/fig10-step.yaml"))).certified
+    gentle, strong = found["proposed-l"]["set_point"], found["proposed-m"]["set_point"]
+    assert gentle["says"] == "falls"
+    assert gentle["least_zeta"] == pytest.approx(0.97, abs=0.005)
+    assert strong["says"] == "lost to saturation"
+    assert strong["share_rising_outside"] == pytest.approx(0.32, abs=0.005)
+    assert strong["share_of_rising_saturated"] == 1.0
+    assert found["conventional"]["set_point"] is None
+
+
+def one_joint_run(plant: AnalyticPlant, arm: Any, options: dict[str, Any], gains: dict[str, float]) -> Trajectory:
+    """Return 2 s of one joint that is to reach 0.3 rad, under `linear-band-smc`."""
+    law = find_law("linear-band-smc")
+    controller = Controller("c", law, law.pack_gains(1, gains, options))
+    return simulate_sampled(plant, controller, arm, Quintic([0.3], 0.8), duration=2.0)
+
+
+def test_the_layer_that_can_be_held_is_that_of_the_sampled_loop() -> None:
+    """T (K/phi + Kd) / M = 1.95 comes to rest, 2.05 does not, and only the second is named; with the k for 1."""
+    arm = pendulum(gravity=0.0)
+    plant = AnalyticPlant(arm)
+    kv = 300.0  # Mbar is 0.5: Kd = 150 N m s, T Kd / M = 0.25
+    for loop, rests in ((1.95, True), (2.05, False)):
+        phi = 12.0 * PERIOD / PENDULUM_INERTIA / (loop - 0.25)
+        gains = {"lam": 10.0, "k": 0.3, "phi": phi, "kv": kv}
+        run = one_joint_run(plant, arm, {}, gains)
+        assert (np.max(np.abs(run.s[-200:])) < 1e-9) == rests
+        law = SlidingLaw(np.array([10.0]), np.array([12.0]), np.array([phi]), None, None, np.array([150.0]))
+        held = held_to(arm, law, np.zeros((1, 1)), np.array([0.3]), PERIOD)
+        assert held.coarse.tolist() == [not rests]
+        assert held.step == pytest.approx([12.0 * PERIOD / PENDULUM_INERTIA])
+        assert (held.K / phi + 150.0) * PERIOD / PENDULUM_INERTIA == pytest.approx([1.0])
+    hopeless = replace(law, Kd=np.array([1300.0]))
+    held = held_to(arm, hopeless, np.zeros((1, 1)), np.array([0.3]), PERIOD)
+    assert (held.coarse.tolist(), held.most.tolist(), held.K.tolist()) == ([True], [0.0], [0.0])
+
+
+def test_a_law_that_switches_is_held_to_a_tenth_of_its_motion() -> None:
+    """K moves s by T K / M, which over lambda is an error: joint by joint, at the pose where the joint is lightest."""
+    arm = Block((2.0, 0.5), (0.5, 1.0))
+    light = np.diag(np.linalg.inv(arm.M)) * PERIOD
+    law = sliding(10.0, 30.0, 4.0)
+    held = held_to(arm, law, np.zeros((1, 2)), np.array([0.3, 0.001]), PERIOD)
+    assert held.step == pytest.approx(light * [30.0, 4.0], rel=1e-12)
+    assert held.most == pytest.approx([0.3, 0.001], rel=1e-12)
+    assert held.coarse.tolist() == [False, True]
+    assert held.K == pytest.approx(np.array([0.3, 0.001]) / light, rel=1e-12)
+    two = load_model("two-link")
+    poses = np.array([[0.0, 0.0], [0.0, 1.6], [0.0, 3.1]])
+    least = np.max(np.diagonal(np.linalg.inv(two.mass_matrix(poses)), axis1=1, axis2=2), axis=0)
+    assert held_to(two, law, poses, np.ones(2), PERIOD).step == pytest.approx(PERIOD * least * [30.0, 4.0])
+
+
+WRIST = """<mujoco model="wrist"><compiler angle="radian"/><worldbody><body>
+  <inertial mass="0.2" pos="0 0 0.03" diaginertia="1e-4 1e-4 1e-4"/><joint name="roll" axis="0 0 1"/>
+</body></worldbody><actuator><motor joint="roll" ctrlrange="-28 28"/></actuator></mujoco>"""
+LIGHT = """
+name: wrist
+plant: {engine: analytic, model: wrist}
+controllers:
+  - {name: sign, law: smc, gains: {lam: 10, k: 0.3}}
+  - {name: layer, law: smc, switching: saturation, gains: {lam: 10, k: 0.3, phi: 0.3}}
+  - {name: gentle, law: smc, switching: saturation, gains: {lam: 10, k: 0.001, phi: 0.5}}
+  - {name: fast, law: linear-band-smc, gains: {lam: 10, k: 0.001, phi: 0.5, kv: 2500}}
+reference: {kind: quintic, target: -0.3, rise_time: 0.8}
+run: {duration: 2.0, metrics_from: 0.0}
+"""
+
+
+def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, monkeypatch: Any) -> None:
+    """K moves s by 84 rad/s in a period: both that miss by 4 rad are named, with a k that does, and no others are.
+
+    The words are in the manifest as well. With the k that would do, the joint follows, and nothing is said.
+    """
+    (tmp_path / "models" / "wrist").mkdir(parents=True)
+    (tmp_path / "models" / "wrist" / "wrist.xml").write_text(WRIST)
+    monkeypatch.setenv("TORQUEBENCH_DATA", str(tmp_path))
+    experiment = parse_experiment(LIGHT)
+    found = flags(experiment, build(experiment))
+    assert [(one.controller, one.joint) for one in found] == [("sign", "roll"), ("layer", "roll"), ("fast", "roll")]
+    assert all(isinstance(one, Coarse) for one in found)
+    assert [one.step for one in found] == pytest.approx([84.0, 84.0, 0.28])
+    assert [one.most for one in found] == pytest.approx([0.3, 0.6, 0.0])
+    assert str(found[0]) == (
+        "controller 'sign' cannot hold s at its control period: in 1 ms K = 8.4 N m moves s of roll by 84 rad/s, and "
+        "it errs by less than a tenth of its motion only up to 0.3; k <= 0.00107 would do for all joints, or a period "
+        "of 3.6e-06 s"
+    )
+    assert "comes to rest in its layer only up to 0.6" in str(found[1])
+    assert str(found[2]).endswith("no k would do: the rate gain kv alone is too large")
+    result = run_experiment(experiment)
+    for name in ("sign", "layer"):
+        assert result.metrics[name].max_error.value > 4.0
+    assert result.metrics["gentle"].max_error.value < 1e-5
+    assert manifest_of(result)["flags"] == [str(one) for one in found]
+    calm = experiment.with_({f"controllers.{one.controller}.gains.k": one.k_most for one in found[:2]})
+    cured = run_experiment(calm.with_({"controllers.fast.gains.kv": 500}))
+    assert cured.flags == ()
+    assert cured.metrics["sign"].max_error.value < 0.03
+    assert cured.metrics["layer"].max_error.value < 1e-3
+
+
+def test_no_shipped_config_has_a_joint_too_light_for_its_gain() -> None:
+    """The PUMA's and the two-link arm's rotors are heavy enough at every control period that a config has."""
+    for path in sorted(Path("configs").rglob("*.yaml")):
+        if "\nsweep:" not in path.read_text(encoding="utf-8"):
+            experiment = load_experiment(path)
+            assert not [one for one in flags(experiment, build(experiment)) if isinstance(one, Coarse)], path

@@ -1,15 +1,15 @@
 """Stability certificates along a run: Lyapunov function, its rate, the reaching condition and the reaching time.
 
 Everything is computed from the stored trajectory and the true arm's mass matrix, so that it holds whatever else acted:
-payload, friction and disturbances count through the acceleration they caused. Source: equations (90)-(91), (108)-(109)
-and (122)-(124) of the paper; Slotine and Li, Applied Nonlinear Control, 1991, section 7.3 and 9.2.
+payload, friction and disturbances count through the acceleration they caused. Source: equations (90)-(91), (108)-(109),
+(122)-(124) and (142)-(144) of the paper; Slotine and Li, Applied Nonlinear Control, 1991, section 7.3 and 9.2.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -34,6 +34,8 @@ FIGURES: Mapping[str, FigureInfo] = {
     "share_rising_outside": FigureInfo("1", "share of those in which V rises"),
     "least_eta_over_K": FigureInfo("1", "least eta_i / K_i, (124), of a joint outside its layer"),
     "reaching_time": FigureInfo("s", "time from the largest V until every joint is in its layer"),
+    "set_point_rising": FigureInfo("1", "share of instants outside the layer in which the V of (142) rises, at rest"),
+    "set_point_zeta": FigureInfo("N m", "least zeta of (144) outside the layer, at rest"),
 }
 
 
@@ -88,6 +90,10 @@ class SlidingLaw:
     """Half-width of the boundary layer, (n,) [rad/s]; None for a law that switches."""
     belief: RobotModel | None
     """Model of the law's equivalent control; None for a law without one."""
+    Kp: Array | None = None
+    """Position gain of the law's linear term, (n,) [N m/rad]; None for a law without one, which has no (142)."""
+    Kd: Array | None = None
+    """Rate gain of that term, (n,) [N m s/rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,17 +123,35 @@ class Certificate:
     layer: Array
     """|s| within which a joint counts as sliding, (n,) [rad/s]: phi, and at least what K moves s in one control
     period, T |M^-1| K."""
-    reaching_from: float
-    """Instant of the largest V, from which the reaching time counts [s]."""
-    reaching_time: float
+    reaching_from: float | None
+    """Instant of the largest V outside the layer, from which the reaching time counts [s]; None when nothing ever is
+    outside, so that nothing was reached."""
+    reaching_time: float | None
     """Time from there until every joint is in its layer for the first time [s]; infinite when that never happens."""
-    reaching_bound: float
+    reaching_bound: float | None
     """Bound on it, sqrt(2 V max sum |M_ij|) / min(-V_rate / sum |s|); infinite when V grew on the way."""
+    set_point: SetPoint | None = None
+    """The paper's own function for its law, (142), while the desired position stands still; None for other laws."""
 
     @property
     def outside(self) -> npt.NDArray[np.bool_]:
         """Whether any joint is outside its layer, (N-1,): where (124) demands something."""
-        return np.asarray(np.any(np.abs(self.s) > self.layer, axis=1))
+        return outside_of(self.s, self.layer)
+
+    @property
+    def is_vacuous(self) -> bool:
+        """Whether no joint ever is outside its layer, so that nothing was demanded and nothing is shown."""
+        return not self.outside.any()
+
+    @property
+    def no_bound(self) -> str | None:
+        """Why there is no bound on the reaching time, in words; None where there is one that says something."""
+        if self.reaching_bound is None:
+            return "vacuous: nothing is ever outside the layer"
+        if math.isinf(self.reaching_bound):
+            return "none: V grew on the way"
+        length = float(self.t[-1] - self.t[0])
+        return "vacuous: longer than the run" if self.reaching_bound > length else None
 
     @property
     def least_eta(self) -> float | None:
@@ -135,25 +159,88 @@ class Certificate:
         outside = np.abs(self.s) > self.layer
         return float(np.min((self.eta / self.K)[outside])) if outside.any() else None
 
+    @property
+    def figures(self) -> dict[str, float]:
+        """Return those of `FIGURES` that there are."""
+        facts = self.to_json()
+        own = facts["set_point"] or {}
+        facts |= {"set_point_rising": own.get("share_rising_outside"), "set_point_zeta": own.get("least_zeta")}
+        return {key: float(facts[key]) for key in FIGURES if facts[key] is not None}
+
     def to_json(self) -> dict[str, Any]:
         """Return the headline figures; infinite times are None."""
         k, joint = np.unravel_index(int(np.argmin(self.margin)), self.margin.shape)
         outside = self.outside
         rising = outside & (self.V_rate > 0.0)
+        time = self.reaching_time
         return {
+            "vacuous": self.is_vacuous,
             "V_max": float(np.max(self.V)),
             "V_rate_max_outside": float(np.max(self.V_rate[outside])) if outside.any() else None,
             "share_outside": float(np.mean(outside)),
-            "share_rising_outside": float(np.sum(rising) / np.sum(outside)) if outside.any() else 0.0,
+            "share_rising_outside": float(np.sum(rising) / np.sum(outside)) if outside.any() else None,
             "least_eta_over_K": self.least_eta,
             "worst_margin": {"value": float(self.margin[k, joint]), "joint": int(joint) + 1, "t": float(self.t[k])},
             "margin_min": [float(x) for x in np.min(self.margin, axis=0)],
             "demand_max": [float(x) for x in np.max(self.demand, axis=0)],
             "K_u_printed": [float(x) for x in self.K_u],
+            "layer": [float(x) for x in self.layer],
             "reaching_from": self.reaching_from,
-            "reaching_time": self.reaching_time if math.isfinite(self.reaching_time) else None,
-            "reaching_bound": self.reaching_bound if math.isfinite(self.reaching_bound) else None,
+            "reaching_time": None if time is None or math.isinf(time) else time,
+            "reaching_bound": self.reaching_bound if self.no_bound is None else None,
+            "no_bound": self.no_bound,
+            "set_point": None if self.set_point is None else self.set_point.to_json(),
         }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetPoint:
+    """The Lyapunov function (142) of the paper for its proposed law, while the desired position stands still.
+
+    V = s' M s / 2 + (qd' M qd + e' Kp e) / 2 has the arm's kinetic energy in it, which a moving reference feeds: it is
+    a function for set points, and there is none for tracking. (144) wants V to fall by zeta_i |s_i| or more.
+    """
+
+    V: Array
+    """V at the control instants from which on the desired position stands still, (m,) [J]; empty when it never does."""
+    V_rate: Array
+    """Mean of dV/dt over the control period, (143): the difference of V, (m,) [W]."""
+    zeta: Array
+    """The zeta of (144) as it came out, -(dV/dt) / sum |s_i|, (m,) [N m]."""
+    outside: npt.NDArray[np.bool_]
+    """Whether any joint is outside its layer, (m,)."""
+    saturated: npt.NDArray[np.bool_]
+    """Whether the law asked any joint for more than its torque limit, (m,)."""
+
+    @property
+    def says(self) -> str:
+        """What it shows, in words."""
+        if not len(self.V):
+            return "no function for tracking"
+        if not self.outside.any():
+            return "vacuous"
+        rising = self.outside & (self.V_rate > 0.0)
+        if not rising.any():
+            return "falls"
+        return "rises" if np.any(rising & ~self.saturated) else "lost to saturation"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the headline figures; None where nothing is outside the layer."""
+        counted = self.outside
+        rising, some = counted & (self.V_rate > 0.0), bool(counted.any())
+        return {
+            "says": self.says,
+            "V_max": float(np.max(self.V)) if len(self.V) else None,
+            "share_outside": float(np.mean(counted)) if len(self.V) else None,
+            "share_rising_outside": float(np.sum(rising) / np.sum(counted)) if some else None,
+            "share_of_rising_saturated": float(np.mean(self.saturated[rising])) if rising.any() else None,
+            "least_zeta": float(np.min(self.zeta[counted])) if some else None,
+        }
+
+
+def outside_of(s: Array, layer: Array) -> npt.NDArray[np.bool_]:
+    """Return whether any joint's s, (N, n), is outside its layer, (n,); (N,)."""
+    return np.asarray(np.any(np.abs(s) > layer, axis=1))
 
 
 def coriolis_force(truth: Arm, q: Array, qd: Array, s: Array) -> Array:
@@ -212,38 +299,51 @@ def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float)
     layer = one_period if law.phi is None else np.maximum(law.phi, one_period)
     margin = law.K - demand
     first, time, bound = _reaching(run.t, s, V, M, fall, layer)
-    return Certificate(
-        law.K,
-        run.t[:-1],
-        s[:-1],
-        V[:-1],
-        V_rate,
-        demand,
-        margin,
-        eta,
-        K_u,
-        layer,
-        float(run.t[first]),
-        time,
-        bound,
-    )
+    found = Certificate(law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, eta, K_u, layer, first, time, bound)
+    return found if law.Kp is None else replace(found, set_point=_set_point(found, run, law.Kp, M, V))
 
 
-def _reaching(t: Array, s: Array, V: Array, M: Array, fall: Array, layer: Array) -> tuple[int, float, float]:
-    """Return the instant of the largest V, the time from there into the layer, and the bound on that time.
+def _set_point(found: Certificate, run: Trajectory, Kp: Array, M: Array, V: Array) -> SetPoint:
+    """Return what (142) shows of a run.
+
+    Args:
+        found: Its certificates.
+        run: The run.
+        Kp: Position gain of the law, (n,) [N m/rad].
+        M: Mass matrix at each control instant, (N, n, n) [kg m^2].
+        V: s' M s / 2 there, (N,) [J].
+    """
+    moving = np.any(run.q_ref != run.q_ref[-1], axis=1) | np.any((run.qd_ref != 0.0) | (run.qdd_ref != 0.0), axis=1)
+    still = slice(int(np.flatnonzero(moving)[-1]) + 1 if moving.any() else 0, len(run.t) - 1)
+    e = run.q_ref - run.q
+    V = V + 0.5 * np.einsum("ki,kij,kj->k", run.qd, M, run.qd) + 0.5 * np.einsum("ki,i,ki->k", e, Kp, e)
+    V_rate = np.diff(V) / np.diff(run.t)
+    size = np.sum(np.abs(found.s), axis=1)
+    zeta = -V_rate / np.where(size > 0.0, size, np.nan)
+    beyond = np.any(run.tau != run.tau_law, axis=1)[:-1]
+    return SetPoint(V[:-1][still], V_rate[still], zeta[still], found.outside[still], beyond[still])
+
+
+def _reaching(
+    t: Array, s: Array, V: Array, M: Array, fall: Array, layer: Array
+) -> tuple[float | None, float | None, float | None]:
+    """Return the instant of the largest V outside the layer, the time from there into it, and the bound on that time.
 
     V <= m |s|^2 / 2 and dV/dt <= -eta sum |s_i| <= -eta |s| give d sqrt(V)/dt <= -eta / sqrt(2 m): the (91) of an
     arm, with eta the least `fall` = -dV/dt / sum |s_i| on the way. m is the largest row sum of |M|, which no
     eigenvalue of M exceeds.
     """
-    first = int(np.argmax(V))
+    outside = outside_of(s[:-1], layer)
+    if not outside.any():
+        return None, None, None
+    first = int(np.argmax(np.where(outside, V[:-1], -np.inf)))
     inside = np.all(np.abs(s[first:]) <= layer, axis=1)
     reached = bool(inside.any())
     last = first + int(np.argmax(inside)) if reached else len(V) - 1
-    least = float(np.min(fall[min(first, len(fall) - 1) : max(last, first + 1)]))
+    least = float(np.min(fall[first : max(last, first + 1)]))
     heaviest = float(np.max(np.sum(np.abs(M), axis=2)))
     bound = math.sqrt(2.0 * float(V[first]) * heaviest) / least if least > 0.0 else math.inf
-    return first, float(t[last] - t[first]) if reached else math.inf, bound
+    return float(t[first]), float(t[last] - t[first]) if reached else math.inf, bound
 
 
 def required_gain(
@@ -263,3 +363,53 @@ def required_gain(
     if disturbance is not None:
         needed = needed - disturbance
     return np.asarray(np.max(np.abs(needed), axis=0))
+
+
+UNSTABLE = 2.0
+"""T (K/phi + Kd) / M from which a joint sampled with period T does not come to rest in its layer [1]."""
+COARSE = 0.1
+"""Share of a joint's motion that its error may take from K moving s by T K / M in one control period [1]."""
+
+
+class Held(NamedTuple):
+    """What one control period's switching torque does to each joint, and how much it may do; arrays (n,)."""
+
+    step: Array
+    """What K moves s in one control period, T K / M [rad/s]."""
+    most: Array
+    """The most that it may move s for the joint to be held [rad/s]; 0 where the rate gain alone moves s too far."""
+    K: Array
+    """Switching gain that would do [N m]."""
+
+    @property
+    def coarse(self) -> npt.NDArray[np.bool_]:
+        """Whether K moves s by more than that, (n,)."""
+        return np.asarray(self.step > self.most * (1.0 + 1e-9))
+
+
+def held_to(truth: Arm, law: SlidingLaw, poses: Array, span: Array, control_period: float) -> Held:
+    """Return what K moves s in one control period, and the most that it may; joint by joint, the others left free.
+
+    M is the least inertia that the joint has at the poses, 1 / (M^-1)_ii. In its layer a joint under K sat(s/phi) +
+    Kd s and a perfect equivalent control has s_next = (1 - T (K/phi + Kd) / M) s, which dies out while that T (..) / M
+    is below 2 and, with no ringing, up to 1: the K that would do has 1. A law that switches leaves s at T K / M, and
+    so an error of up to T K / (M lambda): at most a tenth of the joint's motion.
+
+    Args:
+        truth: The true arm.
+        law: Parameters of the law.
+        poses: Positions along the motion, (m, n) [rad].
+        span: How far each joint moves, (n,) [rad].
+        control_period: Time between control instants [s].
+    """
+    mobility = np.max(np.diagonal(np.linalg.inv(truth.mass_matrix(poses)), axis1=1, axis2=2), axis=0) * control_period
+    step = mobility * law.K
+    if law.phi is None:
+        most = COARSE * law.lam * span
+        return Held(step, most, most / mobility)
+    linear = 0.0 if law.Kd is None else mobility * law.Kd
+    return Held(
+        step,
+        law.phi * np.maximum(UNSTABLE - linear, 0.0),
+        law.phi * np.maximum(1.0 - linear, 0.0) / mobility,
+    )

@@ -90,6 +90,19 @@ def test_error_metrics_of_a_sinusoid() -> None:
     assert got.itae.value == pytest.approx(8.0 * 2 * 0.2 / math.pi, rel=2e-5)
 
 
+def test_integrals_of_the_error_are_those_of_the_trapezium_rule() -> None:
+    """Of |e| = a + b t IAE is a D + b D^2 / 2 to round-off, D the time from first to last sample.
+
+    Rectangles are off by T b D / 2. In ITAE's t (a + b t), of second derivative 2 b, the rule itself errs by T^2 b D / 6.
+    """
+    t = times()
+    a, b, D = 0.2, -0.04, t[-1]
+    got = metrics_of(make(t, columns(a + b * t, -(a + b * t))))
+    assert got.iae.per_joint == pytest.approx([a * D + b * D * D / 2] * 2, rel=1e-12)
+    exact = a * D * D / 2 + b * D**3 / 3 + T * T * b * D / 6
+    assert got.itae.per_joint == pytest.approx([exact] * 2, rel=1e-12)
+
+
 def test_errors_are_reference_minus_true_position() -> None:
     """A constant lag of 0.2 rad behind the reference is an error of 0.2; measurements do not enter."""
     t = times()

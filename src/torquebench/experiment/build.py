@@ -197,6 +197,8 @@ def sampled(reference: Any, n: int, n_steps: int, control_period: float) -> Refe
     try:
         with np.errstate(all="ignore"):
             samples: Reference = reference.sample(t, n)
+            if hasattr(reference, "highest_hz"):
+                reference.highest_hz()
     except Exception as error:
         if not _is_users(reference):
             raise

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from torquebench.certificates import Certificate, Phases, SlidingLaw, certify, required_gain
+from torquebench.certificates import Certificate, Phases, SlidingLaw, certify, held_to, required_gain
 from torquebench.experiment import schema
 from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
@@ -19,6 +19,10 @@ from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
+
+POSES = 100
+"""Poses along the motion at which the arm's inertia is looked at."""
+TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,41 @@ class Flag:
             f"controller '{self.controller}' cannot meet its reaching condition (123) on its reference: "
             f"{self.joint} needs K > {self.needed:.4g} {self.unit}, has {self.gain:.4g}; "
             f"k > {self.k_needed:.3g} would do for all joints"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Coarse:
+    """A controller whose switching gain moves s farther in one control period than s can be held to."""
+
+    controller: str
+    joint: str
+    """The joint that exceeds most."""
+    gain: float
+    """K there [`unit`]."""
+    period: float
+    """Control period [s]."""
+    step: float
+    """What K moves s in it [rad/s]."""
+    most: float
+    """The most that it may [rad/s]."""
+    has_layer: bool
+    """Whether the limit is that of the layer, instead of a tenth of the joint's motion."""
+    share: float
+    """Largest share of k that does on every joint, and of the control period [1]; 0 where kv alone is too much."""
+    k_most: float
+    """Largest k = K/tau_max that does on every joint [1]."""
+    unit: str = "N m"
+    """N for a joint that slides."""
+
+    def __str__(self) -> str:
+        speed = "m/s" if self.unit == "N" else "rad/s"
+        end = "comes to rest in its layer" if self.has_layer else "errs by less than a tenth of its motion"
+        cure = f"k <= {self.k_most:.3g} would do for all joints, or a period of {self.share * self.period:.2g} s"
+        return (
+            f"controller '{self.controller}' cannot hold s at its control period: in {1e3 * self.period:.4g} ms "
+            f"K = {self.gain:.4g} {self.unit} moves s of {self.joint} by {self.step:.3g} {speed}, and it {end} only up "
+            f"to {self.most:.3g}; {cure if self.share else 'no k would do: the rate gain kv alone is too large'}"
         )
 
 
@@ -80,18 +119,23 @@ def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
         return None
     if options.get("equivalent_control") == "measured-acceleration":
         return None
-    phi = keys.gains.get("phi")
+    phi, lam = keys.gains.get("phi"), as_vector(keys.gains["lam"], n)
+    rate = law.gains.get("kv")
+    has_rate = rate is not None and rate.unit == "1/s" and rate.acts(options)
+    Kd = as_vector(keys.gains["kv"], n) * loop.model.flat.inertia_scale if has_rate else None
     return SlidingLaw(
-        as_vector(keys.gains["lam"], n),
+        lam,
         as_vector(keys.gains["k"], n) * np.asarray(loop.plant.tau_max),
         None if phi is None else as_vector(phi, n),
         loop.model if options.get("equivalent_control") else None,
+        None if Kd is None else lam * Kd,
+        Kd,
     )
 
 
-def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag, ...]:
-    """Return the controllers that cannot meet their reaching condition, before anything is run."""
-    truth, found = truth_of(experiment), []
+def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse, ...]:
+    """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s."""
+    truth, found = truth_of(experiment), list[Flag | Coarse]()
     acting = resistance(experiment, loop.reference.qd) + (0.0 if loop.disturbance is None else loop.disturbance)
     for keys in experiment.controllers:
         law = sliding_law(keys, loop, experiment.n)
@@ -104,6 +148,9 @@ def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag, ...]:
             unit = "N" if loop.model.flat.kind[worst] == SLIDE else "N m"
             gain, least = float(law.K[worst]), float(needed[worst])
             found.append(Flag(keys.name, loop.joint_names[worst], gain, least, k_needed, unit))
+        coarse = too_coarse(experiment, loop, keys.name, law, truth)
+        if coarse is not None:
+            found.append(coarse)
     return tuple(found)
 
 
@@ -127,6 +174,42 @@ def certificate_of(
     if law is None or not run.completed:
         return None
     return certify(run, truth or truth_of(experiment), law, experiment.run.control_period)
+
+
+def too_coarse(
+    experiment: schema.Experiment, loop: Loop, name: str, law: SlidingLaw, truth: RobotModel | Phases
+) -> Coarse | None:
+    """Return where a controller's K moves s too far in one control period, or None where it does not.
+
+    Args:
+        experiment: What is to be run.
+        loop: Its objects.
+        name: The controller.
+        law: What its certificates need.
+        truth: The true arm.
+    """
+    q_ref = loop.reference.q
+    span = np.max(np.abs(q_ref - loop.initial_q), axis=0)
+    span = np.where(span > 0.0, span, np.max(span))  # a joint that is to stay is held as well as those that move
+    poses = np.concatenate([loop.initial_q[None], q_ref[:: max(1, len(q_ref) // POSES)]])
+    arm = truth.later if isinstance(truth, Phases) else truth
+    period = experiment.run.control_period
+    held = held_to(arm, law, poses, span, period)
+    if not (held.coarse.any() and np.max(span) > 0.0):
+        return None
+    worst = int(np.argmax(held.step / np.maximum(held.most, TINY)))
+    return Coarse(
+        name,
+        loop.joint_names[worst],
+        float(law.K[worst]),
+        period,
+        float(held.step[worst]),
+        float(held.most[worst]),
+        law.phi is not None,
+        float(np.min(held.K / law.K)),
+        float(np.min(held.K / np.asarray(loop.plant.tau_max))),
+        "N" if loop.model.flat.kind[worst] == SLIDE else "N m",
+    )
 
 
 def certificates(experiment: schema.Experiment, loop: Loop, runs: Mapping[str, Trajectory]) -> dict[str, Certificate]:

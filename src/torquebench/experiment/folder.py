@@ -79,7 +79,7 @@ class _StoredCertificate(_Stored):
     """What tables show of a controller's certificates, as of `Certificate.to_json`."""
 
     share_outside: float
-    share_rising_outside: float
+    share_rising_outside: float | None
     worst_margin: _Margin
     reaching_time: float | None
     reaching_bound: float | None
@@ -120,6 +120,7 @@ def write_numbers(directory: RunDirectory, result: ExperimentResult) -> None:
     metrics = {name: result.metrics[name].to_json() if name in result.metrics else None for name in result.runs}
     conditions = {
         "window_from": experiment.run.metrics_from,
+        "chattering_from_hz": experiment.chattering_from_hz,
         "noise": noise_text(experiment),
         "chain": chain_text(experiment),
     }

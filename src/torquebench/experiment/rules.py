@@ -15,6 +15,7 @@ from torquebench.experiment.yaml_tree import KeyPath, shortened
 from torquebench.fuzzy import BUILTIN
 from torquebench.keys import Declared, declared_keys
 from torquebench.laws.law import find_law
+from torquebench.metrics.chattering import COARSEST
 from torquebench.robot.library import camera_names, model_folder
 from torquebench.sim.plants.kinds import PlantKeys
 from torquebench.timing import FAR_OFF, RELATIVE, Timing, multiple_of
@@ -249,6 +250,22 @@ def window_of_metrics(run: Run, reference: Any, document: Document) -> Iterator[
     else:
         got = f"{run.duration:.12g} s, but metrics start at {start:g} s (run.metrics_from)"
         yield Fault(("run", "duration"), got=got, wanted=wanted)
+
+
+@rule
+def corner_of_chattering(run: Run, reference: Any) -> Iterator[Fault]:
+    """Chattering is defined from the frequency on that is given for it."""
+    if run.chattering_from_hz is None:
+        return
+    most = COARSEST / run.control_period
+    start = reference.metrics_from if run.metrics_from is None else run.metrics_from
+    least = 2.0 / max(run.duration - start, MIN_WINDOW)
+    got = f"{run.chattering_from_hz:.12g} Hz"
+    if run.chattering_from_hz > most * (1.0 + RELATIVE):
+        yield Fault(("run", "chattering_from_hz"), got=got, wanted=f"at most {most:.6g} Hz, 0.3 / run.control_period")
+    elif run.chattering_from_hz < least * (1.0 - RELATIVE):
+        wanted = f"at least {least:.6g} Hz, two periods in the window for metrics"
+        yield Fault(("run", "chattering_from_hz"), got=got, wanted=wanted)
 
 
 class _Need(NamedTuple):

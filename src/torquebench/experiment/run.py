@@ -251,6 +251,7 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
         control_period=experiment.run.control_period,
         step_like=experiment.reference.is_step_like,
         phi=None if band is None else as_vector(band, experiment.n),
+        chattering_from_hz=experiment.chattering_from_hz,
     )
 
 

@@ -14,11 +14,14 @@ from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import SLUG, Ints, Many, ManyNamed, Named, OneOf, Text
 from torquebench.keys import Key, Vector
+from torquebench.metrics.chattering import corner_hz
 from torquebench.references import REFERENCES
+from torquebench.references.reference import highest_frequency
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.puma560.mismatch import Mismatch
 from torquebench.sim.plants.kinds import PLANTS, ConstantsName, PlantKeys, StructureName
+from torquebench.sim.signals import control_instants
 from torquebench.timing import whole_steps
 
 MAX_DISTURBANCES = 64
@@ -99,6 +102,15 @@ class Run:
             at_least=0,
         ),
     ] = None  # type: ignore[assignment]  # until the reference's own is filled in
+    chattering_from_hz: Annotated[
+        float | None,
+        Key(
+            "Frequency from which the torque counts as chattering, at most 0.3 / run.control_period; if left out, "
+            "eight times the highest frequency of the reference, at least 8",
+            "Hz",
+            above=0,
+        ),
+    ] = None
     draw: Annotated[
         int,
         Key(
@@ -184,6 +196,17 @@ class Experiment:
     def substeps(self) -> int:
         """Physics steps in one control period."""
         return whole_steps(self.run.control_period, self.plant.timestep)
+
+    @cached_property
+    def chattering_from_hz(self) -> float:
+        """Frequency from which the torque counts as chattering [Hz]: that of the config, or one above the motion's."""
+        run, motion = self.run, self.reference
+        if run.chattering_from_hz is not None:
+            return run.chattering_from_hz
+        if hasattr(motion, "highest_hz"):
+            return corner_hz(motion.highest_hz())
+        samples = motion.sample(control_instants(self.n_steps, run.control_period), self.n)
+        return corner_hz(highest_frequency(samples.qd, run.control_period))
 
     @property
     def is_drawn(self) -> bool:

@@ -1,4 +1,7 @@
-"""Chattering: the RMS of the torque above 30 Hz, and the spectrum it comes from."""
+"""Chattering: the RMS of the torque above a corner that follows the motion, its peak, and whether it is a limit cycle.
+
+Source of every definition: docs/definitions.md, "Chattering". HF, the same sum from a fixed 30 Hz on, stands beside.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,35 @@ import numpy.typing as npt
 
 from torquebench.kernel import Array, kernel
 from torquebench.metrics.declare import metric
-from torquebench.metrics.record import JointRecord
+from torquebench.metrics.record import JointRecord, shared
 
 HF_FROM_HZ = 30.0
-"""Lowest frequency that counts as chattering [Hz]."""
+"""Lowest frequency that counts for HF [Hz]."""
 HF_MAX_PERIOD = 0.010
-"""Longest control period for which the chattering index is defined [s]."""
+"""Longest control period for which HF is defined [s]."""
+COARSEST = HF_FROM_HZ * HF_MAX_PERIOD
+"""Longest control period for which an index is defined, in periods of the frequency from which it counts [1]."""
+LEAST_CORNER_HZ = 8.0
+"""Lowest frequency from which torque counts as chattering unless a config says otherwise [Hz]."""
+CORNER_OVER_MOTION = 8.0
+"""That frequency over the highest one of the reference [1]."""
+STILL = 0.1
+"""Chattering below which a joint has neither peak nor limit cycle [% of the torque limit]."""
+LINE_WIDTH = 1.0 / 8.0
+"""How far a limit cycle's lines reach on either side of each multiple of the peak's frequency [that frequency]."""
+LINE_SHARE = 0.5
+"""Share of the power above the corner, beyond what noise has there, from which such lines are a limit cycle [1]."""
+LEAST_PERIODS = 8.0
+"""Periods of the peak that a window must have to tell whether it is a limit cycle's [1]."""
+LEAST_LINES = 50
+"""Lines above f_c that a spectrum must have for it: of few lines noise has half its power in two or three by chance."""
+LASTING = 0.25
+"""Power of the lines in the second half of the window over that in the first, from which they do not die away [1]."""
+
+
+def corner_hz(highest: float) -> float:
+    """Return the frequency from which torque counts as chattering on a motion without frequencies above `highest`."""
+    return max(LEAST_CORNER_HZ, CORNER_OVER_MOTION * highest)
 
 
 @lru_cache(maxsize=8)
@@ -34,12 +60,6 @@ def frequencies(n: int, control_period: float) -> Array:
     return lines
 
 
-@lru_cache(maxsize=8)
-def first_line(n: int, control_period: float) -> int:
-    """Return the index of the first line of a spectrum of n samples that counts as chattering."""
-    return int(np.searchsorted(frequencies(n, control_period), HF_FROM_HZ * (1.0 - 1e-9)))
-
-
 def hann_spectrum(x: Array, control_period: float) -> tuple[Array, npt.NDArray[np.complex128]]:
     """Frequencies [Hz] and rfft of x less its mean under a periodic Hann window (mean square 3/8)."""
     n = len(x)
@@ -48,22 +68,58 @@ def hann_spectrum(x: Array, control_period: float) -> tuple[Array, npt.NDArray[n
     return frequencies(n, control_period), np.fft.rfft(tapered, axis=0)
 
 
-def chattering_index(tau: Array, control_period: float, tau_max: Array) -> Array:
-    """HF_i = 100/tau_max,i sqrt(2 sum_{f >= 30 Hz} |F|^2 / (n^2 3/8)), F = rfft(tau w), (n,) [% of tau_max].
+def line_powers(x: Array, control_period: float) -> Array:
+    """Return |F|^2 of each line of `hann_spectrum`, such that twice its sum is n^2 3/8 times the mean square, (m, n).
 
-    The RMS of the torque above 30 Hz. Of an even number of samples the line at half the sampling rate counts once,
-    not twice: it has no mirror image. NaN above a control period of 10 ms, and for a window shorter than 2/30 s,
-    where the taper's main lobe would reach from zero frequency past 30 Hz.
+    Of an even number of samples the line at half the sampling rate counts once, not twice: it has no mirror image.
+
+    Args:
+        x: Torque at each control instant, (N, n) [N m].
+        control_period: Time between them [s].
     """
-    n = len(tau)
-    if control_period > HF_MAX_PERIOD * (1.0 + 1e-9) or n * control_period * HF_FROM_HZ < 2.0:
-        return np.full(tau.shape[1], np.nan)
-    _, spectrum = hann_spectrum(tau, control_period)
-    high = np.abs(spectrum[first_line(n, control_period) :])
-    if n % 2 == 0:
-        high[-1] /= math.sqrt(2.0)
-    above: Array = np.sqrt(2.0 * np.add.reduce(high * high, axis=0) / (n * n * 3.0 / 8.0))
+    _, spectrum = hann_spectrum(x, control_period)
+    size: Array = np.abs(spectrum)
+    if len(x) % 2 == 0:
+        size[-1] /= math.sqrt(2.0)
+    return size * size
+
+
+def chattering_index(tau: Array, control_period: float, tau_max: Array, from_hz: float = HF_FROM_HZ) -> Array:
+    """100/tau_max,i sqrt(2 sum_{f >= f_c} |F|^2 / (n^2 3/8)), F = rfft(tau w), (n,) [% of tau_max].
+
+    The RMS of the torque above f_c. NaN above a control period of 0.3/f_c, and for a window shorter than 2/f_c, where
+    the taper's main lobe would reach from zero frequency past f_c.
+
+    Args:
+        tau: Torque at each control instant, (N, n) [N m].
+        control_period: Time between them [s].
+        tau_max: Torque limits, (n,) [N m].
+        from_hz: f_c [Hz].
+    """
+    return index_of(line_powers(tau, control_period), len(tau), control_period, tau_max, from_hz)
+
+
+def index_of(powers: Array, n: int, control_period: float, tau_max: Array, from_hz: float) -> Array:
+    """Return the `chattering_index` of a torque whose spectrum is known.
+
+    Args:
+        powers: Its `line_powers`, (m, n).
+        n: Number of its samples.
+        control_period: Time between them [s].
+        tau_max: Torque limits, (n,) [N m].
+        from_hz: f_c [Hz].
+    """
+    if control_period * from_hz > COARSEST * (1.0 + 1e-9) or n * control_period * from_hz < 2.0:
+        return np.full(len(tau_max), np.nan)
+    high = powers[first_line(n, control_period, from_hz) :]
+    above: Array = np.sqrt(2.0 * np.add.reduce(high, axis=0) / (n * n * 3.0 / 8.0))
     return 100.0 / tau_max * above
+
+
+@lru_cache(maxsize=16)
+def first_line(n: int, control_period: float, from_hz: float) -> int:
+    """Return the index of the first line of a spectrum of n samples that is at `from_hz` [Hz] or above."""
+    return int(np.searchsorted(frequencies(n, control_period), from_hz * (1.0 - 1e-9)))
 
 
 @kernel
@@ -79,7 +135,136 @@ def taper(x: Array, window: Array, mean: Array, out: Array) -> None:
             out[k, i] = (x[k, i] - mean[i]) * window[k]
 
 
+def limit_cycle_shares(tau: Array, control_period: float, powers: Array, from_hz: float, peaks: Array) -> Array:
+    """Return the share of each joint's power above f_c that a limit cycle has, (n,): 0 where there is none.
+
+    The lines of a limit cycle are those within an eighth of the peak's frequency, and at least two lines, of each
+    multiple of it. Noise without lines has about as much of the power there as they are of all lines above f_c: c. Of
+    what the lines have, the share beyond that, (share - c) / (1 - c), is the limit cycle's; there is one from a half
+    on, if the lines do not die away: in the second half of the window they have at least a quarter of the power that
+    they have in the first.
+
+    Args:
+        tau: Torque at each control instant, (N, n) [N m].
+        control_period: Time between them [s].
+        powers: Its `line_powers`, (m, n).
+        from_hz: f_c [Hz].
+        peaks: Frequency of the largest line above it, (n,) [Hz]; NaN for a joint that has no limit cycle anyhow.
+
+    Returns:
+        (n,), NaN in a window that cannot tell: one shorter than eight periods of the peak, or of fewer than 50 lines.
+    """
+    n = len(tau)
+    near, among, total, lines = powers_near(powers, n, control_period, from_hz, peaks)
+    unknown = np.isfinite(peaks) & ((n * control_period * peaks < LEAST_PERIODS) | (lines < LEAST_LINES))
+    some = np.isfinite(peaks) & ~unknown
+    shares = np.where(unknown, np.nan, 0.0)
+    by_chance = among[some] / lines
+    shares[some] = (near[some] / total[some] - by_chance) / (1.0 - by_chance)
+    shares[shares < LINE_SHARE] = 0.0
+    if np.any(shares > 0.0):
+        half = n // 2
+        before, after = (
+            powers_near(line_powers(part, control_period), half, control_period, from_hz, peaks)[0]
+            for part in (tau[:half], tau[-half:])
+        )
+        shares[some & (after < LASTING * before)] = 0.0
+    return shares
+
+
+def powers_near(
+    powers: Array, n: int, control_period: float, from_hz: float, peaks: Array
+) -> tuple[Array, Array, Array, int]:
+    """Return the power near the multiples of each joint's peak, in how many lines, the whole power, all lines.
+
+    Args:
+        powers: `line_powers` of the torque, (m, n).
+        n: Number of its samples.
+        control_period: Time between them [s].
+        from_hz: Frequency from which lines count [Hz].
+        peaks: Frequency of the peak, (n,) [Hz]; NaN for none.
+    """
+    first, found = first_line(n, control_period, from_hz), np.zeros((3, len(peaks)))
+    add_lines(powers, first, 1.0 / (n * control_period), peaks, found)
+    return found[0], found[1], found[2], len(powers) - first
+
+
+@kernel
+def add_lines(powers: Array, first: int, spacing: float, peaks: Array, out: Array) -> None:
+    """Add up, in the rows of out (3, n): power near multiples of the peaks, number of these lines, power of all.
+
+    Args:
+        powers: Power of each line of each joint, (m, n).
+        first: The first line that counts.
+        spacing: Distance of the lines [Hz].
+        peaks: Frequency of each joint's peak, (n,) [Hz]; NaN for none.
+        out: Result; zero at first.
+    """
+    for i in range(len(peaks)):
+        peak = peaks[i]
+        if not peak > 0.0:
+            continue
+        reach = LINE_WIDTH * peak
+        if reach < 2.0 * spacing:
+            reach = 2.0 * spacing
+        reach *= 1.0 + 1e-9
+        for k in range(first, len(powers)):
+            multiple = math.floor(k * spacing / peak + 0.5)
+            if multiple < 1:
+                multiple = 1
+            if abs(k * spacing - multiple * peak) <= reach:
+                out[0, i] += powers[k, i]
+                out[1, i] += 1.0
+            out[2, i] += powers[k, i]
+
+
+@shared
+def _powers(run: JointRecord) -> Array:
+    return line_powers(run.tau[run.window], run.control_period)
+
+
+def _index(run: JointRecord, from_hz: float) -> Array:
+    return index_of(_powers(run), run.window.stop - run.window.start, run.control_period, run.tau_max, from_hz)
+
+
+@shared
+def _chattering(run: JointRecord) -> Array:
+    return _index(run, run.chattering_from_hz)
+
+
+@shared
+def _peaks(run: JointRecord) -> Array:
+    n = run.window.stop - run.window.start
+    first = first_line(n, run.control_period, run.chattering_from_hz)
+    found = np.full(len(run.tau_max), np.nan)
+    audible = _chattering(run) >= STILL
+    if audible.any():
+        largest = np.argmax(_powers(run)[first:], axis=0) + first
+        found[audible] = frequencies(n, run.control_period)[largest[audible]]
+    return found
+
+
+@metric("chattering", title="chattering", unit="% of tau_max", shown_as=("%", 1.0))
+def chattering(run: JointRecord) -> Array:
+    """RMS of the torque above f_c in % of the limit, see below."""
+    return _chattering(run)
+
+
+@metric("chattering_peak", title="peak of chattering", unit="Hz", over_joints="chattering", column="peak")
+def chattering_peak(run: JointRecord) -> Array:
+    """Frequency of the torque's largest line above f_c; none below 0.1 % of chattering."""
+    return _peaks(run)
+
+
+@metric("limit_cycle", title="limit cycle", unit="% of tau_max", column="cycle", shown_as=("%", 1.0))
+def limit_cycle(run: JointRecord) -> Array:
+    """RMS of the limit cycle that chattering is, in % of the limit; 0 where it is none."""
+    tau, peaks = run.tau[run.window], _peaks(run)
+    shares = limit_cycle_shares(tau, run.control_period, _powers(run), run.chattering_from_hz, peaks)
+    return _chattering(run) * np.sqrt(shares)
+
+
 @metric("hf", title="chattering index HF", unit="% of tau_max", column="HF", shown_as=("%", 1.0))
 def hf(run: JointRecord) -> Array:
     """RMS of the torque above 30 Hz in % of the limit, see below."""
-    return chattering_index(run.tau[run.window], run.control_period, run.tau_max)
+    return _index(run, HF_FROM_HZ)

@@ -13,11 +13,10 @@ from torquebench.kernel import Array
 from torquebench.metrics.record import JointRecord
 from torquebench.registry import SNAKE, Registry
 
-OverJoints: TypeAlias = Literal["mean", "worst", "rms"]
 Formula: TypeAlias = Callable[[JointRecord], Array]
 _F = TypeVar("_F", bound=Formula)
 
-_IN_WORDS: dict[str, str] = {"mean": "mean of joints", "worst": "worst joint", "rms": "all joints and samples"}
+IN_WORDS: dict[str, str] = {"mean": "mean of joints", "worst": "worst joint", "rms": "all joints and samples"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +29,7 @@ class MetricInfo:
     unit: str
     formula: Formula
     better: Literal["lower", "higher"]
-    over_joints: OverJoints
+    over_joints: str
     steps_only: bool
     column: str
     shown_unit: str
@@ -39,7 +38,7 @@ class MetricInfo:
     @property
     def headline(self) -> str:
         """How the joints make one number, in words."""
-        return _IN_WORDS[self.over_joints]
+        return IN_WORDS.get(self.over_joints) or f"joint with the worst `{self.over_joints}`"
 
     @property
     def is_angle(self) -> bool:
@@ -88,7 +87,7 @@ def metric(
     unit: str,
     meaning: str = "",
     better: Literal["lower", "higher"] = "lower",
-    over_joints: OverJoints = "mean",
+    over_joints: str = "mean",
     steps_only: bool = False,
     column: str | None = None,
     shown_as: tuple[str, float] | None = None,
@@ -101,8 +100,8 @@ def metric(
         unit: SI unit; ``1`` for a pure number. One that begins with ``rad`` is in m for joints that slide.
         meaning: Definition in words; the first line of the function's docstring by default.
         better: Which values are better.
-        over_joints: How the joints make one number, the headline: their mean, the worst of them, or the root of
-            the mean square.
+        over_joints: How the joints make one number, the headline: ``mean``, ``worst``, ``rms`` for the root of the
+            mean square, or the key of a metric before it: the joint that is worst in that one is taken; not for angles.
         steps_only: Whether only a reference that is like a step has it; only joints that have a step count then.
         column: Title of its column in tables of headlines; the title by default, empty for no column.
         shown_as: Unit in that column, and by how much the SI value is multiplied; the SI unit by default, for rad
@@ -111,10 +110,11 @@ def metric(
     Raises:
         RegistryError: the key is taken or not of that form, or an argument is not one of the words it may be.
     """
-    if better not in ("lower", "higher") or over_joints not in _IN_WORDS:
+    known = over_joints in IN_WORDS or (over_joints in METRICS and not unit.startswith("rad"))
+    if better not in ("lower", "higher") or not known:
         raise RegistryError(
             f"metric '{key}': got better={better!r}, over_joints={over_joints!r}, wanted better 'lower' or 'higher' "
-            f"and over_joints 'mean', 'worst' or 'rms'"
+            f"and over_joints 'mean', 'worst' or 'rms', or the key of a metric before it, not for angles"
         )
     shown_unit, scale = shown_as or ((f"m{unit}", 1e3) if unit.startswith("rad") else (unit, 1.0))
 

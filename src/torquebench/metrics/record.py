@@ -29,6 +29,8 @@ class JointRecord:
     """Samples with t >= `run.metrics_from`: `run.e[run.window]` is the error in the metrics' window."""
     phi: Array | None
     """Half-width of the law's boundary layer, (n,) [rad/s]; None for a law without one."""
+    chattering_from_hz: float
+    """Frequency from which the torque counts as chattering [Hz]."""
     _shared: dict[Callable[..., Any], Any] = field(default_factory=dict)
 
     @property

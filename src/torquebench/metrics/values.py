@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
-from torquebench.metrics.declare import METRICS, MetricInfo, reduce_joints
+from torquebench.metrics.chattering import LEAST_CORNER_HZ
+from torquebench.metrics.declare import IN_WORDS, METRICS, MetricInfo, reduce_joints
 from torquebench.metrics.record import JointRecord
 from torquebench.metrics.step_response import response_of
 from torquebench.sim.trajectory import Trajectory
@@ -104,7 +105,10 @@ def headlines(joints: PerJoint) -> Array:
     reduced = reduce_joints(values, "mean", "lower")
     some = bool(stepped.any()) and not stepped.all()
     for (over_joints, better, steps_only), rows in _rows_alike(METRICS.values(), some).items():
-        if steps_only:
+        if over_joints not in IN_WORDS:
+            other = values[METRICS.names().index(over_joints)]
+            reduced[rows] = values[rows, np.argmax(other if METRICS[over_joints].better == "lower" else -other)]
+        elif steps_only:
             reduced[rows] = reduce_joints(np.ascontiguousarray(values[rows][:, stepped]), over_joints, better)
         elif over_joints != "mean":
             reduced[rows] = reduce_joints(values[rows], over_joints, better)
@@ -150,6 +154,7 @@ def per_joint(
     control_period: float,
     step_like: bool,
     phi: Array | float | None = None,
+    chattering_from_hz: float = LEAST_CORNER_HZ,
 ) -> PerJoint:
     """Compute every metric of a completed run, joint by joint.
 
@@ -164,6 +169,7 @@ def per_joint(
         step_like: Whether the reference goes from one position to another and stays there, so that rise time,
             overshoot and settling time mean something.
         phi: Half-width of the law's boundary layer, scalar or (n,) [rad/s]; None when it has none.
+        chattering_from_hz: Frequency from which the torque counts as chattering [Hz].
 
     Raises:
         ResultError: the run did not complete, or its window holds fewer than two samples, or a limit is not
@@ -187,6 +193,7 @@ def per_joint(
         control_period=control_period,
         window=slice(first, len(t)),
         phi=None if width is None else np.asarray(width, dtype=np.float64),
+        chattering_from_hz=chattering_from_hz,
     )
     metrics, shape = METRICS.values(), (n,)
     values = np.full((len(metrics), n), np.nan)

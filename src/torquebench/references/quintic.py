@@ -34,6 +34,10 @@ class Quintic(Motion):
             reason = "the metrics of the motion would be measured against a target that is never reached"
             yield Fault(("rise_time",), got=f"{self.rise_time:.12g} s", wanted=f"{wanted}: {reason}")
 
+    def highest_hz(self) -> float:
+        """Return the frequency of one swing of the acceleration, which takes the whole rise time [Hz]."""
+        return 1.0 / self.rise_time
+
     def sample(self, t: Array, n: int | None = None) -> Reference:
         """Return the desired motion of `n` joints at times (N,) [s]."""
         goal, rise_time = each_joint(self.target, n), self.rise_time

@@ -6,8 +6,10 @@ A kind is a frozen dataclass whose fields are its keys (see `Key`), with one met
 
 and, if it likes, ``check(timing)``, which yields a `Fault` for each key that does not fit the run. It may say by
 ``metrics_from`` when the window for metrics opens where a config does not [s], by ``is_step_like = True`` that rise
-time, overshoot and settling time have a meaning, and by ``has_corners = True`` that its rates leave out jumps. Of a
-user's kind without corners it is checked that the rates are the derivatives of the positions.
+time, overshoot and settling time have a meaning, by ``has_corners = True`` that its rates leave out jumps, and by a
+method ``highest_hz()`` what its highest frequency is [Hz], above a multiple of which torque counts as chattering; of
+one that does not say, `highest_frequency` finds it. Of a user's kind without corners it is checked that the rates are
+the derivatives of the positions.
 """
 
 from __future__ import annotations
@@ -55,9 +57,26 @@ class Motion:
         """Return the desired motion of `n` joints at times (N,) [s]; None for as many as its keys have numbers."""
         raise NotImplementedError
 
+    def highest_hz(self) -> float:
+        """Return the highest frequency of the motion [Hz]: 0, but for kinds that swing."""
+        return 0.0
+
     def __call__(self, t: Array) -> Reference:
         """Return the desired motion at times (N,) [s]."""
         return self.sample(t)
+
+
+def highest_frequency(qd: Array, control_period: float) -> float:
+    """Return the frequency below which 99.9 % of the power of each joint's desired velocity lies [Hz].
+
+    Args:
+        qd: Desired velocity at each control instant, (N, n) [rad/s].
+        control_period: Time between them [s].
+    """
+    n = len(qd)
+    power = np.abs(np.fft.rfft(qd * np.hanning(n)[:, None], axis=0)) ** 2  # tapered: a motion cut off has no corners
+    within = np.cumsum(power, axis=0) >= 0.999 * np.sum(power, axis=0)
+    return float(np.fft.rfftfreq(n, control_period)[np.max(np.argmax(within, axis=0))])
 
 
 def from_samples(t: Array, q: Array, qd: Array, qdd: Array) -> Reference:

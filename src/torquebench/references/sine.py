@@ -21,6 +21,10 @@ class Sine(Motion):
     amplitude: Annotated[Vector, Key("Peak-to-peak excursion A of each joint", "rad", ", in m for slide joints")]
     frequency_hz: Annotated[Vector, Key("Frequency f of each joint", "Hz", at_least=0)]
 
+    def highest_hz(self) -> float:
+        """Return the frequency of the fastest joint [Hz]."""
+        return float(np.max(self.frequency_hz))
+
     def sample(self, t: Array, n: int | None = None) -> Reference:
         """Return the desired motion of `n` joints at times (N,) [s]."""
         half, w = each_joint(self.amplitude, n) / 2.0, 2.0 * math.pi * each_joint(self.frequency_hz, n)

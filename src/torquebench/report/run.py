@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from torquebench.experiment.build import build_controllers
 from torquebench.experiment.describe import fuzzy_in_use
@@ -169,12 +169,34 @@ def certificate_lines(result: ExperimentResult) -> list[str]:
     for name, facts in result.certified.items():
         worst = facts["worst_margin"]
         joint, force = result.joints.names[worst["joint"] - 1], "N" if result.slides[worst["joint"] - 1] else "N m"
-        time, most = facts["reaching_time"], facts["reaching_bound"]
-        reached = "never" if time is None else f"{time:.3g} s"
-        bound = "none: V grew on the way" if most is None else f"{most:.3g} s"
-        lines.append(
+        text = (
             f"certificate of {name}: least K - (123) {worst['value']:.3g} {force} ({joint}, t = {worst['t']:.4g} s); "
-            f"reaching time {reached} (bound {bound}); V grew in {100.0 * facts['share_rising_outside']:.3g} % of the "
-            f"{100.0 * facts['share_outside']:.3g} % of instants outside the layer"
         )
+        time, most = facts["reaching_time"], facts["reaching_bound"]
+        if not facts["share_outside"]:
+            text += "the rest is vacuous: no joint is ever outside its layer"
+        else:
+            reached = "never" if time is None else f"{time:.3g} s"
+            bound = facts.get("no_bound", "none: V grew on the way") if most is None else f"{most:.3g} s"
+            text += f"reaching time {reached} (bound {bound}); V grew in {_percent(facts, 'share_rising_outside')} of "
+            text += f"the {_percent(facts, 'share_outside')} of instants outside the layer"
+        if facts.get("set_point"):
+            text += f"; V of (142): {set_point_text(facts['set_point'])}"
+        lines.append(text)
     return lines
+
+
+def _percent(facts: Mapping[str, Any], key: str) -> str:
+    return f"{100.0 * facts[key]:.3g} %"
+
+
+def set_point_text(facts: Mapping[str, Any]) -> str:
+    """Return what the paper's own Lyapunov function shows, as of `SetPoint.to_json`, in words."""
+    says, share = facts["says"], facts["share_rising_outside"]
+    if says == "falls":
+        return f"falls wherever a joint is outside its layer, (144) by zeta {facts['least_zeta']:.3g}"
+    if says == "vacuous":
+        return "vacuous, no joint is outside its layer while the desired position stands still"
+    if says == "lost to saturation":
+        return f"{says}, rises in {100.0 * share:.3g} % of these instants, always with a joint at its torque limit"
+    return f"rises in {100.0 * share:.3g} % of these instants" if says == "rises" else str(says)

@@ -143,14 +143,16 @@ def certificate_rows(result: ExperimentResult) -> list[list[str]]:
         worst = facts["worst_margin"]
         force = "N" if result.slides[worst["joint"] - 1] else "N m"
         where = f"{result.joints.names[worst['joint'] - 1]}, t = {worst['t']:.4g} s"
+        vacuous, set_point = not facts["share_outside"], facts.get("set_point")
         rows.append(
             [
                 name,
                 f"{number(worst['value'])} {force}",
                 where,
-                number(facts["reaching_time"]),
-                number(facts["reaching_bound"]),
-                number(facts["share_rising_outside"], 100.0),
+                "vacuous" if vacuous else number(facts["reaching_time"]),
+                facts.get("no_bound") or number(facts["reaching_bound"]),
+                "vacuous" if vacuous else number(facts["share_rising_outside"], 100.0),
+                set_point["says"] if set_point else "-",
             ]
         )
     return rows

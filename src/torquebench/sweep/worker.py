@@ -126,15 +126,12 @@ class Worker:
             else:
                 yield Ended(run.outcome.name, float(run.failed_at or 0), undefined, run)
 
-    def _certify(
-        self, experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory
-    ) -> Mapping[str, float]:
+    def _certify(self, experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory) -> Mapping[str, float]:
         """Return the figures of a run's certificates, where the sweep asks for them and the law has them."""
         if not self._plan.keys.certificates:
             return {}
         found = certificate_of(experiment, loop, keys, run)
-        facts = {} if found is None else found.to_json()
-        return {key: float(facts[key]) for key in FIGURES if facts.get(key) is not None}
+        return {} if found is None else found.figures
 
 
 def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:
