@@ -75,7 +75,7 @@ def adaptive(g: Mapping[str, Any], a: Joints, e: Array, de: Array, m: State, tau
     theta, sum_s = m.get("theta", np.zeros((7, len(e)))), m.get("s_integral", np.zeros(len(e)))
     s = de + g["lam"] * e
     zeta = seven(sat(s / g["phi"]))
-    tau = g["kv"] * a.mbar * s + g["ki"] * a.mbar * sum_s + np.sum(theta * zeta, axis=0)
+    tau = g["kv"] * a.mbar * s + g["kis"] * a.mbar * sum_s + np.sum(theta * zeta, axis=0)
     learns = ~((np.abs(tau) > a.tau_max) & (tau * s > 0.0))
     grown = theta + learns * a.T * g["gamma"] * a.mbar * zeta * s
     return tau, {"s": s, "s_integral": sum_s + learns * a.T * s, "theta": np.clip(grown, -a.tau_max, a.tau_max)}

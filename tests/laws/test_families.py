@@ -49,7 +49,7 @@ GAINS: dict[str, dict[str, Any]] = {
         "ge": [0.1, 0.4],
         "gd": [0.5, 3.0],
     },
-    ADAPTIVE: {"lam": [10.0, 4.0], "kv": [20.0, 7.0], "ki": [50.0, 90.0], "phi": [0.6, 1.5], "gamma": [4e3, 9e3]},
+    ADAPTIVE: {"lam": [10.0, 4.0], "kv": [20.0, 7.0], "kis": [50.0, 90.0], "phi": [0.6, 1.5], "gamma": [4e3, 9e3]},
     ONE: {"lam": [10.0, 4.0], "k": [0.3, 0.55], "phi": [0.6, 1.5]},
     TWO: {"lam": [10.0, 4.0], "k": [0.3, 0.55], "phi": [0.6, 1.5], "gis": [0.01, 0.02], "forget": [20.0, 30.0]},
 }
@@ -208,7 +208,7 @@ def test_the_supervised_integral_stops_at_its_scale() -> None:
     assert hand(SUPERVISED, -0.1, 0.0, gains, off, s_integral=0.1)[1].s_integral[0] == pytest.approx(0.1 - T)
 
 
-ADAPT = {"lam": 10, "kv": 20, "ki": 40, "phi": 1, "gamma": 300}
+ADAPT = {"lam": 10, "kv": 20, "kis": 40, "phi": 1, "gamma": 300}
 THETA = {f"theta_{k + 1}": v for k, v in enumerate([-7.0, -5.0, -3.0, 1.0, 4.0, 6.0, 9.0])}
 
 
@@ -272,7 +272,7 @@ PUMA: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         {"lam": 20, "k": 0.6, "phi": 0.6, "gis": 0.05, "boost": 1, "ge": 0.05, "gd": 1},
         {"equivalent_control": False},
     ),
-    ADAPTIVE: ({"lam": 20, "kv": 60, "ki": 600, "phi": 1, "gamma": 1000}, {}),
+    ADAPTIVE: ({"lam": 20, "kv": 60, "kis": 600, "phi": 1, "gamma": 1000}, {}),
     ONE: ({"lam": 20, "k": 0.6, "phi": 0.4}, {}),
     TWO: ({"lam": 20, "k": 0.8, "phi": 0.8, "gis": 0.06, "forget": 1}, {}),
 }
@@ -319,7 +319,7 @@ def test_at_rest_on_the_two_link_arm_each_carries_gravity_its_own_way(law: str) 
     elif law == SUPERVISED:  # no error and no rate: the supervisor's rule N, which leaves K as it is
         carried = K * some(zero, held["s_integral"] / gains["gis"])
     elif law == ADAPTIVE:  # the middle rule alone fires
-        carried = gains["ki"] * arm.flat.inertia_scale * held["s_integral"] + held["theta_4"]
+        carried = gains["kis"] * arm.flat.inertia_scale * held["s_integral"] + held["theta_4"]
     elif law == ONE:
         carried = K * rules(lam * e / phi, zero)
     else:  # z forgets what s adds: s/gis = forget z

@@ -192,7 +192,7 @@ def test_adaptation_reduces_the_error_from_period_to_period(arm: str) -> None:
     first, which begins at rest, have the error of a PD law.
     """
     n = plant(arm).n
-    periodic, gains = Sine([0.6] * n, [1.0] * n), {"ki": 0.0}
+    periodic, gains = Sine([0.6] * n, [1.0] * n), {"kis": 0.0}
 
     def seconds(found: Trajectory) -> Array:
         return np.array([rmse(found, 1000 * k, 1000 * (k + 1)) for k in range(8)])

@@ -1,4 +1,4 @@
-"""Adaptive fuzzy PI sliding mode: a fuzzy system of s learns the arm's dynamics while it runs."""
+"""Adaptive fuzzy PI sliding mode: PI control of s, and a fuzzy system of s whose consequents adapt."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class AdaptiveGains(NamedTuple):
 
     lam: Slope
     kv: Rate
-    ki: Annotated[
-        Array, Gain("integral gain kI of s, KI = kI Mbar; zero leaves the integral out", "1/s^2", positive=False)
+    kis: Annotated[
+        Array, Gain("gain of the integral of s, times Mbar; zero leaves the integral out", "1/s^2", positive=False)
     ]
     phi: Annotated[Array, Gain("s beyond which the outermost rule fires alone", "rad/s")]
     gamma: Annotated[Array, Gain("rate gamma at which the rules learn, gamma Mbar", "1/s^2")]
@@ -74,14 +74,14 @@ def adaptive_fuzzy_pi_smc(
     memory: AdaptiveMemory,
     tau: Array,
 ) -> None:
-    """Adaptive fuzzy PI sliding mode: tau = Kd s + KI int s + theta' zeta(s/phi), dtheta = gamma Mbar zeta s.
+    """Adaptive fuzzy PI sliding mode: tau = Mbar (kV s + kis int s) + theta' zeta(s/phi), dtheta = gamma Mbar zeta s.
 
-    With s = de + lambda e, Kd = kV Mbar and KI = kI Mbar; zeta are seven triangles that add up to 1, theta one torque
-    for each. Each theta stays within tau_max, and theta and the integral stand still while the torque is beyond its
-    limit in the direction of s. No model is used: theta' zeta is what learns it. The family of Shahnazi et al., the
-    paper's [24]: Position control of induction and DC servomotors: a novel adaptive fuzzy PI sliding mode control, IEEE
-    Transactions on Energy Conversion 23, 2008, where PI control of s takes the place of the switching term. The paper
-    does not print the law; here the consequents learn, the triangles stay.
+    With s = de + lambda e; zeta are seven triangles that add up to 1, theta one torque for each. Each theta stays
+    within tau_max, and theta and the integral stand still while the torque is beyond its limit in the direction of s.
+    No model is used. Near s = 0 one rule fires, and theta' zeta is one more integral of s: with gamma 0 and a larger
+    kis the law does as well there. After Shahnazi et al., the paper's [24]: Position control of induction and DC
+    servomotors: a novel adaptive fuzzy PI sliding mode control, IEEE Transactions on Energy Conversion 23, 2008. Left
+    out of it: there the fuzzy system is one of the state, and the gains of the PI part adapt too.
     """
     for i in range(len(tau)):
         s = ref.qd[i] - qd[i] + gains.lam[i] * (ref.q[i] - q[i])
@@ -90,7 +90,7 @@ def adaptive_fuzzy_pi_smc(
         learnt += memory.theta_4[i] * fires(0, x)
         learnt += memory.theta_5[i] * fires(1, x) + memory.theta_6[i] * fires(2, x) + memory.theta_7[i] * fires(3, x)
         memory.s[i] = s
-        tau[i] = model.inertia_scale[i] * (gains.kv[i] * s + gains.ki[i] * memory.s_integral[i]) + learnt
+        tau[i] = model.inertia_scale[i] * (gains.kv[i] * s + gains.kis[i] * memory.s_integral[i]) + learnt
         if not (abs(tau[i]) > model.tau_max[i] and tau[i] * s > 0.0):
             memory.s_integral[i] += model.control_period * s
             step = model.control_period * gains.gamma[i] * model.inertia_scale[i] * s

@@ -76,7 +76,7 @@ def pi_smc_fuzzy_estimator(
 ) -> None:
     """PI sliding mode, fuzzy estimator: tau = [tau_eq +] KF FIS(e/ge, de/gd) + K sgn(s), or K sat(s/phi).
 
-    With s = de + lambda e + (lambda/2)^2 int e and KF = kF tau_max. The family of Wu et al., the paper's [22]: PI
+    With s = de + lambda e + (lambda/2)^2 int e and KF = kF tau_max. After Wu et al., the paper's [22]: PI
     sliding mode for an electro-hydraulic drive, with a fuzzy system in parallel that estimates the equivalent part. The
     paper does not print the law; the estimate is taken as the paper's own (150) has it, a static system of error and
     rate. On the surface pi nothing slides, as for `smc`. The integral stops growing while the torque is beyond its

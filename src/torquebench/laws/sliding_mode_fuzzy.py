@@ -55,11 +55,11 @@ def sliding_mode_fuzzy(
     """Sliding mode fuzzy control: tau = K FIS(s/phi), with s = de + lambda e, one input and seven rules; no model.
 
     The built-in system `s-7` has one input. Of a system of two the row at zero of the second is used: with `pd-49`, in
-    which the middle term alone fires there, that is the same seven rules. The family of Weng and Yu, the paper's
+    which the middle term alone fires there, that is the same seven rules. After Weng and Yu, the paper's
     [29]: Adaptive fuzzy sliding mode control for linear time-varying uncertain systems, IEEE International Conference
     on Fuzzy Systems, 2008; and of Lhee, Park, Ahn and Kim, its [26]: Sliding mode-like fuzzy logic control with
-    self-tuning the dead zone parameters, IEEE Transactions on Fuzzy Systems 9, 2001. The paper prints neither law; what
-    they share is here, without the tuning of the rules (Weng) and of the layer's thickness (Lhee).
+    self-tuning the dead zone parameters, IEEE Transactions on Fuzzy Systems 9, 2001. The paper prints neither law.
+    Left out is what each of them adds: the tuning of the rules (Weng) and of the layer's thickness (Lhee).
     """
     for i in range(len(tau)):
         e, de = ref.q[i] - q[i], ref.qd[i] - qd[i]

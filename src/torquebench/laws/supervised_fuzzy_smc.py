@@ -69,9 +69,10 @@ def pi_fuzzy_smc_supervised(
 
     With s = de + lambda e, 25 rules unless the config names others, and w = SUP(2 |e|/ge - 1, 2 |de|/gd - 1) of a
     supervisor with nine: small, medium and large error by small, medium and large rate raise the gain the more the
-    farther the joint is from its motion. The integral stops growing at its scale gis. The family of Barrero et al., the
-    paper's [23], which gives both numbers of rules but not the law: Speed control of induction motors using a novel
-    fuzzy sliding-mode structure, IEEE Transactions on Fuzzy Systems 10, 2002. What the supervisor tunes here is K.
+    farther the joint is from its motion. The integral stops growing at its scale gis. It is what the paper says in a
+    sentence of its [23], with these numbers of rules; it is not that law. Barrero et al., Speed control of induction
+    motors using a novel fuzzy sliding-mode structure, IEEE Transactions on Fuzzy Systems 10, 2002, blend two
+    controllers by a Takagi-Sugeno supervisor: sliding mode in the transient, PI fuzzy in the steady state.
     """
     equivalent_control(gains.equivalent_control, gains.lam, 0.0, model, q, qd, ref, memory.velocity, tau)
     for i in range(len(tau)):

@@ -47,7 +47,7 @@ def two_input_sliding_mode_fuzzy(
 ) -> None:
     """Two-input sliding mode fuzzy control: tau = K FIS(s/phi, z), dz = s/gis - forget z, |z| <= 1; no model.
 
-    With s = de + lambda e. The family of Zhang et al., the paper's [28], whose inputs are the sliding surface and a
+    With s = de + lambda e. After Zhang et al., the paper's [28], whose inputs are the sliding surface and a
     "self tuning mechanism function". The paper does not print that function; here it is the bounded integral of s with
     forgetting, by which adaptive control tunes a bias: P. Ioannou and P. Kokotovic, Instability analysis and
     improvement of robustness of adaptive control, Automatica 20, 1984. It supplies the torque that s alone would need
