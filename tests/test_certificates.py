@@ -11,7 +11,7 @@ import pytest
 
 from tests.arms import PENDULUM_INERTIA, pendulum
 from tests.sampled import simulate_sampled
-from torquebench import AnalyticPlant, Controller, Puma560, find_law, load_model
+from torquebench import CHAINS, AnalyticPlant, Chain, Controller, Puma560, find_law, load_model
 from torquebench.certificates import SlidingLaw, certify, coriolis_force, held_to, required_gain
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment, parse_experiment
@@ -506,3 +506,18 @@ def test_no_shipped_config_has_a_joint_too_light_for_its_gain() -> None:
         if "\nsweep:" not in path.read_text(encoding="utf-8"):
             experiment = load_experiment(path)
             assert not [one for one in flags(experiment, build(experiment)) if isinstance(one, Coarse)], path
+
+
+def test_a_slow_loop_widens_the_layer():
+    """The layer is what K moves s until the torque answers: with ten times the reaction it is ten times as wide."""
+    run, arm = run_of(Step([0.6, -0.4], 0.1), duration=1.0), load_model("two-link")
+    narrow, wide = (certify(run, arm, law_of(), PERIOD, reaction).layer for reaction in (PERIOD, 10.0 * PERIOD))
+    assert wide == pytest.approx(10.0 * narrow, rel=1e-12)
+    assert certify(run, arm, law_of(), PERIOD).layer == pytest.approx(narrow, rel=1e-12)
+
+
+def test_reaction_of_a_chain():
+    """Control period, delay, filter and lag add up: 1 + 2 + 5 + 8 ms; of an ideal chain it is the period."""
+    slow = Chain(velocity="differentiated", velocity_filter=200.0, actuator_lag=0.008, delay=0.002)
+    assert slow.reaction(0.001) == pytest.approx(0.016)
+    assert CHAINS["ideal"].reaction(0.001) == 0.001

@@ -121,8 +121,8 @@ class Certificate:
     K_u: Array
     """K_u of (122) as printed, |M ds| + |C s| + |g|, its greatest value on the run, (n,) [N m]."""
     layer: Array
-    """|s| within which a joint counts as sliding, (n,) [rad/s]: phi, and at least what K moves s in one control
-    period, T |M^-1| K."""
+    """|s| within which a joint counts as sliding, (n,) [rad/s]: phi, and at least what K moves s before
+    the loop answers, |M^-1| K times `Chain.reaction`."""
     reaching_from: float | None
     """Instant of the largest V outside the layer, from which the reaching time counts [s]; None when nothing ever is
     outside, so that nothing was reached."""
@@ -257,7 +257,9 @@ def coriolis_force(truth: Arm, q: Array, qd: Array, s: Array) -> Array:
     )
 
 
-def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float) -> Certificate:
+def certify(
+    run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float, reaction: float | None = None
+) -> Certificate:
     """Compute the certificates of a completed run.
 
     With tau = tau_eq + K sgn(s) + .., (118) becomes dV/dt = s' (M ds + C s), and it is at most -sum eta |s| when K
@@ -269,6 +271,8 @@ def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float)
         truth: The true arm.
         law: Parameters of the law.
         control_period: Time between control instants [s].
+        reaction: Time from a change of the state to the torque that answers it [s], see `Chain.reaction`; None for one
+            control period. What the gains move s in it belongs to the layer.
 
     Raises:
         ResultError: the run did not complete, or is shorter than two instants.
@@ -295,8 +299,8 @@ def certify(run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float)
     size = np.sum(np.abs(middle), axis=1)
     fall = -V_rate / np.where(size > 0.0, size, np.nan)
     K_u = np.max(np.abs(inertial) + np.abs(turning) + np.abs(truth.gravity(q)), axis=0)
-    one_period = control_period * np.max(np.abs(np.linalg.inv(M)) @ law.K, axis=0)
-    layer = one_period if law.phi is None else np.maximum(law.phi, one_period)
+    moved = (reaction or control_period) * np.max(np.abs(np.linalg.inv(M)) @ law.K, axis=0)
+    layer = moved if law.phi is None else np.maximum(law.phi, moved)
     margin = law.K - demand
     first, time, bound = _reaching(run.t, s, V, M, fall, layer)
     found = Certificate(law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, eta, K_u, layer, first, time, bound)

@@ -104,6 +104,17 @@ class Chain:
             return 0.0
         return 1.0 if self.velocity_filter is None else 1.0 - math.exp(-self.velocity_filter * control_period)
 
+    def reaction(self, control_period: float) -> float:
+        """Return the time from a change of the state to the torque that answers it [s].
+
+        The control period, the delay, and the time constants of the velocity's filter and of the actuators.
+
+        Args:
+            control_period: Control period T [s].
+        """
+        filtering = 0.0 if self.velocity_filter is None else 1.0 / self.velocity_filter
+        return control_period + self.delay + filtering + self.actuator_lag
+
     def decay(self, timestep: float, control_period: float) -> Array:
         """Return what is left of an actuator's lag after half a physics step, a whole one, and on average.
 

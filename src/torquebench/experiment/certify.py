@@ -173,7 +173,8 @@ def certificate_of(
     law = sliding_law(keys, loop, experiment.n)
     if law is None or not run.completed:
         return None
-    return certify(run, truth or truth_of(experiment), law, experiment.run.control_period)
+    period = experiment.run.control_period
+    return certify(run, truth or truth_of(experiment), law, period, experiment.chain.reaction(period))
 
 
 def too_coarse(
