@@ -47,7 +47,7 @@ audit:
       where: Fig 3, errors
       quoted: insensitive
       pairs: {band: band}
-      measures: [{figure: rmse, as: difference, against: {burden: nominal}, below: 1.0e-4, why: A tenth of a milliradian}]
+      measures: [{figure: rmse, as: difference, against: {burden: nominal}, below: 1.0e-4, why: A tenth of a mrad}]
       under: {burden: wrong}
     reaches:
       says: Switching control is stable.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from torquebench.audit.run import Runs
-from torquebench.audit.study import Claim, Condition, Measure, Pair, Question, Study
+from torquebench.audit.study import MAX_WORDS, Claim, Condition, Measure, Pair, Question, Study
 from torquebench.audit.verdicts import Interval, Verdict, all_of, judge, mean, over_cases, ratio, share
 from torquebench.certificates import FIGURES
 from torquebench.plain import plain
@@ -91,18 +91,37 @@ class Judged:
 
     @property
     def sentence(self) -> str:
-        """What came out, in at most 25 words: where it turns, and the median with its range."""
-        counts = Counter(case.verdict for case in self.cases)
-        said = [f"{verdict} in {counts[verdict]}" for verdict in Verdict if counts[verdict]]
+        """What came out, in at most `MAX_WORDS` words: where it turns, and the median with its range."""
+        if not self.cases:
+            return "no case: nothing is certified anywhere"
         middle, low, high = self.typical
         first = self.claim.measures[0]
-        text = f"{' and '.join(said)} of {len(self.cases)}" if len(said) > 1 else f"in all {len(self.cases)}"
-        if len(self.cases) == 1:
-            text = "in the one case"
-        if not math.isnan(middle):
-            median = shown(middle, first)
-            text += f"; median {median}" + (f", {shown(low, first)} to {shown(high, first)}" if low != high else "")
-        return text
+        figures = "" if math.isnan(middle) else f"median {shown(middle, first)}"
+        if low != high:
+            figures += f", {shown(low, first)} to {shown(high, first)}"
+        texts = [f"{where}; {figures}" if figures else where for where in (self._groups(), self._counts())]
+        return next((text for text in texts if len(text.split()) <= MAX_WORDS), texts[-1])
+
+    def _counts(self) -> str:
+        """Return in how many cases it holds, fails or is undecided."""
+        counts = Counter(case.verdict for case in self.cases)
+        n = len(self.cases)
+        if len(counts) == 1:
+            return "in the one case" if n == 1 else f"in all {n} cases"
+        return " and ".join(f"{verdict} in {counts[verdict]}" for verdict in Verdict if counts[verdict]) + f" of {n}"
+
+    def _groups(self) -> str:
+        """Return on which levels of the first axis every case holds, every case fails, and where there are both."""
+        groups: dict[str, set[Verdict]] = {}
+        for case in self.cases:
+            groups.setdefault(case.condition[0] if case.condition else "all", set()).add(case.verdict)
+        if len({frozenset(verdicts) for verdicts in groups.values()}) == 1:
+            return self._counts()
+        named: dict[str, list[str]] = {}
+        for group, verdicts in groups.items():
+            named.setdefault(str(next(iter(verdicts))) if len(verdicts) == 1 else "mixed", []).append(group)
+        order = [*map(str, Verdict), "mixed"]
+        return "; ".join(f"{verdict} on {', '.join(named[verdict])}" for verdict in order if verdict in named)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data, None for a figure that there is not."""

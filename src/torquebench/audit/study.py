@@ -407,4 +407,6 @@ class _Reader:
             named = self._levels(here, levels)
             for condition in itertools.product(*(named.get(axis, list(own)[:1]) for axis, own in self.axes.items())):
                 found[condition] = max(draws, found.get(condition, 0))
-        return found
+        return {
+            condition: found[condition] for condition in itertools.product(*self.axes.values()) if condition in found
+        }

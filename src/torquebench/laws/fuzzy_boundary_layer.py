@@ -46,11 +46,11 @@ def fuzzy_boundary_layer(
 ) -> None:
     """Fuzzy boundary layer: tau = [tau_eq +] K FIS(s/phi, ds/gds), with s = de + lambda e and ds its rate.
 
-    After R. Palm, Sliding mode fuzzy control, IEEE International Conference on Fuzzy Systems, 1992, the paper's [21], of
-    which it says two inputs and 49 rules. s and its rate as the inputs are the form of later work; the torque grows
-    while s leaves the surface and shrinks while it returns. The rate is the last difference of s over
-    the control period, zero at the first instant. It contains the acceleration, which the torque moves at once: the
-    sampled loop rings where the slope of the rules times K / (gds M) reaches 1.
+    After R. Palm, Sliding mode fuzzy control, IEEE International Conference on Fuzzy Systems, 1992, the paper's [21],
+    of which it says two inputs and 49 rules. s and its rate as the inputs are the form of later work; the torque grows
+    while s leaves the surface and shrinks while it returns. The rate is the last difference of s over the control
+    period, zero at the first instant. It contains the acceleration, which the torque moves at once: the sampled loop
+    rings where the slope of the rules times K / (gds M) reaches 1.
     """
     equivalent_control(gains.equivalent_control, gains.lam, 0.0, model, q, qd, ref, memory.velocity, tau)
     for i in range(len(tau)):
