@@ -1,19 +1,15 @@
 """The figures that tests measure, shown in a table at the end of the run; and Ctrl-C as it is from a terminal."""
 
 import signal
-import sys
 from collections.abc import Callable, Iterator
 
 import pytest
 
 from torquebench.registry import restored
-from torquebench.shipped import data_root
 
 # a shell that starts the tests in the background has them, and all that they start, ignore Ctrl-C, which many test
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-sys.path.insert(0, str(data_root() / "scripts"))  # for the study of the paper, which lies beside the package
 
 MEASURED = "measured"
 """Name of the property under which a test's report carries a figure, from whichever process ran it."""

@@ -1,4 +1,6 @@
 # written by scripts/public_names.py
+from torquebench.audits import Audit as Audit
+from torquebench.audits import run_audit as run_audit
 from torquebench.chain import CHAINS as CHAINS
 from torquebench.chain import Chain as Chain
 from torquebench.check import check_law as check_law

@@ -47,17 +47,17 @@ def overview(study: Study, judged: Sequence[Judged]) -> Figure:
         ax.set_axis_off()
         ax.set_xlim(0.0, PAGE_WIDTH)
         ax.set_ylim(top + sum(heights) + 0.1, 0.0)
-        for i, line in enumerate(title):
-            ax.text(LEFT, 0.2 + 0.19 * i, line, fontsize=10.0, fontweight="bold", va="center")
+        for i, text in enumerate(title):
+            ax.text(LEFT, 0.2 + 0.19 * i, text, fontsize=10.0, fontweight="bold", va="center")
         _key(ax)
         y = top
         for claim, lines, height in zip(judged, blocks, heights, strict=True):
             ax.plot((LEFT, PAGE_WIDTH - LEFT), (y, y), color="0.85", linewidth=0.5)
-            verdict = {"color": COLOURS[claim.verdict], "fontweight": "bold"}
-            ax.text(LEFT, y + 0.8 * LINE, str(claim.verdict).upper(), fontsize=8.0, va="center", **verdict)
+            verdict = ax.text(LEFT, y + 0.8 * LINE, str(claim.verdict).upper(), fontsize=8.0, va="center")
+            verdict.set(color=COLOURS[claim.verdict], fontweight="bold")
             ax.text(INDENT, y + 0.8 * LINE, claim.claim.says, fontsize=8.0, va="center")
-            for k, line in enumerate(lines):
-                for x, label, cases in line:
+            for k, groups in enumerate(lines):
+                for x, label, cases in groups:
                     ax.text(x, y + (1.8 + k) * LINE, label, fontsize=6.5, color="0.3", va="center")
                     for i, case in enumerate(cases):
                         _dot(ax, x + _label_width(label) + DOT * i, y + (1.8 + k) * LINE, case.verdict, 4.6)
@@ -159,13 +159,13 @@ def _dot_plot(title: str, subtitle: str, points: Sequence[Point], place: Callabl
             ax.axhspan(y - 0.5, y + 0.5, color="0.965", zorder=-1.0)
         for point in points:
             middle = rows.index(point.row)
-            y = middle + (series.index(point.series) - 0.5 * (len(series) - 1)) * PITCH / step
+            at = middle + (series.index(point.series) - 0.5 * (len(series) - 1)) * PITCH / step
             if not math.isnan(point.interval.value):
-                ax.plot(point.interval[1:3], [y, y], color=point.series.colour, linewidth=1.1, zorder=2.5)
-                _dot(ax, point.interval.value, y, point.verdict, 4.6, point.series)
+                ax.plot(point.interval[1:3], [at, at], color=point.series.colour, linewidth=1.1, zorder=2.5)
+                _dot(ax, point.interval.value, at, point.verdict, 4.6, point.series)
             if numbers:
                 words = {"fontsize": 6.5, "va": "center", "color": "0.25", "annotation_clip": False}
-                ax.annotate(_numbers(point.interval), (1.02, y), xycoords=("axes fraction", "data"), **words)  # type: ignore[arg-type]
+                ax.annotate(_numbers(point.interval), (1.02, at), xycoords=("axes fraction", "data"), **words)  # type: ignore[arg-type]
         place(ax)
         ax.set_ylim(len(rows) - 0.5, -0.5)
         ax.set_yticks(range(len(rows)), rows, fontsize=7.0)
@@ -173,13 +173,13 @@ def _dot_plot(title: str, subtitle: str, points: Sequence[Point], place: Callabl
         ax.grid(visible=False, axis="y")
         for i, line in enumerate(lines):
             fig.text(0.012, 1.0 - (0.16 + 0.16 * i) / height, line, fontsize=9.0, fontweight="bold", va="center")
-        y = 0.18 + 0.16 * len(lines)
-        fig.text(0.012, 1.0 - y / height, subtitle, fontsize=7.5, va="center", color="0.3")
+        down = 0.18 + 0.16 * len(lines)
+        fig.text(0.012, 1.0 - down / height, subtitle, fontsize=7.5, va="center", color="0.3")
         for own in series:
-            y += 0.17
+            down += 0.17
             look = {"marker": "o" if own.like else "D", "markersize": 4.5 if own.like else 3.5, "color": own.colour}
-            fig.add_artist(Line2D([0.02], [1.0 - y / height], linestyle="none", transform=fig.transFigure, **look))  # type: ignore[arg-type]
-            fig.text(0.032, 1.0 - y / height, own.label, fontsize=7.0, va="center")
+            fig.add_artist(Line2D([0.02], [1.0 - down / height], linestyle="none", transform=fig.transFigure, **look))
+            fig.text(0.032, 1.0 - down / height, own.label, fontsize=7.0, va="center")
     return fig
 
 

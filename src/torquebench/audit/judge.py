@@ -115,11 +115,11 @@ class Judged:
         groups: dict[str, set[Verdict]] = {}
         for case in self.cases:
             groups.setdefault(case.condition[0] if case.condition else "all", set()).add(case.verdict)
-        if len({frozenset(verdicts) for verdicts in groups.values()}) == 1:
-            return self._counts()
         named: dict[str, list[str]] = {}
         for group, verdicts in groups.items():
             named.setdefault(str(next(iter(verdicts))) if len(verdicts) == 1 else "mixed", []).append(group)
+        if len(named) == 1:
+            return self._counts()
         order = [*map(str, Verdict), "mixed"]
         return "; ".join(f"{verdict} on {', '.join(named[verdict])}" for verdict in order if verdict in named)
 

@@ -5,13 +5,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from torquebench.audit.judge import Figure, Judged, measure_words, shown
+from torquebench.audit.judge import Figure as Shown
+from torquebench.audit.judge import Judged, measure_words, shown
 from torquebench.audit.run import CONDITIONS, Part
-from torquebench.audit.study import Study
+from torquebench.audit.study import Measure, Study
 from torquebench.audit.verdicts import Verdict
 from torquebench.experiment.store import json_bytes, machine, versions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DOTS = {Verdict.HOLDS: "●", Verdict.UNDECIDED: "◐", Verdict.FAILS: "○"}
 
@@ -48,7 +55,7 @@ def markdown(study: Study, judged: Sequence[Judged]) -> str:
     return "\n".join(lines).replace("|S|", "\\|S\\|") + "\n"
 
 
-def figure_text(figure: Figure) -> str:
+def figure_text(figure: Shown) -> str:
     """Return a figure with its interval, the number of draws, and the absolute figures behind it."""
     interval, measure = figure.interval, figure.measure
     failed = "".join(
@@ -61,13 +68,13 @@ def figure_text(figure: Figure) -> str:
         text += f" [{_bare(interval.low, measure)}, {_bare(interval.high, measure)}]"
     text += f", n = {interval.n}{failed}"
     if measure.relation in ("ratio", "difference") and figure.of is not None and figure.beside is not None:
-        absolute = measure.__class__(**(vars(measure) | {"relation": "value"}))
+        absolute = replace(measure, relation="value")
         text += f" ({shown(figure.of, absolute)} beside {shown(figure.beside, absolute)})"
     return text
 
 
-def _bare(value: float, measure: object) -> str:
-    return shown(value, measure).lstrip("x").split(" ")[0]  # type: ignore[arg-type]
+def _bare(value: float, measure: Measure) -> str:
+    return shown(value, measure).lstrip("x").split(" ")[0]
 
 
 def write_files(
@@ -88,14 +95,13 @@ def write_files(
         figures: Whether to draw.
         progress: Called with what is done next.
     """
-    from torquebench.audit.figures import ablation_plot, forest, overview
     from torquebench.report.figures.style import figure_bytes
     from torquebench.report.render import PAGE, Picture, render
 
     yield "claims.json", json_bytes([claim.to_json() for claim in judged])
     yield "claims.md", markdown(study, judged).encode()
     pictures: dict[str, Picture] = {}
-    for name, title, draw in _drawn(study, judged, overview, forest, ablation_plot) if figures else ():
+    for name, title, draw in _drawn(study, judged) if figures else ():
         progress(f"drawing {name}")
         figure = draw()
         if figure is None:
@@ -154,10 +160,12 @@ def write_files(
     )
 
 
-def _drawn(study, judged, overview, forest, ablation_plot):  # type: ignore[no-untyped-def]
+def _drawn(study: Study, judged: Sequence[Judged]) -> Iterator[tuple[str, str, Callable[[], Figure | None]]]:
     """Yield name, title and maker of each figure."""
+    from torquebench.audit.figures import ablation_plot, forest, overview
+
     yield "claims", "The claims", lambda: overview(study, judged)
     for claim in judged:
         for i, measure in enumerate(claim.claim.measures):
-            yield f"{claim.key}.{i + 1}", measure.figure, lambda claim=claim, i=i: forest(claim, i)
-        yield f"{claim.key}.ablations", "Ablations", lambda claim=claim: ablation_plot(claim)
+            yield f"{claim.key}.{i + 1}", measure.figure, partial(forest, claim, i)
+        yield f"{claim.key}.ablations", "Ablations", partial(ablation_plot, claim)

@@ -204,7 +204,7 @@ class Study(NamedTuple):
     file: Document
     """The whole file, which knows where everything is written."""
     audit: AuditKeys
-    axes: dict[str, dict[str, dict[str, Any]]]
+    axes: Mapping[str, Mapping[str, Mapping[str, Any]]]
     """Axis -> level -> dotted key -> value."""
     questions: tuple[Question, ...]
 
@@ -256,9 +256,8 @@ def take_audit(document: Document) -> Study:
     if AUDIT not in document.root:
         document.add((AUDIT,), "missing: the claims, and the conditions under which they are judged", at="key")
     document.raise_problems()
-    audit: AuditKeys | None = check_group(document, (AUDIT,), group_of(AuditKeys))
+    audit: AuditKeys = check_group(document, (AUDIT,), group_of(AuditKeys))
     document.raise_problems()
-    assert audit is not None
     names = [item.get("name") for item in document.root.get("controllers", []) if isinstance(item, dict)]
     reader = _Reader(document, audit.draws, dict(audit.conditions), [name for name in names if isinstance(name, str)])
     reader.check_axes()

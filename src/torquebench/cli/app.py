@@ -36,7 +36,7 @@ BAD_INPUT, INTERNAL, INTERRUPTED, TERMINATED = 2, 3, 130, 143
 """Exit statuses of commands that ended early; one that did not returns 0, or 1 where something did not hold."""
 
 COMMANDS = {
-    "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "paper"},
+    "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "audit"},
     "Look": {"report": "report", "video": "video", "view": "view"},
     "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
     "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Config, argument, option, out_folder, plugins, refuse, settings
 from torquebench.cli.parameters import workers as workers_option
-from torquebench.cli.terminal import complain, following, progress_bar, say, tell, width
+from torquebench.cli.terminal import complain, following, progress_bar, say, tell
 from torquebench.errors import Problem, nearest
+from torquebench.shipped import find_config
 
 if TYPE_CHECKING:
     from torquebench.audits import Audit
@@ -51,20 +52,33 @@ def audit(
     expects makes the exit status 1.
     """
     gates = _gates(fail_if)
+    draws = QUICK if quick else None
+    return report(
+        _run(
+            config, folder=out, draws=draws, changes=overrides, workers=workers, figures=not no_figures, plugins=plugin
+        ),
+        gates,
+    )
+
+
+@command(example="torquebench paper --quick")
+@out_folder(help="folder for the results: new, empty, or one in which this was begun (default: runs/paper-UTC)")
+@option("--quick", is_flag=True, help=f"{QUICK} draws in place of the study's: for a look")
+@workers_option(help="how many conditions run at once (default: one per core)")
+def paper(out: Path | None, quick: bool, workers: int | None) -> int:
+    """Judge the claims of the paper that the PUMA's laws come from.
+
+    It is `torquebench audit paper/audit`.
+    """
+    return report(_run(find_config("paper/audit"), folder=out, draws=QUICK if quick else None, workers=workers))
+
+
+def _run(config: Path, **given: Any) -> Audit:
+    """Run a study, with a progress bar; arguments as of `run_audit`."""
     from torquebench.audits import run_audit
 
     with progress_bar(0, "run", "starting (compiles on first use)") as bar:
-        found = run_audit(
-            config,
-            folder=out,
-            draws=QUICK if quick else None,
-            changes=overrides,
-            workers=workers,
-            figures=not no_figures,
-            plugins=plugin,
-            progress=following(bar),
-        )
-    return report(found, gates)
+        return run_audit(config, progress=following(bar), **given)
 
 
 def report(found: Audit, gates: Sequence[tuple[str, str]] = ()) -> int:
@@ -112,15 +126,13 @@ def _unknown(key: str, known: set[str]) -> Problem:
 
 
 def claim_lines(found: Audit) -> str:
-    """Return the claims for the terminal: a line each with verdict and dots, a sentence under it."""
+    """Return the claims for the terminal: verdict and claim, a dot for each case, and a sentence."""
     from torquebench.audit.pages import dots
 
-    lines = [f"{found.study.audit.paper}" if found.study.audit.paper else "", "● holds  ◐ undecided  ○ fails", ""]
-    longest = max(len(claim.claim.says) for claim in found.claims)
-    says = min(longest, max(40, (width() or 120) - 60))
+    lines = [str(found.study.audit.paper)] if found.study.audit.paper else []
+    lines += ["● holds  ◐ undecided  ○ fails", ""]
     for i, claim in enumerate(found.claims, 1):
-        text = claim.claim.says if len(claim.claim.says) <= says else claim.claim.says[: says - 4] + " ..."
-        where = "  ".join(f"{group} {text}" for group, text in dots(found.study, claim))
-        lines.append(f"{i:2d} {text:{says}}  {str(claim.verdict).upper():9}  {where}")
-        lines.append(f"   {claim.sentence}")
-    return "\n".join(line for line in lines if line is not None)
+        lines.append(f"{i:2d} {str(claim.verdict).upper():9}  {claim.claim.says}")
+        lines.append(" " * 14 + "  ".join(f"{group} {text}" for group, text in dots(found.study, claim)))
+        lines.append(" " * 14 + claim.sentence)
+    return "\n".join(lines)

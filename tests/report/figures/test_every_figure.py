@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from paper.pages import comparison_page
 
 from tests.report.figures.colour_vision import SIGHT, difference, lab
 from tests.report.figures.test_fuzzy_figures import SYSTEMS
@@ -103,7 +102,6 @@ def draw_all() -> dict[str, Figure]:
     ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0), 0) for k in range(1, 9)]
     spots = [Spot(f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
     found["front"] = draw_pareto(Front(tuple(spots), "its phi [rad/s]"), "t", "s")
-    found["paper"] = comparison_page({k: runs[k] for k in ("smc", "calm")}, {}, "t", "s", **common)  # type: ignore[arg-type]
     return found
 
 
