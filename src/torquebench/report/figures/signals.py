@@ -14,8 +14,8 @@ from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.figures import style
 from torquebench.report.figures.declare import figure
-from torquebench.report.figures.layout import level_lines, panel_grid, printable, write_note
-from torquebench.report.figures.run_view import REFERENCE, SHADE, TIME, Run, RunView, draw
+from torquebench.report.figures.layout import REFERENCE, SHADE, level_lines, panel_grid, printable, write_note
+from torquebench.report.figures.run_view import TIME, Run, RunView, draw
 from torquebench.sim.trajectory import Trajectory
 
 _BAND: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (1.0, 1.5)), "zorder": 3.0}
@@ -45,7 +45,7 @@ def _time_panels(
         more = [q_ref[:, i] * unit.factor for q_ref in reference_q]
         draw(ax, x, {name: y[:, i] * unit.factor for name, y in values.items()}, thin, more)
         for y in more:
-            ax.plot(*style.decimate(x.longest.t, y, x.bins), **REFERENCE)
+            ax.plot(x.longest.t, y, **REFERENCE)
     return fig, units
 
 
