@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from tests.sweep.tables import made
-from torquebench.report.sweep_page import SweepInfo, picture, sweep_page
+from torquebench.report.render import Picture
+from torquebench.report.sweep_page import SweepInfo, sweep_page
 from torquebench.report.sweep_tables import effects_table, failures_table, law_table, silent_text
 from torquebench.report.tables import Cells, headlines
 from torquebench.statistics import clopper_pearson
@@ -77,7 +78,7 @@ def text_of(page: bytes) -> str:
 
 def test_the_page_tells_what_the_table_says() -> None:
     """Completed runs with their exact interval, the worst run's index, the ratio, the failure, and how to replay."""
-    page = sweep_page(TABLE, INFO, {"figures/spread.svg": b'<?xml version="1.0"?>\n<svg><path/></svg>'}, FOUND)
+    page = sweep_page(TABLE, INFO, [Picture("All runs", b'<?xml version="1.0"?>\n<svg><path/></svg>')], FOUND)
     text = text_of(page)
     share = clopper_pearson(7, 8)
     assert f"7 of 8 [{100 * share.low:.3g}, {100 * share.high:.3g}] %" in text
@@ -87,13 +88,13 @@ def test_the_page_tells_what_the_table_says() -> None:
     assert "plant.payload.mass = 2 " in text
     assert "1 diverged" in text
     assert "torquebench run --from-sweep DIR --index INDEX" in text
-    assert "Every run" in text
+    assert "All runs" in text
 
 
 def test_the_page_stands_alone_and_is_the_same_again() -> None:
     """No script, no link, no image from outside; text is text; the same arguments give the same bytes."""
-    page = sweep_page(TABLE, INFO, {}, FOUND)
-    assert page == sweep_page(TABLE, INFO, {}, FOUND)
+    page = sweep_page(TABLE, INFO, (), FOUND)
+    assert page == sweep_page(TABLE, INFO, (), FOUND)
     assert b"<script" not in page
     assert b"&lt;script&gt;" in page
     assert not re.search(rb"(src|href)=|@import|url\(", page)
@@ -139,15 +140,3 @@ def test_a_law_without_a_completed_run_has_dashes() -> None:
     _, rows = over_all(table)
     assert rows[1] == ["b", *["-"] * 5]
     assert b"0 of 3" in sweep_page(table, INFO)
-
-
-def test_headings_of_figures() -> None:
-    """File names become headings; a figure that is not known keeps its name."""
-    names = {
-        "spread": "Every run",
-        "over-plant-payload-mass": "Over plant payload mass",
-        "map-hf": "Chattering index HF over two keys",
-        "effects-rmse": "What the RMS error depends on",
-        "other": "Other",
-    }
-    assert {name: picture(name, b"<svg/>").title for name in names} == names

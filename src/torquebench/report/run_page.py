@@ -70,21 +70,20 @@ def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[P
                 bad.append(len(rows))
             cells = dict(zip(header, row, strict=True))
             rows.append([name, row[0], row[2], *(cells.get(title, "-") for title in titles)])
+    keys = {
+        name: {key: json.dumps(value) for key, value in flattened(plain(result.experiment))}
+        for name, result in results.items()
+    }
     return render(
         "comparison",
-        figures=list(figures),
+        figures=figures,
         title=" against ".join(results),
         lead="Runs of different experiments are comparable where their keys are the same.",
         headlines=(["run", "controller", "outcome", *titles], rows),
         bad=bad,
         changed=[f"{name}: {line}" for name, result in results.items() for line in changed_arm(result)],
-        differences=(["key", *results], differences({name: flat(result) for name, result in results.items()})),
+        differences=(["key", *results], differences(keys)),
     )
-
-
-def flat(result: ExperimentResult) -> dict[str, str]:
-    """Return every key of a run's experiment with its value, as text; controllers by name."""
-    return {key: json.dumps(value) for key, value in flattened(plain(result.experiment))}
 
 
 def differences(configs: Mapping[str, Mapping[str, str]]) -> list[list[str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -12,7 +13,7 @@ from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import json_bytes, machine
 from torquebench.experiment.sweep_section import Worst
-from torquebench.report.render import PAGE
+from torquebench.report.render import PAGE, Picture
 from torquebench.report.sweep_page import SweepInfo, sweep_page
 from torquebench.report.tables import headlines
 from torquebench.sim.trajectory import Outcome
@@ -52,14 +53,16 @@ def report_files(stored: StoredSweep, figures: bool, progress: Progress | None =
         progress("what the figures depend on", 0, 0)
     found = dependences(stored, table)
     yield "sensitivity.json", json_bytes([one.to_json() for one in found])
-    info, drawn = info_of(stored), dict[str, bytes]()
+    info, pictures = info_of(stored), list[Picture]()
     if figures:
         from torquebench.report.figures.style import figure_files
 
-        for name, content in figure_files(figures_of(info, table, found), progress):
-            drawn[name] = content
+        drawn = figures_of(info, table, found)
+        for name, content in figure_files(drawn, progress):
             yield name, content
-    yield PAGE, sweep_page(table, info, drawn, found)
+            if name.endswith(".svg"):
+                pictures.append(Picture(str(drawn[Path(name).stem].get_label()), content))
+    yield PAGE, sweep_page(table, info, pictures, found)
 
 
 def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from torquebench.metrics import METRICS
@@ -27,13 +25,6 @@ from torquebench.sweep.table import Table
 
 MOST_CASES = 64
 """Cases whose tables are shown."""
-HEADINGS = {
-    "spread": "Every run",
-    "over": "Over {}",
-    "map": "{} over two keys",
-    "front": "Error against chattering",
-    "effects": "What the {} depends on",
-}
 
 
 class SweepInfo(NamedTuple):
@@ -56,25 +47,23 @@ class SweepInfo(NamedTuple):
 def sweep_page(
     table: Table,
     info: SweepInfo,
-    figures: Mapping[str, bytes] = MappingProxyType({}),
+    figures: Sequence[Picture] = (),
     found: Sequence[Sensitivity] = (),
-    reference: str | None = None,
 ) -> bytes:
     """Return the page of a sweep; the same arguments give the same bytes.
 
     Args:
         table: The sweep's table.
         info: What it is.
-        figures: Name of a figure's file -> its content, in order.
+        figures: Figures to show, in order.
         found: What its metrics depend on; of those in `SHOWN` it is told.
-        reference: Controller that the ratios are to; None for the first.
 
     Raises:
-        ResultError: it is no sweep's table, or the reference is none of its controllers.
+        ResultError: it is no sweep's table.
     """
-    summary = summarise(table, reference)
+    summary = summarise(table)
     titles = headlines(info.slides, steps=True)
-    shown = {metric: _sentence(METRICS[metric].title) for metric in SHOWN if metric in summary.metrics}
+    shown = [metric for metric in SHOWN if metric in summary.metrics]
     cases = [list(groups) for _, groups in groupby(summary.groups, lambda group: group.case)]
     told = [one for one in found if one.metric in SHOWN]
     drawn = f"; drawn: {', '.join(summary.drawn)}" if summary.drawn else ""
@@ -88,7 +77,7 @@ def sweep_page(
     }
 
     def tables(laws: Sequence[Group | Overall]) -> dict[str, Cells]:
-        return {title: law_table(summary, laws, metric, titles) for metric, title in shown.items()}
+        return {METRICS[metric].title: law_table(summary, laws, metric, titles) for metric in shown}
 
     return render(
         "sweep",
@@ -105,22 +94,5 @@ def sweep_page(
         silent=silent_text(told),
         config=info.config,
         facts=json.dumps(dict(info.facts), indent=2),
-        figures=[picture(name, svg) for name, svg in figures.items() if name.endswith(".svg")],
+        figures=figures,
     )
-
-
-def picture(path: str, svg: bytes) -> Picture:
-    """Return a figure with its heading.
-
-    Args:
-        path: Name of its file.
-        svg: SVG document.
-    """
-    name = Path(path).stem
-    kind, _, rest = name.partition("-")
-    subject = METRICS[rest].title if rest in METRICS else rest.replace("-", " ")
-    return Picture(_sentence(HEADINGS.get(kind, name).format(subject)), svg)
-
-
-def _sentence(text: str) -> str:
-    return text[0].upper() + text[1:]

@@ -104,7 +104,7 @@ def draw_all() -> dict[str, Figure]:
     spots = [Spot("law", f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
     families = {spot.family: spot.family for spot in spots}
     with journal_style():
-        found["front"] = draw_pareto(Front(tuple(spots), families, "its phi [rad/s]"), "t", "s")
+        found["front"] = draw_pareto(Front(tuple(spots), families, "its phi [rad/s]"), "mrad", "t", "s")
     found["paper"] = comparison_page({k: runs[k] for k in ("smc", "calm")}, {}, "t", "s", **common)  # type: ignore[arg-type]
     return found
 

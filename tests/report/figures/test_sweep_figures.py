@@ -68,6 +68,18 @@ def test_a_figure_for_everything_that_the_table_has(figures: dict[str, Figure]) 
     assert slug("controllers.*.gains.phi") == "controllers-gains-phi"
 
 
+def test_headings_of_figures(figures: dict[str, Figure]) -> None:
+    """Each figure's label is its heading on the page, a sentence that names metrics and keys in words."""
+    assert {name: figure.get_label() for name, figure in figures.items()} == {
+        "spread": "All runs",
+        "over-plant-payload-mass": "Over plant.payload.mass",
+        "over-chain": "Over chain",
+        "map-rmse": "RMS error over plant.payload.mass and chain",
+        "map-hf": "Chattering index HF over plant.payload.mass and chain",
+        "front": "Error against chattering",
+    }
+
+
 def test_every_number_has_its_unit(figures: dict[str, Figure]) -> None:
     """Every label of an axis names a unit, but for words."""
     labels = set()

@@ -23,20 +23,17 @@ def draw_certificates(x: RunView) -> Figure | None:
     fig = new_page(3, 1.6, 2.0)
     panels = fig.subplots(3, 1, sharex=True)
     looks = {run.name: style.look(place) | {"linewidth": 1.1} for place, run in enumerate(x.runs)}
-    rates, margins = [], []
+    margins = {name: 100.0 * np.min(found.margin / found.K, axis=1) for name, found in x.certificates.items()}
     for name, found in x.certificates.items():
-        lost = 100.0 * np.min(found.margin / found.K, axis=1)
-        rates.append(found.V_rate)
-        margins.append(lost)
-        for ax, y in zip(panels, (np.maximum(found.V, FLOOR), found.V_rate, lost), strict=True):
+        for ax, y in zip(panels, (np.maximum(found.V, FLOOR), found.V_rate, margins[name]), strict=True):
             ax.plot(found.t, y, **looks[name])
     panels[0].set_yscale("log")
     panels[0].set_ylabel("V, (108) [J]")
     panels[1].set_ylabel("dV/dt, (109) [W]")
-    reach = max(1e-6, *(float(np.quantile(np.abs(rate), 0.99)) for rate in rates))
+    reach = max(1e-6, *(float(np.quantile(np.abs(found.V_rate), 0.99)) for found in x.certificates.values()))
     panels[1].set_ylim(-1.15 * reach, 1.15 * reach)
     panels[2].set_ylabel("K less (123),\nworst joint [% of K]")
-    low = min(float(np.quantile(y, 0.001)) for y in margins)
+    low = min(float(np.quantile(y, 0.001)) for y in margins.values())
     panels[2].set_ylim(max(-400.0, 1.1 * min(low, 0.0) - 5.0), 105.0)
     style.plain_powers(panels[0].yaxis)
     for ax in panels[1:]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from torquebench.experiment.describe import evaluation
 from torquebench.fuzzy import Functions, Prepared, Variable
 from torquebench.fuzzy.inference import fill_memberships
 from torquebench.kernel import Array
@@ -23,7 +22,7 @@ DIVERGING = LinearSegmentedColormap.from_list("output", ["#0072B2", "#FFFFFF", "
 SCALES = {"too small": 0.25, "right": 1.0, "too large": 4.0}
 """What the paper's Fig 6 compares: the input's scale over the largest input that occurs."""
 
-_SAMPLES = 801
+_SAMPLES = 6401
 
 
 @figure("fuzzy", title="Fuzzy systems", order=70)
@@ -44,64 +43,49 @@ def system_figures(prepared: Prepared) -> dict[str, Figure]:
 
 def _titles(prepared: Prepared) -> tuple[str, str]:
     system = prepared.system
-    how = f"Sugeno, AND {system.conjunction}"
+    how = "Sugeno"
     if isinstance(system.output, Variable):
-        how = f"Mamdani, {system.aggregation}, {system.defuzzification.upper()}, AND {system.conjunction}"
-    bound = "" if prepared.bound == 0.0 else f", error at most {prepared.bound:.2g}"
-    return f"fuzzy system {system.name}", f"{how}; {len(system.rules)} rules; evaluated: {prepared.method}{bound}"
+        how = f"Mamdani, {system.aggregation}, {system.defuzzification.upper()}"
+    what = f"{how}, AND {system.conjunction}; {len(system.rules)} rules; evaluated: {evaluation(prepared)}"
+    return f"fuzzy system {system.name}", what
 
 
 def _membership(prepared: Prepared) -> Figure:
+    """Draw the terms of inputs and output; functions of a Sugeno system stand at their constants, written out."""
     system = prepared.system
-    fig = new_page(len(system.inputs) + 1, 1.3, 1.7)
-    *inputs, output = fig.subplots(len(system.inputs) + 1, 1)
-    for i, (ax, variable) in enumerate(zip(inputs, system.inputs, strict=True)):
-        _terms(ax, variable, f"input {i + 1}", variable.low, variable.high)
-    if isinstance(system.output, Functions):
-        _functions(output, system.output)
-    else:
-        ends = [x for term in system.output.terms for x in (term.a, term.d)]
-        _terms(output, system.output, "output", min(ends), max(ends))
+    variables = {f"input {i + 1}": variable for i, variable in enumerate(system.inputs)} | {"output": system.output}
+    fig = new_page(len(variables), 1.3, 1.7)
+    for ax, (what, variable) in zip(fig.subplots(len(variables), 1), variables.items(), strict=True):
+        shapes = _shapes(variable)
+        ends = [variable.low, variable.high]
+        if what == "output":  # its terms count beyond the range, too
+            ends += [x for corners in shapes.values() for x in corners]
+        low, high = min(ends), max(ends)
+        for place, (text, corners) in enumerate(shapes.items()):
+            colour = style.colour(place)
+            ax.plot(corners, (0.0, 1.0, 1.0, 0.0), color=colour, linewidth=1.2)
+            at = min(max(0.5 * (corners[1] + corners[2]), low), high)
+            ax.text(at, 1.03, text, ha="center", va="bottom", fontsize=7.5, color=colour)
+        room = 0.03 * (high - low)
+        ax.set_xlim(low - room, high + room)
+        ax.set_ylim(0.0, 1.22)
+        ax.set_yticks([0.0, 0.5, 1.0])
+        ax.axvspan(low - room, variable.low, **SHADE)
+        ax.axvspan(variable.high, high + room, **SHADE)
+        ax.set_xlabel(f"{what} [1] (range {variable.low:g} to {variable.high:g})")
+        ax.set_ylabel("degree [1]")
     finish_page(fig, *_titles(prepared), [shade_key("beyond the range, what the law sees as -1 to 1")])
     return fig
 
 
-def _terms(ax: Axes, variable: Variable, what: str, low: float, high: float) -> None:
-    """Draw the terms of an input or output from `low` to `high`."""
-    for place, term in enumerate(variable.terms):
-        ax.plot(term[1:], (0.0, 1.0, 1.0, 0.0), color=style.colour(place), linewidth=1.2)
-        _name(ax, term.name, min(max(term.peak, low), high), place)
-    ax.set_ylabel("degree [1]")
-    ax.set_yticks([0.0, 0.5, 1.0])
-    _show_range(ax, variable, what, low, high)
-
-
-def _functions(ax: Axes, output: Functions) -> None:
-    """Draw output terms at their constants; write functions out, as their values depend on the inputs."""
-    values = [numbers[0] for _, numbers in output.coefficients]
-    for place, (name, numbers) in enumerate(output.coefficients):
-        text = name + "".join(f" {f:+g} x{i + 1}" for i, f in enumerate(numbers[1:]))
-        ax.plot([numbers[0]] * 2, [0.0, 1.0], color=style.colour(place), linewidth=1.2)
-        _name(ax, text, numbers[0], place)
-    ax.set_ylabel("constant [1]")
-    ax.set_yticks([])
-    _show_range(ax, output, "output", min(output.low, *values), max(output.high, *values))
-
-
-def _name(ax: Axes, text: str, x: float, place: int) -> None:
-    """Write the name of a term above its peak."""
-    look: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": 7.5, "color": style.colour(place)}
-    ax.annotate(text, (x, 1.0), (0.0, 2.0), textcoords="offset points", annotation_clip=False, **look)
-
-
-def _show_range(ax: Axes, variable: Variable | Functions, what: str, low: float, high: float) -> None:
-    """Show a variable from `low` to `high` with some room; shade what lies beyond its range."""
-    room = 0.03 * (high - low)
-    ax.set_xlim(low - room, high + room)
-    ax.set_ylim(0.0, 1.22)
-    for end in ((low - room, variable.low), (variable.high, high + room)):
-        ax.axvspan(*end, **SHADE)
-    ax.set_xlabel(f"{what} [1] (range {variable.low:g} to {variable.high:g})")
+def _shapes(variable: Variable | Functions) -> dict[str, tuple[float, ...]]:
+    """Return the four corners of each term by its name; all are at the constant of a function, which is written out."""
+    if isinstance(variable, Variable):
+        return {term.name: term[1:] for term in variable.terms}
+    return {
+        name + "".join(f" {factor:+g} x{i + 1}" for i, factor in enumerate(factors)): (constant,) * 4
+        for name, (constant, *factors) in variable.coefficients
+    }
 
 
 def _surface(prepared: Prepared) -> Figure:
@@ -134,6 +118,7 @@ def _contours(fig: Figure, ax: Axes, prepared: Prepared, x: Array) -> None:
     ax.contour(x, x, z.T, levels=levels, colors="0.25", linewidths=0.5, negative_linestyles="solid")
     fig.colorbar(mesh, ax=ax, pad=0.02, label="output, normalised [1]")
     ax.set_aspect("equal")
+    ax.locator_params(nbins=5)
     ax.grid(False)
     ax.set_xlabel("input 1, normalised [1]")
     ax.set_ylabel("input 2, normalised [1]")

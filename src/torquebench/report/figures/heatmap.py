@@ -15,7 +15,8 @@ from matplotlib.patches import Patch
 from torquebench.kernel import Array
 from torquebench.report.figures import style
 from torquebench.report.figures.layout import finish_page, panel_grid
-from torquebench.report.figures.sweep_labels import key_label, key_values, metric_axis, value_text
+from torquebench.report.figures.style import Unit
+from torquebench.report.figures.sweep_labels import key_label, key_values, value_text
 from torquebench.sweep.table import Table, completed, metric_values, rows_by
 
 COLUMNS = 3
@@ -26,9 +27,7 @@ _MAP = colormaps["cividis"]
 _HATCHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.4", "hatch": "////"}
 
 
-def draw_heatmap(
-    table: Table, keys: tuple[str, str], metric: str, title: str, subtitle: str, slides: Sequence[bool]
-) -> Figure:
+def draw_heatmap(table: Table, keys: Sequence[str], metric: str, axis: Unit, title: str, subtitle: str) -> Figure:
     """Draw geometric means of a metric over draws and all other keys in each cell, failures in brackets.
 
     Laws that lack one of the keys have no map.
@@ -37,10 +36,9 @@ def draw_heatmap(
         table: The sweep's table.
         keys: Keys of the grid along x and y.
         metric: Name of the metric.
+        axis: Its label, as of `metric_axis`.
         title, subtitle: Headings.
-        slides: As of `metric_axis`.
     """
-    axis = metric_axis(table, metric, slides)
     xs, ys = key_values(table, keys[0]), key_values(table, keys[1])
     cells = {at: rows for at, rows in rows_by(table, "controller", *keys).items() if at[1] in xs and at[2] in ys}
     laws = list(dict.fromkeys(law for law, _, _ in cells))

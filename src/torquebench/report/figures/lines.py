@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,14 +10,13 @@ from matplotlib.lines import Line2D
 
 from torquebench.report.figures import style
 from torquebench.report.figures.layout import finish_page, new_page
-from torquebench.report.figures.sweep_labels import key_label, key_values, law_name, metric_axis, value_text
+from torquebench.report.figures.style import Unit
+from torquebench.report.figures.sweep_labels import key_label, key_values, law_name, value_text
 from torquebench.sweep.summary import level
 from torquebench.sweep.table import Table, rows_by
 
 
-def draw_lines(
-    table: Table, key: str, metrics: Sequence[str], title: str, subtitle: str, slides: Sequence[bool]
-) -> Figure:
+def draw_lines(table: Table, key: str, axes: Mapping[str, Unit], title: str, subtitle: str) -> Figure:
     """Draw geometric means over the draws, and over all other keys, with 95 % intervals; a panel for each metric.
 
     A law is missing at a value at which no draw of it has the metric, and altogether where it lacks the key. Words
@@ -26,19 +25,17 @@ def draw_lines(
     Args:
         table: The table.
         key: The key along x.
-        metrics: Names of metrics, one below the other.
+        axes: Metrics, one below the other, with their labels as of `metric_axis`.
         title, subtitle: Headings.
-        slides: As of `metric_axis`.
     """
     values = key_values(table, key)
     words = isinstance(values[0], str)
     cells = rows_by(table, "controller", key)
     laws = rows_by(table, "controller")
     looks = {law: style.spot_look(place) | {"linewidth": 0.9} for place, (law,) in enumerate(laws)}
-    fig = new_page(len(metrics), 2.0, 2.4)
-    panels = fig.subplots(len(metrics), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, metric in zip(panels, metrics, strict=True):
-        axis = metric_axis(table, metric, slides)
+    fig = new_page(len(axes), 2.0, 2.4)
+    panels = fig.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, (metric, axis) in zip(panels, axes.items(), strict=True):
         ends: list[float] = []
         for place, (law, look) in enumerate(looks.items()):
             own = {at: cells[law, value] for at, value in enumerate(values) if (law, value) in cells}

@@ -66,13 +66,13 @@ class Front(NamedTuple):
     """Whether a line joins the spots of a family."""
 
 
-def draw_pareto(front: Front, title: str, subtitle: str, unit: str = "mrad") -> Figure:
+def draw_pareto(front: Front, unit: str, title: str, subtitle: str) -> Figure:
     """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the best choices ringed.
 
     Args:
         front: What is shown.
-        title, subtitle: Headings.
         unit: Unit of a thousandth of the error.
+        title, subtitle: Headings.
     """
     fig = new_page(1, 4.6, 4.6)
     ax = fig.subplots()

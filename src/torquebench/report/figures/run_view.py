@@ -22,17 +22,12 @@ from torquebench.metrics.torque import measure_torques
 from torquebench.report.figures import style
 from torquebench.report.figures.declare import figures_in_order
 from torquebench.report.figures.layout import finish_page, printable, shade_key
-from torquebench.sim.trajectory import Outcome, Trajectory
+from torquebench.report.tables import number
+from torquebench.sim.trajectory import Trajectory
 
 CHATTERING = 20.0
 """Total variation of the torque from which a run is drawn thin where its line fills an area [tau_max/s]."""
 TIME = "time [s]"
-
-_OUTCOMES = {
-    Outcome.DIVERGED: " (diverged)",
-    Outcome.BAD_TORQUE: " (non-finite torque)",
-    Outcome.CONTROLLER_ERROR: " (law failed)",
-}
 
 
 class Run(NamedTuple):
@@ -112,16 +107,14 @@ class RunView:
         return max((run.data for run in self.runs), key=lambda data: len(data.t))
 
     def hf_note(self, run: Run) -> str:
-        """Chattering index of a run for the legend; empty where it has none."""
-        metrics = self.metrics.get(run.name)
-        value = None if metrics is None else metrics.hf.value
-        return "" if value is None else f" (HF {value:.3g} %)"
+        """Return the chattering index of a run for the legend; empty where it has none."""
+        return f" (HF {number(self.metrics[run.name].hf.value)} %)" if run.name in self.metrics else ""
 
     def finish(self, fig: Figure, note: Callable[[Run], str], *others: Artist) -> Figure:
         """Add title, subtitle and legend; `note` returns what follows a run's name in the legend."""
         keys: list[Artist] = []
         for run in self.runs:
-            label = printable(run.name) + _OUTCOMES.get(run.data.outcome, "") + note(run)
+            label = printable(run.name) + ("" if run.data.completed else f" ({run.data.ending})") + note(run)
             look = run.look | {"linewidth": max(1.2, run.look["linewidth"]), "label": label}
             keys.append(Line2D([], [], marker="" if run.data.completed else "x", markersize=5.0, **look))
         finish_page(fig, self.title, self.subtitle, [*keys, *others])

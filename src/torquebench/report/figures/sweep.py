@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from matplotlib.figure import Figure
 
@@ -14,7 +15,7 @@ from torquebench.report.figures.lines import draw_lines
 from torquebench.report.figures.pareto import draw_pareto, front_of
 from torquebench.report.figures.sensitivity import draw_sensitivity
 from torquebench.report.figures.style import journal_style
-from torquebench.report.figures.sweep_labels import key_values
+from torquebench.report.figures.sweep_labels import key_values, metric_axis
 from torquebench.report.figures.violins import draw_violins
 from torquebench.report.sweep_tables import SHOWN
 from torquebench.sweep.sensitivity import Sensitivity
@@ -38,7 +39,7 @@ EFFECTS = "standardised rank regression, the strongest first; 95 % intervals hol
 def sweep_figures(
     table: Table, title: str, subtitle: str, found: Sequence[Sensitivity], slides: Sequence[bool]
 ) -> dict[str, Figure]:
-    """Draw every figure that a sweep's table has the columns for, by file name.
+    """Draw every figure that a sweep's table has the columns for, by file name; its label is its heading on the page.
 
     ``spread``: metrics by law; ``over-KEY``: over each key of the grid; ``map-METRIC``: over the first two keys of the
     grid; ``front``: error against chattering of every law and choice of gains; ``effects-METRIC``: what matters, where
@@ -54,28 +55,30 @@ def sweep_figures(
         ResultError: it is no sweep's table.
     """
     check_table(table)
-    shown = [metric for metric in SHOWN if metric in metric_keys(table)]
+    axes = {metric: metric_axis(table, metric, slides) for metric in SHOWN if metric in metric_keys(table)}
     keys = [key for key in grid_keys(table) if len(key_values(table, key)) > 1]
-    figures: dict[str, Figure] = {}
+    plans: list[tuple[str, str, str, Callable[[str, str], Figure]]] = []
+    if axes:
+        plans.append(("spread", "all runs", SPREAD, partial(draw_violins, table, axes)))
+        for key in keys[:MOST_COURSES]:
+            plans.append((f"over-{slug(key)}", f"over {key}", OVER, partial(draw_lines, table, key, axes)))
+    for metric, axis in axes.items() if len(keys) > 1 else ():
+        what = f"{METRICS[metric].title} over {keys[0]} and {keys[1]}"
+        plans.append((f"map-{metric}", what, MAP, partial(draw_heatmap, table, keys[:2], metric, axis)))
+    front = front_of(table)
+    if len(front.spots) > 1:
+        unit = joint_units("mrad", slides)
+        plans.append(("front", "error against chattering", FRONT, partial(draw_pareto, front, unit)))
+    for metric in SHOWN:
+        own = [one for one in found if one.metric == metric and one.effects is not None]
+        if any(effect.matters for one in own if one.effects for effect in one.effects.effects):
+            what = f"what the {METRICS[metric].title} depends on"
+            plans.append((f"effects-{metric}", what, EFFECTS, partial(draw_sensitivity, own)))
+    figures = {}
     with journal_style():
-        if shown:
-            figures["spread"] = draw_violins(table, shown, f"{title}: all runs", f"{subtitle}\n{SPREAD}", slides)
-            for key in keys[:MOST_COURSES]:
-                heading = f"{title}: over {key}"
-                figures[f"over-{slug(key)}"] = draw_lines(table, key, shown, heading, f"{subtitle}\n{OVER}", slides)
-        for metric in shown if len(keys) > 1 else ():
-            heading = f"{title}: {METRICS[metric].title} over {keys[0]} and {keys[1]}"
-            pair = (keys[0], keys[1])
-            figures[f"map-{metric}"] = draw_heatmap(table, pair, metric, heading, f"{subtitle}\n{MAP}", slides)
-        front = front_of(table)
-        if len(front.spots) > 1:
-            heading, unit = f"{title}: error against chattering", joint_units("mrad", slides)
-            figures["front"] = draw_pareto(front, heading, f"{subtitle}\n{FRONT}", unit)
-        for metric in SHOWN:
-            own = [one for one in found if one.metric == metric and one.effects is not None]
-            if any(effect.matters for one in own if one.effects for effect in one.effects.effects):
-                heading = f"{title}: what the {METRICS[metric].title} depends on"
-                figures[f"effects-{metric}"] = draw_sensitivity(own, heading, f"{subtitle}\n{EFFECTS}")
+        for name, what, note, draw in plans:
+            figures[name] = draw(f"{title}: {what}", f"{subtitle}\n{note}")
+            figures[name].set_label(what[0].upper() + what[1:])
     return figures
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +15,8 @@ from matplotlib.patches import Patch
 from torquebench.kernel import Array
 from torquebench.report.figures import style
 from torquebench.report.figures.layout import finish_page, new_page
-from torquebench.report.figures.sweep_labels import law_name, metric_axis
+from torquebench.report.figures.style import Unit
+from torquebench.report.figures.sweep_labels import law_name
 from torquebench.sweep.table import Table, metric_values, rows_by
 
 MOST_POINTS = 400
@@ -28,7 +29,7 @@ _TURN = 0.6180339887498949
 """Golden ratio: multiples of it fill an interval evenly, so that points are scattered without random numbers."""
 
 
-def draw_violins(table: Table, metrics: Sequence[str], title: str, subtitle: str, slides: Sequence[bool]) -> Figure:
+def draw_violins(table: Table, axes: Mapping[str, Unit], title: str, subtitle: str) -> Figure:
     """Draw a panel for each metric: for each law density, quartiles, range and points of all its completed runs.
 
     The density is a Gaussian kernel's with Scott's width, in the logarithm where the axis is logarithmic, cut off at
@@ -36,16 +37,14 @@ def draw_violins(table: Table, metrics: Sequence[str], title: str, subtitle: str
 
     Args:
         table: The sweep's table.
-        metrics: Names of metrics, side by side.
+        axes: Metrics, side by side, with their labels as of `metric_axis`.
         title, subtitle: Headings.
-        slides: As of `metric_axis`.
     """
     laws = rows_by(table, "controller")
     height = 0.55 + 0.34 * len(laws)
     fig = new_page(1, height, height)
-    panels = fig.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
-    for ax, metric in zip(panels, metrics, strict=True):
-        axis = metric_axis(table, metric, slides)
+    panels = fig.subplots(1, len(axes), sharey=True, squeeze=False)[0]
+    for ax, (metric, axis) in zip(panels, axes.items(), strict=True):
         values = [axis.factor * metric_values(table, rows, metric) for rows in laws.values()]
         logarithmic = style.fit_scale(ax.xaxis, np.concatenate(values))
         for place, own in enumerate(values):
