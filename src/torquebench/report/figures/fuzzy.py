@@ -106,6 +106,7 @@ def _surface(prepared: Prepared) -> Figure:
     ax.set_xlabel("input 1, normalised [1]")
     ax.set_ylabel("output, normalised [1]")
     ax.set_xlim(-1.0, 1.0)
+    ax.locator_params(nbins=5)
     finish_page(fig, *_titles(prepared), handles)
     return fig
 
