@@ -12,8 +12,8 @@ from torquebench.errors import ResultError
 from torquebench.kernel import Array
 from torquebench.metrics import Metrics
 from torquebench.report.figures import style
-from torquebench.report.figures.layout import new_page, printable
-from torquebench.report.figures.run_view import REFERENCE, RunView, draw
+from torquebench.report.figures.layout import REFERENCE, new_page, printable
+from torquebench.report.figures.run_view import RunView, draw
 from torquebench.report.figures.signals import rmse_note
 from torquebench.report.figures.torque import draw_zoom, zoom_window
 from torquebench.sim.trajectory import Trajectory
@@ -70,7 +70,7 @@ def comparison_page(
             position, error, torque = (fig.add_subplot(grid[i, column]) for column in range(3))
             reference = x.longest.q_ref[:, i]
             draw(position, x, {run.name: run.data.q[:, i] for run in x.runs}, False, [reference])
-            position.plot(*style.decimate(x.longest.t, reference, x.bins), **REFERENCE)
+            position.plot(x.longest.t, reference, **REFERENCE)
             position.set_ylabel(f"{printable(name)}\nposition [rad]")
             draw(error, x, {key: e[:, i] * unit.factor for key, e in errors.items()}, True)
             late = [e[run.data.t >= metrics_from, i] for run, e in zip(x.runs, errors.values(), strict=True)]

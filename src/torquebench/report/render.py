@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +35,7 @@ def _environment(folder: Path | None) -> Environment:
     return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
 
 
-def render(template: str, *, figures: list[Picture], folder: Path | None = None, **content: Any) -> bytes:
+def render(template: str, *, figures: Sequence[Picture], folder: Path | None = None, **content: Any) -> bytes:
     """Return a page; text is escaped, figures are images.
 
     Args:
