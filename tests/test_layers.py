@@ -157,7 +157,6 @@ def is_described_elsewhere(node: ast.AST) -> bool:
 
 
 TERSE = {
-    "decimate",
     "draw",
     "fill_bias",
     "fill_centrifugal",

@@ -253,7 +253,7 @@ def test_doctor_names_what_to_install(command, monkeypatch):
     """Where nothing draws and there is no encoder, the packages are named; the status is 0 all the same."""
     from torquebench.video import opengl
 
-    monkeypatch.setattr(opengl, "probe", lambda name: opengl.Backend(name, False, "cannot load it"))
+    monkeypatch.setattr(opengl, "probe", lambda name: opengl.Backend(name, "cannot load it"))
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     status, out, _ = command("doctor")
     assert status == 0

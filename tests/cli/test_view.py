@@ -17,7 +17,7 @@ import pytest
 from tests.cli.conftest import QUICK
 from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
-from torquebench.video import opengl
+from torquebench.video import process
 from torquebench.view import server
 
 ADDRESS = r"view: (http://127\.0\.0\.1:\d+/[\w-]{20,}/)\n"
@@ -102,14 +102,14 @@ def test_a_window_is_preferred(finished, command, monkeypatch):
     """Where one opens it gets the run, and no page is served."""
     jobs = []
 
-    def show(module, text, gl, silence):
-        jobs.append(json.loads(text))
-        return {"closed": True}
+    def show(module, job, gl, silence):
+        jobs.append(job)
+        yield "conventional"
 
-    monkeypatch.setattr(opengl, "probe_window", lambda: "")
-    monkeypatch.setattr(opengl, "run_module", show)
+    monkeypatch.setattr(process, "answers", show)
     status, out, _ = command("view", finished, "--speed", "0.25")
     assert status == 0
     assert "http" not in out
-    assert jobs[0]["settings"]["speed"] == 0.25
-    assert [shot["name"] for shot in jobs[0]["footage"]["shots"]] == ["conventional", "linear-band"]
+    assert "space to pause" in out
+    assert jobs[0].settings.speed == 0.25
+    assert [shot.name for shot in jobs[0].footage.shots] == ["conventional", "linear-band"]

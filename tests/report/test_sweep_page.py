@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from tests.sweep.tables import made
-from torquebench.report.sweep_page import SweepInfo, picture, sweep_page
-from torquebench.report.sweep_tables import effects_table, failures_table, overall_table, silent_text
-from torquebench.report.tables import headlines
+from torquebench.report.render import Picture
+from torquebench.report.sweep_page import SweepInfo, sweep_page
+from torquebench.report.sweep_tables import effects_table, failures_table, law_table, silent_text
+from torquebench.report.tables import Cells, headlines
 from torquebench.statistics import clopper_pearson
 from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import summarise
+from torquebench.sweep.table import Table
 
 INFO = SweepInfo(
     "study",
@@ -25,7 +27,6 @@ INFO = SweepInfo(
     "name: study\n",
     {"seed": 7},
     (False,),
-    "torquebench run --from-sweep study --index",
 )
 GRID = {"plant.payload.mass": (0.0, 2.0)}
 TITLES = headlines((False,), steps=True)
@@ -64,6 +65,12 @@ FOUND = [
 ]
 
 
+def over_all(table: Table, reference: str | None = None) -> Cells:
+    """Return the table of errors over all cases."""
+    summary = summarise(table, reference)
+    return law_table(summary, summary.overall, "rmse", TITLES)
+
+
 def text_of(page: bytes) -> str:
     """Text of a page, without markup, in one line."""
     return " ".join(re.sub(r"<[^>]+>", " ", page.decode()).split())
@@ -71,7 +78,7 @@ def text_of(page: bytes) -> str:
 
 def test_the_page_tells_what_the_table_says() -> None:
     """Completed runs with their exact interval, the worst run's index, the ratio, the failure, and how to replay."""
-    page = sweep_page(TABLE, INFO, {"spread": b'<?xml version="1.0"?>\n<svg><path/></svg>'}, FOUND)
+    page = sweep_page(TABLE, INFO, [Picture("All runs", b'<?xml version="1.0"?>\n<svg><path/></svg>')], FOUND)
     text = text_of(page)
     share = clopper_pearson(7, 8)
     assert f"7 of 8 [{100 * share.low:.3g}, {100 * share.high:.3g}] %" in text
@@ -80,14 +87,14 @@ def test_the_page_tells_what_the_table_says() -> None:
     assert f"{1e3 * figures.worst:.4g} {figures.worst_row} 3 [3, 3], 1 left out" in text
     assert "plant.payload.mass = 2 " in text
     assert "1 diverged" in text
-    assert "torquebench run --from-sweep study --index INDEX" in text
-    assert "Every run" in text
+    assert "torquebench run --from-sweep DIR --index INDEX" in text
+    assert "All runs" in text
 
 
 def test_the_page_stands_alone_and_is_the_same_again() -> None:
     """No script, no link, no image from outside; text is text; the same arguments give the same bytes."""
-    page = sweep_page(TABLE, INFO, {}, FOUND)
-    assert page == sweep_page(TABLE, INFO, {}, FOUND)
+    page = sweep_page(TABLE, INFO, (), FOUND)
+    assert page == sweep_page(TABLE, INFO, (), FOUND)
     assert b"<script" not in page
     assert b"&lt;script&gt;" in page
     assert not re.search(rb"(src|href)=|@import|url\(", page)
@@ -121,7 +128,7 @@ def test_failures_are_listed_with_the_first_of_them() -> None:
 
 def test_a_reference_can_be_named() -> None:
     """Ratios to b are the inverse of those to a."""
-    header, rows = overall_table(summarise(TABLE, "b"), "rmse", TITLES)
+    header, rows = over_all(TABLE, "b")
     assert header[-1] == "over b's [95 %]"
     assert rows[0][-1].startswith("0.333 [0.333, 0.333]")
     assert rows[1][-1].startswith("1 [1, 1]")
@@ -130,18 +137,6 @@ def test_a_reference_can_be_named() -> None:
 def test_a_law_without_a_completed_run_has_dashes() -> None:
     """Nothing is averaged over nothing."""
     table = made("ab", 3, lambda law, draw, values: run(law, draw, {"plant.payload.mass": 0.0}) if law == "a" else None)
-    _, rows = overall_table(summarise(table), "rmse", TITLES)
+    _, rows = over_all(table)
     assert rows[1] == ["b", *["-"] * 5]
     assert b"0 of 3" in sweep_page(table, INFO)
-
-
-def test_headings_of_figures() -> None:
-    """File names become headings; a figure that is not known keeps its name."""
-    names = {
-        "spread": "Every run",
-        "over-plant-payload-mass": "Over plant payload mass",
-        "map-hf": "Chattering index HF over two keys",
-        "effects-rmse": "What the RMS error depends on",
-        "other": "Other",
-    }
-    assert {name: picture(name, b"<svg/>").title for name in names} == names

@@ -1,16 +1,19 @@
 """What is written and drawn around the views is where and as large as it must be."""
 
+from functools import partial
+
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from torquebench.errors import VideoError
 from torquebench.laws.law import law_names
 from torquebench.sim.trajectory import Outcome, Trajectory
-from torquebench.video.job import SEPARATOR, Shot
+from torquebench.video.job import SEPARATOR, Footage, Shot
 from torquebench.video.layout import layout, timeline
-from torquebench.video.overlay import ALARM, JOINTS, PLAIN, Overlay, layout_for, note_lines
-from torquebench.video.paint import band, fill, fit, font, write
+from torquebench.video.overlay import ALARM, JOINTS, PLAIN, Overlay, layout_for
+from torquebench.video.paint import FINE, band, fill, fit, font, text_width, write
+from torquebench.video.scene import Scene
 
 TAU_MAX = np.array([10.0, 20.0])
 
@@ -37,23 +40,18 @@ def run(n_steps=500, tau=(0.0, 0.0), error=0.0, s=np.nan, outcome=Outcome.COMPLE
     )
 
 
-def overlay(*runs, endings=None, size=(640, 480)):
-    """An overlay of runs, and its layout."""
-    where = layout(len(runs), *size)
-    endings = endings or [""] * len(runs)
-    shots = [Shot(f"law-{i}", "note", end, "") for i, end in enumerate(endings)]
-    return around(shots, runs, where), where
-
-
-def around(shots, runs, where):
-    """An overlay of half a second."""
-    return Overlay(shots, runs, where, timeline(0.5, 1.0, 0.001), "title", ["a", "b"], ["rad", "rad"], TAU_MAX)
+def overlay(*runs, notes=("note",), size=(640, 480)):
+    """An overlay of half a second of runs, and its layout."""
+    shots = tuple(Shot(f"law-{i}", SEPARATOR.join(notes), "") for i in range(len(runs)))
+    arm = Scene(None, (), 1.0, ["a", "b"], "rad", TAU_MAX)
+    over = Overlay(Footage("title", "arm", 0.001, 0.5, shots), runs, size, timeline(0.5, 1.0, 0.001), arm)
+    return over, over.where
 
 
 def frame(over, where, i):
     """A frame around grey views."""
     view = where.panels[0].view
-    grey = Image.new("RGB", (view.width, view.height), (128, 128, 128))
+    grey = Image.new("RGB", (FINE * view.width, FINE * view.height), (128, 128, 128))
     return np.asarray(over.draw(i, [grey] * len(where.panels)))
 
 
@@ -96,26 +94,33 @@ def test_two_controllers_are_side_by_side():
     assert a.view.x + a.view.width <= b.view.x
 
 
-def test_filled_boxes_have_their_area_to_a_fraction_of_a_pixel():
-    """A box from 2.25 to 7.5 by 1.5 to 4 covers 5.25 x 2.5 pixels' worth, cut off at the picture's edge."""
-    for x0, x1, area in ((2.25, 7.5, 5.25 * 2.5), (-3.0, 2.0, 2.0 * 2.5), (9.5, 30.0, 0.5 * 2.5), (20.0, 30.0, 0.0)):
-        image = Image.new("RGB", (10, 6))
-        fill(image, x0, 1.5, x1, 4.0, (200, 200, 200))
-        assert np.asarray(image)[:, :, 0].sum() / 200.0 == pytest.approx(area, abs=0.05)
+def painted_on(width, height, paint, colour=(0, 0, 0)):
+    """What a function draws on a picture of a colour, as it is shown."""
+    image = Image.new("RGB", (FINE * width, FINE * height), colour)
+    paint(ImageDraw.Draw(image, "RGBA"))
+    return np.asarray(image.reduce(FINE)).astype(int)
+
+
+def test_filled_boxes_have_their_area_to_half_a_pixel():
+    """A box from 2.5 to 7.5 by 1.5 to 4 covers 5 x 2.5 pixels' worth, cut off at the picture's edge."""
+    for x0, x1, area in ((2.5, 7.5, 5.0 * 2.5), (-3.0, 2.0, 2.0 * 2.5), (9.5, 30.0, 0.5 * 2.5), (20.0, 30.0, 0.0)):
+        for alpha in (255, 51):
+            picture = painted_on(10, 6, partial(fill, x0=x0, y0=1.5, x1=x1, y1=4.0, colour=(200, 200, 200, alpha)))
+            assert picture[:, :, 0].sum() / 200.0 * 255 / alpha == pytest.approx(area, abs=0.1)
 
 
 def test_text_is_aligned_and_shortened_to_fit():
     """Left, centred and right text is where it must be; a text too long ends in an ellipsis and fits."""
-    width = font(12).getlength("RMSE 0.5 mrad")
+    width = font(12).getlength("RMSE 0.5 mrad") / FINE
     for align, left in (("left", 100), ("middle", 100 - width / 2), ("right", 100 - width)):
-        image = Image.new("RGB", (300, 30), (255, 255, 255))
-        write(image, 100, 20, "RMSE 0.5 mrad", 12, (0, 0, 0), align=align)
-        columns = np.flatnonzero((np.asarray(image) < 128).any(axis=(0, 2)))
+        text = partial(write, x=100, y=20, text="RMSE 0.5 mrad", size=12, colour=(0, 0, 0), align=align)
+        picture = painted_on(300, 30, text, (255, 255, 255))
+        columns = np.flatnonzero((picture < 128).any(axis=(0, 2)))
         assert abs(columns[0] - left) < 3
         assert abs(columns[-1] - (left + width)) < 3
     shorter = fit("a-controller-with-a-long-name", 12, 80)
     assert shorter.endswith("…")
-    assert font(12).getlength(shorter) <= 80
+    assert font(12).getlength(shorter) <= 80 * FINE
     assert fit("short", 12, 80) == "short"
 
 
@@ -124,42 +129,44 @@ def test_every_law_is_named_whole(count, size):
     """Figures and law are cut nowhere, whatever law of the package it is; they take one line where there is room."""
     widest = "RMSE 0.00123 mrad", "HF 0.00123 %"
     for law in law_names():
-        shots = [Shot("name", SEPARATOR.join([*widest, law]), "", "")] * count
-        where = layout_for(shots, size)
-        lines = note_lines(shots[0], where)
-        assert "".join(lines).replace(" ", "") == shots[0].note.replace(" ", "")
-        assert len(lines) == where.notes
-        width = font(round(PLAIN * where.unit)).getlength
-        assert all(width(line) <= where.panels[0].title.width for line in lines)
-        assert len(lines) == 1 or width(shots[0].note) > where.panels[0].title.width
+        note = SEPARATOR.join([*widest, law])
+        where, notes = layout_for([Shot("name", note, "")] * count, size)
+        assert where == layout(count, *size, len(notes.lines[0]))
+        width, height = where.panels[0].title.width, PLAIN * where.unit
+        assert 0.79 * height < notes.height <= height
+        for lines in notes.lines:
+            assert SEPARATOR.join(lines) == note
+            assert all(fit(line, notes.height, width) == line for line in lines)
+            assert len(lines) == 1 or text_width(note, height) > width
         assert count > 1 or where == layout(1, *size)
 
 
 def test_each_line_of_a_note_is_seen():
     """In three panels the law has a line of its own: in the first panel's title are three rows of ink, apart."""
-    shots = [Shot("name", SEPARATOR.join(["RMSE 0.123 mrad", "HF 30.1 %", "fuzzy-linear-band-smc"]), "", "")] * 3
-    where = layout_for(shots, (640, 480))
-    title = part(frame(around(shots, [run()] * 3, where), where, 0), where.panels[0].title)
+    over, where = overlay(*[run()] * 3, notes=("RMSE 0.123 mrad", "HF 30.1 %", "fuzzy-linear-band-smc"))
+    title = part(frame(over, where, 0), where.panels[0].title)
     ink = (title.min(axis=2) < 240).any(axis=1)
     assert np.count_nonzero(np.diff(ink.astype(int)) == 1) == 3
     assert not ink[-1]
 
 
-def test_a_curve_covers_its_envelope():
-    """From row 3 to row 7 with a pen of half a pixel: rows 3 to 6 whole, half a row beyond; nothing where it is NaN."""
-    image = Image.new("RGB", (6, 12))
-    nan = [np.nan, np.nan]
-    band(image, 1, 0, 12, np.array([3.0, 3.0, *nan]), np.array([7.0, 7.0, *nan]), 0.5, (255, 255, 255))
-    cover = np.asarray(image)[:, :, 0] / 255
+def test_a_curve_covers_its_band():
+    """From row 2.5 to row 7.5: rows 3 to 6 whole, half a row beyond; nothing where it is NaN."""
+    edges = np.array([[2.5] * 4 + [np.nan] * 4, [7.0] * 4 + [np.nan] * 4])
+    cover = painted_on(6, 12, lambda draw: band(draw, 2, edges, (255, 255, 255)))[:, :, 0] / 255
     assert cover[:, 1].round(1).tolist() == cover[:, 2].round(1).tolist() == [0, 0, 0.5, 1, 1, 1, 1, 0.5, 0, 0, 0, 0]
     assert not cover[:, [0, 3, 4, 5]].any()
 
 
 def test_a_curve_that_jumps_has_no_gap():
     """Where neighbouring columns lie apart, every row between them is covered."""
-    image = Image.new("RGB", (4, 40))
-    band(image, 0, 0, 40, np.array([5.0, 5.0, 5.0, 30.0]), np.array([5.0, 5.0, 30.0, 30.0]), 0.5, (255, 255, 255))
-    assert (np.asarray(image)[5:30, :, 0].max(axis=1) > 120).all()
+    over, where = overlay(run(error=np.where(np.arange(500)[:, None] < 80, 1e-3, -1e-3) * [0, 1]))
+    box = where.panels[0].traces
+    upper = part(frame(over, where, 11), box._replace(height=box.height // 2))[13:]
+    hit = upper[:, :, 0] - upper[:, :, 2] > 60  # the second joint's colour is red
+    rows = np.flatnonzero(hit.any(axis=1))
+    assert np.ptp(rows) > 20
+    assert np.count_nonzero(hit.any(axis=1)) == np.ptp(rows) + 1
 
 
 def test_bars_are_as_long_as_torque_over_limit():
@@ -211,7 +218,7 @@ def test_traces_share_one_scale_and_grow_with_time():
 
 def test_a_failed_run_says_so_from_its_end_on():
     """The banner of a run that ended at 0.2 s is there from frame 5 on, not before; its bars and curves have ended."""
-    over, where = overlay(run(200, outcome=Outcome.DIVERGED), run(), endings=["diverged at 0.199 s", ""])
+    over, where = overlay(run(200, outcome=Outcome.DIVERGED), run())
     red = [painted(part(frame(over, where, i), where.panels[0].view), ALARM).any() for i in (0, 4, 5, 11)]
     assert red == [False, False, True, True]
     assert not painted(part(frame(over, where, 11), where.panels[1].view), ALARM).any()
@@ -236,4 +243,4 @@ def test_time_is_written_and_moves():
     a, b = (part(frame(over, where, i), where.header) for i in (0, 10))
     columns = np.flatnonzero((a != b).any(axis=(0, 2)))
     assert columns.size
-    assert columns[0] > 0.7 * where.width
+    assert columns[0] > 0.7 * where.header.width

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from torquebench.errors import VideoError
 from torquebench.video.job import FPS
-from torquebench.video.layout import ranges, timeline
+from torquebench.video.layout import spans, timeline
 
 
 @pytest.mark.parametrize(
@@ -45,21 +45,28 @@ def test_each_frame_shows_the_nearest_sample(duration, speed, period):
     assert np.array_equal(frames.samples(3)[::3], frames.samples())
 
 
-def test_every_sample_is_in_the_range_of_one_frame():
-    """Ranges equal the extremes of each stretch counted by hand; an impulse of one sample shows up in exactly one."""
+def test_every_sample_is_in_the_span_of_one_frame():
+    """Spans equal the extremes and the mean of each stretch counted by hand; an impulse shows up in exactly one."""
     y = np.zeros((100, 2))
     y[37, 0], y[38, 1] = 5.0, -3.0
-    low, high = ranges(y, np.array([0, 25, 50, 75]))
+    low, high, mean = spans(y, np.array([0, 25, 50, 75]))
     assert high[:, 0].tolist() == [0, 5, 0, 0]
     assert low[:, 1].tolist() == [0, -3, 0, 0]
-    low, high = ranges(np.arange(10.0)[:, None], np.array([0, 4, 7]))
-    assert (low[:, 0].tolist(), high[:, 0].tolist()) == ([0, 4, 7], [3, 6, 7])
+    assert mean[:, 0].tolist() == [0, 0.2, 0, 0]
+    found = spans(np.arange(10.0)[:, None], np.array([0, 4, 7]))
+    assert found[:, :, 0].tolist() == [[0, 4, 7], [3, 6, 9], [1.5, 5, 8]]
 
 
 def test_slow_motion_repeats_samples_and_a_short_run_ends_in_nothing():
     """Equal indices give that sample; indices beyond the run give NaN, as does a signal that is NaN."""
     y = np.array([[1.0], [2.0], [4.0]])
-    low, high = ranges(y, np.array([0, 0, 1, 1, 2, 2, 3, 3]))
-    assert low[:6, 0].tolist() == high[:6, 0].tolist() == [1, 1, 2, 2, 4, 4]
-    assert np.isnan(low[6:]).all()
-    assert np.isnan(ranges(np.full((4, 1), np.nan), np.array([0, 2]))[0]).all()
+    found = spans(y, np.array([0, 0, 1, 1, 2, 2, 3, 3]))
+    assert all(values[:6, 0].tolist() == [1, 1, 2, 2, 4, 4] for values in found)
+    assert np.isnan(found[:, 6:]).all()
+    assert np.isnan(spans(np.full((4, 1), np.nan), np.array([0, 2]))).all()
+
+
+def test_what_is_not_a_number_is_left_out():
+    """A stretch with NaN or infinity has the least, greatest and mean of its other samples."""
+    y = np.array([[1.0], [np.nan], [3.0], [np.inf], [5.0]])
+    assert spans(y, np.array([0, 3]))[:, :, 0].tolist() == [[1, 5], [3, 5], [2, 5]]

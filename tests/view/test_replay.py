@@ -11,7 +11,7 @@ from torquebench.sim.trajectory import SIGNALS, Outcome
 from torquebench.video.job import Footage, Shot
 from torquebench.view.replay import MOST_FRAMES, frames_of, replay_json
 
-SHOTS = Shot("conventional", "smc", "", ""), Shot("pd", "pd", "", "")
+SHOTS = Shot("conventional", "smc", ""), Shot("pd", "pd", "")
 FOOTAGE = Footage("view-test", "puma560", 0.001, 1.004, SHOTS)
 
 

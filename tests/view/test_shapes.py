@@ -79,9 +79,9 @@ def test_triangles_stand_where_the_geoms_are():
     Corners are rounded to a millionth of the arm's reach, 1.1 m. Where geoms are is MuJoCo's own ``geom_xpos``.
     """
     q = np.array([0.3, -0.8, 0.6, 1.1, -0.7, 0.4])
-    arm = Arm("puma560", q[None])
+    scene = build_scene("puma560", q[None])
+    arm, m = Arm(scene), scene.model
     bodies, tool = arm.at(q[None])
-    m = build_scene("puma560", q[None]).model
     d = mujoco.MjData(m)
     d.qpos[:] = q
     mujoco.mj_kinematics(m, d)
@@ -105,7 +105,8 @@ def test_triangles_stand_where_the_geoms_are():
 
 def test_an_arm_without_a_look_can_be_drawn():
     """two-link has neither geoms nor cameras: links, joints, a floor and a view are made."""
-    arm = Arm("two-link", np.zeros((1, 2)))
+    scene = build_scene("two-link", np.zeros((1, 2)))
+    arm = Arm(scene)
     assert sum(part.moves for part in arm.parts) == 2
-    assert arm.floor is not None
-    assert np.linalg.norm(arm.view.eye - arm.view.target) > arm.reach
+    assert arm.floor < -0.1
+    assert np.linalg.norm(arm.view.eye - arm.view.target) > scene.reach

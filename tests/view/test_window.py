@@ -1,9 +1,11 @@
-"""The window's clock and keys; the window itself needs a display."""
+"""The window's clock and keys, and that none opens without a display; the window itself needs one."""
 
 import numpy as np
 import pytest
 
+from torquebench.errors import VideoError
 from torquebench.video.job import Footage, Job, Settings, Shot
+from torquebench.video.process import answers
 from torquebench.view.window import ENTER, LEFT, RIGHT, SPACE, Replay
 
 
@@ -13,7 +15,7 @@ def replay(tmp_path, result):
     paths = [tmp_path / f"{name}.npz" for name in ("conventional", "pd")]
     for path in paths:
         path.write_bytes(result.runs[path.stem].to_bytes())
-    shots = tuple(Shot(path.stem, "", "", str(path)) for path in paths)
+    shots = tuple(Shot(path.stem, "", str(path)) for path in paths)
     return Replay(Job(Footage("title", "puma560", 0.001, 1.004, shots), Settings(speed=0.5)))
 
 
@@ -39,3 +41,14 @@ def test_enter_shows_the_next_controller(replay, result):
     assert np.array_equal(replay.run.q, result.runs["pd"].q)
     replay.key(ENTER)
     assert np.array_equal(replay.run.q, result.runs["conventional"].q)
+
+
+def test_a_window_without_a_display_is_found_out(replay, monkeypatch):
+    """Neither DISPLAY nor WAYLAND_DISPLAY, or one that nothing answers to: no window, a reason, and nothing dies."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(VideoError, match="neither DISPLAY nor WAYLAND_DISPLAY is set"):
+        next(answers("torquebench.view.window", replay.job, "glfw", 60.0))
+    monkeypatch.setenv("DISPLAY", ":9437")
+    with pytest.raises(VideoError, match=r"^[^\n]+$"):
+        next(answers("torquebench.view.window", replay.job, "glfw", 60.0))

@@ -48,7 +48,8 @@ def run(
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
-    from torquebench.report.run import certificate_lines, write_run
+    from torquebench.report.run import write_run
+    from torquebench.report.tables import certificate_table
 
     for file in plugin:
         load_plugin(file)
@@ -75,7 +76,9 @@ def run(
     tell(directory=directory.folder, **result.to_json(), certificates=certificates, fuzzy=fuzzy)
     say(summary(result))
     say()
-    for line in (*certificate_lines(result), *fuzzy_remarks(experiment)):
+    if certificates:
+        say(table(*certificate_table(result)))
+    for line in fuzzy_remarks(experiment):
         say(line)
     say()
     say(f"results: {directory.folder}")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from torquebench.cli.app import command
 from torquebench.cli.parameters import File, Number, Words, argument, option, refuse
 from torquebench.cli.run_folder import read_run
-from torquebench.cli.terminal import answer, complain, say, tell, warn
+from torquebench.cli.terminal import answer, say, tell, warn
 from torquebench.errors import VideoError
 
 if TYPE_CHECKING:
@@ -45,18 +45,14 @@ def view(
     """
     from torquebench.experiment.store import check_run
     from torquebench.video.film import model_changed, read_footage
-    from torquebench.video.opengl import probe_window
 
     manifest = read_run(run, "view", check_run)
     footage = read_run(run, "view", lambda folder: read_footage(folder, controllers or ()))
     if model_changed(footage, manifest):
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; it is shown as it is now")
     try:
-        if not (browser or no_open or port):
-            if why := probe_window():
-                say(f"in the browser, as no window opens here ({why})")
-            elif _show_window(footage, speed or 1.0):
-                return 0
+        if not (browser or no_open or port) and _show_window(footage, speed or 1.0):
+            return 0
         _serve_page(footage, speed or 1.0, port or 0, open_browser=not no_open)
     except KeyboardInterrupt:
         say()
@@ -66,17 +62,19 @@ def view(
 def _show_window(footage: Footage, speed: float) -> bool:
     """Replay a run in MuJoCo's viewer until it is closed; return whether that worked, and say why if it did not."""
     from torquebench.video.job import Job, Settings
-    from torquebench.video.opengl import run_module
+    from torquebench.video.process import CrashedError, answers
 
-    job = Job(footage, Settings(speed=speed))
-    say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")
+    shown = answers("torquebench.view.window", Job(footage, Settings(speed=speed)), "glfw", SILENCE)
     try:
-        reply = run_module("torquebench.view.window", job.to_json(), "glfw", SILENCE)
+        next(shown, None)
+        say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")
+        for _ in shown:
+            continue  # it is still open
     except VideoError as error:
-        reply = {"failed": f"MuJoCo's viewer {error}"}
-    if "failed" in reply:
-        complain(f"torquebench: {reply['failed']}")
-    return "failed" not in reply
+        why = f"MuJoCo's viewer {error}" if isinstance(error, CrashedError) else error
+        say(f"in the browser, as no window opens here ({why})")
+        return False
+    return True
 
 
 def _serve_page(footage: Footage, speed: float, port: int, open_browser: bool) -> None:

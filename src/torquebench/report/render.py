@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 PAGE = "report.html"
 """Name of the page in its folder."""
@@ -28,19 +28,17 @@ class Picture(NamedTuple):
 
 
 @cache
-def _environment(folder: Path | None) -> Environment:
-    own = PackageLoader("torquebench.report")
-    loader = own if folder is None else ChoiceLoader([FileSystemLoader(folder), own])
+def _environment() -> Environment:
+    loader = PackageLoader("torquebench.report")
     return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
 
 
-def render(template: str, *, figures: list[Picture], folder: Path | None = None, **content: Any) -> bytes:
+def render(template: str, *, figures: Sequence[Picture], **content: Any) -> bytes:
     """Return a page; text is escaped, figures are images.
 
     Args:
         template: Name of a file in ``templates``, without its endings.
         figures: The figures, in order.
-        folder: Where else to look for templates.
         content: What the template names.
     """
-    return _environment(folder).get_template(f"{template}.html.j2").render(figures=figures, **content).encode()
+    return _environment().get_template(f"{template}.html.j2").render(figures=figures, **content).encode()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 from torquebench.experiment.build import build_controllers
 from torquebench.experiment.describe import fuzzy_in_use
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from torquebench.report.figures.run_view import FiredRules
 
 FILM = "video.mp4"
-FORMATS: tuple[Literal["svg", "png"], ...] = ("svg", "png")
 
 
 def write_run(
@@ -41,34 +40,23 @@ def write_run(
         progress: Told each figure's file when it is drawn.
     """
     write_numbers(directory, result)
-    svgs = {}
-    for name, files in figure_files(result, progress) if figures else ():
-        for fmt, content in files.items():
-            directory.write(f"figures/{name}.{fmt}", content)
-        svgs[name] = files["svg"]
-    directory.write(PAGE, run_page(result, svgs))
+    drawn = dict(run_files(result, progress)) if figures else {}
+    for name, content in drawn.items():
+        directory.write(name, content)
+    directory.write(PAGE, run_page(result, drawn))
     directory.finish(manifest_of(result, plugins))
 
 
-def figure_files(result: ExperimentResult, progress: Progress | None = None) -> Iterator[tuple[str, dict[str, bytes]]]:
-    """Draw every figure of a run; yield its name and its bytes by format.
+def run_files(result: ExperimentResult, progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
+    """Draw every figure of a run; yield each file's name and content.
 
     Args:
         result: The run.
         progress: Told each file when it is drawn.
     """
-    from torquebench.report.figures.style import figure_bytes
+    from torquebench.report.figures.style import figure_files
 
-    figures = run_figures(result)
-    whole, done = len(FORMATS) * len(figures), 0
-    for name, figure in figures.items():
-        files = dict[str, bytes]()
-        for fmt in FORMATS:
-            files[fmt] = figure_bytes(figure, fmt)
-            done += 1
-            if progress is not None:
-                progress(f"figures/{name}.{fmt}", done, whole)
-        yield name, files
+    yield from figure_files(run_figures(result), progress)
 
 
 def run_figures(result: ExperimentResult, only: str | None = None) -> dict[str, Figure]:
@@ -107,10 +95,9 @@ def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
     fired = {}
     for keys, controller in zip(result.experiment.controllers, build_controllers(result.experiment), strict=True):
         for field, rules in controller.law.rules.items():
-            if keys.fuzzy is None or rules.inputs is None:
-                continue
-            fis, run = getattr(controller.gains, field), result.runs[controller.name]
-            fired[controller.name] = FiredRules(keys.fuzzy, rule_shares(controller.gains, fis, rules.inputs, run))
+            if keys.fuzzy is not None and rules.inputs is not None:
+                fis, run = getattr(controller.gains, field), result.runs[controller.name]
+                fired[controller.name] = FiredRules(keys.fuzzy, rule_shares(controller.gains, fis, rules.inputs, run))
     return fired
 
 
@@ -125,11 +112,11 @@ def stored_page(
         redraw: Draw the figures from the trajectories; one that cannot be drawn any more is taken as it was stored.
         progress: Told each file when it is drawn.
     """
-    svgs = stored_figures(folder, result)
+    figures = stored_figures(folder, result)
     if redraw:
-        svgs |= {name: files["svg"] for name, files in figure_files(result, progress)}
+        figures |= dict(run_files(result, progress))
     film = folder / FILM
-    return run_page(result, svgs, film.read_bytes() if film.is_file() else None)
+    return run_page(result, figures, film.read_bytes() if film.is_file() else None)
 
 
 def rewrite_page(
@@ -141,7 +128,7 @@ def rewrite_page(
 
 
 def stored_figures(folder: Path, result: ExperimentResult) -> dict[str, bytes]:
-    """Return the figures of a run's folder as SVG by name, in the order in which they were drawn.
+    """Return the SVG files of a run's folder, in the order in which they were drawn.
 
     Args:
         folder: The run's folder.
@@ -149,7 +136,7 @@ def stored_figures(folder: Path, result: ExperimentResult) -> dict[str, bytes]:
     """
     files: Mapping[str, str] = (result.stored or {}).get("files", {})
     names = [name for name in files if name.startswith("figures/") and name.endswith(".svg")]
-    return {Path(name).stem: (folder / name).read_bytes() for name in names}
+    return {name: (folder / name).read_bytes() for name in names}
 
 
 def compare_page(runs: Mapping[str, tuple[Path, ExperimentResult]]) -> bytes:
@@ -158,45 +145,6 @@ def compare_page(runs: Mapping[str, tuple[Path, ExperimentResult]]) -> bytes:
     Args:
         runs: Name of a run -> its folder, and what was read from it.
     """
-    drawn = {name: stored_figures(folder, result).get("error") for name, (folder, result) in runs.items()}
+    drawn = {name: stored_figures(folder, result).get("figures/error.svg") for name, (folder, result) in runs.items()}
     pictures = [Picture(f"Tracking error: {name}", svg) for name, svg in drawn.items() if svg is not None]
     return comparison_page({name: result for name, (_, result) in runs.items()}, pictures)
-
-
-def certificate_lines(result: ExperimentResult) -> list[str]:
-    """Return a line for each controller with certificates: worst margin of K, reaching time, where V grew."""
-    lines = []
-    for name, facts in result.certified.items():
-        worst = facts["worst_margin"]
-        joint, force = result.joints.names[worst["joint"] - 1], "N" if result.slides[worst["joint"] - 1] else "N m"
-        text = (
-            f"certificate of {name}: least K - (123) {worst['value']:.3g} {force} ({joint}, t = {worst['t']:.4g} s); "
-        )
-        time, most = facts["reaching_time"], facts["reaching_bound"]
-        if not facts["share_outside"]:
-            text += "the rest is vacuous: no joint is ever outside its layer"
-        else:
-            reached = "never" if time is None else f"{time:.3g} s"
-            bound = facts.get("no_bound", "none: V grew on the way") if most is None else f"{most:.3g} s"
-            text += f"reaching time {reached} (bound {bound}); V grew in {_percent(facts, 'share_rising_outside')} of "
-            text += f"the {_percent(facts, 'share_outside')} of instants outside the layer"
-        if facts.get("set_point"):
-            text += f"; V of (142): {set_point_text(facts['set_point'])}"
-        lines.append(text)
-    return lines
-
-
-def _percent(facts: Mapping[str, Any], key: str) -> str:
-    return f"{100.0 * facts[key]:.3g} %"
-
-
-def set_point_text(facts: Mapping[str, Any]) -> str:
-    """Return what the paper's own Lyapunov function shows, as of `SetPoint.to_json`, in words."""
-    says, share = facts["says"], facts["share_rising_outside"]
-    if says == "falls":
-        return f"falls wherever a joint is outside its layer, (144) by zeta {facts['least_zeta']:.3g}"
-    if says == "vacuous":
-        return "vacuous, no joint is outside its layer while the desired position stands still"
-    if says == "lost to saturation":
-        return f"{says}, rises in {100.0 * share:.3g} % of these instants, always with a joint at its torque limit"
-    return f"rises in {100.0 * share:.3g} % of these instants" if says == "rises" else str(says)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from torquebench.experiment.dump import dump_experiment, plain
 from torquebench.experiment.run import ExperimentResult
 from torquebench.report.figures.declare import figure_title
 from torquebench.report.render import Picture, render
-from torquebench.report.tables import by_joint, certificate_rows, gain_rows, headline_table
+from torquebench.report.tables import by_joint, certificate_table, gain_table, headline_table
 from torquebench.sweep.plan import flattened
 
 
@@ -19,43 +20,28 @@ def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes
 
     Args:
         result: The run.
-        figures: File name without its ending -> SVG document, in order.
+        figures: Name of a figure's file -> its content, in order.
         film: An MP4, or None.
     """
     experiment = result.experiment
-    header, rows = headline_table(result)
-    unexpected = result.unexpected
+    what_for = {"what for": experiment.description} if experiment.description else {}
     first, _, second = result.conditions.partition("\n")
-    asked = [("experiment", experiment.name)]
-    if experiment.description:
-        asked.append(("what for", experiment.description))
-    asked += [("what was run", first), ("under which conditions", second)]
     return render(
         "run",
         title=experiment.name,
         lead=experiment.description or first,
-        columns=header[3:],
-        rows=[
-            {
-                "name": row[0],
-                "law": row[1],
-                "outcome": row[2],
-                "cells": row[3:],
-                "expected": row[0] not in unexpected,
-                "detail": result.runs[row[0]].detail,
-            }
-            for row in rows
-        ],
-        per_joint=by_joint(result),
-        joints=result.joints.names,
-        certificates=certificate_rows(result),
+        result=result,
+        headlines=headline_table(result),
+        bad=[place for place, keys in enumerate(experiment.controllers) if keys.name in result.unexpected],
+        by_joint=by_joint(result),
+        certificates=certificate_table(result),
         flags=[*result.flags, *changed_arm(result)],
-        asked=asked,
-        gains=gain_rows(result),
+        asked={"experiment": experiment.name} | what_for | {"what was run": first, "under which conditions": second},
+        gains=gain_table(result),
         config=dump_experiment(experiment),
         facts=json.dumps(result.facts, indent=2),
         video=None if film is None else base64.b64encode(film).decode(),
-        figures=[Picture(figure_title(name), svg) for name, svg in figures.items()],
+        figures=[Picture(figure_title(Path(name).stem), svg) for name, svg in figures.items() if name.endswith(".svg")],
     )
 
 
@@ -74,39 +60,30 @@ def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[P
         results: Name of a run, such as its folder's -> the run.
         figures: Figures to show, in order.
     """
-    titles: list[str] = []
     tables = {name: headline_table(result) for name, result in results.items()}
-    for header, _ in tables.values():
-        titles += [title for title in header[3:] if title not in titles]
-    rows = []
+    titles = list(dict.fromkeys(title for header, _ in tables.values() for title in header[3:]))
+    rows: list[list[str]] = []
+    bad = []
     for name, (header, own) in tables.items():
         for row in own:
-            cells = dict(zip(header[3:], row[3:], strict=True))
-            rows.append(
-                {
-                    "run": name,
-                    "name": row[0],
-                    "outcome": row[2],
-                    "cells": [cells.get(title, "-") for title in titles],
-                    "expected": row[0] not in results[name].unexpected,
-                }
-            )
+            if row[0] in results[name].unexpected:
+                bad.append(len(rows))
+            cells = dict(zip(header, row, strict=True))
+            rows.append([name, row[0], row[2], *(cells.get(title, "-") for title in titles)])
+    keys = {
+        name: {key: json.dumps(value) for key, value in flattened(plain(result.experiment))}
+        for name, result in results.items()
+    }
     return render(
         "comparison",
-        figures=list(figures),
+        figures=figures,
         title=" against ".join(results),
         lead="Runs of different experiments are comparable where their keys are the same.",
-        columns=titles,
-        rows=rows,
-        runs=list(results),
+        headlines=(["run", "controller", "outcome", *titles], rows),
+        bad=bad,
         changed=[f"{name}: {line}" for name, result in results.items() for line in changed_arm(result)],
-        differences=differences({name: flat(result) for name, result in results.items()}),
+        differences=(["key", *results], differences(keys)),
     )
-
-
-def flat(result: ExperimentResult) -> dict[str, str]:
-    """Return every key of a run's experiment with its value, as text; controllers by name."""
-    return {key: json.dumps(value) for key, value in flattened(plain(result.experiment))}
 
 
 def differences(configs: Mapping[str, Mapping[str, str]]) -> list[list[str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -12,8 +13,7 @@ from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import json_bytes, machine
 from torquebench.experiment.sweep_section import Worst
-from torquebench.report.render import PAGE
-from torquebench.report.run import FORMATS
+from torquebench.report.render import PAGE, Picture
 from torquebench.report.sweep_page import SweepInfo, sweep_page
 from torquebench.report.tables import headlines
 from torquebench.sim.trajectory import Outcome
@@ -53,12 +53,16 @@ def report_files(stored: StoredSweep, figures: bool, progress: Progress | None =
         progress("what the figures depend on", 0, 0)
     found = dependences(stored, table)
     yield "sensitivity.json", json_bytes([one.to_json() for one in found])
-    info, svgs = info_of(stored), dict[str, bytes]()
-    for name, content in figure_files(figures_of(info, table, found), progress) if figures else ():
-        if name.endswith(".svg"):
-            svgs[name.removeprefix("figures/").removesuffix(".svg")] = content
-        yield name, content
-    yield PAGE, sweep_page(table, info, svgs, found)
+    info, pictures = info_of(stored), list[Picture]()
+    if figures:
+        from torquebench.report.figures.style import figure_files
+
+        drawn = figures_of(info, table, found)
+        for name, content in figure_files(drawn, progress):
+            yield name, content
+            if name.endswith(".svg"):
+                pictures.append(Picture(str(drawn[Path(name).stem].get_label()), content))
+    yield PAGE, sweep_page(table, info, pictures, found)
 
 
 def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
@@ -81,23 +85,7 @@ def figures_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[
     from torquebench.report.figures.sweep import sweep_figures
 
     subtitle = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
-    return sweep_figures(table, info.name, subtitle, found, slides=info.slides)
-
-
-def figure_files(figures: Mapping[str, Figure], progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
-    """Yield figures as SVG and PNG files.
-
-    Args:
-        figures: Name -> figure.
-        progress: Told each file when it is drawn.
-    """
-    from torquebench.report.figures.style import figure_bytes
-
-    for count, (name, figure) in enumerate(figures.items()):
-        for i, fmt in enumerate(FORMATS):
-            yield f"figures/{name}.{fmt}", figure_bytes(figure, fmt)
-            if progress is not None:
-                progress(f"figures/{name}.{fmt}", 2 * count + i + 1, 2 * len(figures))
+    return sweep_figures(table, info.name, subtitle, found, info.slides)
 
 
 def info_of(stored: StoredSweep) -> SweepInfo:
@@ -112,7 +100,6 @@ def info_of(stored: StoredSweep) -> SweepInfo:
         plan.source.text.decode(),
         {"seed": plan.seed} | facts | {"machine": machine()},
         slide_joints(plan.first.plant.model),
-        "torquebench run --from-sweep DIR --index",
     )
 
 
@@ -126,17 +113,6 @@ def workload_text(stored: StoredSweep) -> str:
     lengths = sorted({plan.fixed(case).run.duration for case in range(plan.cases if differ else 1)})
     span = f"{lengths[0]:g} to {lengths[-1]:g}" if len(lengths) > 1 else f"{lengths[0]:g}"
     return f"{parts}: {plan.rows:,} runs of {span} s"
-
-
-def worst_of_each(stored: StoredSweep) -> list[int | None]:
-    """Return the row of each controller's worst run, by RMSE; None where none ran.
-
-    Args:
-        stored: The sweep, finished.
-    """
-    count = len(stored.plan.controllers)
-    found = {index % count: index for index in worst_rows(stored, Worst(worst=1, by="rmse"))}
-    return [found.get(i) for i in range(count)]
 
 
 def means(stored: StoredSweep, key: str) -> list[float | None]:
@@ -162,7 +138,8 @@ def sweep_facts(stored: StoredSweep, outcomes: Outcomes) -> dict[str, Any]:
         outcomes: How its runs ended.
     """
     plan = stored.plan
-    last = worst_of_each(stored)
+    count = len(plan.controllers)
+    worst = {row % count: row for row in worst_rows(stored, Worst(worst=1, by="rmse"))}
     centre = {key: means(stored, key) for key in headlines(())}
     found = {
         name: {
@@ -170,7 +147,7 @@ def sweep_facts(stored: StoredSweep, outcomes: Outcomes) -> dict[str, Any]:
             "completed": outcomes[name].get(COMPLETED, 0),
             "outcomes": outcomes[name],
             "means": {key: values[i] for key, values in centre.items()},
-            "worst_row": last[i],
+            "worst_row": worst.get(i),
         }
         for i, name in enumerate(plan.controllers)
     }

@@ -6,22 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 
 from torquebench.metrics import METRICS
-from torquebench.report.tables import number
+from torquebench.report.tables import Cells, number
 from torquebench.statistics import Ratio, Share
-from torquebench.sweep.effects import ranked
+from torquebench.sweep.effects import Effects, ranked
 from torquebench.sweep.sensitivity import Sensitivity
-from torquebench.sweep.summary import TAIL, Figure, Group, Overall, Summary
+from torquebench.sweep.summary import TAIL, Group, Overall, Summary
 
 SHOWN = ("rmse", "hf")
-"""Metrics with tables of their own."""
+"""Metrics with tables and figures of their own: error against chattering."""
 Titles = Mapping[str, tuple[str, float]]
 """Title with unit and scale of each metric, as of `headlines`."""
-Cells = tuple[list[str], list[list[str]]]
-"""Header and rows."""
 
 
 def means_table(summary: Summary, titles: Titles) -> Cells:
-    """A row for each law: how many runs completed, and their means over all cases and draws.
+    """Return a row for each law: how many runs completed, and their means over all cases and draws.
 
     Args:
         summary: The sweep's summary.
@@ -29,66 +27,45 @@ def means_table(summary: Summary, titles: Titles) -> Cells:
     """
     keys = [key for key in titles if key in summary.metrics]
     rows = [
-        [law.controller, f"{law.successes:,} of {law.runs:,}", *(_mean(law.figures, key, titles) for key in keys)]
+        [
+            law.controller,
+            f"{law.successes:,} of {law.runs:,}",
+            *(number(law.figures[key].mean, titles[key][1]) if key in law.figures else "-" for key in keys),
+        ]
         for law in summary.overall
     ]
     return ["controller", "completed", *(titles[key][0] for key in keys)], rows
 
 
-def overall_table(summary: Summary, metric: str, titles: Titles) -> Cells:
-    """A row for each law with one metric over all cases: mean, tail, worst run, ratio to the reference.
+def law_table(summary: Summary, laws: Sequence[Group | Overall], metric: str, titles: Titles) -> Cells:
+    """Return a row for each law with one metric: mean, tail, worst run, ratio to the reference.
 
-    There is no median: where cases differ much it is a figure that no run has.
-
-    Args:
-        summary: The sweep's summary.
-        metric: Name of the metric.
-        titles: Titles and scales of the metrics.
-    """
-    rows = [[law.controller, *_cells(law, metric, titles)] for law in summary.overall]
-    return _without_median(_header(summary, titles[metric][0])), [_without_median(row) for row in rows]
-
-
-def _without_median(cells: list[str]) -> list[str]:
-    return cells[:2] + cells[3:]
-
-
-def case_table(summary: Summary, groups: Sequence[Group], metric: str, titles: Titles) -> Cells:
-    """A row for each law in one case: completed runs with interval, median, and the columns of `overall_table`.
+    In one case there are completed runs with their interval, too, and the median: over all cases, where these differ
+    much, it is a figure that no run has.
 
     Args:
         summary: The sweep's summary.
-        groups: The laws' groups of the case.
+        laws: Laws over all cases, or their groups of one case.
         metric: Name of the metric.
         titles: Titles and scales of the metrics.
     """
-    header = _header(summary, titles[metric][0])
-    rows = [[group.controller, share_text(group.successes), *_cells(group, metric, titles)] for group in groups]
-    return [header[0], "completed [95 %]", *header[1:]], rows
-
-
-def _header(summary: Summary, title: str) -> list[str]:
-    return [
-        "controller",
-        f"mean {title}",
-        "median",
-        f"worst {100 * TAIL:g} %",
-        "worst",
-        "its index",
-        f"over {summary.reference}'s [95 %]",
-    ]
-
-
-def _cells(own: Group | Overall, metric: str, titles: Titles) -> list[str]:
-    figure, scale = own.figures.get(metric), titles[metric][1]
-    if figure is None:
-        return ["-"] * 6
-    values = (figure.mean, figure.median, figure.cvar, figure.worst)
-    return [*(number(value, scale) for value in values), str(figure.worst_row), ratio_text(own.ratios.get(metric))]
-
-
-def _mean(figures: Mapping[str, Figure], key: str, titles: Titles) -> str:
-    return number(figures[key].mean, titles[key][1]) if key in figures else "-"
+    title, scale = titles[metric]
+    rows = []
+    for law in laws:
+        figure = law.figures.get(metric)
+        mean, median, tail, worst = (None,) * 4 if figure is None else (figure[1:5])
+        row = {"controller": law.controller}
+        if isinstance(law, Group):
+            row["completed [95 %]"] = share_text(law.successes)
+        row[f"mean {title}"] = number(mean, scale)
+        if isinstance(law, Group):
+            row["median"] = number(median, scale)
+        row[f"worst {100 * TAIL:g} %"] = number(tail, scale)
+        row["worst"] = number(worst, scale)
+        row["its index"] = "-" if figure is None else str(figure.worst_row)
+        row[f"over {summary.reference}'s [95 %]"] = ratio_text(law.ratios.get(metric))
+        rows.append(row)
+    return list(rows[0]), [list(row.values()) for row in rows]
 
 
 def ratio_text(ratio: Ratio | None) -> str:
@@ -108,20 +85,17 @@ def share_text(share: Share) -> str:
 
 
 def case_text(*groups: Group) -> str:
-    """Values of a case as text; keys that none of these laws has are left out."""
+    """Return the values of a case as text; keys that none of these laws has are left out."""
     merged: dict[str, float | str | None] = {}
     for group in groups:
         merged |= {key: value for key, value in group.values.items() if value is not None or key not in merged}
-    values = [
-        f"{key} = {value:g}" if isinstance(value, float) else f"{key} = {value}"
-        for key, value in merged.items()
-        if value is not None
-    ]
+    known = {key: value for key, value in merged.items() if value is not None}
+    values = [f"{key} = {value:g}" if isinstance(value, float) else f"{key} = {value}" for key, value in known.items()]
     return ", ".join(values) or "the only case"
 
 
 def failures_table(summary: Summary) -> Cells:
-    """A row for each law and case in which runs failed: how many, how, and the earliest of them."""
+    """Return a row for each law and case in which runs failed: how many, how, and the earliest of them."""
     rows = []
     for group in summary.groups:
         first = group.earliest_failure
@@ -132,29 +106,23 @@ def failures_table(summary: Summary) -> Cells:
 
 
 def effects_table(found: Sequence[Sensitivity]) -> Cells:
-    """A row for each law and metric that depends on something: on what, ranked, and how strongly."""
+    """Return a row for each law and metric that depends on something: on what, ranked, and how strongly."""
     rows = []
     for one in found:
         effects = () if one.effects is None else one.effects.effects
         named = [f"{e.name} {e.strength:+.2f} [{e.low:.2f}, {e.high:.2f}]" for e in effects if e.matters]
         if one.effects is not None and named:
-            explained = one.effects.explained
-            share = "one at a time" if explained is None else f"{100 * max(explained, 0.0):.0f} % explained"
-            cases = ", ".join(map(str, one.cases))
-            order = ", ".join(ranked(effects))
-            rows.append(
-                [
-                    one.controller,
-                    METRICS[one.metric].short_title,
-                    cases,
-                    str(one.draws),
-                    order,
-                    "; ".join(named),
-                    share,
-                ]
-            )
+            cases, order = ", ".join(map(str, one.cases)), ", ".join(ranked(effects))
+            row = [one.controller, METRICS[one.metric].short_title, cases, str(one.draws), order, "; ".join(named)]
+            rows.append([*row, explained_text(one.effects)])
     header = ["controller", "metric", "cases", "draws", "what matters", "how [95 %, all at once]", "without products"]
     return header, rows
+
+
+def explained_text(effects: Effects) -> str:
+    """Return how much the inputs explain without their products."""
+    explained = effects.explained
+    return "one at a time" if explained is None else f"{100 * max(explained, 0.0):.0f} % explained"
 
 
 def silent_text(found: Sequence[Sensitivity]) -> str:

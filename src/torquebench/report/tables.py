@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -12,9 +12,12 @@ from torquebench.experiment.run import ExperimentResult
 from torquebench.laws import find_law
 from torquebench.metrics import METRICS, Metric, MetricInfo
 
+Cells: TypeAlias = tuple[list[str], list[list[str]]]
+"""Header and rows of a table."""
+
 
 def columns(steps: bool) -> list[MetricInfo]:
-    """Metrics with a column in tables of headlines; those of the step response come last.
+    """Return the metrics with a column in tables of headlines; those of the step response come last.
 
     Args:
         steps: Whether to include those.
@@ -24,7 +27,7 @@ def columns(steps: bool) -> list[MetricInfo]:
 
 
 def heading(info: MetricInfo, slides: Sequence[bool]) -> str:
-    """Title of a metric's column, with its unit.
+    """Return the title of a metric's column, with its unit.
 
     Args:
         info: The metric.
@@ -35,7 +38,7 @@ def heading(info: MetricInfo, slides: Sequence[bool]) -> str:
 
 
 def headlines(slides: Sequence[bool], steps: bool = False) -> dict[str, tuple[str, float]]:
-    """Title with unit, and scale, of each metric with a column, all joints making one number.
+    """Return title with unit, and scale, of each metric with a column, all joints making one number.
 
     Args:
         slides: Of each joint, whether it slides.
@@ -45,7 +48,7 @@ def headlines(slides: Sequence[bool], steps: bool = False) -> dict[str, tuple[st
 
 
 def outcome_text(result: ExperimentResult, name: str) -> str:
-    """How a run ended, with the time of a failure.
+    """Return how a run ended, with the time of a failure.
 
     Args:
         result: The experiment's runs.
@@ -54,8 +57,8 @@ def outcome_text(result: ExperimentResult, name: str) -> str:
     return result.runs[name].ending or "completed"
 
 
-def headline_table(result: ExperimentResult) -> tuple[list[str], list[list[str]]]:
-    """Return the header and a row for each controller: name, law, outcome, headline metrics.
+def headline_table(result: ExperimentResult) -> Cells:
+    """Return a row for each controller: name, law, outcome, headline metrics.
 
     Errors have a column in mrad for the joints that turn, and one in mm for those that slide.
     """
@@ -70,25 +73,22 @@ def headline_table(result: ExperimentResult) -> tuple[list[str], list[list[str]]
         cells = [keys.name, keys.law, outcome_text(result, keys.name)]
         metrics = result.metrics.get(keys.name)
         for info, slides in shown:
-            value = None
-            if metrics is not None:
-                own = metrics[info.key]
-                value = joined(info, own, result.slides, slides) if info.is_angle else own.value
+            value = None if metrics is None else joined(info, metrics[info.key], result.slides, slides)
             cells.append(number(value, info.scale))
         rows.append(cells)
     return ["controller", "law", "outcome", *(heading(info, (slides,)) for info, slides in shown)], rows
 
 
 def joined(info: MetricInfo, metric: Metric, kinds: Sequence[bool], slides: bool) -> float | None:
-    """Headline of the joints that slide, or of those that turn; None where one of them has no value.
+    """Return the headline of the joints that slide, or of those that turn; None where one of them has no value.
 
     Args:
-        info: The metric.
+        info: The metric; one that is no angle has one headline of all joints.
         metric: Its values.
         kinds: Of each joint, whether it slides.
         slides: Which joints.
     """
-    if all(kind == slides for kind in kinds):
+    if not info.is_angle or all(kind == slides for kind in kinds):
         return metric.value
     own = [value for value, kind in zip(metric.per_joint, kinds, strict=True) if kind == slides]
     known = [value for value in own if value is not None]
@@ -105,61 +105,55 @@ def number(value: float | None, scale: float = 1.0) -> str:
     return "-" if value is None else f"{value * scale:.4g}"
 
 
-def by_joint(result: ExperimentResult) -> list[dict[str, Any]]:
-    """For each controller with metrics: its name, and a line for each metric with headline and every joint."""
-    found = []
-    for name, metrics in result.metrics.items():
-        lines = [
-            {"title": info.title, **_value(info, metric, result.slides), "cells": _cells(metric)}
-            for info, metric in metrics.items()
-        ]
-        found.append({"name": name, "lines": lines})
-    return found
+def by_joint(result: ExperimentResult) -> dict[str, Cells]:
+    """Return a table for each controller with metrics: a row for each metric with its headline and every joint."""
+    header = ["metric", "unit", "headline", *result.joints.names]
+    return {
+        name: (header, [joint_row(info, metric, result.slides) for info, metric in metrics.items()])
+        for name, metrics in result.metrics.items()
+    }
 
 
-def _value(info: MetricInfo, metric: Metric, slides: Sequence[bool]) -> dict[str, str]:
-    """Unit and headline; joints that turn and joints that slide have no headline in common."""
-    if not info.is_angle or not any(slides):
-        return {"unit": info.unit, "value": number(metric.value)}
-    unit = info.unit.replace("rad", "m")
-    return (
-        {"unit": unit, "value": number(metric.value)}
-        if all(slides)
-        else {
-            "unit": f"{info.unit}, {unit} of slides",
-            "value": "-",
-        }
-    )
+def joint_row(info: MetricInfo, metric: Metric, slides: Sequence[bool]) -> list[str]:
+    """Return title, unit, headline and every joint of a metric.
+
+    Joints that turn and joints that slide have no headline in common.
+
+    Args:
+        info: The metric.
+        metric: Its values.
+        slides: Of each joint, whether it slides.
+    """
+    unit = joint_units(info.unit, slides) if info.is_angle else info.unit
+    value = None if info.is_angle and len(set(slides)) > 1 else metric.value
+    return [info.title, unit, number(value), *map(number, metric.per_joint)]
 
 
-def _cells(metric: Metric) -> list[str]:
-    return [number(value) for value in metric.per_joint]
-
-
-def certificate_rows(result: ExperimentResult) -> list[list[str]]:
-    """A row for each controller with certificates."""
+def certificate_table(result: ExperimentResult) -> Cells:
+    """Return a row for each controller with certificates: worst margin of K, reaching time, where V grew."""
     rows = []
     for name, facts in result.certified.items():
         worst = facts["worst_margin"]
-        force = "N" if result.slides[worst["joint"] - 1] else "N m"
-        where = f"{result.joints.names[worst['joint'] - 1]}, t = {worst['t']:.4g} s"
+        joint, force = result.joints.names[worst["joint"] - 1], "N" if result.slides[worst["joint"] - 1] else "N m"
         vacuous, set_point = not facts["share_outside"], facts.get("set_point")
         rows.append(
             [
                 name,
                 f"{number(worst['value'])} {force}",
-                where,
+                f"{joint}, t = {worst['t']:.4g} s",
                 "vacuous" if vacuous else number(facts["reaching_time"]),
                 facts.get("no_bound") or number(facts["reaching_bound"]),
+                number(facts["share_outside"], 100.0),
                 "vacuous" if vacuous else number(facts["share_rising_outside"], 100.0),
                 set_point["says"] if set_point else "-",
             ]
         )
-    return rows
+    header = ["certificate of", "least K - (123)", "where", "reaching time [s]", "bound [s]", "outside the layer [%]"]
+    return [*header, "V grew there [%]", "V of (142)"], rows
 
 
-def gain_rows(result: ExperimentResult) -> list[list[str]]:
-    """A row for each option and gain of each controller: controller, name, value, unit, meaning."""
+def gain_table(result: ExperimentResult) -> Cells:
+    """Return a row for each option and gain of each controller: controller, name, value, unit, meaning."""
     rows = []
     for keys in result.experiment.controllers:
         law = find_law(keys.law)
@@ -173,4 +167,4 @@ def gain_rows(result: ExperimentResult) -> list[list[str]]:
             rows.append([keys.name, name, text, gain.unit, gain.meaning])
         if keys.fuzzy is not None:
             rows.append([keys.name, "fuzzy", keys.fuzzy, "", "fuzzy system"])
-    return rows
+    return ["controller", "gain or choice", "value", "unit", "meaning"], rows

@@ -40,7 +40,7 @@ def ffmpeg_program() -> str:
 
 
 @contextmanager
-def film_writer(path: Path, size: tuple[int, int]) -> Iterator[Callable[[Image], None]]:
+def film_writer(path: Path, size: tuple[int, int]) -> Iterator[Callable[[Image], object]]:
     """Yield a function that adds a frame to a film, which is complete when this context ends without an error.
 
     ``imageio_ffmpeg.write_frames`` would hide ffmpeg's exit status, and with it a film that was not finished.
@@ -57,20 +57,13 @@ def film_writer(path: Path, size: tuple[int, int]) -> Iterator[Callable[[Image],
     with tempfile.TemporaryFile() as stderr:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=stderr)
         stdin = cast(IO[bytes], process.stdin)
-
-        def write(frame: Image) -> None:
-            stdin.write(frame.tobytes())
-
-        try:
-            with suppress(BrokenPipeError):  # ffmpeg has ended: its status and words tell why
-                yield write
-        except BaseException:
-            process.kill()
-            raise
-        finally:
-            with suppress(BrokenPipeError):
-                stdin.close()
-            process.wait()
+        with suppress(BrokenPipeError), process:  # ffmpeg has ended: its status and words tell why
+            try:
+                with suppress(BrokenPipeError):
+                    yield lambda frame: stdin.write(frame.tobytes())
+            except BaseException:
+                process.kill()
+                raise
         stderr.seek(0)
         words = " ".join(stderr.read().decode(errors="replace").split())[-_TAIL:]
     if process.returncode != 0:

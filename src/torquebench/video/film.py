@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,10 @@ from torquebench.errors import ConfigError, Problem, ResultError, VideoError, di
 from torquebench.experiment.source import read_document
 from torquebench.experiment.store import EXPERIMENT, add_to_run, checksums, refuse_without_experiment
 from torquebench.robot.library import mjcf_path
-from torquebench.sim.trajectory import load_trajectory
 from torquebench.video.encode import ffmpeg_program
 from torquebench.video.job import SEPARATOR, Footage, Job, Settings, Shot, check_settings
-from torquebench.video.opengl import STICK, Backend, advice, drawing_backends, reason, run_module
+from torquebench.video.opengl import STICK, Backend, advice, candidates, probe, reason
+from torquebench.video.process import CrashedError, answers
 
 FILM = "video.mp4"
 SILENCE = 300.0
@@ -73,7 +73,7 @@ def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
         if value is not None:
             text = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
             figures.append(f"{title} {text} {unit}")
-    return Shot(name, SEPARATOR.join([*figures, law]), load_trajectory(path).ending, str(path.resolve()))
+    return Shot(name, SEPARATOR.join([*figures, law]), str(path.resolve()))
 
 
 def model_changed(footage: Footage, manifest: Mapping[str, Any]) -> bool:
@@ -108,37 +108,38 @@ def make_film(
     if still is None:
         ffmpeg_program()  # fail before a back end is sought
 
-    def on_message(message: Mapping[str, Any]) -> None:
-        if progress is not None and "frame" in message:
-            progress(message["frame"], message["of"])
-
-    crashed: tuple[Backend, ...] = ()
+    failed: list[Backend] = []
     with tempfile.TemporaryDirectory(prefix="torquebench-") as folder:
         out = Path(folder) / ("still.png" if still is not None else FILM)
-        job = Job(footage, settings, out=str(out), still=still)
-        for backend, failed in drawing_backends(gl):
-            text = replace(job, backend=backend.name).to_json()
-            child_gl = "off" if backend.name == STICK else backend.name
-            try:
-                message = run_module("torquebench.video.render", text, child_gl, SILENCE, on_message)
-            except VideoError as error:
-                if backend.name == STICK:
-                    raise VideoError(f"drawing the film {error}") from error
-                crashed = (*crashed, Backend(backend.name, False, f"drawing {error}"))
-                continue
-            if "failed" in message:
-                raise VideoError(str(message["failed"]))
-            if "made" not in message:
-                raise VideoError(f"drawing the film ended after {message.get('frame', 0)} frames")
-            worse = (*failed, *crashed)
-            facts = {
-                "reason": reason(backend, worse, gl),
-                "renderer": backend.renderer,
-                "controllers": [shot.name for shot in footage.shots],
-                **message["made"],
-            }
-            return Film(out.read_bytes(), facts, advice(worse) if backend.name == STICK else "")
-    raise VideoError("no back end was left to draw with")
+        for name in (*candidates(gl), STICK):
+            backend = Backend(STICK, renderer="Pillow") if name == STICK else probe(name)
+            if backend.ok:
+                try:
+                    made = _draw(Job(footage, settings, name, str(out), still), progress)
+                    break
+                except CrashedError as error:
+                    if name == STICK:
+                        raise VideoError(f"drawing the film {error}") from error
+                    backend = Backend(name, f"drawing {error}")
+            failed.append(backend)
+        facts = {
+            "reason": reason(name, failed, gl),
+            "renderer": backend.renderer,
+            "controllers": [shot.name for shot in footage.shots],
+            **made,
+        }
+        return Film(out.read_bytes(), facts, advice(failed) if name == STICK else "")
+
+
+def _draw(job: Job, progress: Callable[[int, int], None] | None) -> dict[str, Any]:
+    """Draw a film or picture in a process of its own, and return its facts."""
+    made: dict[str, Any] = {}
+    gl = "off" if job.backend == STICK else job.backend
+    for frame, total, facts in answers("torquebench.video.render", job, gl, SILENCE):
+        if progress is not None and frame:
+            progress(frame, total)
+        made = facts
+    return made
 
 
 def keep_film(folder: Path, film: Film) -> Path:

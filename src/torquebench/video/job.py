@@ -1,10 +1,9 @@
-"""A film as plain values: what it shows and how it looks; they travel as JSON to the process that draws it."""
+"""A film as plain values, which travel to the process that draws it: what it shows and how it looks."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
 
 from torquebench.errors import ConfigError, Problem, did_you_mean
 from torquebench.robot.library import camera_names
@@ -40,8 +39,6 @@ class Shot:
     name: str
     note: str
     """Headline metrics and law, with `SEPARATOR` between them."""
-    ending: str
-    """How and when the run failed; empty if it completed."""
     trajectory: str
     """Path of its stored samples."""
 
@@ -72,19 +69,6 @@ class Job:
     """File to write."""
     still: float | None = None
     """Time of the picture to make instead of a film [s]."""
-
-    def to_json(self) -> str:
-        """Return the job as JSON."""
-        return json.dumps(asdict(self))
-
-
-def job_from(text: str) -> Job:
-    """Read a job from its JSON."""
-    data: dict[str, Any] = json.loads(text)
-    footage, settings = data.pop("footage"), data.pop("settings")
-    footage["shots"] = tuple(Shot(**shot) for shot in footage["shots"])
-    settings["size"] = tuple(settings["size"])
-    return Job(Footage(**footage), Settings(**settings), **data)
 
 
 def check_settings(settings: Settings, model: str) -> None:

@@ -1,4 +1,4 @@
-"""Where things are in a frame, and which stored sample each frame shows."""
+"""Where things are in a frame, and which stored samples each frame shows."""
 
 from __future__ import annotations
 
@@ -39,12 +39,8 @@ class Panel(NamedTuple):
 class Layout(NamedTuple):
     """The parts of a frame."""
 
-    width: int
-    height: int
     unit: float
     """Scale relative to a frame of 640 x 480."""
-    notes: int
-    """Number of lines below a controller's name."""
     header: Box
     panels: tuple[Panel, ...]
 
@@ -62,21 +58,19 @@ def layout(count: int, width: int, height: int, notes: int = 1) -> Layout:
     """
     unit = max(0.75, min(width / 640.0, height / 480.0))
     top = round(26 * unit)
-    best, columns = 0.0, 1
-    for tried in range(1, count + 1):
-        rows = -(-count // tried)
-        panel = _panel(Box(0, 0, width // tried, (height - top) // rows), unit, notes)
-        if min(panel.view.width, panel.view.height) > best:
-            best, columns = min(panel.view.width, panel.view.height), tried
-    rows = -(-count // columns)
-    wide, high = width // columns, (height - top) // rows
+    grids = []
+    for columns in range(1, count + 1):
+        wide, high = width // columns, (height - top) // -(-count // columns)
+        grids.append([Box(i % columns * wide, top + i // columns * high, wide, high) for i in range(count)])
+    divided = [tuple(_panel(box, unit, notes) for box in grid) for grid in grids]
+    best = max(range(count), key=lambda i: min(divided[i][0].view[2:]))
+    wide, high = grids[best][0][2:]
     if wide < LEAST_PANEL[0] or high < LEAST_PANEL[1]:
         raise VideoError(
             f"{count} controllers do not fit in {width}x{height}: each would have {wide}x{high}, wanted at least "
             f"{LEAST_PANEL[0]}x{LEAST_PANEL[1]}; ask for a larger --size or fewer --controllers"
         )
-    boxes = [Box(i % columns * wide, top + i // columns * high, wide, high) for i in range(count)]
-    return Layout(width, height, unit, notes, Box(0, 0, width, top), tuple(_panel(box, unit, notes) for box in boxes))
+    return Layout(unit, Box(0, 0, width, top), divided[best])
 
 
 def _panel(box: Box, unit: float, notes: int) -> Panel:
@@ -100,7 +94,7 @@ class Timeline(NamedTuple):
     control_period: float
     """Time between samples [s]."""
 
-    def time(self, frame: float) -> float:
+    def time(self, frame: int) -> float:
         """Return the simulated time of a frame [s]."""
         return frame * self.speed / FPS
 
@@ -123,30 +117,33 @@ def timeline(duration: float, speed: float, control_period: float) -> Timeline:
     Raises:
         VideoError: the film would be longer than `MOST_FRAMES`.
     """
-    if duration / speed * FPS > MOST_FRAMES:
+    frames = duration / speed * FPS
+    if frames > MOST_FRAMES:
         slowest = duration * FPS / MOST_FRAMES
         raise VideoError(
             f"{duration:g} s at speed {speed:g} are too long a film: wanted a --speed of {slowest:.3g} or more"
         )
-    return Timeline(max(1, round(duration / speed * FPS)), speed, control_period)
+    return Timeline(max(1, round(frames)), speed, control_period)
 
 
-def ranges(values: Array, samples: IntArray) -> tuple[Array, Array]:
-    """Return the least and greatest value of a signal from each of `samples` to just before the next.
+def spans(values: Array, starts: IntArray) -> Array:
+    """Return the least, greatest and mean value of a signal from each of `starts` to just before the next, (3, M, n).
+
+    What is not a number is left out; a stretch that has nothing else, or lies beyond the signal's end, gives NaN.
 
     Args:
         values: Signal, (N, n).
-        samples: Indices in rising order, (M,). Of two equal ones the first covers that one sample; those beyond the
-            signal's end give NaN.
-
-    Returns:
-        Two arrays (M, n).
+        starts: Indices in rising order, (M,). Of two equal ones the first covers that one sample; the last one's
+            stretch goes on to the signal's end.
     """
-    inside = int(np.searchsorted(samples, len(values)))
-    low, high = (np.full((len(samples), values.shape[1]), np.nan) for _ in range(2))
-    if inside:
-        low[:inside] = np.fmin.reduceat(values, samples[:inside], axis=0)
-        high[:inside] = np.fmax.reduceat(values, samples[:inside], axis=0)
-        if inside == len(samples):  # the last stretch ends with the film, not with the signal
-            low[-1] = high[-1] = values[samples[-1]]
-    return low, high
+    inside = starts[starts < len(values)]
+    found = np.full((3, len(starts), values.shape[1]), np.nan)
+    if len(inside):
+        known = np.isfinite(values)
+        finite = np.where(known, values, np.nan)
+        count = np.add.reduceat(known, inside, axis=0, dtype=np.int64)
+        total = np.add.reduceat(np.where(known, values, 0.0), inside, axis=0)
+        mean = np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+        low, high = (choose.reduceat(finite, inside, axis=0) for choose in (np.fmin, np.fmax))
+        found[:, : len(inside)] = low, high, mean
+    return found

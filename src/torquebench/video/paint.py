@@ -1,48 +1,50 @@
-"""Text, boxes and curves on a Pillow image, with edges that may lie between pixels."""
+"""Text, boxes and curves on a Pillow image that is finer than what is shown, so that edges may lie between pixels."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
 from functools import lru_cache
-from importlib.util import find_spec
-from math import ceil, floor
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+import matplotlib
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import ImageDraw, ImageFont
 
-from torquebench.errors import VideoError
 from torquebench.kernel import Array
 
-Colour: TypeAlias = tuple[int, int, int]
-"""Red, green and blue, 0 to 255."""
-FINE = 4
-"""Subdivisions of a pixel."""
+Colour: TypeAlias = tuple[int, ...]
+"""Red, green, blue and, if it is translucent, alpha: 0 to 255."""
+FINE = 2
+"""Pixels that are drawn for each one shown, in each direction; positions and sizes here are in those shown [px]."""
 
 
 @lru_cache(maxsize=16)
-def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Return DejaVu Sans, which comes with matplotlib, `size` pixels high.
-
-    Raises:
-        VideoError: matplotlib is not installed.
-    """
-    package = find_spec("matplotlib")  # its folder; importing it would take longer than drawing a second of film
-    if package is None or package.origin is None:
-        raise VideoError("films need a font of matplotlib, which is not installed: pip install matplotlib")
+def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """Return DejaVu Sans, which comes with matplotlib, `size` high."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    path = Path(package.origin).parent / "mpl-data" / "fonts" / "ttf" / name
-    return ImageFont.truetype(str(path), size, layout_engine=ImageFont.Layout.BASIC)
+    path = Path(matplotlib.get_data_path(), "fonts", "ttf", name)
+    return ImageFont.truetype(str(path), FINE * size, layout_engine=ImageFont.Layout.BASIC)
+
+
+def text_width(text: str, size: float, bold: bool = False) -> float:
+    """Return how wide a line of text is in a font of a `size`, `bold` or not."""
+    return font(size, bold).getlength(text) / FINE
+
+
+def fit(text: str, size: float, width: float, bold: bool = False) -> str:
+    """Shorten a line of text to a `width`, with an ellipsis for the rest; other arguments as for `text_width`."""
+    if text_width(text, size, bold) <= width:
+        return text
+    shorter = (text[:end].rstrip() + "…" for end in range(len(text) - 1, 0, -1))
+    return next((line for line in shorter if text_width(line, size, bold) <= width), "")
 
 
 def write(
-    image: Image.Image,
+    draw: ImageDraw.ImageDraw,
     x: float,
     y: float,
     text: str,
-    size: int,
+    size: float,
     colour: Colour,
     *,
     bold: bool = False,
@@ -51,90 +53,35 @@ def write(
     """Write a line of text.
 
     Args:
-        image: The picture; changed.
-        x: Column of the text's left end, middle or right end [px].
-        y: Row of its baseline [px].
+        draw: Draws on the picture.
+        x: Column of the text's left end, middle or right end.
+        y: Row of its baseline.
         text: One line.
-        size: Height of the font [px].
+        size: Height of the font.
         colour: Its colour.
         bold: Whether it is bold.
         align: Which part of the text is at `x`.
     """
-    ImageDraw.Draw(image).text((round(x), round(y)), text, colour, font(size, bold), anchor=align[0] + "s")
+    draw.text((round(FINE * x), round(FINE * y)), text, colour, font(size, bold), anchor=align[0] + "s")
 
 
-def fit(text: str, size: int, width: float, bold: bool = False) -> str:
-    """Shorten a line of text to a width, with an ellipsis for the rest.
-
-    Args:
-        text: One line.
-        size: Height of the font [px].
-        width: Room [px].
-        bold: Whether it is bold.
-    """
-    shapes = font(size, bold)
-    if shapes.getlength(text) <= width:
-        return text
-    shorter = (text[:end].rstrip() + "…" for end in range(len(text) - 1, 0, -1))
-    return next((line for line in shorter if shapes.getlength(line) <= width), "")
+def fill(draw: ImageDraw.ImageDraw, x0: float, y0: float, x1: float, y1: float, colour: Colour) -> None:
+    """Fill the box from `x0`, `y0` to `x1`, `y1` with a `colour`; `draw` draws on the picture."""
+    left, top, right, bottom = (round(FINE * side) for side in (x0, y0, x1, y1))
+    if right > left and bottom > top:
+        draw.rectangle((left, top, right - 1, bottom - 1), fill=colour)
 
 
-def fold(parts: Sequence[str], separator: str, size: int, width: float) -> list[str]:
-    """Arrange parts of a text in lines; a part wider than a line is broken after hyphens, or shortened.
+def band(draw: ImageDraw.ImageDraw, x: int, edges: Array, colour: Colour) -> None:
+    """Fill the band between two curves with one value for each column of the picture, NaN for none.
 
     Args:
-        parts: What is kept together where it fits.
-        separator: What is written between two parts of a line.
-        size: Height of the font [px].
-        width: Room [px].
+        draw: Draws on the picture.
+        x: First of its columns, in pixels that are drawn.
+        edges: Rows of the upper and the lower curve, (2, K).
+        colour: Colour of the band.
     """
-    lines: list[str] = []
-    for part in parts:
-        whole = fit(part, size, width) == part
-        for i, piece in enumerate([part] if whole else re.split(r"(?<=-)", part)):
-            longer = (separator if i == 0 else "").join([*lines[-1:], piece])
-            if lines and (whole or i > 0) and fit(longer, size, width) == longer:
-                lines[-1] = longer
-            else:
-                lines.append(fit(piece, size, width))
-    return lines
-
-
-def fill(image: Image.Image, x0: float, y0: float, x1: float, y1: float, colour: Colour, opacity: float = 1.0) -> None:
-    """Fill a box.
-
-    Args:
-        image: The picture; changed.
-        x0, y0, x1, y1: Left, top, right and bottom [px].
-        colour: Its colour.
-        opacity: 1 hides what was there.
-    """
-    left, top = floor(x0), floor(y0)
-    a, b, c, d = (round(FINE * side) for side in (x0 - left, y0 - top, x1 - left, y1 - top))
-    if c > a and d > b:
-        mask = Image.new("L", (FINE * (ceil(x1) - left), FINE * (ceil(y1) - top)))
-        ImageDraw.Draw(mask).rectangle((a, b, c - 1, d - 1), fill=round(255 * opacity))
-        image.paste(colour, (left, top), mask.reduce(FINE))
-
-
-def band(
-    image: Image.Image, x: int, y: int, height: int, upper: Array, lower: Array, pen: float, colour: Colour
-) -> None:
-    """Draw the band between two curves.
-
-    Args:
-        image: The picture; changed.
-        x, y: Upper left corner of the box that the curves are in [px].
-        height: Its height [px].
-        upper, lower: Curves, one value per column, NaN for none, (K,) [px from the top of the box].
-        pen: How far the band reaches beyond the curves [px].
-        colour: Its colour.
-    """
-    columns = np.flatnonzero(np.isfinite(upper) & np.isfinite(lower))
+    columns = np.flatnonzero(np.isfinite(edges[0]))
     if len(columns):
-        above, below = FINE * (upper[columns] - pen), FINE * (lower[columns] + pen) - 1
-        there, back = np.stack([columns, above], axis=1), np.stack([columns, below], axis=1)[::-1]
-        outline = np.concatenate([there, back]).round().astype(int).ravel().tolist()
-        mask = Image.new("L", (len(upper), FINE * height))
-        ImageDraw.Draw(mask).polygon(outline, fill=255)
-        image.paste(colour, (x, y), mask.reduce((1, FINE)))
+        there, back = (np.stack([x + columns, FINE * edge[columns]], axis=1) for edge in edges)
+        draw.polygon(np.concatenate([there, back[::-1]]).round().ravel().tolist(), fill=colour)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import mujoco
@@ -10,12 +11,17 @@ import numpy as np
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.library import CAMERAS, mjcf_path, scene_path
-from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame
+from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
+from torquebench.sim.trajectory import Trajectory
 
 FIELD_OF_VIEW = 32.0
 """Vertical field of view of the cameras made here [deg]."""
 FLAT = 0.02
 """An arm that leaves its plane by less than this fraction of its size is seen from across that plane."""
+VISIBLE_GROUPS = 2
+"""Geoms of higher groups are hidden by the arm's files."""
+POSES = 100
+"""Poses of each run from which a camera is placed if the arm's files have none."""
 SHELL, DARK = (0.96, 0.94, 0.88, 1.0), (0.17, 0.18, 0.20, 1.0)
 _UNSEEN: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 2}
 _SAME = 1e-9  # m; poses of the two files of one arm agree to rounding
@@ -27,9 +33,15 @@ class Scene(NamedTuple):
     model: Any
     """Compiled ``MjModel`` with geoms, lights and cameras."""
     moving: tuple[int, ...]
-    """Geoms that move with a joint."""
+    """Visible geoms that move with a joint."""
     reach: float
     """Length of the stretched arm [m]."""
+    joints: Sequence[str]
+    """Names of the joints."""
+    unit: str
+    """Unit of the joints' positions: ``rad``, ``m`` or both."""
+    limits: Array
+    """Torque limits, (n,) [N m]."""
 
 
 def build_scene(name: str, poses: Array) -> Scene:
@@ -43,21 +55,32 @@ def build_scene(name: str, poses: Array) -> Scene:
         ModelError: the arm cannot be read, or its ``scene.xml`` shows another arm.
     """
     arm = compile_mjcf(mjcf_path(name))
-    look = scene_path(name)
+    look = scene_path(name) or mjcf_path(name)
+    reach = max(float(np.sum(np.linalg.norm(np.diff(joint_chain(arm), axis=0), axis=1))), 1e-3)
     try:
-        spec = mujoco.MjSpec.from_file(str(look or mjcf_path(name)))
-        if look is None:
-            dress(spec, arm, poses)
+        spec = mujoco.MjSpec.from_file(str(look))
+        check_same_arm(arm, spec.compile(), str(look))
+        dress(spec, arm, poses, reach)
         m = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f"{look or name}: cannot be drawn: {' '.join(str(error).split())}") from error
-    if look is not None:
-        check_same_arm(arm, m, str(look))
-        if m.ncam == 0:
-            dress(spec, arm, poses)
-            m = spec.compile()
-    moving = tuple(i for i in range(m.ngeom) if m.body_weldid[m.geom_bodyid[i]] != 0)
-    return Scene(m, moving, stretched_length(joint_chain(arm)))
+        raise ModelError(f"{look}: cannot be drawn: {' '.join(str(error).split())}") from error
+    visible = np.flatnonzero(m.geom_group <= VISIBLE_GROUPS)
+    moving = tuple(int(g) for g in visible if m.body_weldid[m.geom_bodyid[g]] != 0)
+    kinds = ("m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for kind in arm.jnt_type)
+    return Scene(m, moving, reach, joint_names(arm), "/".join(dict.fromkeys(kinds)), torque_limits(arm, name))
+
+
+def scene_of_runs(name: str, runs: Sequence[Trajectory]) -> Scene:
+    """Make the scene of an arm whose cameras show these runs and their references; errors as for `build_scene`."""
+    poses = [x[:: max(1, len(x) // POSES)] for run in runs for x in (run.q, run.q_ref)]
+    return build_scene(name, np.nan_to_num(np.concatenate(poses)))
+
+
+def shown_poses(run: Trajectory) -> Array:
+    """Return a run's positions (N, n) [rad]; from where they are no numbers the last one that is one stays."""
+    last = np.max(np.flatnonzero(np.isfinite(run.q).all(axis=1)), initial=0)
+    poses: Array = np.nan_to_num(run.q[np.minimum(np.arange(len(run.q)), last)])
+    return poses
 
 
 def check_same_arm(arm: Any, look: Any, where: str) -> None:
@@ -73,35 +96,27 @@ def check_same_arm(arm: Any, look: Any, where: str) -> None:
     """
     if joint_names(arm) != joint_names(look):
         raise ModelError(f"{where}: its joints are not those of the arm ({', '.join(joint_names(arm))})")
-    for angle in (0.0, 0.5, -1.0):
-        tools = []
-        for m in (arm, look):
-            d = mujoco.MjData(m)
-            d.qpos[:] = angle
-            mujoco.mj_kinematics(m, d)
-            tools.append(tool_frame(m, d, where)[1].copy())
-        if np.max(np.abs(tools[0] - tools[1])) > _SAME:
-            raise ModelError(f"{where}: its tool is not where the arm's is; it shows another arm")
+    poses = np.repeat([[0.0], [0.5], [-1.0]], arm.nq, axis=1)
+    if np.max(np.abs(tool_path(arm, poses) - tool_path(look, poses))) > _SAME:
+        raise ModelError(f"{where}: its tool is not where the arm's is; it shows another arm")
 
 
-def dress(spec: Any, arm: Any, poses: Array) -> None:
+def dress(spec: Any, arm: Any, poses: Array, reach: float) -> None:
     """Add what a scene lacks: links, a floor, lights, a sky, and cameras that see every pose.
 
     Args:
         spec: The arm's ``MjSpec``; changed in place.
         arm: The arm, compiled.
         poses: Joint positions that the cameras must show, (N, n) [rad].
+        reach: Length of the stretched arm [m].
     """
-    d = mujoco.MjData(arm)
-    points = joint_points(arm, d, poses)
+    points = joint_points(arm, poses)
     low, high = points.min(axis=0), points.max(axis=0)
-    chain = joint_chain(arm)
-    reach = stretched_length(chain)
-    visible = [g for g in spec.geoms if g.group <= 2]
+    visible = [g for g in spec.geoms if g.group <= VISIBLE_GROUPS]
     if not visible:
-        add_links(spec, arm, chain, reach)
+        add_links(spec, arm, reach)
     if not any(g.type == mujoco.mjtGeom.mjGEOM_PLANE for g in visible):
-        ground = min(float(low[2]), float(chain[0, 2])) - 0.12 * reach
+        ground = min(float(low[2]), float(joint_chain(arm)[0, 2])) - 0.12 * reach
         spec.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_PLANE,
             size=[0, 0, 0.1],
@@ -119,6 +134,7 @@ def dress(spec: Any, arm: Any, poses: Array) -> None:
                 castshadow=shadow,
             )
         spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42, 0.42, 0.44], [0.2, 0.2, 0.2]
+        spec.visual.map.shadowclip = 2.0
     if not any(t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for t in spec.textures):
         spec.add_texture(
             name="torquebench-sky",
@@ -132,18 +148,12 @@ def dress(spec: Any, arm: Any, poses: Array) -> None:
         spec.visual.rgba.haze = [0.95, 0.96, 0.97, 1]
     if not list(spec.cameras):
         add_cameras(spec, points, reach)
-    spec.stat.extent, spec.stat.center = 1.2 * reach, (low + high) / 2.0
-    spec.visual.map.shadowclip = 2.0
+        spec.stat.extent, spec.stat.center = 1.2 * reach, (low + high) / 2.0
 
 
-def joint_points(arm: Any, d: Any, poses: Array) -> Array:
-    """Return where joints and tool are at each pose, (N (n + 1), 3) [m].
-
-    Args:
-        arm: The arm, compiled.
-        d: Its data; changed.
-        poses: Joint positions, (N, n) [rad].
-    """
+def joint_points(arm: Any, poses: Array) -> Array:
+    """Return where joints and tool of a compiled arm are at each of the poses (N, n) [rad], (N (n + 1), 3) [m]."""
+    d = mujoco.MjData(arm)
     points = []
     for q in poses:
         d.qpos[:] = q
@@ -154,17 +164,12 @@ def joint_points(arm: Any, d: Any, poses: Array) -> Array:
 
 def tool_path(arm: Any, poses: Array) -> Array:
     """Return where the tool is at each pose, (N, 3) [m]; arguments as for `joint_points`."""
-    return joint_points(arm, mujoco.MjData(arm), poses)[arm.njnt :: arm.njnt + 1]
+    return joint_points(arm, poses)[arm.njnt :: arm.njnt + 1]
 
 
 def joint_chain(arm: Any) -> Array:
     """Return where joints and tool are at zero position, (n + 1, 3) [m]."""
-    return joint_points(arm, mujoco.MjData(arm), np.zeros((1, arm.nq)))
-
-
-def stretched_length(chain: Array) -> float:
-    """Return the length of the stretched arm [m]; never zero."""
-    return max(float(np.sum(np.linalg.norm(np.diff(chain, axis=0), axis=1))), 1e-3)
+    return joint_points(arm, np.zeros((1, arm.nq)))
 
 
 def add_tiles(spec: Any, reach: float) -> str:
@@ -189,16 +194,15 @@ def add_tiles(spec: Any, reach: float) -> str:
     return name
 
 
-def add_links(spec: Any, arm: Any, chain: Array, reach: float) -> None:
+def add_links(spec: Any, arm: Any, reach: float) -> None:
     """Draw each link as a capsule from its joint to the next, and each joint as a drum about its axis.
 
     Args:
         spec: The arm's ``MjSpec``; changed in place.
         arm: The arm, compiled.
-        chain: Joints and tool at zero position, (n + 1, 3) [m].
         reach: Length of the stretched arm [m].
     """
-    d = mujoco.MjData(arm)
+    chain, d = joint_chain(arm), mujoco.MjData(arm)
     mujoco.mj_kinematics(arm, d)
     bodies = list(spec.bodies)  # in the order of the compiled model
     for j in range(arm.njnt):
@@ -245,41 +249,13 @@ def add_cameras(spec: Any, points: Array, reach: float) -> None:
         camera.alt.xyaxes = [*right, *np.cross(back, right)]
 
 
-class Lens(NamedTuple):
-    """A camera fixed in the world."""
-
-    position: Array
-    """(3,) [m]."""
-    axes: Array
-    """Columns: right, up and backward in the world, (3, 3)."""
-    slope: float
-    """Tangent of half the vertical field of view."""
-
-
-def set_lens(model: Any, camera: int, width: int, height: int) -> Lens:
-    """Fit a camera to a frame, which it must see as wide as high if that is higher than wide, and return it.
+def fit_camera(model: Any, camera: int, width: int, height: int) -> None:
+    """Have a camera see as much across a frame as up and down it, if the frame is higher than wide.
 
     Args:
         model: Compiled model; the camera's vertical field of view is set in it.
         camera: Number of the camera.
         width, height: Size of the frame [px].
     """
-    slope = float(np.tan(np.deg2rad(model.cam_fovy[camera]) / 2.0)) * max(1.0, height / width)
+    slope = np.tan(np.deg2rad(model.cam_fovy[camera]) / 2.0) * max(1.0, height / width)
     model.cam_fovy[camera] = 2.0 * np.rad2deg(np.arctan(slope))
-    d = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, d)
-    mujoco.mj_camlight(model, d)
-    return Lens(d.cam_xpos[camera].copy(), d.cam_xmat[camera].reshape(3, 3).copy(), slope)
-
-
-def project(lens: Lens, points: Array, width: int, height: int) -> Array:
-    """Return where points are in a frame, (N, 2) [px]: to the right and down from its upper left corner.
-
-    Args:
-        lens: The camera.
-        points: (N, 3) [m], in front of it.
-        width, height: Size of the frame [px].
-    """
-    inside = (points - lens.position) @ lens.axes
-    scale = 0.5 * height / lens.slope / np.maximum(-inside[:, 2], 1e-9)
-    return np.stack([0.5 * width + scale * inside[:, 0], 0.5 * height - scale * inside[:, 1]], axis=1)

@@ -9,9 +9,8 @@ import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.mjcf import joint_names, tool_frame, torque_limits
-from torquebench.video.scene import Scene, build_scene
-from torquebench.video.stage import VISIBLE_GROUPS
+from torquebench.robot.mjcf import tool_frame
+from torquebench.video.scene import VISIBLE_GROUPS, Scene
 from torquebench.view import shapes
 from torquebench.view.shapes import Triangles
 
@@ -46,16 +45,14 @@ class Arm:
     """An arm that can be drawn at any pose.
 
     Args:
-        name: Name of the arm, or path of its ``.xml`` file.
-        poses: Joint positions that its camera must show where its files have none, (N, n) [rad].
+        scene: The arm.
 
     Raises:
-        ModelError: it cannot be read or drawn.
+        ModelError: it cannot be drawn.
     """
 
-    def __init__(self, name: str, poses: Array) -> None:
-        self._scene: Scene = build_scene(name, poses)
-        m, self.reach = self._scene.model, self._scene.reach
+    def __init__(self, scene: Scene) -> None:
+        self._scene, m = scene, scene.model
         self._d = mujoco.MjData(m)
         mujoco.mj_kinematics(m, self._d)
         mujoco.mj_camlight(m, self._d)
@@ -64,11 +61,7 @@ class Arm:
         ]
         self._bodies = sorted({int(m.geom_bodyid[g]) for g in visible})
         self.parts = tuple(self._part([g for g in visible if m.geom_bodyid[g] == body], body) for body in self._bodies)
-        self.joints: list[str] = joint_names(m)
-        self.units = ["m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for kind in m.jnt_type]
-        self.limits: Array = torque_limits(m, name)
-        planes = np.flatnonzero(m.geom_type == _KIND.mjGEOM_PLANE)
-        self.floor = float(self._d.geom_xpos[planes[0], 2]) if len(planes) else None
+        self.floor = float(self._d.geom_xpos[m.geom_type == _KIND.mjGEOM_PLANE, 2][0])
         self.view = self._view()
 
     def at(self, q: Array) -> tuple[Array, Array]:
@@ -100,13 +93,15 @@ class Arm:
             corners.append(shape.corners @ own.T + turn.T @ (d.geom_xpos[g] - origin))
             normals.append(shape.normals @ own.T)
             colours.append(np.tile(colour(m, g), (len(shape.corners), 1)))
-        fine = np.round(np.concatenate(corners) / self.reach, 6) * self.reach  # no gap where triangles share a corner
+        fine = (
+            np.round(np.concatenate(corners) / self._scene.reach, 6) * self._scene.reach
+        )  # no gap where triangles share a corner
         return Part(bool(m.body_weldid[body] != 0), Triangles(fine, np.concatenate(normals)), np.concatenate(colours))
 
     def _view(self) -> View:
         m, d = self._scene.model, self._d
         eye, back = d.cam_xpos[0].copy(), d.cam_xmat[0].reshape(3, 3)[:, 2]
-        away = max(float((eye - m.stat.center) @ back), 0.1 * self.reach)
+        away = max(float((eye - m.stat.center) @ back), 0.1 * self._scene.reach)
         return View(eye, eye - away * back, float(np.deg2rad(m.cam_fovy[0])))
 
 

@@ -18,13 +18,13 @@ from tests.report.figures.test_fuzzy_figures import SYSTEMS
 from tests.report.figures.test_run_figures import diverged, make
 from tests.report.figures.test_sweep_figures import TABLE, effects
 from tests.source_tree import FILES, TREES
+from tests.sweep.tables import made
 from torquebench.certificates import Certificate
 from torquebench.fuzzy import prepare
 from torquebench.report.figures.layout import PAGE_WIDTH
 from torquebench.report.figures.pareto import Front, Spot, draw_pareto
 from torquebench.report.figures.run_view import FiredRules, RunView, draw_figures
-from torquebench.report.figures.sensitivity import draw_sensitivity
-from torquebench.report.figures.style import COLOURS, DASHES
+from torquebench.report.figures.style import COLOURS, DASHES, journal_style
 from torquebench.report.figures.sweep import sweep_figures
 from torquebench.statistics import Ratio
 from torquebench.sweep.sensitivity import Sensitivity
@@ -100,8 +100,10 @@ def draw_all() -> dict[str, Figure]:
     )
     found = draw_figures(view)
     ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0), 0) for k in range(1, 9)]
-    spots = [Spot(f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
-    found["front"] = draw_pareto(Front(tuple(spots), "its phi [rad/s]"), "t", "s")
+    spots = [Spot("law", f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
+    families = {spot.family: spot.family for spot in spots}
+    with journal_style():
+        found["front"] = draw_pareto(Front(tuple(spots), families, "its phi [rad/s]"), "mrad", "t", "s")
     return found
 
 
@@ -115,7 +117,9 @@ def every() -> dict[str, Figure]:
 def swept() -> dict[str, Figure]:
     """Every kind of a sweep's figures."""
     told = [Sensitivity("a", "rmse", (0,), 40, 2, effects(np.array([0.8, -0.5, 0.1])), "")]
-    return sweep_figures(TABLE, "t", "s") | {"effects": draw_sensitivity(told, "t", "s")}
+    lone = made(["a"], 2, lambda law, draw, values: {"rmse": 1.0 + draw}, metrics=["rmse"])
+    effect = sweep_figures(lone, "t", "s", told, (False,))["effects-rmse"]
+    return sweep_figures(TABLE, "t", "s", (), (False,)) | {"effects": effect}
 
 
 def test_every_kind_is_here() -> None:

@@ -144,7 +144,7 @@ def test_runs_differ_in_colour_and_in_dash_and_the_restless_one_lies_below(six: 
 def test_failed_run_ends_in_a_cross_and_does_not_set_the_range(six: dict[str, Figure]) -> None:
     """Its line stops where the run did, the legend says so, and the others keep their scale."""
     for key in ("position", "error", "torque", "sliding"):
-        assert any(text.startswith("wild (diverged)") for text in legend_texts(six[key]))
+        assert any(text.startswith("wild (diverged at 0.699 s)") for text in legend_texts(six[key]))
         ax = panel(six[key], "joint 1")
         crosses = [line for line in ax.get_lines() if line.get_marker() == "x"]
         assert len(crosses) == 1
@@ -155,7 +155,7 @@ def test_failed_run_ends_in_a_cross_and_does_not_set_the_range(six: dict[str, Fi
     low, high = panel(six["error"], "joint 1").get_ylim()
     # Errors of 10 mrad: the range may widen by its own width on the failed side, and has margins of 6 %.
     assert high - low <= 2.0 * 2.0 * 10.0 * 1.12 + 1e-6
-    assert any("wild (diverged) (no spectrum)" in text for text in legend_texts(six["spectrum"]))
+    assert any("wild (diverged at 0.699 s) (no spectrum)" in text for text in legend_texts(six["spectrum"]))
 
 
 def test_only_failed_runs() -> None:
@@ -220,8 +220,8 @@ def test_headline_metrics_stand_in_the_legend() -> None:
     run = make(1, 5.0)
     metrics = from_joints(per_joint(run, tau_max=np.array([20.0]), metrics_from=0.5, control_period=T, step_like=False))
     figures = draw({"a": run}, 1, metrics={"a": metrics})
-    assert legend_texts(figures["error"])[0] == "a (RMSE 7.07 mrad)"  # 10 mrad / sqrt 2
-    assert legend_texts(figures["torque"])[0] == "a (HF 17.7 %)"  # 25 % / sqrt 2
+    assert legend_texts(figures["error"])[0] == "a (RMSE 7.071 mrad)"  # 10 mrad / sqrt 2
+    assert legend_texts(figures["torque"])[0] == "a (HF 17.68 %)"  # 25 % / sqrt 2
 
 
 def test_same_input_same_bytes_whatever_the_users_settings() -> None:

@@ -123,7 +123,7 @@ def test_errors_are_quoted_in_one_unit() -> None:
     metrics = {name: measured(run) for name, run in runs.items()}
     texts = legend_texts(draw(runs, 1, metrics=metrics)["error"])
     # The window [0.5 s, 1.5 s) is one period.
-    assert texts[:3] == ["a (RMSE 1414 mrad)", "b (RMSE 14.1 mrad)", "c (RMSE 0.00212 mrad)"]
+    assert texts[:3] == ["a (RMSE 1414 mrad)", "b (RMSE 14.14 mrad)", "c (RMSE 0.002121 mrad)"]
 
 
 @pytest.mark.parametrize("samples", [1, 2, 100])
@@ -187,7 +187,7 @@ def test_slides_have_their_own_units() -> None:
         "sliding": ["sliding variable s [rad/s]", "sliding variable s [mm/s]"],
         "spectrum": ["torque amplitude [% of limit]", "force amplitude [% of limit]"],
     }
-    assert legend_texts(figures["error"])[0] == "a (RMSE 7.07 mrad, 0.00778 mm)"  # 10 mrad, 11 um over sqrt 2
+    assert legend_texts(figures["error"])[0] == "a (RMSE 7.071 mrad, 0.007778 mm)"  # 10 mrad, 11 um over sqrt 2
     assert "limit \u00b120 N" in [text.get_text() for text in panel(figures["torque"], "joint 2").texts]
     assert set(levels(panel(figures["sliding"], "joint 1"))) == {8.0, -8.0}
     assert set(levels(panel(figures["sliding"], "joint 2"))) == {90.0, -90.0}

@@ -1,46 +1,9 @@
-"""Decimation keeps the envelope; units and ranges follow the size of what is drawn."""
+"""Peaks of a spectrum are found; units and ranges follow the size of what is drawn."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from torquebench.report.figures.style import COLOURS, DASHES, band_maxima, choose_unit, decimate, isolated_peaks, limits
-
-
-@settings(max_examples=50, deadline=None)
-@given(n=st.integers(1, 3000), bins=st.integers(1, 300), log=st.booleans(), seed=st.integers(0, 2**32 - 1))
-def test_decimate_keeps_the_envelope(n: int, bins: int, log: bool, seed: int) -> None:
-    """Every sample kept is one of the signal's, in order, with both ends and the global extremes."""
-    y = np.random.default_rng(seed).normal(size=n)
-    t = np.arange(n) * 0.001
-    kept_t, kept_y = decimate(t, y, bins, log)
-    assert len(kept_t) <= 2 * bins + 2
-    index = np.searchsorted(t, kept_t)
-    assert np.array_equal(t[index], kept_t)
-    assert np.array_equal(y[index], kept_y)
-    assert np.all(np.diff(index) > 0)
-    assert (kept_t[0], kept_t[-1]) == (t[0], t[-1])
-    assert (kept_y.min(), kept_y.max()) == (y.min(), y.max())
-
-
-def test_decimate_keeps_the_least_and_greatest_of_every_stretch() -> None:
-    """The extremes of each equal stretch survive exactly, so that no spike of a switching signal is lost."""
-    y = np.random.default_rng(5).normal(size=4000)
-    t = np.arange(4000.0)
-    kept_t, kept_y = decimate(t, y, 100)
-    for low in range(0, 4000, 40):
-        stretch = y[low : low + 40]
-        kept = kept_y[(kept_t >= low) & (kept_t < low + 40)]
-        assert (kept.min(), kept.max()) == (stretch.min(), stretch.max())
-
-
-def test_short_signals_come_back_unchanged() -> None:
-    """What fits is not thinned."""
-    t, y = np.arange(202.0), np.random.default_rng(0).normal(size=202)
-    kept_t, kept_y = decimate(t, y, 100)
-    assert np.array_equal(kept_t, t)
-    assert np.array_equal(kept_y, y)
+from torquebench.report.figures.style import COLOURS, DASHES, band_maxima, choose_unit, isolated_peaks, limits
 
 
 def test_band_maxima() -> None:

@@ -15,7 +15,6 @@ from torquebench.errors import ResultError
 from torquebench.fuzzy import Fis, FuzzySystem, Prepared
 from torquebench.fuzzy.inference import fill_activations
 from torquebench.kernel import Array
-from torquebench.report.figures import style
 from torquebench.report.figures.layout import finish_page, panel_grid
 from torquebench.sim.trajectory import Trajectory
 
@@ -62,19 +61,17 @@ def draw_rules(prepared: Prepared, shares: Array, joint_names: Sequence[str], ti
         title, subtitle: Heading of the page.
     """
     system = prepared.system
-    with style.journal_style():
-        columns = len(system.inputs[1].names) if len(system.inputs) == 2 else 1
-        fig, panels = panel_grid(
-            joint_names, "input 1 [term]", ["input 2 [term]" if columns > 1 else ""] * len(joint_names)
-        )
-        top = max(float(shares.max()), 1e-12)
-        for ax, share in zip(panels, shares, strict=True):
-            _table(ax, system, share[:, :columns], top)
-        handles = [
-            Patch(color=SEQUENTIAL(0.6), label="share of the rule in the firing of all, mean over the run [%]"),
-            Patch(facecolor="0.93", label="did not fire"),
-        ]
-        finish_page(fig, title, subtitle, handles)
+    columns = len(system.inputs[1].names) if len(system.inputs) == 2 else 1
+    second = "input 2 [term]" if columns > 1 else ""
+    fig, panels = panel_grid(joint_names, "input 1 [term]", [second] * len(joint_names))
+    top = max(float(shares.max()), 1e-12)
+    for ax, share in zip(panels, shares, strict=True):
+        _table(ax, system, share[:, :columns], top)
+    handles = [
+        Patch(color=SEQUENTIAL(0.6), label="share of the rule in the firing of all, mean over the run [%]"),
+        Patch(facecolor="0.93", label="did not fire"),
+    ]
+    finish_page(fig, title, subtitle, handles)
     return fig
 
 
@@ -90,8 +87,6 @@ def _table(ax: Axes, system: FuzzySystem, share: Array, top: float) -> None:
             ax.text(i + 0.5, j + 0.5, text, ha="center", va="center", fontsize=6.0, color="white" if light else "0.2")
     ax.grid(False)
     ax.set_xticks(np.arange(share.shape[0]) + 0.5, system.inputs[0].names)
-    if len(system.inputs) == 2:
-        ax.set_yticks(np.arange(share.shape[1]) + 0.5, system.inputs[1].names)
-    else:
-        ax.set_yticks([])
+    second = system.inputs[1].names if len(system.inputs) == 2 else ()
+    ax.set_yticks(np.arange(len(second)) + 0.5, second)
     ax.tick_params(length=0.0)

@@ -11,11 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.patches import Patch
 
 PAGE_WIDTH = 7.2
 """Width of every figure [in]: 183 mm, two columns of a journal, so that nothing is scaled down in print."""
 BODY_HEIGHT = 6.4
 """Height of the panels together, while they are few enough to be higher than the least height [in]."""
+LEFT, GAP = 0.012, 0.08
+"""Where headings and legend begin [share of the width]; room above and below them [in]."""
+SHADE: dict[str, Any] = {"color": "0.95", "linewidth": 0.0, "zorder": 0.5}
+REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": (0, (4.0, 2.5)), "zorder": 3.0}
+LIMIT: dict[str, Any] = {"color": "0.4", "linewidth": 0.8, "linestyle": (0, (1.5, 1.5))}
 
 
 def new_page(rows: int, least: float, most: float) -> Figure:
@@ -26,28 +32,41 @@ def new_page(rows: int, least: float, most: float) -> Figure:
     return fig
 
 
-def panel_grid(names: Sequence[str], x_label: str, y_labels: Sequence[str]) -> tuple[Figure, list[Axes]]:
-    """Return a page with one panel per joint: two columns (three above eight joints), rows filled first.
+def panel_grid(
+    names: Sequence[str],
+    x_label: str,
+    y_labels: Sequence[str],
+    columns: int | None = None,
+    heights: tuple[float, float] = (1.3, 3.4),
+) -> tuple[Figure, list[Axes]]:
+    """Return a page with one panel per name, rows filled first.
 
-    The x label stands under the lowest panel of each column. A panel's y label stands beside it in the first
-    column, and in the others where it differs from the one at its left.
+    The x label and its numbers stand under the lowest panel of each column. A panel's y label stands beside it in the
+    first column, and in the others where it differs from the one at its left.
+
+    Args:
+        names: Titles of the panels, which are their labels too.
+        x_label: Label of every x axis.
+        y_labels: Label of each y axis.
+        columns: Panels side by side; None for two, three above eight panels.
+        heights: Least and greatest height of a panel [in].
     """
     n = len(names)
-    columns = 1 if n == 1 else 2 if n <= 8 else 3
+    columns = min(n, columns or (2 if n <= 8 else 3))
     rows = -(-n // columns)
-    fig = new_page(rows, 1.3, 3.4)
-    grid = fig.add_gridspec(rows, columns)
-    panels: list[Axes] = []
-    for i, name in enumerate(names):
-        ax = fig.add_subplot(grid[i // columns, i % columns])
+    fig = new_page(rows, *heights)
+    places = list(fig.subplots(rows, columns, squeeze=False).flat)
+    for ax in places[n:]:
+        ax.remove()
+    panels = places[:n]
+    for i, (ax, name) in enumerate(zip(panels, names, strict=True)):
         ax.set_label(name)
-        ax.set_title(printable(name), loc="left", pad=3.0)
+        ax.set_title(printable(name))
         if i % columns == 0 or y_labels[i] != y_labels[i - 1]:
             ax.set_ylabel(y_labels[i] if rows <= 3 else y_labels[i].replace(" [", "\n["))
         lowest = i + columns >= n
         ax.set_xlabel(x_label if lowest else "")
         ax.tick_params(labelbottom=lowest)
-        panels.append(ax)
     fig.align_ylabels(panels[::columns])
     return fig, panels
 
@@ -57,20 +76,17 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
     rows = [(line, 10.0, "bold", "black") for line in textwrap.wrap(printable(title), 78)]
     for part in subtitle.splitlines():
         rows += [(line, 7.5, "normal", "0.3") for line in textwrap.wrap(printable(part), 116)]
-    heights = [size * 1.45 / 72.0 for _, size, _, _ in rows]
-    legend, legend_height = _legend(fig, handles)
-    header = 0.08 + sum(heights) + 0.04 + legend_height + 0.06
+    legend = _legend(fig, handles)
+    header = 2.2 * GAP + sum(size * 1.45 / 72.0 for _, size, _, _ in rows) + legend.get_window_extent().height / fig.dpi
     height = fig.get_figheight() + header
     fig.set_figheight(height)
-    top = 0.08
-    for (text, size, weight, colour), step in zip(rows, heights, strict=True):
-        at = fig.text(0.012, 1.0 - top / height, text, fontsize=size, fontweight=weight, color=colour, va="top")
+    top = 1.0 - GAP / height
+    for text, size, weight, colour in rows:
+        at = fig.text(LEFT, top, text, fontsize=size, fontweight=weight, color=colour, va="top")
         at.set_in_layout(False)
-        top += step
-    legend.set_bbox_to_anchor((0.012, 1.0 - (top + 0.04) / height))
-    engine = fig.get_layout_engine()
-    if engine is not None:
-        engine.set(rect=(0.004, 0.004, 0.99, 1.0 - header / height - 0.004))  # type: ignore[call-arg]
+        top -= size * 1.45 / 72.0 / height
+    legend.set_bbox_to_anchor((LEFT, top - 0.5 * GAP / height))
+    fig.set_layout_engine("constrained", rect=(0.004, 0.004, 0.99, 1.0 - header / height - 0.004))
     fig.draw_without_rendering()
     fig.set_layout_engine("none")  # solved again, panels would move by round-off, and bytes with them
     for ax in fig.axes:  # the solver's round-off follows memory addresses: not the same in every run
@@ -81,6 +97,11 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
 def printable(text: str) -> str:
     """Replace control characters, which an SVG file cannot hold."""
     return "".join(c if c.isprintable() else " " for c in text)
+
+
+def shade_key(label: str) -> Patch:
+    """Return the legend entry of a shaded range, darker than the range so that its small patch is seen."""
+    return Patch(label=label, **SHADE | {"color": "0.9"})
 
 
 def level_lines(ax: Axes, level: float, used: tuple[float, float], look: dict[str, Any]) -> bool:
@@ -102,38 +123,17 @@ def write_note(ax: Axes, text: str) -> None:
     """Write a level that is outside the range of an axis at its top, in room made for it."""
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.25 * (high - low))
-    ax.annotate(
-        text,
-        (1.0, 1.0),
-        (-3.0, -3.0),
-        "axes fraction",
-        "offset points",
-        ha="right",
-        va="top",
-        fontsize=7.0,
-        color="0.3",
-        zorder=5.0,
-        bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.8},
-    )
+    box = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.8}
+    at = {"transform": ax.transAxes, "ha": "right", "va": "top"}
+    ax.text(0.985, 0.96, text, fontsize=7.0, color="0.3", zorder=5.0, bbox=box, **at)  # type: ignore[arg-type]
 
 
-def _legend(fig: Figure, handles: Sequence[Artist]) -> tuple[Legend, float]:
-    """Set the legend in as few rows as fit the page's width; return it and its height [in]."""
-    columns = len(handles)
-    while True:
-        legend = fig.legend(
-            handles=list(handles),
-            loc="upper left",
-            ncols=columns,
-            frameon=False,
-            borderpad=0.1,
-            borderaxespad=0.0,
-            columnspacing=1.6,
-            handlelength=2.8,
-        )
+def _legend(fig: Figure, handles: Sequence[Artist]) -> Legend:
+    """Set the legend in as few rows as fit the page's width."""
+    for columns in range(len(handles), 0, -1):
+        legend = fig.legend(handles=handles, loc="upper left", ncols=columns)
         legend.set_in_layout(False)
-        box = legend.get_window_extent()
-        if columns <= 1 or box.width <= 0.985 * fig.bbox.width:
-            return legend, float(box.height) / fig.dpi
+        if columns == 1 or legend.get_window_extent().width <= 0.985 * fig.bbox.width:
+            break
         legend.remove()
-        columns -= 1
+    return legend

@@ -12,7 +12,6 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from torquebench.certificates import Certificate
 from torquebench.errors import ResultError
@@ -22,22 +21,13 @@ from torquebench.metrics import Metrics
 from torquebench.metrics.torque import measure_torques
 from torquebench.report.figures import style
 from torquebench.report.figures.declare import figures_in_order
-from torquebench.report.figures.layout import finish_page, printable
-from torquebench.sim.trajectory import Outcome, Trajectory
+from torquebench.report.figures.layout import finish_page, printable, shade_key
+from torquebench.report.tables import number
+from torquebench.sim.trajectory import Trajectory
 
 CHATTERING = 20.0
 """Total variation of the torque from which a run is drawn thin where its line fills an area [tau_max/s]."""
-SHADE: dict[str, Any] = {"color": "0.95", "linewidth": 0.0, "zorder": 0.5}
-REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": (0, (4.0, 2.5)), "zorder": 3.0}
-LIMIT: dict[str, Any] = {"color": "0.4", "linewidth": 0.8, "linestyle": (0, (1.5, 1.5))}
 TIME = "time [s]"
-
-_OUTCOMES = {
-    Outcome.DIVERGED: " (diverged)",
-    Outcome.BAD_TORQUE: " (non-finite torque)",
-    Outcome.CONTROLLER_ERROR: " (law failed)",
-}
-_POINTS = 36_000  # samples drawn per page: about 1 MB of SVG
 
 
 class Run(NamedTuple):
@@ -116,22 +106,15 @@ class RunView:
         """The run that lasted longest; the others see the same reference."""
         return max((run.data for run in self.runs), key=lambda data: len(data.t))
 
-    @property
-    def bins(self) -> int:
-        """Stretches per line that keep a page within its size."""
-        return max(60, min(600, _POINTS // (2 * len(self.runs) * len(self.joint_names))))
-
     def hf_note(self, run: Run) -> str:
-        """Chattering index of a run for the legend; empty where it has none."""
-        metrics = self.metrics.get(run.name)
-        value = None if metrics is None else metrics.hf.value
-        return "" if value is None else f" (HF {value:.3g} %)"
+        """Return the chattering index of a run for the legend; empty where it has none."""
+        return f" (HF {number(self.metrics[run.name].hf.value)} %)" if run.name in self.metrics else ""
 
     def finish(self, fig: Figure, note: Callable[[Run], str], *others: Artist) -> Figure:
         """Add title, subtitle and legend; `note` returns what follows a run's name in the legend."""
         keys: list[Artist] = []
         for run in self.runs:
-            label = printable(run.name) + _OUTCOMES.get(run.data.outcome, "") + note(run)
+            label = printable(run.name) + ("" if run.data.completed else f" ({run.data.ending})") + note(run)
             look = run.look | {"linewidth": max(1.2, run.look["linewidth"]), "label": label}
             keys.append(Line2D([], [], marker="" if run.data.completed else "x", markersize=5.0, **look))
         finish_page(fig, self.title, self.subtitle, [*keys, *others])
@@ -140,7 +123,7 @@ class RunView:
     def shade(self) -> list[Artist]:
         """Return the legend entry of the time before the metrics' window, if there is such a time."""
         label = f"before the metrics' window (t < {self.metrics_from:g} s)"
-        return [Patch(label=label, **SHADE | {"color": "0.9"})] if self.metrics_from > 0.0 else []
+        return [shade_key(label)] if self.metrics_from > 0.0 else []
 
 
 def draw_figures(x: RunView, only: str | None = None) -> dict[str, Figure]:
@@ -184,14 +167,9 @@ def looks(runs: Mapping[str, Trajectory], tau_max: Array, control_period: float)
     restless = {name: _restlessness(data.tau, tau_max, control_period) for name, data in runs.items()}
     rank = {name: k for k, name in enumerate(sorted(runs, key=lambda name: -restless[name]))}
     chosen = []
-    for k, (name, data) in enumerate(runs.items()):
-        look = {
-            "color": style.COLOURS[k % len(style.COLOURS)],
-            "linestyle": style.DASHES[k % len(style.DASHES)],
-            "linewidth": max(0.9, 1.6 - 0.25 * rank[name]),
-            "zorder": 2.0 + 0.01 * rank[name],
-        }
-        chosen.append(Run(name, data, restless[name] >= CHATTERING, look))
+    for place, (name, data) in enumerate(runs.items()):
+        layer = {"linewidth": max(0.9, 1.6 - 0.25 * rank[name]), "zorder": 2.0 + 0.01 * rank[name]}
+        chosen.append(Run(name, data, restless[name] >= CHATTERING, style.look(place) | layer))
     return tuple(chosen)
 
 
@@ -202,23 +180,19 @@ def _restlessness(tau: Array, tau_max: Array, control_period: float) -> float:
 
 def draw(ax: Axes, x: RunView, signals: Mapping[str, Array], thin: bool, more: Sequence[Array] = ()) -> None:
     """Draw one joint's signals (N,) by controller; set the ranges of both axes from them and from `more`."""
-    failed = [signals[run.name] for run in x.runs if run.name in signals and not run.data.completed]
-    whole = [signals[run.name] for run in x.runs if run.name in signals and run.data.completed]
-    low, high = style.limits([*whole, *more], failed)
+    shown = [(run, signals[run.name]) for run in x.runs if run.name in signals]
+    whole = [y for run, y in shown if run.data.completed]
+    low, high = style.limits([*whole, *more], [y for run, y in shown if not run.data.completed])
     room = 9.0 * (high - low)  # beyond the page, yet within what a renderer can handle
-    for run in x.runs:
-        if run.name not in signals:
-            continue
-        y = signals[run.name]
+    for run, y in shown:
         finite = np.isfinite(y)
         t, y = run.data.t[finite], y[finite]
         if len(y) == 0:
             continue
         look = run.look | ({"linewidth": 0.5, "alpha": 0.85} if thin and run.chatters else {})
-        ax.plot(*style.decimate(t, np.clip(y, low - room, high + room), x.bins), **look)
+        ax.plot(t, np.clip(y, low - room, high + room), **look)
         if not run.data.completed:
             end = min(max(y[-1], low), high)
             ax.plot(t[-1], end, "x", color=look["color"], ms=6.0, mew=1.6, zorder=4.0, clip_on=False)
     ax.set_ylim(low, high)
     ax.set_xlim(0.0, x.longest.t[-1] + x.control_period)
-    style.plain_numbers(ax)

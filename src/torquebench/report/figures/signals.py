@@ -14,8 +14,9 @@ from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.figures import style
 from torquebench.report.figures.declare import figure
-from torquebench.report.figures.layout import level_lines, panel_grid, printable, write_note
-from torquebench.report.figures.run_view import REFERENCE, SHADE, TIME, Run, RunView, draw
+from torquebench.report.figures.layout import REFERENCE, SHADE, level_lines, panel_grid, printable, write_note
+from torquebench.report.figures.run_view import TIME, Run, RunView, draw
+from torquebench.report.tables import joined, number
 from torquebench.sim.trajectory import Trajectory
 
 _BAND: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (1.0, 1.5)), "zorder": 3.0}
@@ -28,15 +29,15 @@ def _time_panels(
 
     The unit is rad or m followed by `per`, with the prefix that the signal's size in all joints of a kind asks for.
     """
-    values = {run.name: signal(run.data) for run in x.runs}
-    values = {name: y for name, y in values.items() if np.isfinite(y).any()}
-    trusted = [values[run.name] for run in x.runs if run.data.completed and run.name in values]
+    values = {run.name: y for run in x.runs if np.isfinite(y := signal(run.data)).any()}
+    whole = [values[run.name] for run in x.runs if run.data.completed and run.name in values]
+    failed = [values[run.name] for run in x.runs if not run.data.completed and run.name in values]
     reference_q = [x.longest.q_ref] if reference else []
     kinds = np.array(x.by_kind("rad", "m"))
     chosen = {}
     for kind in dict.fromkeys(kinds.tolist()):
-        whole = [y[:, kinds == kind] for y in (*trusted, *reference_q)]
-        low, high = style.limits(whole, [] if trusted else [y[:, kinds == kind] for y in values.values()])
+        own = kinds == kind
+        low, high = style.limits([y[:, own] for y in (*whole, *reference_q)], [y[:, own] for y in failed])
         chosen[kind] = style.choose_unit(max(-low, high), kind + per)
     units = [chosen[kind] for kind in kinds.tolist()]
     fig, panels = panel_grid(x.joint_names, TIME, [f"{what} [{unit.name}]" for unit in units])
@@ -45,7 +46,7 @@ def _time_panels(
         more = [q_ref[:, i] * unit.factor for q_ref in reference_q]
         draw(ax, x, {name: y[:, i] * unit.factor for name, y in values.items()}, thin, more)
         for y in more:
-            ax.plot(*style.decimate(x.longest.t, y, x.bins), **REFERENCE)
+            ax.plot(x.longest.t, y, **REFERENCE)
     return fig, units
 
 
@@ -79,13 +80,10 @@ def rmse_note(x: RunView, run: Run) -> str:
     metrics = x.metrics.get(run.name)
     if metrics is None or metrics.rmse.value is None:
         return ""
-    kinds = x.by_kind("mrad", "mm")
-    texts = []
-    for unit in dict.fromkeys(kinds):
-        errors = [e for e, kind in zip(metrics.rmse.per_joint, kinds, strict=True) if kind == unit and e is not None]
-        rmse = 1e3 * METRICS["rmse"].over(np.array(errors))
-        texts.append(f"{rmse:.3g} {unit}" if rmse < 999.5 else f"{rmse:.0f} {unit}")
-    return f" (RMSE {', '.join(texts)})"
+    kinds, info = x.by_kind("mrad", "mm"), METRICS["rmse"]
+    slides = [kind == "mm" for kind in kinds]
+    values = {unit: joined(info, metrics.rmse, slides, unit == "mm") for unit in dict.fromkeys(kinds)}
+    return f" (RMSE {', '.join(f'{number(value, 1e3)} {unit}' for unit, value in values.items())})"
 
 
 def band_lines(x: RunView, fig: Figure, units: Sequence[style.Unit]) -> list[Artist]:

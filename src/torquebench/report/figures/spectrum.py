@@ -8,14 +8,13 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from torquebench.kernel import Array
 from torquebench.metrics.chattering import HF_FROM_HZ, hann_spectrum
 from torquebench.report.figures import style
 from torquebench.report.figures.declare import figure
-from torquebench.report.figures.layout import panel_grid
-from torquebench.report.figures.run_view import LIMIT, SHADE, Run, RunView
+from torquebench.report.figures.layout import LIMIT, SHADE, panel_grid, shade_key
+from torquebench.report.figures.run_view import Run, RunView
 from torquebench.sim.trajectory import Trajectory
 
 SPECTRUM_FLOOR = 1e-4
@@ -39,15 +38,14 @@ def draw_spectrum(x: RunView) -> Figure | None:
     fig, panels = panel_grid(x.joint_names, "frequency [Hz]", y_labels)
     marked = False
     for i, ax in enumerate(panels):
-        ax.set_xscale("log")
-        ax.set_yscale("log")
+        ax.loglog()
         ax.axvspan(half_rate, BEYOND * half_rate, **SHADE)
         ax.axvline(HF_FROM_HZ, **LIMIT)
         for run in x.runs:
             if run.name in lines:
                 f, a = lines[run.name][0], np.maximum(lines[run.name][1][:, i], 0.1 * SPECTRUM_FLOOR)
                 hair = run.look | {"linewidth": 0.4, "linestyle": "-", "alpha": 0.35}
-                ax.plot(*style.decimate(f, a, x.bins, logarithmic=True), **hair)
+                ax.plot(f, a, **hair)
                 ax.plot(*style.band_maxima(f, a, _BANDS), **run.look | {"linewidth": 1.1})
                 peaks = style.isolated_peaks(f, a)
                 peaks = peaks[(f[peaks] >= HF_FROM_HZ) & (a[peaks] > SPECTRUM_FLOOR)]
@@ -56,12 +54,12 @@ def draw_spectrum(x: RunView) -> Figure | None:
                     ax.plot(f[peaks], a[peaks], color=run.look["color"], zorder=run.look["zorder"] + 1.0, **_PEAK)
         ax.set_xlim(min(f[0] for f, _ in lines.values()), BEYOND * half_rate)
         ax.set_ylim(SPECTRUM_FLOOR, top)
-        style.plain_decades(ax)
+        style.plain_powers(ax.xaxis, ax.yaxis)
     others: list[Artist] = [
         Line2D([], [], label=f"{HF_FROM_HZ:g} Hz: HF counts from here", **LIMIT),
         Line2D([], [], color="0.75", linewidth=3.0, label=f"each line (bold: greatest of 1/{_BANDS} octave)"),
         *([Line2D([], [], color="0.4", label="line that stands alone", **_PEAK)] if marked else []),
-        Patch(label=f"above half the control rate ({half_rate:g} Hz)", **SHADE | {"color": "0.9"}),
+        shade_key(f"above half the control rate ({half_rate:g} Hz)"),
     ]
 
     def note(run: Run) -> str:

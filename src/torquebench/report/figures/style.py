@@ -1,57 +1,32 @@
-"""The look shared by all figures: colours, fonts, units, ranges, decimation, and bytes that do not vary."""
+"""The look shared by all figures: colours, fonts, units, ranges, peaks, and bytes that do not vary."""
 
 from __future__ import annotations
 
 import io
-import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, Literal, NamedTuple
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import matplotlib.style
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import LogLocator, NullLocator
 
+from torquebench.experiment.run import Progress
 from torquebench.kernel import Array
-from torquebench.metrics import MetricInfo
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#882255")
 """Okabe-Ito without black, which is the reference's; a wine red stands for its yellow, which is lost on white."""
 DASHES: tuple[Any, ...] = ("-", (0, (5.0, 1.6)), (0, (6.0, 1.4, 1.2, 1.4)), (0, (1.4, 1.2)), (0, (9.0, 2.0)))
 """Prime to the number of colours in number: both together repeat after 35 controllers only."""
+Format: TypeAlias = Literal["svg", "png"]
+FORMATS: tuple[Format, ...] = ("svg", "png")
 MARKERS = "osD^vP"
-PNG_DPI = 150
-
-_RC: dict[str, Any] = {
-    "axes.axisbelow": True,
-    "axes.edgecolor": "0.35",
-    "axes.grid": True,
-    "axes.labelsize": 8.0,
-    "axes.linewidth": 0.6,
-    "axes.titlesize": 8.0,
-    "figure.dpi": float(PNG_DPI),
-    "font.family": ["DejaVu Sans"],  # comes with matplotlib: the same page on every machine
-    "font.size": 8.0,
-    "grid.color": "0.9",
-    "grid.linewidth": 0.5,
-    "legend.fontsize": 8.0,
-    "lines.solid_capstyle": "butt",
-    "lines.solid_joinstyle": "round",
-    "svg.fonttype": "path",
-    "svg.hashsalt": "torquebench",
-    "text.parse_math": False,  # titles and names come from users; a dollar sign is a dollar sign
-    "xtick.labelsize": 7.0,
-    "xtick.major.size": 2.5,
-    "xtick.major.width": 0.6,
-    "ytick.labelsize": 7.0,
-    "ytick.major.size": 2.5,
-    "ytick.major.width": 0.6,
-}
+SHEET = Path(__file__).with_name("style.mplstyle")
 
 
 @contextmanager
@@ -60,45 +35,46 @@ def journal_style() -> Iterator[None]:
 
     Settings belong to the process: draw from one thread at a time.
     """
-    with matplotlib.style.context(["default", _RC]):
+    with matplotlib.style.context(["default", SHEET]):
         yield
+
+
+def colour(place: int) -> str:
+    """Return the colour of a place of the legend."""
+    return COLOURS[place % len(COLOURS)]
+
+
+def look(place: int) -> dict[str, Any]:
+    """Return colour and dash of a place of the legend."""
+    return {"color": colour(place), "linestyle": DASHES[place % len(DASHES)]}
 
 
 def spot_look(place: int) -> dict[str, Any]:
     """Return colour, dash and marker of the family, or law, at a place of the legend."""
-    return {
-        "color": COLOURS[place % len(COLOURS)],
-        "linestyle": DASHES[place % len(DASHES)],
-        "marker": MARKERS[place % len(MARKERS)],
-    }
+    return look(place) | {"marker": MARKERS[place % len(MARKERS)]}
 
 
-def figure_bytes(fig: Figure, fmt: Literal["svg", "png"]) -> bytes:
+def figure_bytes(fig: Figure, fmt: Format) -> bytes:
     """Return the figure as a file's bytes; the same figure gives the same bytes (PNG at 150 dpi)."""
     buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": "torquebench"} if fmt == "svg" else {"Software": "torquebench"}
     with journal_style():
-        fig.savefig(buffer, format=fmt, dpi=PNG_DPI, metadata=metadata)
+        fig.savefig(buffer, format=fmt, metadata=metadata)
     return buffer.getvalue()
 
 
-def decimate(t: Array, y: Array, bins: int, logarithmic: bool = False) -> tuple[Array, Array]:
-    """Thin a signal (N,) to at most 2 `bins` + 2 samples without changing its envelope.
+def figure_files(figures: Mapping[str, Figure], progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of the files of figures.
 
-    Of each of `bins` stretches the least and the greatest sample are kept, in order of time, as well as the
-    first and the last of all. The stretches are equal, or grow in proportion to the distance from the start
-    for a logarithmic axis. A signal that is short enough comes back as it is.
+    Args:
+        figures: Name -> figure.
+        progress: Told each file when it is drawn.
     """
-    n = len(y)
-    if n <= 2 * bins + 2:
-        return t, y
-    spaced = np.geomspace(1, n + 1, bins + 1) - 1.0 if logarithmic else np.linspace(0, n, bins + 1)
-    edges = np.unique(np.round(spaced).astype(np.int64))
-    kept = {0, n - 1}
-    for low, high in itertools.pairwise(edges.tolist()):
-        kept.update((low + int(np.argmin(y[low:high])), low + int(np.argmax(y[low:high]))))
-    index = np.array(sorted(kept))
-    return t[index], y[index]
+    files = [(f"figures/{name}.{fmt}", figure, fmt) for name, figure in figures.items() for fmt in FORMATS]
+    for done, (path, figure, fmt) in enumerate(files, 1):
+        yield path, figure_bytes(figure, fmt)
+        if progress is not None:
+            progress(path, done, len(files))
 
 
 def band_maxima(f: Array, a: Array, per_octave: int) -> tuple[Array, Array]:
@@ -171,21 +147,15 @@ def limits(base: Iterable[Array], extra: Iterable[Array] = (), floor: float = 0.
     Returns:
         Lower and upper end, with a margin of 6 %.
     """
-    whole = _finite(base)
-    failed = _finite(extra)
-    if whole.size == 0:
-        whole, failed = failed, failed[:0]
-        if whole.size:  # only failed runs: the last tenth of the way to infinity may leave the page
-            whole = np.clip(whole, -np.quantile(np.abs(whole), 0.9), np.quantile(np.abs(whole), 0.9))
-        else:
-            whole = np.zeros(1)
-    low, high = float(whole.min()), float(whole.max())
+    whole, failed = _finite(base), _finite(extra)
+    if failed.size and not whole.size:  # only failed runs: the last tenth of the way to infinity may leave the page
+        reach = np.quantile(np.abs(failed), 0.9)
+        whole, failed = np.clip(failed, -reach, reach), failed[:0]
+    low, high = (float(whole.min()), float(whole.max())) if whole.size else (0.0, 0.0)
     span = max(high - low, 2.0 * floor, 1e-12 * max(abs(low), abs(high)))
     if failed.size:
-        low, high = (
-            max(min(low, float(failed.min())), low - span),
-            min(max(high, float(failed.max())), high + span),
-        )
+        low = max(min(low, float(failed.min())), low - span)
+        high = min(max(high, float(failed.max())), high + span)
     middle, half = (low + high) / 2.0, max((high - low) / 2.0, floor, 1e-9 * max(abs(low), abs(high)), 1e-15)
     return middle - 1.12 * half, middle + 1.12 * half
 
@@ -196,44 +166,25 @@ def _finite(signals: Iterable[Array]) -> Array:
     return finite
 
 
-def plain_numbers(ax: Axes, x_bins: int = 6, y_bins: int = 5) -> None:
-    """Write tick labels as plain decimal numbers, never with an offset or a common power of ten."""
-    for axis, bins in ((ax.xaxis, x_bins), (ax.yaxis, y_bins)):
-        axis.set_major_locator(MaxNLocator(nbins=bins, steps=[1, 2, 2.5, 5, 10]))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "\u2212")))
-
-
-def plain_decades(ax: Axes) -> None:
-    """Write the powers of ten of two logarithmic axes as plain numbers."""
-    for axis in (ax.xaxis, ax.yaxis):
-        plain_powers(axis)
-
-
-def plain_powers(axis: Axis) -> None:
-    """Write the powers of ten of one logarithmic axis as plain numbers."""
-    axis.set_major_locator(LogLocator(numticks=6))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
+def plain_powers(*axes: Axis) -> None:
+    """Write the powers of ten of logarithmic axes as plain numbers."""
+    for axis in axes:
+        axis.set_major_locator(LogLocator(numticks=6))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_locator(NullLocator())
 
 
 def fit_scale(axis: Axis, values: npt.ArrayLike) -> bool:
     """Make an axis logarithmic if its values are positive and span a decade; return whether it is.
 
-    Over fewer than three decades 2 and 5 are written between the powers of ten, on a linear axis plain numbers.
+    Over fewer than three decades 2 and 5 are written between the powers of ten.
     """
     known = _finite([np.asarray(values, dtype=np.float64)])
     span = float(known.max() / known.min()) if known.size and known.min() > 0.0 else 1.0
     if span < 10.0:
-        axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "\u2212")))
         return False
     (axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale)("log")
     plain_powers(axis)
     if span < 1000.0:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
     return True
-
-
-def metric_unit(info: MetricInfo, peak: float) -> Unit:
-    """Choose the unit for values of a metric up to `peak`; only angles and times take a prefix."""
-    return choose_unit(peak, info.unit) if info.unit.startswith(("rad", "s")) else Unit(info.unit, 1.0)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from matplotlib.figure import Figure
 
@@ -12,73 +14,74 @@ from torquebench.report.figures.heatmap import draw_heatmap
 from torquebench.report.figures.lines import draw_lines
 from torquebench.report.figures.pareto import draw_pareto, front_of
 from torquebench.report.figures.sensitivity import draw_sensitivity
-from torquebench.report.figures.sweep_labels import TURNS, key_values
+from torquebench.report.figures.style import journal_style
+from torquebench.report.figures.sweep_labels import key_values, metric_axis
 from torquebench.report.figures.violins import draw_violins
+from torquebench.report.sweep_tables import SHOWN
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.table import Table, check_table, grid_keys, metric_keys
 
-SHOWN = ("rmse", "hf")
-"""Metrics that figures show: error against chattering."""
 MOST_COURSES = 4
 """Keys over which figures are drawn, the first of the grid."""
+SPREAD = "all cases and draws of each law together; failed runs are counted under its name and not drawn"
+OVER = (
+    "geometric means over draws and all other keys, bars: 95 % intervals over draws; a law is missing where in every "
+    "draw one of its runs failed, or where one has the value 0"
+)
+MAP = "geometric means over draws and all other keys of the runs that completed, (n): n failed"
+FRONT = (
+    "each law and choice in the condition in which it is worst: geometric means over draws, bars: 95 % intervals; one "
+    "with a failed run is not ringed"
+)
+EFFECTS = "standardised rank regression, the strongest first; 95 % intervals hold for all laws and constants at once"
 
 
 def sweep_figures(
-    table: Table,
-    title: str,
-    subtitle: str,
-    found: Sequence[Sensitivity] = (),
-    metrics: Sequence[str] = SHOWN,
-    slides: Sequence[bool] = TURNS,
+    table: Table, title: str, subtitle: str, found: Sequence[Sensitivity], slides: Sequence[bool]
 ) -> dict[str, Figure]:
-    """Draw every figure that a sweep's table has the columns for, by file name.
+    """Draw every figure that a sweep's table has the columns for, by file name; its label is its heading on the page.
 
     ``spread``: metrics by law; ``over-KEY``: over each key of the grid; ``map-METRIC``: over the first two keys of the
     grid; ``front``: error against chattering of every law and choice of gains; ``effects-METRIC``: what matters, where
-    anything does.
+    anything does. Metrics are those of `SHOWN` that have a value.
 
     Args:
         table: The table.
         title, subtitle: Name of the sweep, and what was run.
         found: What its metrics depend on.
-        metrics: Metrics that are shown; those without any value are passed over.
         slides: Of each joint of the arm, whether it slides.
 
     Raises:
         ResultError: it is no sweep's table.
     """
     check_table(table)
-    subtitle = f"{subtitle}\n" if subtitle else ""
-    over = f"{subtitle}geometric means over draws and all other keys, bars: 95 % intervals over draws"
-    cells = f"{subtitle}geometric means over draws and all other keys of the runs that completed, (n): n failed"
-    worst = (
-        f"{subtitle}each law and choice in the condition in which it is worst: geometric means over draws, bars: 95 % "
-        "intervals"
-    )
-    strengths = f"{subtitle}standardised rank regression, 95 % intervals that hold for all at once"
-    shown = [metric for metric in metrics if metric in metric_keys(table)]
+    axes = {metric: metric_axis(table, metric, slides) for metric in SHOWN if metric in metric_keys(table)}
     keys = [key for key in grid_keys(table) if len(key_values(table, key)) > 1]
-    figures: dict[str, Figure] = {}
-    if shown:
-        figures["spread"] = draw_violins(table, shown, f"{title}: all runs", subtitle.rstrip(), slides)
+    plans: list[tuple[str, str, str, Callable[[str, str], Figure]]] = []
+    if axes:
+        plans.append(("spread", "all runs", SPREAD, partial(draw_violins, table, axes)))
         for key in keys[:MOST_COURSES]:
-            figures[f"over-{slug(key)}"] = draw_lines(table, key, shown, f"{title}: over {key}", over, slides)
-    if len(keys) > 1:
-        for metric in shown:
-            heading = f"{title}: {METRICS[metric].title} over {keys[0]} and {keys[1]}"
-            figures[f"map-{metric}"] = draw_heatmap(table, (keys[0], keys[1]), metric, heading, cells, slides)
+            plans.append((f"over-{slug(key)}", f"over {key}", OVER, partial(draw_lines, table, key, axes)))
+    for metric, axis in axes.items() if len(keys) > 1 else ():
+        what = f"{METRICS[metric].title} over {keys[0]} and {keys[1]}"
+        plans.append((f"map-{metric}", what, MAP, partial(draw_heatmap, table, keys[:2], metric, axis)))
     front = front_of(table)
     if len(front.spots) > 1:
-        heading = f"{title}: error against chattering"
-        figures["front"] = draw_pareto(front, heading, worst, joint_units("mrad", slides))
-    for metric in metrics:
+        unit = joint_units("mrad", slides)
+        plans.append(("front", "error against chattering", FRONT, partial(draw_pareto, front, unit)))
+    for metric in SHOWN:
         own = [one for one in found if one.metric == metric and one.effects is not None]
         if any(effect.matters for one in own if one.effects for effect in one.effects.effects):
-            heading = f"{title}: what the {METRICS[metric].title} depends on"
-            figures[f"effects-{metric}"] = draw_sensitivity(own, heading, strengths)
+            what = f"what the {METRICS[metric].title} depends on"
+            plans.append((f"effects-{metric}", what, EFFECTS, partial(draw_sensitivity, own)))
+    figures = {}
+    with journal_style():
+        for name, what, note, draw in plans:
+            figures[name] = draw(f"{title}: {what}", f"{subtitle}\n{note}")
+            figures[name].set_label(what[0].upper() + what[1:])
     return figures
 
 
 def slug(key: str) -> str:
     """Turn a key into part of a file's name."""
-    return "-".join(part for part in "".join(c if c.isalnum() else " " for c in key).split())
+    return "-".join(re.findall(r"[^\W_]+", key))

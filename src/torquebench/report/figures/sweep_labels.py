@@ -3,44 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from torquebench.experiment.reference import joint_units, unit_of
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
-from torquebench.report.figures import style
 from torquebench.report.figures.layout import printable
+from torquebench.report.figures.style import Unit, choose_unit
 from torquebench.sweep.table import Rows, Table, completed, metric_values
 
 
-class Scale(NamedTuple):
-    """How values of a metric are written."""
-
-    label: str
-    """Title and unit."""
-    factor: float
-    """By how much an SI value is multiplied."""
-
-
-TURNS = (False,)
-"""An arm all of whose joints turn."""
-
-
-def metric_scale(table: Table, key: str, slides: Sequence[bool] = TURNS) -> Scale:
-    """Choose the prefix of a metric's unit that suits its median.
+def metric_axis(table: Table, key: str, slides: Sequence[bool]) -> Unit:
+    """Return title and unit of a metric for an axis, with the prefix that suits its median, and its factor.
 
     Args:
         table: The table.
-        key: The metric.
+        key: The metric; only angles and times take a prefix.
         slides: Of each joint, whether it slides: errors are in m then, or, where only some do, in rad and m.
     """
-    info = METRICS[key]
+    info, unit = METRICS[key], Unit(METRICS[key].unit, 1.0)
     values = metric_values(table, np.arange(len(table)), key)
     known = np.abs(values[np.isfinite(values)])
-    unit = style.metric_unit(info, float(np.median(known)) if known.size else 0.0)
-    return Scale(f"{info.title} [{joint_units(unit.name, slides)}]", unit.factor)
+    if known.size and info.unit.startswith(("rad", "s")):
+        unit = choose_unit(float(np.median(known)), info.unit)
+    return Unit(f"{info.title} [{joint_units(unit.name, slides)}]", unit.factor)
 
 
 def key_label(key: str) -> str:
@@ -50,15 +37,13 @@ def key_label(key: str) -> str:
 
 
 def key_values(table: Table, key: str) -> list[float | str]:
-    """Values of a key: numbers ascending, words in order of their first rows."""
-    if table[key].dtype.kind == "f":
-        known = table[key][np.isfinite(table[key])]
-        return [float(value) for value in np.unique(known)]
-    return [word for word in dict.fromkeys(table[key].tolist()) if word]
+    """Return the values of a key: numbers ascending, words in order of their first rows."""
+    known: Array = table[key][table[key].notna() & (table[key] != "")].unique()
+    return sorted(map(float, known)) if table[key].dtype.kind == "f" else [str(word) for word in known]
 
 
 def law_name(table: Table, law: str, rows: Rows, gap: str = ", ") -> str:
-    """Name of a law for a legend, with the number of its failed runs.
+    """Return the name of a law for a legend, with the number of its failed runs.
 
     Args:
         table: The table.
@@ -73,15 +58,3 @@ def law_name(table: Table, law: str, rows: Rows, gap: str = ", ") -> str:
 def value_text(value: float | str) -> str:
     """Return a value of a key as text."""
     return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def scaled(table: Table, rows: Rows, key: str, scale: Scale) -> Array:
-    """Values of a metric in the unit of its label; NaN where the run failed or has none.
-
-    Args:
-        table: The table.
-        rows: Which rows.
-        key: The metric.
-        scale: How it is written.
-    """
-    return scale.factor * metric_values(table, rows, key)

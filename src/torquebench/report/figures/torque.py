@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 
 from torquebench.report.figures import style
 from torquebench.report.figures.declare import figure
-from torquebench.report.figures.layout import level_lines, new_page, printable, write_note
-from torquebench.report.figures.run_view import LIMIT, SHADE, TIME, RunView, draw
+from torquebench.report.figures.layout import LIMIT, SHADE, level_lines, new_page, printable, write_note
+from torquebench.report.figures.run_view import TIME, RunView, draw
 
 ZOOM = 0.060
 """Length of the torque figure's zoomed window [s]; at least 20 control periods."""
@@ -27,10 +27,10 @@ def draw_torque(x: RunView) -> Figure:
     n = len(x.joint_names)
     zoom = zoom_window(x)
     fig = new_page(n, 1.05, 3.0)
-    grid = fig.add_gridspec(n, 2, width_ratios=(3.6, 1.4)) if zoom else fig.add_gridspec(n, 1)
+    grid = fig.subplots(n, 2 if zoom else 1, width_ratios=(3.6, 1.4) if zoom else None, squeeze=False)
     limit_seen = False
     for i, name in enumerate(x.joint_names):
-        ax = fig.add_subplot(grid[i, 0])
+        ax = grid[i, 0]
         ax.set_label(name)
         ax.set_ylabel(f"{printable(name)}\n{x.by_kind('torque [N m]', 'force [N]')[i]}")
         ax.axvspan(0.0, x.metrics_from, **SHADE)
@@ -39,11 +39,10 @@ def draw_torque(x: RunView) -> Figure:
             limit_seen = True
         else:
             write_note(ax, f"limit \u00b1{x.tau_max[i]:.4g} {x.by_kind('N m', 'N')[i]}")
-        panels = [ax]
         if zoom:
             ax.axvspan(*zoom, **_ZOOMED)
-            panels.append(draw_zoom(fig.add_subplot(grid[i, 1]), x, i, zoom))
-        for panel in panels:
+            draw_zoom(grid[i, 1], x, i, zoom)
+        for panel in grid[i]:
             panel.set_xlabel(TIME if i == n - 1 else "")
             panel.tick_params(labelbottom=i == n - 1)
     word = "/".join(dict.fromkeys(x.by_kind("torque", "force")))
@@ -68,11 +67,8 @@ def zoom_window(x: RunView) -> tuple[float, float] | None:
     return middle - half, middle + half
 
 
-def draw_zoom(ax: Axes, x: RunView, joint: int, zoom: tuple[float, float]) -> Axes:
-    """Draw the torque of `joint` of all runs of `x` into `ax`, held between control instants.
-
-    The panel shows the time span `zoom` [s], and is returned.
-    """
+def draw_zoom(ax: Axes, x: RunView, joint: int, zoom: tuple[float, float]) -> None:
+    """Draw the torque of `joint` of all runs of `x` into `ax`, held between control instants, over `zoom` [s]."""
     ax.set_label(f"{x.joint_names[joint]} zoom")
     shown = []
     for run in x.runs:
@@ -86,5 +82,4 @@ def draw_zoom(ax: Axes, x: RunView, joint: int, zoom: tuple[float, float]) -> Ax
         ax.plot(t[inside], tau[inside], drawstyle="steps-post", **look)
     ax.set_xlim(*zoom)
     ax.set_ylim(*style.limits(shown, floor=1e-3 * float(x.tau_max[joint])))
-    style.plain_numbers(ax, x_bins=3, y_bins=4)
-    return ax
+    ax.locator_params(axis="x", nbins=3)
