@@ -280,8 +280,9 @@ def test_a_report_as_text_and_as_data() -> None:
     report.add("two", "odd", "fine", NOTE)
     report.add("three", "broken", "fine")
     assert not report.held
-    assert report.checks == [Check("one", PASS, "fine"), Check("two", NOTE, "odd"), Check("three", FAIL, "broken")]
-    assert report.to_json()["checks"][2] == {"name": "three", "verdict": FAIL, "detail": "broken"}
+    place = "broken (x.py, line 3)"
+    assert report.checks == [Check("one", PASS, "fine"), Check("two", NOTE, "odd"), Check("three", FAIL, place)]
+    assert report.to_json()["checks"][2] == {"name": "three", "verdict": FAIL, "detail": place}
     assert "FAIL  three  broken" in str(report)
     assert check_cases.CONTROL_PERIOD != 0.001
 
