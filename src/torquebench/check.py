@@ -93,7 +93,7 @@ class Report:
     line: int
     """Where the law stands."""
     checks: list[Check] = field(default_factory=list)
-    complaints: list[Complaint] = field(default_factory=list)
+    complaints: tuple[Complaint, ...] = ()
     """What keeps the law from being compiled."""
     cost: Cost | None = None
 

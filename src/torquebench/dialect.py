@@ -105,17 +105,13 @@ class Complaint(NamedTuple):
         return f"line {self.line}: {self.what}: {self.cure}"
 
 
-def complaints(law: Law) -> list[Complaint]:
-    """Return what in a law's source keeps it from being compiled; empty for a law in the dialect.
+@lru_cache(maxsize=256)
+def complaints(law: Law) -> tuple[Complaint, ...]:
+    """Return what in a law's source keeps it from being compiled; nothing for a law in the dialect.
 
     The package's own laws are not read again: the tests hold them to the dialect.
     """
-    return [] if str(getattr(law.function, "__module__", "")).startswith("torquebench.") else list(_read_once(law))
-
-
-@lru_cache(maxsize=256)
-def _read_once(law: Law) -> tuple[Complaint, ...]:
-    return tuple(read_law(law))
+    return () if str(getattr(law.function, "__module__", "")).startswith("torquebench.") else tuple(read_law(law))
 
 
 def read_law(law: Law) -> list[Complaint]:
@@ -316,10 +312,8 @@ class _Reader:
             self.kernels.append((node, plain(value)))
         elif value is MISSING:
             self.check_name(node.func, text)
-        elif not any(value is known for known in FUNCTIONS):
-            is_label = isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")
-            if not is_label:  # a NamedTuple is but labels on a tuple
-                self.complain(node, f"{text}()", *_call_cure(text, value))
+        elif not any(value is known for known in FUNCTIONS) and not hasattr(value, "_fields"):  # labels on a tuple
+            self.complain(node, f"{text}()", *_call_cure(text, value))
 
     # Writes.
 
