@@ -6,10 +6,11 @@ Every ``check_...`` function adds what it found to a `Report`; `check_law` at th
 from __future__ import annotations
 
 import inspect
+import itertools
 import re
 import statistics
 import timeit
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -254,28 +255,32 @@ def _silent_gain(law: Law, gain: str) -> str:
 
 
 def _gain_matters(law: Law, gain: str, joint: int, tried: Case) -> bool:
-    for motion in motions(arm(tried.arm).n)[::-1]:  # the lively ones first
-        base = drive(law, tried, motion).tau.tobytes()
-        for factor in FACTORS:
-            changed = tried.gains[gain].copy()
-            changed[joint] *= factor
-            other = replace(tried, gains={**tried.gains, gain: changed})
-            if drive(law, other, motion).tau.tobytes() != base:
-                return True
-    return False
+    def scaled(factor: float) -> Case:
+        changed = tried.gains[gain].copy()
+        changed[joint] *= factor
+        return replace(tried, gains={**tried.gains, gain: changed})
+
+    lively = motions(arm(tried.arm).n)[::-1]
+    return _differ(law, (((tried, motion), (scaled(x), motion)) for motion in lively for x in FACTORS))
 
 
 def _option_matters(law: Law, name: str) -> bool:
     """Whether some value of an option gives another torque than its first."""
     first, *others = law.options[name].values
-    return not others or any(
-        drive(law, case(law, "two-link", options), motion).tau.tobytes()
-        != drive(law, case(law, "two-link", options | {name: other}), motion).tau.tobytes()
-        for options in combinations(law)
-        if options[name] == first
-        for other in others
-        for motion in motions(2)
+    choices = [options for options in combinations(law) if options[name] == first]
+    pairs = (
+        ((case(law, "two-link", options), motion), (case(law, "two-link", options | {name: other}), motion))
+        for options, other, motion in itertools.product(choices, others, motions(2))
     )
+    return not others or _differ(law, pairs)
+
+
+Trial = tuple[Case, Motion]
+
+
+def _differ(law: Law, pairs: Iterable[tuple[Trial, Trial]], joint: int | slice = slice(None)) -> bool:
+    """Whether a law gives another torque in some pair of trials, on one joint or on any."""
+    return any(drive(law, *a).tau[:, joint].tobytes() != drive(law, *b).tau[:, joint].tobytes() for a, b in pairs)
 
 
 def check_joints(law: Law, report: Report) -> None:
@@ -286,16 +291,13 @@ def check_joints(law: Law, report: Report) -> None:
 
 def _idle_joint(law: Law, tried: Case) -> str:
     n = arm(tried.arm).n
-    driven = np.zeros(n, dtype=bool)
-    for motion, other in zip(motions(n)[2:], motions(n, seed=1)[2:], strict=True):
-        base = drive(law, tried, motion).tau
-        for j in np.flatnonzero(~driven):
-            column = np.arange(n) == j
-            changed = Motion(motion.t, *(np.where(column, b, a) for a, b in zip(motion[1:], other[1:], strict=True)))
-            driven[j] = base[:, j].tobytes() != drive(law, tried, changed).tau[:, j].tobytes()
-    if np.all(driven):
-        return ""
-    return f"{tried}: joint {np.argmin(driven) + 1}'s torque does not depend on that joint's state or reference"
+    stretches = list(zip(motions(n)[2:], motions(n, seed=1)[2:], strict=True))
+    for j in range(n):
+        column = np.arange(n) == j
+        moved = [Motion(a.t, *(np.where(column, *xs) for xs in zip(b[1:], a[1:], strict=True))) for a, b in stretches]
+        if not _differ(law, (((tried, a), (tried, b)) for (a, _), b in zip(stretches, moved, strict=True)), j):
+            return f"{tried}: joint {j + 1}'s torque does not depend on that joint's state or reference"
+    return ""
 
 
 def check_dialect(report: Report) -> None:

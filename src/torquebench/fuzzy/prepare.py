@@ -90,30 +90,20 @@ def _functions(system: FuzzySystem, output: Functions) -> Array:
 
 def _closed_form(system: FuzzySystem, output: Variable, rules: IntArray) -> dict[str, Any] | None:
     """Return the fields of a `Fis` that is exact: method, spacing and middle of the output's terms, and the table."""
-    operators = system.aggregation, system.defuzzification
-    if system.aggregation != "sum-min" and operators not in (("max-min", "cog"), ("max-min", "coa")):
-        return None
     corners = output.corners()
-    spacing = _spacing(corners[:, 1])
-    if spacing is None or not all(map(_is_partition, system.inputs)):
+    last = len(corners) - 1
+    if system.aggregation not in ("max-min", "sum-min") or last < 1 or not all(map(_is_partition, system.inputs)):
         return None
-    wanted = corners[:, 1:2] + spacing * np.array([-1.0, 0.0, 0.0, 1.0])
+    first, spacing = corners[0, 1], float(corners[-1, 1] - corners[0, 1]) / last
+    peaks = first + spacing * np.arange(last + 1)
+    wanted = peaks[:, None] + spacing * np.array([-1.0, 0.0, 0.0, 1.0])
     if np.max(np.abs(corners - wanted)) > SAME:
         return None
-    offset = 0.5 * (corners[0, 1] + corners[-1, 1])
-    table = np.where(rules >= 0, rules - 0.5 * (len(corners) - 1), np.nan)
-    union = STAIRCASE if _is_staircase(table) else UNION
-    method = union if operators == ("max-min", "coa") else SUM
-    return {"method": method, "scale": spacing, "offset": float(offset), "table": table}
-
-
-def _spacing(peaks: Array) -> float | None:
-    """Return the distance between neighbouring peaks when it is always the same."""
-    if len(peaks) < 2:
-        return None
-    spacing = float(peaks[-1] - peaks[0]) / (len(peaks) - 1)
-    even = peaks[0] + spacing * np.arange(len(peaks))
-    return spacing if np.max(np.abs(peaks - even)) <= SAME else None
+    table = np.where(rules >= 0, rules - 0.5 * last, np.nan)
+    method = STAIRCASE if _is_staircase(table) else UNION
+    if (system.aggregation, system.defuzzification) != ("max-min", "coa"):
+        method = SUM
+    return {"method": method, "scale": spacing, "offset": float(0.5 * (first + corners[-1, 1])), "table": table}
 
 
 def _is_partition(variable: Variable) -> bool:

@@ -91,7 +91,14 @@ class Variable(Ranged):
         mistakes = shape_errors(shapes)
         if mistakes:
             raise FuzzyError("(variable)", mistakes)
-        return cls(resolve(shapes), low, high)
+        spans = [_span(shape) for shape in shapes.values()]
+        terms = []
+        for k, (name, (a, b, c, d)) in enumerate(zip(shapes, spans, strict=True)):
+            if math.isnan(a):
+                a = spans[k - 1][2] if k > 0 else 2.0 * b - spans[k + 1][1]
+                d = spans[k + 1][1] if k + 1 < len(spans) else 2.0 * b - spans[k - 1][2]
+            terms.append(Term(name, a, b, c, d))
+        return cls(tuple(terms), low, high)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -177,18 +184,6 @@ def _misnamed(key: str, names: Iterable[str]) -> list[Finding]:
     return [Finding("name", "error", (key, name), message) for name, message in wrong.items()]
 
 
-def resolve(shapes: Mapping[str, Shape]) -> tuple[Term, ...]:
-    """Return the terms that shapes stand for; see `Variable.of`."""
-    spans = [_span(shape) for shape in shapes.values()]
-    terms = []
-    for k, (name, (a, b, c, d)) in enumerate(zip(shapes, spans, strict=True)):
-        if math.isnan(a):
-            a = spans[k - 1][2] if k > 0 else 2.0 * b - spans[k + 1][1]
-            d = spans[k + 1][1] if k + 1 < len(spans) else 2.0 * b - spans[k - 1][2]
-        terms.append(Term(name, a, b, c, d))
-    return tuple(terms)
-
-
 def _span(shape: Shape) -> tuple[float, float, float, float]:
     """Return feet and shoulders; the feet of a lone peak are NaN."""
     if isinstance(shape, int | float):
@@ -203,15 +198,13 @@ def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
         message = f"got {len(shapes)} terms, wanted 1 to {MAX_TERMS}"
         return [Finding("shape", "error", ("terms",), message)]
     wrong = {name: _shape_error(shape, len(shapes) == 1) for name, shape in shapes.items()}
-    findings = _misnamed("terms", shapes)
-    if not findings and not any(wrong.values()):
+    misnamed = _misnamed("terms", shapes)
+    if not misnamed and not any(wrong.values()):
         for (_, low), (name, high) in itertools.pairwise((n, _span(s)) for n, s in shapes.items()):
             if not low[1] + low[2] < high[1] + high[2]:
                 below = f"is not above that of the term before it, {0.5 * (low[1] + low[2]):g}"
                 wrong[name] = f"its peak, {0.5 * (high[1] + high[2]):g}, {below}: list the terms from low to high"
-    return findings + [
-        Finding("shape", "error", ("terms", name), message) for name, message in wrong.items() if message
-    ]
+    return misnamed + [Finding("shape", "error", ("terms", name), text) for name, text in wrong.items() if text]
 
 
 def _shape_error(shape: Shape, is_alone: bool) -> str:
