@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Iterator
 from functools import lru_cache
 from types import FunctionType, ModuleType
-from typing import Annotated, Any, Final, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, NamedTuple, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numba.core import config, ssa
@@ -158,13 +158,12 @@ def _without_value(function: FunctionType) -> Iterator[Complaint]:
         with warnings.catch_warnings():
             warnings.simplefilter("error", NumbaWarning)
             ssa.reconstruct_ssa(run_frontend(function))
-    except (NumbaWarning, NotDefinedError) as found:
-        error: Any = found
-        name = getattr(error, "name", str(error.msg).rpartition(" ")[2])
-        what = f"{name} may not have a value yet"
-        yield Complaint(error.loc.line, what, "give it one before the branch or the loop")
-    except NumbaError:
-        pass  # compiling says it
+    except (NumbaWarning, NumbaError) as caught:
+        is_unset, error = isinstance(caught, NumbaWarning | NotDefinedError), cast(Any, caught)
+        if is_unset:  # compiling tells of the others
+            name = getattr(error, "name", str(error.msg).rpartition(" ")[2])
+            what = f"{name} may not have a value yet"
+            yield Complaint(error.loc.line, what, "give it one before the branch or the loop")
     finally:
         config.ALWAYS_WARN_UNINIT_VAR = kept
 

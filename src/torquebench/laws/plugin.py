@@ -65,7 +65,9 @@ def _load(path: Path, where: str, name: str) -> tuple[str, ...]:
         raise ConfigError([Problem(where, str(path), message)]) from error
     added = tuple(sorted(set(law_names()) - before))
     if not registered_by(name):
-        message = "registers no law, reference, disturbance, chain, plant, metric or figure (wanted a function or class "
+        message = (
+            "registers no law, reference, disturbance, chain, plant, metric or figure (wanted a function or class "
+        )
         message += "with @controller, @reference, @disturbance, @chain, @plant, @metric or @figure)"
         raise ConfigError([Problem(where, str(path), message)])
     return added
