@@ -68,7 +68,7 @@ def check_rules(document: Document, parts: dict[str, Any]) -> None:
             known.pop("plant")
     if run is not None:
         whole = plant is None or not list(multiple_of((), run.control_period, "", plant.timestep))
-        known["timing"] = Timing(run.duration, run.control_period, whole)
+        known["timing"] = Timing(run.duration, run.control_period, whole, known.get("n"))
     known["items"] = dict(_items(parts))
     for check, needs in RULES:
         if all(known.get(need) is not None for need in needs):
@@ -93,8 +93,14 @@ def _items(parts: Mapping[str, Any]) -> Iterator[tuple[KeyPath, Any]]:
 def own_rules(items: Items, timing: Timing) -> Iterator[Fault]:
     """What the kinds' own rules find."""
     for path, item in items.items():
-        if hasattr(item, "check"):
-            yield from (fault._replace(path=(*path, *fault.path)) for fault in item.check(timing))
+        found = item.check(timing) if hasattr(item, "check") else iter(())
+        for fault in found if isinstance(found, Iterator) else [found]:
+            if isinstance(found, Iterator) and isinstance(fault, Fault):
+                yield fault._replace(path=(*path, *fault.path))
+            else:
+                verb = "yields" if isinstance(found, Iterator) else "returns"
+                text = f"{type(item).__name__}.check(timing) {verb} a {type(fault).__name__}"
+                yield Fault(path, text, wanted="a method that yields a Fault for each mistake")
 
 
 @rule
