@@ -77,6 +77,11 @@ class Declared(NamedTuple):
     """``dataclasses.MISSING`` for a required key."""
 
     @property
+    def required(self) -> bool:
+        """Whether it must be given."""
+        return self.default is dataclasses.MISSING
+
+    @property
     def is_vector(self) -> bool:
         """Whether it takes one number for all joints, or one for each."""
         return tuple[float, ...] in get_args(self.type)
