@@ -136,13 +136,13 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
         low, high = node["minItems"], node["maxItems"]
         items = node.get("prefixItems", [node.get("items")])[0]
         return f"list of {low if low == high else f'{low} to {high}'} {_kind(key, items, definitions)}s"
+    if any("maxItems" in choice for choice in node.get("oneOf", ())):
+        return ", or ".join(_kind(key, choice, definitions) for choice in node["oneOf"])
     if "oneOf" in node:
         words = [f", or {_code([kind['const']])}" for kind in node["oneOf"] if "const" in kind]
         return f"vector{_limits(node['oneOf'][0])}{''.join(words)}"
     if "enum" in node or "const" in node:
         return _code(node.get("enum", [node.get("const")]))
-    if node["type"] == "boolean":
-        return _code([True, False])
     if "pattern" in node:
         return "slug"
     names = {"number": "number", "integer": "whole number", "string": "text"}

@@ -236,21 +236,6 @@ def test_a_variable_with_a_value_on_every_way_is_fine(body: str, tmp_path: Path)
     assert found_in(tmp_path, f"{HEAD}    {body}\n") == []
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        "y = 0\n    y = x[0]\n    return -y",
-        "y = 0\n    y += x[0]\n    return y",
-        "return -(0 if x[0] > 0.0 else x[0])",
-        "y, z = 0, 1.0\n    y, z = z, 2.0\n    return y",
-    ],
-)
-def test_an_integer_among_floats_is_found(body: str, tmp_path: Path) -> None:
-    """Interpreted, -0 is 0; compiled, the variable is a float and -0.0 is another number."""
-    (found,) = found_in(tmp_path, f"{HEAD}    {body}\n")
-    assert "integer" in found
-
-
 def test_a_division_in_an_inline_kernel_is_found(tmp_path: Path) -> None:
     """Copied into a law it raises where the divisor is zero; called, it does not."""
     text = (

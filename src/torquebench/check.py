@@ -6,9 +6,11 @@ Every ``check_...`` function adds what it found to a `Report`; `check_law` at th
 from __future__ import annotations
 
 import inspect
+import itertools
+import re
 import statistics
-import time
-from collections.abc import Callable, Iterator
+import timeit
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -28,6 +30,7 @@ from torquebench.check_cases import (
     case,
     cases,
     combinations,
+    drive,
     gains_of,
     motions,
     silence,
@@ -91,7 +94,7 @@ class Report:
     line: int
     """Where the law stands."""
     checks: list[Check] = field(default_factory=list)
-    complaints: list[Complaint] = field(default_factory=list)
+    complaints: tuple[Complaint, ...] = ()
     """What keeps the law from being compiled."""
     cost: Cost | None = None
 
@@ -100,27 +103,24 @@ class Report:
         """Whether everything held."""
         return all(check.verdict != FAIL for check in self.checks)
 
-    def add(self, name: str, wrong: str, right: str, verdict: str = FAIL) -> None:
-        """Add a check.
+    def add(
+        self, name: str, wrong: str, right: str, verdict: str = FAIL, *, topic: str = "", lines: Sequence[int] = ()
+    ) -> None:
+        """Add a check; one that failed without naming a line is given those on which the reason may lie.
 
         Args:
             name: Its name.
             wrong: What was wrong; empty when it held.
             right: What was tried.
             verdict: FAIL or NOTE, for when something was wrong.
-        """
-        self.checks.append(Check(name, verdict if wrong else PASS, wrong or right))
-
-    def place(self, topic: str = "", lines: list[int] | None = None) -> str:
-        """Return where in the file the reason may lie, in brackets.
-
-        Args:
             topic: Of the complaints whose lines are named, or else those of all complaints; empty for the law's line.
             lines: Known better.
         """
-        known = {c.line for c in self.complaints if c.topic == topic} or {c.line for c in self.complaints}
-        chosen = lines or (sorted(known)[:5] if topic else []) or [self.line]
-        return f" ({Path(self.file).name}, line{'s' if len(chosen) > 1 else ''} {', '.join(map(str, chosen))})"
+        if wrong and verdict == FAIL and not re.search(r"\bline \d", wrong):
+            known = {c.line for c in self.complaints if c.topic == topic} or {c.line for c in self.complaints}
+            chosen = lines or (sorted(known)[:5] if topic else []) or [self.line]
+            wrong += f" ({Path(self.file).name}, line{'s' if len(chosen) > 1 else ''} {', '.join(map(str, chosen))})"
+        self.checks.append(Check(name, verdict if wrong else PASS, wrong or right))
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as plain data."""
@@ -164,15 +164,12 @@ def check_law(law: Law | str) -> Report:
             check_joints(law, report)
         else:
             report.add("effects", "gains and joints not tried: they show only in torques that are right", "", NOTE)
-        check_allocation(law, report)
         check_dialect(report)
         check_loops(law, report)
-        check_cost(law, report)
+        costs = check_cost(law, report)
     text = printed.getvalue()
-    quiet = Check(
-        "quiet", NOTE if text else PASS, f"prints: {text.splitlines()[0][:60]!r}" if text else "prints nothing"
-    )
-    report.checks.insert(-1, quiet)
+    report.add("quiet", f"prints: {text.splitlines()[0][:60]!r}" if text else "", "prints nothing", NOTE)
+    report.add("cost", costs, "", NOTE)
     return report
 
 
@@ -182,49 +179,43 @@ def check_arguments(law: Law, report: Report) -> None:
     try:
         inspect.signature(law.function).bind(*ARGUMENTS)
     except (TypeError, ValueError) as error:
-        wrong = f"{error}; wanted ({', '.join(ARGUMENTS)}) (line {report.line})"
+        wrong = f"{error}; wanted ({', '.join(ARGUMENTS)})"
     report.add("arguments", wrong, "takes the arguments of a law")
 
 
 def check_answers(law: Law, report: Report) -> None:
     """A law gives a finite torque for each joint, the same one every time; changes no input; hides no state."""
-    wrong, not_finite, repeat, state = "", "", "", ""
+    wrong: dict[str, str] = {}
+    """Name of a check -> the first thing that was wrong."""
     changed: list[str] = []
     calls = 0
     for draw in (1, 2):
         for tried in cases(law, draw):
             stretches = motions(arm(tried.arm).n, draw)
             for motion in stretches:
-                answer = Driver(law, tried).drive(motion)
+                answer = drive(law, tried, motion)
                 calls += len(motion.t)
                 changed += answer.changed
-                wrong = wrong or (f"{tried}, {answer.wrong}" if answer.wrong else "")
-                not_finite = not_finite or (f"{tried}, {answer.not_finite}" if answer.not_finite else "")
-                if not repeat and answer.bytes() != Driver(law, tried).drive(motion).bytes():
-                    repeat = f"{tried}: called again with the same arguments it gives another torque"
-            if not state and _remembers(law, tried, stretches[2], stretches[3]):
-                state = (
-                    f"{tried}: two of them called in turns disturb each other: it remembers more than its memory holds"
-                )
-    names = ", ".join(dict.fromkeys(changed))
+                wrong = {name: f"{tried}, {text}" for name, text in answer.wrong.items()} | wrong
+                if "repeatable" not in wrong and answer.bytes() != drive(law, tried, motion).bytes():
+                    wrong["repeatable"] = f"{tried}: called again with the same arguments it gives another torque"
+            if "state" not in wrong and _remembers(law, tried, stretches[2], stretches[3]):
+                disturb = "two of them called in turns disturb each other: it remembers more than its memory holds"
+                wrong["state"] = f"{tried}: {disturb}"
+    if changed:
+        wrong["inputs"] = f"writes to {', '.join(dict.fromkeys(changed))}"
     number = f"{calls} calls on {' and '.join(ARMS)}"
-    untried = "" if not wrong else "not fully tried, for want of a torque"  # what was never computed cannot have passed
-
-    def add(name: str, problem: str, topic: str, right: str) -> None:
-        place = report.place(topic) if problem and ", line " not in problem else ""
-        report.add(name, problem + place or untried, right, FAIL if problem else NOTE)
-
-    report.add(
-        "torque",
-        wrong and wrong + ("" if ", line " in wrong else report.place(FORM)),
-        f"a number for each joint, {number}",
-    )
-    add("finite", not_finite, FORM, f"every torque and all of memory, {number}")
-    add("repeatable", repeat, STATE, "same arguments, same bytes")
-    report.add(
-        "inputs", names and f"writes to {names}{report.place(INPUTS)}", "gains, q, qd, ref and model are as they were"
-    )
-    add("state", state, STATE, "memory, zero at the start, is all that survives")
+    for name, topic, right in (
+        ("torque", FORM, f"a number for each joint, {number}"),
+        ("finite", FORM, f"every torque and all of memory, {number}"),
+        ("repeatable", STATE, "same arguments, same bytes"),
+        ("inputs", INPUTS, "gains, q, qd, ref and model are as they were"),
+        ("state", STATE, "memory, zero at the start, is all that survives"),
+    ):
+        if name in wrong or "torque" not in wrong:
+            report.add(name, wrong.get(name, ""), right, topic=topic)
+        else:  # what was never computed cannot have passed
+            report.add(name, "not fully tried, for want of a torque", right, NOTE)
 
 
 def _remembers(law: Law, tried: Case, here: Motion, there: Motion) -> bool:
@@ -233,24 +224,23 @@ def _remembers(law: Law, tried: Case, here: Motion, there: Motion) -> bool:
     Two of them are called in turns, and their memory is put into other arrays at every instant; neither may notice.
     """
     other = case(law, tried.arm, tried.options, 11)
-    alone = [Driver(law, tried).drive(here), Driver(law, other).drive(there)]
-    drivers = [Driver(law, tried), Driver(law, other)]
-    together = [driver.answer() for driver in drivers]
+    alone = drive(law, tried, here), drive(law, other, there)
+    drivers = Driver(law, tried), Driver(law, other)
     for k in range(len(here.t)):
-        for driver, answer, motion in zip(drivers, together, (here, there), strict=True):
+        for driver, motion in zip(drivers, (here, there), strict=True):
             driver.memory = type(driver.memory)(*(x.copy() for x in driver.memory))
-            driver.call(motion, k, answer)
-    return any(a.bytes() != b.bytes() for a, b in zip(alone, together, strict=True))
+            driver.call(motion, k)
+    return any(a.bytes() != b.answer.bytes() for a, b in zip(alone, drivers, strict=True))
 
 
 def check_gains(law: Law, report: Report) -> None:
     """Each gain changes the torque on every joint under some choice of options, and so does each option."""
-    silent = {name: _silent_gain(law, name) for name in law.gains}
-    wrong = [f"'{name}' {where}" for name, where in silent.items() if where]
+    silent = {name: where for name in law.gains if (where := _silent_gain(law, name))}
+    wrong = [f"'{name}' {where}" for name, where in silent.items()]
     wrong += [f"option '{name}' makes no difference" for name in law.options if not _option_matters(law, name)]
-    lines = sorted({line_of(law.gains_type, name, law.function) for name in law.gains if silent[name]})
+    lines = sorted({line_of(law.gains_type, name, law.function) for name in silent})
     count = f"each of {len(law.gains)} gains and {len(law.options)} options changes the torque"
-    report.add("gains", "; ".join(wrong) + report.place(lines=lines) if wrong else "", count)
+    report.add("gains", "; ".join(wrong), count, lines=lines)
 
 
 def _silent_gain(law: Law, gain: str) -> str:
@@ -258,77 +248,63 @@ def _silent_gain(law: Law, gain: str) -> str:
     for name in ARMS:
         n = arm(name).n
         used = [case(law, name, o) for o in combinations(law) if law.gain_problem(gain, True, o) is None]
-        silent = [j + 1 for j in range(n) if not any(_gain_matters(law, gain, j, tried) for tried in used)]
+        silent = [str(j + 1) for j in range(n) if not any(_gain_matters(law, gain, j, tried) for tried in used)]
         if silent:
-            joints = "" if len(silent) == n else f" on {name}'s joint {', '.join(map(str, silent))}"
-            return f"has no effect{joints}"
+            return "has no effect" + (f" on {name}'s joint {', '.join(silent)}" if len(silent) < n else "")
     return ""
 
 
 def _gain_matters(law: Law, gain: str, joint: int, tried: Case) -> bool:
-    for motion in motions(arm(tried.arm).n)[::-1]:  # the lively ones first
-        base = _torque(law, tried, motion)
-        for factor in FACTORS:
-            changed = tried.gains[gain].copy()
-            changed[joint] *= factor
-            if _torque(law, replace(tried, gains={**tried.gains, gain: changed}), motion) != base:
-                return True
-    return False
+    def scaled(factor: float) -> Case:
+        changed = tried.gains[gain].copy()
+        changed[joint] *= factor
+        return replace(tried, gains={**tried.gains, gain: changed})
+
+    lively = motions(arm(tried.arm).n)[::-1]
+    return _differ(law, (((tried, motion), (scaled(x), motion)) for motion in lively for x in FACTORS))
 
 
 def _option_matters(law: Law, name: str) -> bool:
     """Whether some value of an option gives another torque than its first."""
     first, *others = law.options[name].values
-    for options in (o for o in combinations(law) if o[name] == first):
-        for other in others:
-            pair = case(law, "two-link", options), case(law, "two-link", {**options, name: other})
-            if any(_torque(law, pair[0], motion) != _torque(law, pair[1], motion) for motion in motions(2)):
-                return True
-    return not others
+    choices = [options for options in combinations(law) if options[name] == first]
+    pairs = (
+        ((case(law, "two-link", options), motion), (case(law, "two-link", options | {name: other}), motion))
+        for options, other, motion in itertools.product(choices, others, motions(2))
+    )
+    return not others or _differ(law, pairs)
 
 
-def _torque(law: Law, tried: Case, motion: Motion) -> bytes:
-    return Driver(law, tried).drive(motion).tau.tobytes()
+Trial = tuple[Case, Motion]
+
+
+def _differ(law: Law, pairs: Iterable[tuple[Trial, Trial]], joint: int | slice = slice(None)) -> bool:
+    """Whether a law gives another torque in some pair of trials, on one joint or on any."""
+    return any(drive(law, *a).tau[:, joint].tobytes() != drive(law, *b).tau[:, joint].tobytes() for a, b in pairs)
 
 
 def check_joints(law: Law, report: Report) -> None:
     """Each joint's torque depends on what that joint does."""
     idle = next((text for tried in cases(law) if (text := _idle_joint(law, tried))), "")
-    report.add("joints", idle and idle + report.place(), "each joint's torque follows that joint's own motion")
+    report.add("joints", idle, "each joint's torque follows that joint's own motion")
 
 
 def _idle_joint(law: Law, tried: Case) -> str:
     n = arm(tried.arm).n
-    driven = np.zeros(n, dtype=bool)
-    for motion, other in zip(motions(n)[2:], motions(n, seed=1)[2:], strict=True):
-        base = Driver(law, tried).drive(motion).tau
-        for j in np.flatnonzero(~driven):
-            column = np.arange(n) == j
-            changed = Motion(motion.t, *(np.where(column, b, a) for a, b in zip(motion[1:], other[1:], strict=True)))
-            driven[j] = base[:, j].tobytes() != Driver(law, tried).drive(changed).tau[:, j].tobytes()
-    joint = int(np.argmin(driven)) + 1
-    return (
-        "" if np.all(driven) else f"{tried}: joint {joint}'s torque does not depend on that joint's state or reference"
-    )
-
-
-def check_allocation(law: Law, report: Report) -> None:
-    """A law fills the array it is given, and returns none."""
-    driver, motion = Driver(law, cases(law)[0]), motions(arm(ARMS[0]).n)[0]
-    rows = [x[0].copy() for x in motion[1:]]
-    function: Callable[..., Any] = law.function
-    try:
-        returned = function(
-            driver.gains, driver.belief, 0.0, *rows[:2], Reference(*rows[2:]), driver.memory, np.zeros(driver.n)
-        )
-    except (Exception, SystemExit, GeneratorExit):  # noqa: BLE001  which the check of torques reports
-        return
-    text = "" if returned is None else "returns an array, which is allocated at every call: fill tau[i] instead"
-    report.add("allocation", text, "fills tau in place", NOTE)
+    stretches = list(zip(motions(n)[2:], motions(n, seed=1)[2:], strict=True))
+    for j in range(n):
+        column = np.arange(n) == j
+        moved = [Motion(a.t, *(np.where(column, *xs) for xs in zip(b[1:], a[1:], strict=True))) for a, b in stretches]
+        if not _differ(law, (((tried, a), (tried, b)) for (a, _), b in zip(stretches, moved, strict=True)), j):
+            return f"{tried}: joint {j + 1}'s torque does not depend on that joint's state or reference"
+    return ""
 
 
 def check_dialect(report: Report) -> None:
-    """A law keeps the dialect, and so can be compiled."""
+    """A law fills the array it is given, and keeps the dialect, so that it can be compiled."""
+    returns = any(complaint.what == "a value is returned" for complaint in report.complaints)
+    text = "returns an array, which is allocated at every call: fill tau[i] instead" if returns else ""
+    report.add("allocation", text, "fills tau in place", NOTE)
     count = len(report.complaints)
     outside = f"outside it in {count} place{'s' if count > 1 else ''}, listed below" if count else ""
     report.add("dialect", outside, "kept", NOTE)
@@ -337,30 +313,25 @@ def check_dialect(report: Report) -> None:
 def check_loops(law: Law, report: Report) -> None:
     """Closed loops run; compiled they give the same bytes as interpreted; and new gains do not compile them again."""
     failed, differs, count = "", "", 0
-    reasons: dict[str, str] = {}
+    reasons = {engine: obstacle(plant_of(ARMS[0], engine), law) for engine in ENGINES}
     for name, engine, options, scale in _loops(law):
         at = f"{engine} {Case(name, options, {})}, gains around {scale:g}"
         run = _run(law, name, engine, options, scale, "python")
         if not failed and _is_fault(run):
             failed = f"{at}: t = {run.t[-1]:g} s: {run.detail}"
         count += 1
-        reasons[engine] = obstacle(plant_of(name, engine), law)
-        if not reasons[engine]:
+        if not reasons[engine] and not differs:
             other = _run(law, name, engine, options, scale, "native")
-            differs = differs or ("" if other.digest() == run.digest() else f"{at}: {_difference(run, other)}")
-    place = "" if ", line " in failed else report.place()
-    report.add(
-        "loop", failed and failed + place, f"{count} closed loops of {DURATION:g} s on {' and '.join(ENGINES)} plants"
-    )
+            differs = "" if other.digest() == run.digest() else f"{at}: {_difference(run, other)}"
+    report.add("loop", failed, f"{count} closed loops of {DURATION:g} s on {' and '.join(ENGINES)} plants")
     if any(reasons.values()) and not differs:
         why = "outside the dialect" if report.complaints else next(filter(None, reasons.values()))
         report.add("paths", f"readable path only: {why}", "", NOTE)
         return
-    same = f"interpreted and compiled, {count} loops, 0 differing bytes"
-    report.add("paths", differs and differs + report.place(), same)
+    report.add("paths", differs, f"interpreted and compiled, {count} loops, 0 differing bytes")
     with event.install_recorder("numba:run_pass") as compiling:
         _run(law, "puma560", "analytic", combinations(law)[-1], 3.0, "native")
-    again = f"new gains compiled it again{report.place()}" if compiling.buffer else ""
+    again = "new gains compiled it again" if compiling.buffer else ""
     report.add("compiled once", again, "whatever the gains, options, arm and plant")
 
 
@@ -402,8 +373,8 @@ def _difference(a: Trajectory, b: Trajectory) -> str:
     return "the paths differ"
 
 
-def check_cost(law: Law, report: Report) -> None:
-    """What a call costs on each path, on six joints, at a state that stays."""
+def check_cost(law: Law, report: Report) -> str:
+    """Measure and say what a call costs on each path, on six joints, at a state that stays."""
     options, plant = combinations(law)[0], plant_of(ARMS[0], "analytic")
     n = arm(ARMS[0]).n
     t: Array = 0.001 * np.arange(CALLS, dtype=np.float64)
@@ -427,25 +398,17 @@ def check_cost(law: Law, report: Report) -> None:
     refs = [Reference(*(x[k] for x in desired)) for k in range(CALLS)]
 
     def interpreted() -> None:
-        given = setup.law, setup.gains, setup.belief
-        for k in range(CALLS):
-            call_law(*given, k * job.control_period, job.measured_q, job.measured_qd, refs[k], setup.memory)
+        for time, ref in zip(t.tolist(), refs, strict=True):
+            call_law(law, setup.gains, setup.belief, time, job.measured_q, job.measured_qd, ref, setup.memory)
+
+    def microseconds(calls: Callable[[], object]) -> float:
+        return 1e6 * statistics.median(timeit.repeat(calls, number=1, repeat=ROUNDS)) / CALLS
 
     run = NativeRun(setup, compiled) if compiled else None  # holds what the job's addresses point to
-    report.cost = Cost(_timed(interpreted), _timed(lambda: _calls()(job.address, 0, CALLS)) if run else None)
+    native = microseconds(lambda: _calls()(job.address, 0, CALLS)) if run else None
+    report.cost = Cost(microseconds(interpreted), native)
     costs = [f"{cost:.3g} us, {100.0 * cost / PERIOD:.2g} % of 1 ms" for cost in report.cost if cost is not None]
-    text = "a call on six joints: " + ", ".join(map(" ".join, zip(("interpreted", "compiled"), costs, strict=False)))
-    report.checks.append(Check("cost", NOTE, text))
-
-
-def _timed(calls: Callable[[], object]) -> float:
-    """Return the time of one of the CALLS that a function makes [us]."""
-    times = []
-    for _ in range(ROUNDS):
-        start = time.perf_counter()
-        calls()
-        times.append((time.perf_counter() - start) / CALLS * 1e6)
-    return statistics.median(times)
+    return "a call on six joints: " + ", ".join(map(" ".join, zip(("interpreted", "compiled"), costs, strict=False)))
 
 
 @cache

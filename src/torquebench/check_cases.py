@@ -6,7 +6,7 @@ import contextlib
 import io
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -120,11 +120,9 @@ class Answer:
     """Torque, (L, n) [N m]; NaN where there was none."""
     memory: Array
     """Memory after each call, (L, m, n)."""
-    wrong: str = ""
-    """First thing that was wrong with a call or with what it returned."""
-    not_finite: str = ""
-    """First torque or memory that was not a finite number."""
-    changed: tuple[str, ...] = ()
+    wrong: dict[str, str] = field(default_factory=dict)
+    """``torque``: the first thing that was wrong with a call; ``finite``: the first torque or memory that was not."""
+    changed: list[str] = field(default_factory=list)
     """Inputs that were changed."""
 
     def bytes(self) -> bytes:
@@ -141,41 +139,38 @@ class Driver:
     """
 
     def __init__(self, law: Law, case: Case) -> None:
-        self.law, self.n = law, arm(case.arm).n
+        self.law, n = law, arm(case.arm).n
         self.belief = replace(own_copy(arm(case.arm).flat), control_period=CONTROL_PERIOD)
-        self.gains = law.pack_gains(self.n, case.gains, case.options)
-        self.memory = law.new_memory(self.n)
+        self.gains = law.pack_gains(n, case.gains, case.options)
+        self.memory = law.new_memory(n)
+        self.answer = Answer(np.full((LENGTH, n), np.nan), np.zeros((LENGTH, len(self.memory), n)))
+        """What it did so far."""
 
-    def answer(self) -> Answer:
-        """Return an answer to be filled."""
-        return Answer(np.full((LENGTH, self.n), np.nan), np.zeros((LENGTH, len(self.memory), self.n)))
-
-    def drive(self, motion: Motion) -> Answer:
-        """Call the law at every instant of a stretch."""
-        answer = self.answer()
-        for k in range(LENGTH):
-            self.call(motion, k, answer)
-        return answer
-
-    def call(self, motion: Motion, k: int, answer: Answer) -> None:
+    def call(self, motion: Motion, k: int) -> None:
         """Call the law at instant k of a stretch and write down what it did."""
-        q, qd = motion.q[k].copy(), motion.qd[k].copy()
-        ref = Reference(motion.q_ref[k].copy(), motion.qd_ref[k].copy(), motion.qdd_ref[k].copy())
+        answer = self.answer
+        q, qd, *desired = (x[k].copy() for x in motion[1:])
+        ref = Reference(*desired)
         inputs = {"gains": self.gains, "model": self.belief, "q": q, "qd": qd, "ref": ref}
-        before = dict(_bytes(inputs))
+        before = {name: x.tobytes() for name, x in _arrays(inputs)}
         tau, status, detail = call_law(self.law, self.gains, self.belief, float(motion.t[k]), q, qd, ref, self.memory)
-        changed = tuple(name for name, data in _bytes(inputs) if before.get(name) != data)
-        answer.changed = tuple(dict.fromkeys(answer.changed + changed))
-        at = f"t = {motion.t[k]:g} s: "
+        answer.changed += [name for name, x in _arrays(inputs) if before[name] != x.tobytes()]
         if status == COMPLETED:
             answer.tau[k] = tau
             for c, channel in enumerate(self.memory):
                 answer.memory[k, c] = channel if len(channel) else 0.0
             detail = _not_finite(tau, self.memory)
-        if status in (COMPLETED, RAISED):
-            answer.not_finite = answer.not_finite or (at + detail if detail else "")
-        else:
-            answer.wrong = answer.wrong or at + detail
+        if detail:
+            name = "finite" if status in (COMPLETED, RAISED) else "torque"
+            answer.wrong.setdefault(name, f"t = {motion.t[k]:g} s: {detail}")
+
+
+def drive(law: Law, case: Case, motion: Motion) -> Answer:
+    """Call a law that starts anew at every instant of a stretch."""
+    driver = Driver(law, case)
+    for k in range(LENGTH):
+        driver.call(motion, k)
+    return driver.answer
 
 
 def _not_finite(tau: Array, memory: Any) -> str:
@@ -187,19 +182,16 @@ def _not_finite(tau: Array, memory: Any) -> str:
     return f"joint {joint + 1}: tau = {tau[joint]}{why}"
 
 
-def _bytes(value: Any, name: str = "") -> Iterator[tuple[str, bytes]]:
-    """Yield every array and number in a structure by dotted name, scratch space left out."""
+def _arrays(value: Any, name: str = "") -> Iterator[tuple[str, Array]]:
+    """Yield every array in a structure by dotted name, scratch space left out."""
     if isinstance(value, np.ndarray):
-        yield name, value.tobytes()
-    elif isinstance(value, dict):
-        for key, part in value.items():
-            yield from _bytes(part, f"{name}.{key}" if name else key)
-    elif hasattr(value, "_asdict"):
-        yield from _bytes(value._asdict(), name)
-    elif hasattr(value, "__dataclass_fields__"):
-        yield from _bytes({key: getattr(value, key) for key in value.__dataclass_fields__ if key != "scratch"}, name)
-    else:
-        yield name, repr(value).encode()
+        yield name, value
+    parts = value._asdict() if hasattr(value, "_asdict") else value if isinstance(value, dict) else {}
+    if is_dataclass(value):
+        parts = {part.name: getattr(value, part.name) for part in fields(value)}
+    for key, part in parts.items():
+        if key != "scratch":
+            yield from _arrays(part, f"{name}.{key}".lstrip("."))
 
 
 @contextlib.contextmanager

@@ -146,6 +146,10 @@ class Fault(NamedTuple):
     unless: tuple[str | int, ...] = ()
     """Another key, from the top: where the offending one is not written but this one is, the mistake is there."""
 
+    def below(self, path: tuple[str | int, ...]) -> Fault:
+        """Return the same of an object that stands at a path."""
+        return self._replace(path=(*path, *self.path))
+
 
 class ConfigError(TorquebenchError):
     """Bad input; carries every mistake found, not just the first one."""

@@ -9,6 +9,7 @@ import types
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias, TypeVar, get_args, get_origin
 
+from torquebench.errors import RegistryError
 from torquebench.registry import Registry
 
 if TYPE_CHECKING:
@@ -74,6 +75,11 @@ class Declared(NamedTuple):
     key: Key
     default: Any
     """``dataclasses.MISSING`` for a required key."""
+
+    @property
+    def required(self) -> bool:
+        """Whether it must be given."""
+        return self.default is dataclasses.MISSING
 
     @property
     def is_vector(self) -> bool:
@@ -157,20 +163,32 @@ class Kinds(Registry[type]):
         noun: What one is called in messages.
         tag: The key by which configs name one; the attribute of a registered class that holds its name.
         defaults: Class attributes that a kind has where it does not set them.
+        methods: Methods that a kind must have, with their arguments: ``describe(units)``.
     """
 
-    def __init__(self, noun: str, tag: str = "kind", defaults: Mapping[str, Any] = types.MappingProxyType({})) -> None:
+    def __init__(
+        self,
+        noun: str,
+        tag: str = "kind",
+        defaults: Mapping[str, Any] = types.MappingProxyType({}),
+        methods: tuple[str, ...] = (),
+    ) -> None:
         super().__init__(noun)
-        self.tag, self._defaults = tag, defaults
+        self.tag, self._defaults, self._methods = tag, defaults, methods
 
     def __call__(self, name: str) -> Callable[[type[T]], type[T]]:
         """Return the decorator that registers a class under `name`.
 
         Raises:
-            RegistryError: the name is taken, or is not a slug.
+            RegistryError: the name is taken, or is not a slug; or the class lacks a method.
         """
 
         def register(cls: type[T]) -> type[T]:
+            missing = [method for method in self._methods if not hasattr(cls, method.partition("(")[0])]
+            if missing:
+                raise RegistryError(
+                    f"{self.noun} '{name}': class {cls.__name__} wants a method {' and '.join(missing)}"
+                )
             self.register(name, cls)
             for attribute, value in {self.tag: name, **self._defaults}.items():
                 if attribute == self.tag or not hasattr(cls, attribute):

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
-from torquebench.experiment.config import SWEEP
 from torquebench.experiment.dump import dump_experiment, dump_tree
+from torquebench.experiment.groups import SWEEP
 from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import read_bytes, read_document

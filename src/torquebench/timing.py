@@ -23,6 +23,8 @@ class Timing(NamedTuple):
     """Time between control instants [s]."""
     whole: bool = True
     """Whether the control period itself fits; where it does not, nothing is said of its multiples."""
+    n: int | None = None
+    """Number of the plant's joints; None where the plant is not valid."""
 
 
 def whole_steps(duration: float, step: float) -> int:

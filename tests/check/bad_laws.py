@@ -104,6 +104,10 @@ BAD: dict[str, tuple[str, set[str]]] = {
     "rebinds the torque": ("tau = gains.k * (ref.q - q)  # here", {"finite", "loop"}),
     "ends the program": (SPRING + "raise SystemExit(0)  # here", {"torque", "loop"}),
     "changes the size of its memory": (SPRING + "memory.s.resize(9, refcheck=False)  # here", {"torque", "loop"}),
+    "is an integer in one case and a float in another": (
+        SPRING + "    n = 0\n    if q[i] > 100.0:\n        n = q[i]\n    memory.s[i] = -n",
+        {"paths"},
+    ),
     "an infinite memory": (SPRING + "    memory.s[i] = math.inf", {"finite"}),
 }
 assert len(BAD) >= 30

@@ -66,7 +66,7 @@ def test_a_good_law_passes_everything(tmp_path: Path) -> None:
         "cost",
     ]
     assert report.line == LAW
-    assert report.complaints == []
+    assert report.complaints == ()
     assert report.cost is not None
     assert report.cost.native is not None
     assert 0.0 < report.cost.native < report.cost.python < 1e4
@@ -191,7 +191,7 @@ def test_the_laws_of_the_documents_pass(document: str, tmp_path: Path) -> None:
         load(tmp_path, source)
         report = check_law(re.search(r'@controller\("([\w-]+)"', source)[1])  # type: ignore[index]
         assert report.held, str(report)
-        assert report.complaints == []
+        assert report.complaints == ()
 
 
 def test_the_guide_shows_what_check_prints(tmp_path: Path) -> None:
@@ -280,8 +280,9 @@ def test_a_report_as_text_and_as_data() -> None:
     report.add("two", "odd", "fine", NOTE)
     report.add("three", "broken", "fine")
     assert not report.held
-    assert report.checks == [Check("one", PASS, "fine"), Check("two", NOTE, "odd"), Check("three", FAIL, "broken")]
-    assert report.to_json()["checks"][2] == {"name": "three", "verdict": FAIL, "detail": "broken"}
+    place = "broken (x.py, line 3)"
+    assert report.checks == [Check("one", PASS, "fine"), Check("two", NOTE, "odd"), Check("three", FAIL, place)]
+    assert report.to_json()["checks"][2] == {"name": "three", "verdict": FAIL, "detail": place}
     assert "FAIL  three  broken" in str(report)
     assert check_cases.CONTROL_PERIOD != 0.001
 

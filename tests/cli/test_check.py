@@ -78,7 +78,7 @@ def test_a_law_outside_the_dialect(tmp_path, command):
     line = (GOOD + LOOSE)[: (GOOD + LOOSE).index("    tau[:]")].count("\n") + 1
     assert f"laws.py:{line}: tau[:]: loop over the elements" in out
     assert f"laws.py:{line}: np.tanh(): write math.tanh(x)" in out
-    assert re.search(r"^dialect +note  outside it in 3 places, listed below$", out, re.MULTILINE)
+    assert re.search(r"^dialect +note  outside it in 2 places, listed below$", out, re.MULTILINE)
     assert out.splitlines()[-1] == "the contract holds, on the readable path only"
     assert "law 'good'" not in out
 

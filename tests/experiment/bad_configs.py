@@ -112,7 +112,7 @@ WRONG_TYPES = [
     Bad("name: good", "name: 12", "name", "quotes"),
     Bad("name: good", "name: true", "name", "wanted text"),
     Bad("name: good", "name: [a]", "name", "a list of 1"),
-    Bad("name: good", "name: {}", "name", "a mapping"),
+    Bad("name: good", "name: {}", "name", "an empty mapping"),
     Bad("description: every section, one key per line", "description: 5", "description", "quotes"),
     Bad("description: every section, one key per line", "description:", "description", "nothing"),
     Bad("timestep: 0.001", "timestep: '0.001'", "plant.timestep", "remove the quotes"),

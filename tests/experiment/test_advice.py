@@ -47,14 +47,19 @@ def test_names_that_differ_in_case_only_keep_apart() -> None:
         assert did_you_mean("KII", names) == " (did you mean 'KI'?)"
 
 
-def test_unknown_law_tells_about_plugins() -> None:
-    """A law that is not there may be the user's own; what is no text cannot be."""
+def test_unknown_kinds_tell_about_plugins() -> None:
+    """A law, reference, disturbance or engine that is not there may be the user's own; what is no text cannot be."""
     (problem,) = problems_of(GOOD, "controllers[0].law=my-law")
     assert problem.message.endswith("; a law of your own needs --plugin FILE, the file that registers it")
     (other,) = problems_of(GOOD, "controllers[0].law=[pd]")
     assert "--plugin" not in other.message
-    (engine,) = problems_of(GOOD, "plant.engine=my-engine")
-    assert "--plugin" not in engine.message
+    for key, noun in (
+        ("plant.engine", "plant"),
+        ("reference.kind", "reference"),
+        ("disturbances[0].kind", "disturbance"),
+    ):
+        (own,) = problems_of(GOOD, f"{key}=my-kind")
+        assert own.message.endswith(f"; a {noun} of your own needs --plugin FILE, the file that registers it")
 
 
 @pytest.mark.parametrize(("value", "hint"), [("30", "0.3 for 30 %"), ("5", "0.05 for 5 %"), ("1e300", "0.3 for 30 %")])

@@ -216,7 +216,7 @@ def test_other_arms_have_their_own_number_of_joints(tmp_path: Path, monkeypatch:
     for override, key, word in [
         ("reference.target=[1, 2, 3]", "reference.target", "wanted one number or 2"),
         ("model.structure=corrected", "model.structure", "wanted exact"),
-        ("model.constants=printed", "model.constants", "seven exact ties"),
+        ("model.constants=printed", "model.constants", "wanted fitted"),
         ("plant.structure=printed", "plant.structure", "wanted exact"),
         ("plant.model=puma560", "plant.model", "unknown model"),
     ]:

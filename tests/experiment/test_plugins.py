@@ -222,3 +222,40 @@ def test_a_disturbance_of_a_plug_in_that_is_wrong(tmp_path: Path) -> None:
     experiment = parse(MINIMAL, *SHORT, "disturbances=[{kind: triangle-wave, channel: torque, amplitude: 1}]")
     with pytest.raises(ConfigError, match=r"disturbances\[0\] has shape \(599, 6\), wanted \(600, 6\)"):
         ran(experiment)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "def describe(self, units)",
+            "def description(self, units)",
+            "class TriangleWave wants a method describe(units)",
+        ),
+        ("def sample(self, n, t, ", "def samples(self, n, t, ", "wants a method sample(n, t, control_period, rng)"),
+    ],
+)
+def test_a_kind_that_lacks_a_method(tmp_path: Path, old: str, new: str, words: str) -> None:
+    """It is refused where it registers, with its class and what it wants."""
+    assert old in WAVE
+    with pytest.raises(ConfigError, match="disturbance 'triangle-wave': ") as caught:
+        added(tmp_path, WAVE.replace(old, new))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("return Fault((), 'odd')", "TriangleWave.check(timing) returns a Fault, wanted a method that yields a Fault"),
+        ("return None", "TriangleWave.check(timing) returns a NoneType, wanted a method that yields a Fault"),
+        ("yield 'odd'", "TriangleWave.check(timing) yields a str, wanted a method that yields a Fault"),
+        ("yield Fault(('amplitude',), f'{timing.n} joints in {timing.duration:g} s')", "6 joints in 0.6 s"),
+    ],
+)
+def test_what_a_kinds_own_rule_finds(tmp_path: Path, body: str, words: str) -> None:
+    """A rule of a kind knows the run's times and the number of joints; one that yields no faults is named."""
+    rule = f"    def check(self, timing):\n        from torquebench.errors import Fault\n        {body}\n"
+    added(tmp_path, f"{WAVE}\n{rule}")
+    key, message = mistake("disturbances=[{kind: triangle-wave, channel: torque, amplitude: 1}]")
+    assert key.startswith("disturbances[0]")
+    assert words in message

@@ -82,7 +82,7 @@ def refusal(text: str | bytes) -> list[str]:
 def read(text: str) -> Any:
     """Return the value of a YAML text that must have no mistakes."""
     document = Document("some.yaml")
-    value, _ = parse_value(text, document.report)
+    value, _ = parse_value(text, document.add)
     document.raise_problems()
     return value
 
@@ -302,7 +302,7 @@ def test_pythons_own_parser_says_the_same(monkeypatch: pytest.MonkeyPatch) -> No
         found = []
         for text in texts:
             document = Document("f.yaml")
-            value, _ = parse_value(text, document.report)
+            value, _ = parse_value(text, document.add)
             try:
                 document.raise_problems()
                 found.append([repr(value)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import FrozenInstanceError, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -236,13 +236,13 @@ def test_drastic_products_need_peaks_on_points() -> None:
 def test_operators_are_those_of_the_schema() -> None:
     """What a config accepts is what a system accepts."""
     from torquebench.experiment.fuzzy_schema import MamdaniSystem
-    from torquebench.experiment.groups import group_of
     from torquebench.fuzzy.system import AGGREGATIONS
+    from torquebench.keys import declared_keys
 
-    fields = group_of(MamdaniSystem).fields
-    assert fields["conjunction"].choices == CONJUNCTIONS
-    assert fields["aggregation"].choices == tuple(AGGREGATIONS)
-    assert fields["defuzzification"].choices == DEFUZZIFICATIONS
+    keys = {declared.name: get_args(declared.type) for declared in declared_keys(MamdaniSystem)}
+    assert keys["conjunction"] == CONJUNCTIONS
+    assert keys["aggregation"] == tuple(AGGREGATIONS)
+    assert keys["defuzzification"] == DEFUZZIFICATIONS
 
 
 LAZY = """

@@ -153,7 +153,7 @@ def write_files(
                 for claim in judged
             ],
             classes={"holds": "holds", "fails": "fails", "depends": "only", "undecided": "only", "not judged": "soft"},
-            open=list(audit.open or ()),
+            open=audit.open,
             draws=audit.draws,
             facts=json.dumps(versions() | machine(), indent=2),
         ),

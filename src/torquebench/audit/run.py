@@ -16,8 +16,9 @@ import numpy as np
 from torquebench.audit.study import FEEDFORWARD, Condition, Study
 from torquebench.certificates import FIGURES
 from torquebench.experiment.build import build
-from torquebench.experiment.config import AUDIT, check_experiment
+from torquebench.experiment.config import check_experiment
 from torquebench.experiment.dump import dump_tree
+from torquebench.experiment.groups import AUDIT
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign, split_key
 from torquebench.experiment.yaml_tree import copied

@@ -7,17 +7,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
+from pydantic import Field
+
 from torquebench.audit.verdicts import Threshold
 from torquebench.certificates import FIGURES
 from torquebench.errors import nearest
-from torquebench.experiment.config import AUDIT, check_group
-from torquebench.experiment.groups import Checked, Many, ManyNamed, Text, group_of
+from torquebench.experiment.groups import AUDIT, Many, Named, group_of
+from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document
 from torquebench.experiment.sweep_section import MAX_DRAWS, MAX_KEYS, NOT_VARIED
+from torquebench.experiment.values import Anything, Here, Value
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import KeyPath
 from torquebench.keys import Key
 from torquebench.metrics import METRICS
+from torquebench.registry import SLUG
 
 ALL, DRAWS = "all", "draws"
 FEEDFORWARD = "feedforward"
@@ -29,21 +33,13 @@ MAX_WORDS = 25
 """Words of a sentence that stands in a cell of a table."""
 
 
-def _as_it_is(raw: Any) -> Any:
-    return raw
-
-
-_NAMED = dict[str, Any]
-_Levels: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Paper:
     """The publication whose claims are judged."""
 
-    title: Annotated[str, Key("Title"), Text(longest=400)]
-    authors: Annotated[str | None, Key("Authors"), Text(longest=400)] = None
-    published: Annotated[str | None, Key("Journal or publisher, volume, pages"), Text(longest=400)] = None
+    title: Annotated[str, Key("Title"), Field(max_length=400)]
+    authors: Annotated[str | None, Key("Authors"), Field(max_length=400)] = None
+    published: Annotated[str | None, Key("Journal or publisher, volume, pages"), Field(max_length=400)] = None
     year: Annotated[int | None, Key("Year", "1", at_least=1600, at_most=2200)] = None
 
     def __str__(self) -> str:
@@ -75,14 +71,14 @@ class Measure:
     counts: Annotated[
         Any,
         Key("Which draws a share counts: {above: 0} or {below: 0}"),
-        Checked(_as_it_is, dict[Literal["above", "below"], float]),
+        Anything(),
     ] = None
     against: Annotated[
         Any,
         Key("Another condition that the same law is set against: axis -> level, the other axes as in the case"),
-        Checked(_as_it_is, dict[str, str]),
+        Anything(),
     ] = None
-    why: Annotated[str, Key("Why this threshold"), Text(longest=400)]
+    why: Annotated[str, Key("Why this threshold"), Field(max_length=400)]
 
     @property
     def threshold(self) -> Threshold:
@@ -101,19 +97,19 @@ class Measure:
 class Claim:
     """A sentence, where it stands, and what decides whether it holds."""
 
-    says: Annotated[str, Key("The claim in a sentence of at most 25 words"), Text(longest=300)]
-    where: Annotated[str, Key("Equation, figure or page, with a word of what it is"), Text(longest=300)]
-    quoted: Annotated[str | None, Key("The words of the text, if it says so"), Text(longest=1000)] = None
-    implied: Annotated[str | None, Key("What implies it, if the text does not say so"), Text(longest=1000)] = None
+    says: Annotated[str, Key("The claim in a sentence of at most 25 words"), Field(max_length=300)]
+    where: Annotated[str, Key("Equation, figure or page, with a word of what it is"), Field(max_length=300)]
+    quoted: Annotated[str | None, Key("The words of the text, if it says so"), Field(max_length=1000)] = None
+    implied: Annotated[str | None, Key("What implies it, if the text does not say so"), Field(max_length=1000)] = None
     pairs: Annotated[
         Any,
         Key("Label -> the controller judged, or [judged, beside]: like with like, a model on both sides or on neither"),
-        Checked(_as_it_is, dict[str, str | list[str]]),
+        Anything(),
     ]
     unlike: Annotated[
         Any,
         Key("Pairs as under pairs that are shown and not judged, because they are not alike"),
-        Checked(_as_it_is, dict[str, str | list[str]]),
+        Anything(),
     ] = None
     measures: Annotated[
         tuple[Measure, ...],
@@ -126,7 +122,7 @@ class Claim:
             "Conditions: axis -> a level, a list of them, or all; the first level of an axis left out; draws, if "
             "not the study's. A list of such mappings for several sets"
         ),
-        Checked(_as_it_is, _NAMED | list[_NAMED]),
+        Anything(),
     ] = None
     ablations: Annotated[
         Any,
@@ -134,11 +130,9 @@ class Claim:
             "Laws that may do as well: label -> [controller, the judged one]; the first measure's figure, as ratio, "
             "under the claim's conditions or those of ablated_under"
         ),
-        Checked(_as_it_is, dict[str, list[str]]),
+        Anything(),
     ] = None
-    ablated_under: Annotated[
-        Any, Key("Conditions of the ablations, as under"), Checked(_as_it_is, _NAMED | list[_NAMED])
-    ] = None
+    ablated_under: Annotated[Any, Key("Conditions of the ablations, as under"), Anything()] = None
     expect: Annotated[
         Literal["holds", "fails", "depends", "undecided"] | None,
         Key("Verdict that is expected; another one makes the exit status 1"),
@@ -151,8 +145,10 @@ class AuditKeys:
 
     paper: Annotated[Paper | None, Key("The publication whose claims these are")] = None
     open: Annotated[
-        Any, Key("What the publication leaves open, a list of sentences"), Checked(_as_it_is, list[str])
-    ] = None
+        tuple[str, ...],
+        Key("What the publication leaves open, a list of sentences"),
+        Many("sentences", 0, 50, Value(Key("A sentence"), Annotated[str, Field(max_length=1000)])),
+    ] = ()
     draws: Annotated[
         int,
         Key("Draws of each condition in which something is random", "1", at_least=1, at_most=MAX_DRAWS),
@@ -163,10 +159,12 @@ class AuditKeys:
             "Axis -> level -> the keys that it sets, as for --set; a case of a claim has one level of each axis. Cases "
             "are grouped by the first axis"
         ),
-        Checked(_as_it_is, dict[str, dict[str, _NAMED]]),
+        Named("a mapping of axes to levels", Anything(), most=16),
     ] = field(default_factory=dict)
     claims: Annotated[
-        Mapping[str, Claim], Key("What is judged, by name"), ManyNamed("claims", 1, MAX_CLAIMS, group_of(Claim))
+        Mapping[str, Claim],
+        Key("What is judged, by name"),
+        Named("a mapping of names to claims", group_of(Claim), names=SLUG, least=1, most=MAX_CLAIMS),
     ]
 
 
@@ -256,7 +254,7 @@ def take_audit(document: Document) -> Study:
     if AUDIT not in document.root:
         document.add((AUDIT,), "missing: the claims, and the conditions under which they are judged", at="key")
     document.raise_problems()
-    audit: AuditKeys = check_group(document, (AUDIT,), group_of(AuditKeys))
+    audit: AuditKeys = Here(document, group_of(Experiment)).read(group_of(AuditKeys), AUDIT, document.root[AUDIT])
     document.raise_problems()
     names = [item.get("name") for item in document.root.get("controllers", []) if isinstance(item, dict)]
     reader = _Reader(document, audit.draws, dict(audit.conditions), [name for name in names if isinstance(name, str)])

@@ -20,6 +20,7 @@ DISTURBANCES = Kinds(
         "also": {"channel": "What it is added to: the joint torque, after saturation and actuator lag"},
         "is_random": False,
     },
+    methods=("sample(n, t, control_period, rng)", "describe(units)"),
 )
 disturbance = DISTURBANCES
 """Decorator of a class: ``@disturbance("triangle-wave")``."""

@@ -8,11 +8,12 @@ from dataclasses import MISSING, dataclass
 from typing import Annotated, Any, Literal
 
 import torquebench.laws  # noqa: F401  (registers the built-in laws)
-from torquebench.experiment.groups import SLUG, Group, NumberOrList, OneOf, Spec, always, option_type, spec_of
+from torquebench.experiment.groups import Group, Many, OneOf, declare
+from torquebench.experiment.values import Slug, Value, Word, vector
 from torquebench.fuzzy import BUILTIN
-from torquebench.keys import Key, Vector, declared_keys
+from torquebench.keys import Declared, Key, Vector, declared_keys
 from torquebench.laws.declare import RESERVED, Gain
-from torquebench.laws.law import Law, find_law, law_names
+from torquebench.laws.law import LAWS, Law, find_law, law_names
 
 MAX_CONTROLLERS = 64
 
@@ -22,7 +23,7 @@ class Controller:
     """One controller: a law, the choices that set its form, and its gains."""
 
     name: Annotated[
-        str, Key("Name of the controller, unique in the file; also the name of its folder, so not figures"), SLUG
+        Slug, Key("Name of the controller, unique in the file; also the name of its folder, so not figures")
     ]
     law: Annotated[str, Key("Name of the torque law")]
     options: dict[str, str | bool]
@@ -52,8 +53,7 @@ class Laws(OneOf):
     """
 
     def __init__(self, only: Iterable[str] | None = None) -> None:
-        self.tag, self.meaning = "law", "Name of the torque law."
-        self.more = "a law of your own needs --plugin FILE, the file that registers it"
+        super().__init__(LAWS, "Name of the torque law.", tag="law")
         self._only = None if only is None else tuple(sorted(only))
 
     def names(self) -> tuple[str, ...]:
@@ -65,47 +65,42 @@ class Laws(OneOf):
         return _group(find_law(name))
 
 
-LAWS = Laws()
+def controllers(only: Iterable[str] | None = None) -> Many:
+    """Return what the section of controllers holds; see `Laws`."""
+    return Many("controllers", 1, MAX_CONTROLLERS, Laws(only))
 
 
 @functools.cache
 def _group(law: Law) -> Group:
-    own = {declared.name: spec_of(declared) for declared in declared_keys(Controller)}
-    kind: Any = Literal[law.name]
+    fields = {declared.name: declared for declared in declared_keys(Controller)}
     key = Key(f"Name of the torque law. {law.summary.removesuffix('.')}")
-    own["law"] = Spec(key, always(kind), choices=(law.name,))
+    fields["law"] = declare("law", key, Word((law.name,)))
     names = ", ".join(f"{key} [{gain.unit}]" for key, gain in law.gains.items())
-    gains = _gains(law)
-    needed = any(spec.required for spec in gains.fields.values())
-    key = Key(f"Gains of the law: {names or 'none'}")
-    own["gains"] = Spec(key, gains.type, own["name"].default if needed else {}, gains)
+    gains = [_gain(name, gain) for name, gain in law.gains.items()]
+    node = Group(f"{law.name} gains", f"Gains of the law {law.name}.", gains, _given, noun="gain")
+    default: Any = MISSING if any(gain.required for gain in gains) else {}
+    fields["gains"] = declare("gains", Key(f"Gains of the law: {names or 'none'}"), node, default)
     for name, option in law.options.items():
-        choices: tuple[Any, ...] = option.values
-        own[name] = Spec(Key(option.meaning, end=""), always(option_type(choices)), choices[0], choices=choices)
+        fields[name] = declare(name, Key(option.meaning, end=""), Word(option.values), option.values[0])
     for rules in law.rules.values():
         only = "" if rules.only_with is None else f"; only with {rules.condition}"
-        text = f"{rules.meaning}: a name under the top level's fuzzy, or {', '.join(BUILTIN)}{only}"
-        own["fuzzy"] = Spec(Key(text), always(str), rules.default)
+        key = Key(f"{rules.meaning}: a name under the top level's fuzzy, or {', '.join(BUILTIN)}{only}")
+        fields["fuzzy"] = declare("fuzzy", key, Value(key, str), rules.default)
 
     def make(values: dict[str, Any]) -> Controller:
         options = {key: value for key, value in values.items() if key not in RESERVED}
         fuzzy = values.get("fuzzy") if law.fuzzy_problem(options) is None else None
-        return Controller(values["name"], law.name, options, values["gains"] or {}, values["expect"], fuzzy)
+        return Controller(values["name"], law.name, options, values["gains"], values["expect"], fuzzy)
 
-    return Group(law.name, law.summary, own, make, noun="key or option")
-
-
-def _gains(law: Law) -> Group:
-    def make(values: dict[str, Any]) -> dict[str, Any]:
-        return {name: value for name, value in values.items() if value is not None}
-
-    fields = {name: _gain(gain) for name, gain in law.gains.items()}
-    return Group(f"{law.name} gains", f"Gains of the law {law.name}.", fields, make, noun="gain")
+    return Group(law.name, law.summary, fields.values(), make, noun="key or option")
 
 
-def _gain(gain: Gain) -> Spec:
+def _given(gains: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in gains.items() if value is not None}
+
+
+def _gain(name: str, gain: Gain) -> Declared:
     note = "" if gain.only_with is None else f"; only with {gain.condition}"
     above, at_least = (0, None) if gain.positive else (None, 0)
     key = Key(gain.meaning, gain.unit, note, above, at_least, end="")
-    default = MISSING if gain.only_with is None else None
-    return Spec(key, always(Annotated[Any, NumberOrList(key)]), default, vector=True)
+    return declare(name, key, vector(key), MISSING if gain.only_with is None else None)

@@ -11,9 +11,8 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from torquebench.errors import ConfigError, ModelError, Problem, ResultError, did_you_mean
 from torquebench.experiment.build import build
-from torquebench.experiment.certify import flags
 from torquebench.experiment.config import load_experiment
-from torquebench.experiment.describe import chain_text, conditions_text, fuzzy_facts, noise_text
+from torquebench.experiment.describe import chain_text, fuzzy_facts, noise_text
 from torquebench.experiment.dump import canonical_hash, dump_experiment
 from torquebench.experiment.run import ExperimentResult, Joints, joints_in, outcome_facts
 from torquebench.experiment.schema import Experiment
@@ -165,17 +164,15 @@ def read_result(folder: Path) -> ExperimentResult:
     experiment = _experiment(folder, manifest.config_sha256)
     runs = {keys.name: _trajectory(folder, keys.name, manifest) for keys in experiment.controllers}
     changed = _model_files(experiment) != manifest.model_files
-    loop = None
-    if manifest.joints is None or manifest.flags is None:
-        if changed:
-            raise ResultError(
-                f"{folder}: an older version left it, which did not store names and limits of the joints, and the "
-                f"files of the arm '{experiment.plant.model}' have changed since: wanted these files as they were"
-            )
-        loop = build(experiment)
-        joints, flagged = joints_in(loop), [str(flag) for flag in flags(experiment, loop)]
+    if changed and (manifest.joints is None or manifest.flags is None):
+        raise ResultError(
+            f"{folder}: an older version left it, which did not store names and limits of the joints, and the "
+            f"files of the arm '{experiment.plant.model}' have changed since: wanted these files as they were"
+        )
+    stored = manifest.joints
+    if stored is None:
+        joints = joints_in(build(experiment))
     else:
-        stored, flagged = manifest.joints, manifest.flags
         joints = Joints(tuple(stored.names), tuple(stored.tau_max), tuple(stored.slides))
     n = len(joints.names)
     if not len(joints.tau_max) == len(joints.slides) == n or any(run.q.shape[1] != n for run in runs.values()):
@@ -187,9 +184,18 @@ def read_result(folder: Path) -> ExperimentResult:
     for name, found in _validated(_CERTIFICATES, certificates, folder / CERTIFICATES_FILE).items():
         if name not in metrics or not 1 <= found.worst_margin.joint <= n:
             raise ResultError(f"{folder / CERTIFICATES_FILE}: is not of these runs (controller '{name}')")
-    conditions = conditions_text(experiment) if manifest.conditions is None else "\n".join(manifest.conditions)
-    facts = content | {"conditions": conditions, "flags": flagged, "certificates": certificates}
-    return ExperimentResult(experiment, joints, runs, metrics, loop, facts, changed)
+    known: dict[str, Any] = {
+        "files": manifest.files,
+        "facts": {key: content[key] for key in ("config_sha256", "seeds", "software", "machine")},
+        "model_files": manifest.model_files,
+        "scenario": content.get("scenario", {}),
+        "certified": certificates,
+    }
+    if manifest.conditions is not None:
+        known["conditions"] = "\n".join(manifest.conditions)
+    if manifest.flags is not None:
+        known["flags"] = tuple(manifest.flags)
+    return ExperimentResult(experiment, joints, runs, metrics, stored=known, arm_changed=changed)
 
 
 def _experiment(folder: Path, digest: str) -> Experiment:

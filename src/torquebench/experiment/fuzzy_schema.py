@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
-from pydantic import Discriminator, Field, Tag, TypeAdapter
+from pydantic import Field
 
 from torquebench.errors import Fault, FuzzyError
-from torquebench.experiment.groups import Checked, Many, NumberOrList, group_of, number, refusal
+from torquebench.experiment.groups import Many, Named, group_of
+from torquebench.experiment.values import Here, Node, Value, number, one_or_some, some
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable
@@ -25,25 +26,26 @@ FUNCTION = "one number, or a list of a constant and a factor of each input"
 RULE_FORMS = "rows of consequents, one row of them for one input, or rules {if: [...], then: ...}"
 
 SYSTEMS = Kinds("kind of fuzzy system")
-_NUMBER: Any = number(Key(""))
 
 
-@dataclass(frozen=True)
-class NamedNumbers:
-    """Note of a key that takes a mapping of names to one number, or a list of some."""
-
-    least: int
-    most: int
-
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        if not describes:
-            return dict[str, Annotated[Any, NumberOrList(Key(""), least=self.least, most=self.most)]]
-        many = Annotated[tuple[_NUMBER, ...], Field(strict=False, min_length=self.least, max_length=self.most)]
-        return dict[str, _NUMBER | many]
+def _shapes(key: Key, least: int, most: int) -> Named:
+    """Return the node of a mapping of names to one number, or a list of some."""
+    one = number(key)
+    item = Value(key, one_or_some(one, some(one, least, most)))
+    return Named(f"a mapping of names to {key.wanted}", item)
 
 
 _RANGE = Key("What the law sees as -1 and 1", wanted="a list of two numbers, such as [-1, 1]")
+_FUNCTIONS = Key(
+    "Name and function: a constant, or a constant and a factor of each input in its own units", "1", wanted=FUNCTION
+)
+_TERMS = Key("Name and shape, as of an input", "1", wanted=SHAPE)
+_OVERLAPPING = Key(
+    "Name and shape, from low to high: a number is the peak of a triangle that reaches to the peaks beside it; "
+    "3 numbers are a triangle, 4 a trapezoid",
+    "1",
+    wanted=SHAPE,
+)
 Shapes: TypeAlias = Mapping[str, float | tuple[float, ...]]
 
 
@@ -52,15 +54,7 @@ class FuzzyFunctions:
     """The output of a Sugeno system: named functions of the inputs."""
 
     range: Annotated[tuple[float, float], _RANGE] = (-1.0, 1.0)
-    functions: Annotated[
-        Shapes,
-        Key(
-            "Name and function: a constant, or a constant and a factor of each input in its own units",
-            "1",
-            wanted=FUNCTION,
-        ),
-        NamedNumbers(1, 3),
-    ]
+    functions: Annotated[Shapes, _FUNCTIONS, _shapes(_FUNCTIONS, 1, 3)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,23 +62,14 @@ class FuzzyTerms:
     """The output of a Mamdani system: named terms, which may reach beyond the range."""
 
     range: Annotated[tuple[float, float], _RANGE] = (-1.0, 1.0)
-    terms: Annotated[Shapes, Key("Name and shape, as of an input", "1", wanted=SHAPE), NamedNumbers(3, 4)]
+    terms: Annotated[Shapes, _TERMS, _shapes(_TERMS, 3, 4)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class FuzzyInput(FuzzyTerms):
     """A range, to which the input is clipped, and named terms that overlap on it."""
 
-    terms: Annotated[
-        Shapes,
-        Key(
-            "Name and shape, from low to high: a number is the peak of a triangle that reaches to the peaks beside it; "
-            "3 numbers are a triangle, 4 a trapezoid",
-            "1",
-            wanted=SHAPE,
-        ),
-        NamedNumbers(3, 4),
-    ]
+    terms: Annotated[Shapes, _OVERLAPPING, _shapes(_OVERLAPPING, 3, 4)]
 
 
 def _variable_faults(path: KeyPath, keys: FuzzyTerms | FuzzyFunctions) -> Iterator[Fault]:
@@ -96,51 +81,54 @@ def _variable_faults(path: KeyPath, keys: FuzzyTerms | FuzzyFunctions) -> Iterat
         yield Fault((*path, *finding.where), finding.message)
 
 
-def _shape_of_rule(value: object) -> str:
-    return "list" if isinstance(value, list | tuple) else "word"
-
-
-_WORDS: Any = Annotated[tuple[Annotated[str, Field(strict=True)], ...], Field(strict=False, min_length=1)]
-_WHEN: TypeAdapter[Any] = TypeAdapter(
-    Annotated[
-        Annotated[str, Field(strict=True), Tag("word")] | Annotated[_WORDS, Tag("list")], Discriminator(_shape_of_rule)
-    ]
-)
+_WORDS: Any = some(str, 1)
+_WHEN = Key("A term of each input; all must hold", name="if", wanted="names of one or two terms")
 
 
 @dataclass(frozen=True)
 class FuzzyRule:
     """One rule, where rules are not a table."""
 
-    when: Annotated[
-        str | tuple[str, ...],
-        Key("A term of each input; all must hold", name="if", wanted="names"),
-        Checked(_WHEN.validate_python, str | Annotated[list[str], Field(min_length=1, max_length=2)]),
-    ]
+    when: Annotated[str | tuple[str, ...], _WHEN, Value(_WHEN, one_or_some(str, some(str, 1, 2)))]
     then: Annotated[str, Key("Name of the consequent")]
 
 
-_RULE: Any = group_of(FuzzyRule).type(False)
-_FORMS: Mapping[type, TypeAdapter[Any]] = {
-    str: TypeAdapter(_WORDS),
-    list: TypeAdapter(Annotated[tuple[_WORDS, ...], Field(strict=False)]),
-    dict: TypeAdapter(Annotated[tuple[_RULE, ...], Field(strict=False)]),
-}
-_ROW = Annotated[list[str], Field(min_length=1, max_length=MAX_TERMS)]
+class RuleForms(Node):
+    """Rules, all of one form: rows of consequents, one row of them, or rules one by one."""
 
+    wanted = f"a list: {RULE_FORMS}"
 
-def _check_rules(raw: Any) -> Any:
-    """Return rules, all of one form."""
-    if not isinstance(raw, list) or not 1 <= len(raw) <= MAX_RULES:
-        raise refusal([Fault((), wanted=f"a list: {RULE_FORMS}")], raw)
-    form = next((form for form in _FORMS if isinstance(raw[0], form)), None)
-    if form is None:
-        raise refusal([Fault((0,), got=shown(raw[0]), wanted=RULE_FORMS)], raw)
-    like = f"{shown(raw[0])} like the first: {RULE_FORMS}"
-    odd = [(i, item) for i, item in enumerate(raw) if not isinstance(item, form) and item is not BROKEN]
-    if odd and form is not str:
-        raise refusal([Fault((i,), got=shown(item), wanted=like) for i, item in odd], raw)
-    return _FORMS[form].validate_python(raw)
+    def __init__(self) -> None:
+        each = Many("rules", 1, MAX_RULES, group_of(FuzzyRule))
+        self._forms: Mapping[type, Node] = {
+            str: Value(Key(""), _WORDS),
+            list: Value(Key(""), some(_WORDS, 1)),
+            dict: each,
+        }
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the rules, a tuple."""
+        if not isinstance(raw, list) or not 1 <= len(raw) <= MAX_RULES:
+            here.add(got=shown(raw), wanted=self.wanted)
+            return BROKEN
+        form = next((form for form in self._forms if isinstance(raw[0], form)), None)
+        if form is None:
+            if raw[0] is not BROKEN:
+                here.add(below=(0,), got=shown(raw[0]), wanted=RULE_FORMS)
+            return BROKEN
+        like = f"{shown(raw[0])} like the first: {RULE_FORMS}"
+        odd = [(i, item) for i, item in enumerate(raw) if not isinstance(item, form) and item is not BROKEN]
+        if odd and form is not str:
+            for i, item in odd:
+                here.add(below=(i,), got=shown(item), wanted=like)
+            return BROKEN
+        return self._forms[form].read(raw, here)
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        row = Annotated[list[str], Field(min_length=1, max_length=MAX_TERMS)]
+        kinds: Any = str | row | group_of(FuzzyRule).type()
+        return Annotated[list[kinds], Field(min_length=1, max_length=MAX_RULES)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,8 +138,8 @@ class AnyFuzzy:
     kind: ClassVar[str]
     inputs: Annotated[
         tuple[FuzzyInput, ...],
-        Key("One or two inputs, in the order in which the law gives them", wanted="a list of one or two inputs"),
-        Many("inputs", 1, 2, group_of(FuzzyInput)),
+        Key("One or two inputs, in the order in which the law gives them"),
+        Many("inputs", 1, 2, group_of(FuzzyInput), "a list of one or two inputs"),
     ]
     rules: Annotated[
         tuple[Any, ...],
@@ -159,11 +147,7 @@ class AnyFuzzy:
             "A table of consequents, a row for each term of input 1 with a column for each of input 2 (for one input a "
             "single row), none where there is no rule; or a list of rules"
         ),
-        Checked(
-            _check_rules,
-            Annotated[list[str | _ROW | group_of(FuzzyRule).model(True)], Field(min_length=1, max_length=MAX_RULES)],
-            Many("rules", 1, MAX_RULES, group_of(FuzzyRule)),
-        ),
+        RuleForms(),
     ]
     conjunction: Annotated[Literal["min", "product"], Key("AND of two inputs")] = "min"
     output: Any

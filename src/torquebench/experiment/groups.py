@@ -1,89 +1,35 @@
-"""From classes that declare their keys to pydantic, which checks values and writes the JSON schema."""
+"""Groups of keys as classes declare them, and what else holds values: one of several groups, lists, mappings, names."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 import types
 import warnings
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, Union, get_args, get_origin
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    PlainValidator,
-    Tag,
-    TypeAdapter,
-    ValidationError,
-    create_model,
-)
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from torquebench.errors import Fault, nearest
-from torquebench.keys import Declared, Key, Kinds, declared_keys
+from torquebench.experiment.values import Anything, Here, Node, Slug, Value, Word, number, some, vector
+from torquebench.experiment.words import SLUG_IN_WORDS, a_value, shown
+from torquebench.experiment.yaml_tree import BROKEN, KeyPath
+from torquebench.keys import Declared, Key, declared_keys
 from torquebench.registry import Registry
 
-FAULT = "fault"
-"""Type of those of pydantic's errors that carry the parts of a `Fault`."""
-Node: TypeAlias = "Group | OneOf | Many | None"
-"""What may stand at a key: a group of keys, one of several, many of these, or a plain value."""
-_CONFIG = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, protected_namespaces=())
+SWEEP, AUDIT = "sweep", "audit"
+MANY = {
+    SWEEP: "torquebench sweep FILE, or one of its runs by torquebench run --from-sweep DIR --index K",
+    AUDIT: "torquebench audit FILE, or one of its conditions by torquebench sweep DIR/conditions/CONDITION/sweep.yaml",
+}
+"""Section that makes many runs of an experiment -> what to type instead of ``torquebench run``."""
+TYPO = 0.8
+"""So alike are a word and the key that it surely was meant to be, wherever else such a key may be valid."""
 
 
-def positive_zero(x: float) -> float:
-    """Return x, with 0.0 for -0.0: equal experiments must not differ in their text."""
-    return x + 0.0
-
-
-def not_a_number(value: object) -> object:
-    """Refuse numbers where words and booleans are accepted: 1 == True would pass for one."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        raise PydanticCustomError("literal_error", "a number")
-    return value
-
-
-def refusal(faults: Iterable[Fault], raw: Any) -> ValidationError:
-    """Return pydantic's error for mistakes found by our own code in a value."""
-    lines: Any = [
-        {"type": PydanticCustomError(FAULT, "{text}", fault._asdict()), "loc": fault.path, "input": raw}
-        for fault in faults
-    ]
-    return ValidationError.from_exception_data("value", lines)
-
-
-class Spec(NamedTuple):
-    """One key of a group."""
-
-    key: Key
-    type: Callable[[bool], Any]
-    """Returns the type for pydantic: False for the one that validates, True for the one that describes."""
-    default: Any = dataclasses.MISSING
-    node: Node = None
-    choices: tuple[str | bool, ...] = ()
-    """Values of a key that takes words."""
-    vector: bool = False
-    """Whether it takes one number for all joints, or one for each."""
-    names: tuple[str, ...] = ()
-    """Names that a mapping of names to numbers accepts; none for any."""
-
-    @property
-    def required(self) -> bool:
-        """Whether it must be given."""
-        return self.default is dataclasses.MISSING
-
-
-def always(kind: Any) -> Callable[[bool], Any]:
-    """Return the `Spec.type` of a key whose type for pydantic is the same in both uses."""
-    return lambda describes: kind
-
-
-class Group:
+class Group(Node):
     """A mapping with fixed keys, which becomes one object.
 
     Args:
@@ -92,54 +38,155 @@ class Group:
         fields: Its keys.
         make: From the values of all keys to the object.
         noun: What a key is called in messages.
-        extra: What the JSON schema says besides.
+        one_of: Whether just one of the keys is given.
     """
 
     def __init__(
         self,
         name: str,
         doc: str,
-        fields: Mapping[str, Spec],
+        fields: Iterable[Declared],
         make: Callable[[dict[str, Any]], Any],
         noun: str = "key",
-        extra: dict[str, Any] | None = None,
+        one_of: bool = False,
     ) -> None:
-        self.name, self.doc, self.fields, self.noun = name, doc, fields, noun
-        self._make, self._extra = make, extra
+        self.fields = {declared.name: declared for declared in fields}
+        self.doc, self.noun, self._name, self._make, self._one_of = doc, noun, name, make, one_of
+        names = ", ".join(self.fields)
+        self.wanted = f"a mapping with one of {names}" if one_of else f"a mapping ({names})"
 
-    def model(self, describes: bool) -> type[BaseModel]:
-        """Return pydantic's model of the keys; see `Spec.type`."""
+    @functools.cached_property
+    def nodes(self) -> dict[str, Node]:
+        """What may stand at each key."""
+        return {name: node_of(declared) for name, declared in self.fields.items()}
+
+    def groups(self) -> Iterable[Group]:
+        """Return the group itself."""
+        return (self,)
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the object."""
+        if not isinstance(raw, dict):
+            here.add(got=shown(raw), wanted=self.wanted)
+            return BROKEN
+        values = self.values(raw, here)
+        if is_broken(values) or not raw.keys() <= self.fields.keys():
+            return BROKEN
+        given = [name for name in self.fields if name in raw]
+        if self._one_of and len(given) != 1:
+            if not given:
+                here.add(f"missing: one of {', '.join(self.fields)}", at="key")
+            for name in given[1:]:
+                here.add(f"{given[0]} is given already", (name,), at="key", wanted="one of the two")
+            return BROKEN
+        made = self._make(values)
+        faults = list(made.faults()) if hasattr(made, "faults") else []
+        for fault in faults:
+            here.document.add_fault(fault, here.path)
+        return BROKEN if faults else made
+
+    def values(self, raw: dict[str, Any], here: Here) -> dict[str, Any]:
+        """Return the value of every key, BROKEN where it is wrong or missing; all mistakes are recorded."""
+        meant = {self._unknown(key, raw, here) for key in raw if key not in self.fields and not here.document.full}
+        found = {}
+        for name, declared in self.fields.items():
+            if name in raw:
+                found[name] = here.read(self.nodes[name], name, raw[name])
+            elif not declared.required:
+                found[name] = declared.default
+            else:
+                found[name] = BROKEN
+                if name not in meant:
+                    what = f"gain '{name}' is missing" if self.noun == "gain" else "missing"
+                    here.add(what, (name,), at="key", wanted=a_value(declared.key))
+        return found
+
+    def _unknown(self, key: str, raw: Any, here: Here) -> str:
+        """Record that a key is none of the group's, and return the one that it was meant to be, if any."""
+        every = list(self.fields)
+        absent = [name for name in every if name not in raw]
+        first = every if here.document.overridden((*here.path, key)) else absent
+        near = nearest(key, first, TYPO)
+        elsewhere = self._elsewhere(key, here) if near is None else None
+        if elsewhere is not None:
+            here.document.add_fault(elsewhere, here.path)
+            return ""
+        near = near or nearest(key, every, TYPO) or nearest(key, first) or nearest(key, every) or ""
+        wanted = "" if near else f"one of {', '.join(every)}" if every else "none"
+        here.add(f"unknown {self.noun}", (key,), at="key", nearest=near, wanted=wanted)
+        return near
+
+    def _elsewhere(self, key: str, here: Here) -> Fault | None:
+        """Return what to say of a key that would be valid somewhere else."""
+        unknown = Fault((key,), f"unknown {self.noun}", at="key")
+        if key in MANY and not here.path:
+            return unknown._replace(text="is for many runs", wanted=MANY[key])
+        under = next((name for name, node in self.nodes.items() if isinstance(node, Group) and key in node.fields), "")
+        if under and here.path:
+            return unknown._replace(wanted=f"it under {under}")
+        for owner, name, depth in reversed(here.chosen):
+            place = here.path[depth:]
+            around = _below(owner.group(name), place[:-1]) if place else None
+            if around is not None and key in around.fields:
+                return unknown._replace(wanted=f"it beside {place[-1]}")
+            if self.noun == "gain":
+                return None
+            groups = {kind: _below(group, place) for kind, group in owner.kinds().items()}
+            kinds = [kind for kind, group in groups.items() if group is not None and key in group.fields]
+            if kinds:
+                having = f"it belongs to {owner.tag}: {', '.join(kinds)}"
+                return unknown._replace(text=f"has no effect with {owner.tag}: {name} ({having})")
+        home = homes(here.top).get(key)
+        return unknown._replace(wanted=f"it in {home}") if home and here.path[:1] != (home,) else None
+
+    @functools.cached_property
+    def _model(self) -> type[BaseModel]:
         fields: dict[str, Any] = {}
-        for name, spec in self.fields.items():
-            default = ... if spec.required else spec.default
-            info: dict[str, Any] = {"description": spec.key.text}
-            if describes and dataclasses.is_dataclass(default):
-                info["json_schema_extra"] = {"default": getattr(default, "name", {})}
-            if describes and isinstance(default, dict):
-                default = None
-            fields[name] = spec.type(describes), Field(default, **info)
-        config = ConfigDict(**_CONFIG, json_schema_extra=self._extra) if describes and self._extra else _CONFIG
+        for name, declared in self.fields.items():
+            default = declared.default
+            known: dict[str, Any] = {"default": default}
+            if dataclasses.is_dataclass(default):
+                known = {"default": getattr(default, "name", {})}
+            if default in (None, (), {}):  # in a config, what there is none of is left out
+                known = {"default_factory": types.NoneType}
+            if declared.required:
+                known = {}
+            fields[name] = self.nodes[name].type(), Field(**known, description=declared.key.text)
+        extra: Any = {"minProperties": 1, "maxProperties": 1} if self._one_of else None
+        config = ConfigDict(extra="forbid", protected_namespaces=(), json_schema_extra=extra)
         with warnings.catch_warnings():
             # A user's gain may be called like one of BaseModel's methods, which no one calls here.
             warnings.simplefilter("ignore", UserWarning)
-            made: type[BaseModel] = create_model(self.name, __config__=config, __doc__=self.doc, **fields)
-        return made
+            return create_model(self._name, __config__=config, __doc__=self.doc, **fields)
 
-    @functools.cached_property
-    def _adapter(self) -> TypeAdapter[Any]:
-        return TypeAdapter(self.model(False))
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        return self._model
 
-    def validate(self, raw: Any) -> Any:
-        """Return the object of raw values.
 
-        Raises:
-            ValidationError: there are mistakes; all of them.
-        """
-        return self._make(dict(self._adapter.validate_python(raw)))
+def _below(group: Group, path: KeyPath) -> Group | None:
+    """Return the group of keys at a place below another, or None where there is none."""
+    node: Node | None = group
+    for part in path:
+        node = node.nodes.get(str(part)) if isinstance(node, Group) else None
+    return node if isinstance(node, Group) else None
 
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        return self.model(True) if describes else Annotated[Any, PlainValidator(self.validate)]
+
+def homes(top: Group) -> dict[str, str]:
+    """Return the section of each key that only one section has."""
+    found = {key: {"the top level"} for key in top.fields}
+    for section, node in top.nodes.items():
+        for group in node.groups():
+            for key in group.fields:
+                found.setdefault(key, set()).add(section)
+    return {key: sections.pop() for key, sections in found.items() if len(sections) == 1}
+
+
+def is_broken(value: Any) -> bool:
+    """Whether a value that was read, or anything in a collection of such, is BROKEN."""
+    if isinstance(value, dict | tuple):
+        return any(map(is_broken, value.values() if isinstance(value, dict) else value))
+    return value is BROKEN
 
 
 @functools.cache
@@ -150,307 +197,245 @@ def group_of(kind: Any, tag: tuple[str, str, str] | None = None) -> Group:
         kind: The class, a dataclass.
         tag: Key, value and meaning of what tells it from others, where there are any.
     """
-    fields = {} if tag is None else {tag[0]: _constant(tag[1], tag[2])}
-    for name, meaning in getattr(kind, "also", {}).items():
-        fields[name] = _constant(getattr(kind, name), meaning)
-    constants, declared = set(fields), declared_keys(kind)
-    fields |= {one.name: spec_of(one) for one in declared}
-    attributes = {one.name: one.attribute for one in declared}
+    fixed = [] if tag is None else [tag]
+    fixed += [(name, getattr(kind, name), meaning) for name, meaning in getattr(kind, "also", {}).items()]
+    constants = [declare(name, Key(meaning.removesuffix(".")), Word((value,))) for name, value, meaning in fixed]
+    keys = declared_keys(kind)
 
     def make(values: dict[str, Any]) -> Any:
-        return kind(**{attributes[name]: value for name, value in values.items() if name not in constants})
+        return kind(**{declared.attribute: values[declared.name] for declared in keys})
 
     doc = " ".join((kind.__doc__ or "").partition("\n\n")[0].split())
-    extra = {"minProperties": 1, "maxProperties": 1} if getattr(kind, "one_of", False) else None
-    return Group(kind.__name__, doc, fields, make, extra=extra)
+    return Group(kind.__name__, doc, [*constants, *keys], make, one_of=getattr(kind, "one_of", False))
 
 
-def _constant(value: str, meaning: str) -> Spec:
-    kind: Any = Literal[value]
-    return Spec(Key(meaning.removesuffix(".")), always(kind), choices=(value,))
+def declare(name: str, key: Key, node: Any, default: Any = dataclasses.MISSING) -> Declared:
+    """Return a key that no class declares.
+
+    Args:
+        name: The key.
+        key: What it means.
+        node: What may stand there.
+        default: Its default; required if left out.
+    """
+    return Declared(name, name, node, key, default)
 
 
-class OneOf:
+class OneOf(Node):
     """A mapping whose one key, the tag, decides which other keys there are.
 
     Args:
         registry: The kinds.
         meaning: What the tag is.
-        more: Where further kinds may come from; ends the message about an unknown one.
+        tag: The key; that of the registry if left out.
+        closed: Whether plug-ins add no kinds; where they do, the message about an unknown one says how.
     """
 
-    _unknown: tuple[list[Group], Group | None] = ([], None)
-    """The kinds that there were when `unknown` was asked last, and its answer."""
-
-    def __init__(self, registry: Kinds, meaning: str, more: str = "") -> None:
-        self.registry, self.meaning, self.more = registry, meaning, more
-        self.tag = registry.tag
+    def __init__(self, registry: Any, meaning: str, tag: str = "", closed: bool = False) -> None:
+        self.tag, self._registry, self._meaning = tag or registry.tag, registry, meaning
+        self.wanted = f"a mapping with the key '{self.tag}'"
+        more = f"a {registry.noun} of your own needs --plugin FILE, the file that registers it"
+        self._more = "" if closed else more
 
     def names(self) -> tuple[str, ...]:
         """Names of the kinds."""
-        return self.registry.names()
+        return tuple(self._registry)
 
     def group(self, name: str) -> Group:
         """Return the group of one kind."""
-        cls: Any = self.registry.find(name)
-        return group_of(cls, (self.tag, name, self.meaning))
+        return group_of(self._registry.find(name), (self.tag, name, self._meaning))
 
-    def groups(self) -> dict[str, Group]:
+    def kinds(self) -> dict[str, Group]:
         """Return the group of every kind by name."""
         return {name: self.group(name) for name in self.names()}
 
-    def pick(self, raw: Any) -> Group:
-        """Return the group that raw values name; where they name none, what all kinds share."""
+    def groups(self) -> Iterable[Group]:
+        """Return the group of every kind."""
+        return self.kinds().values()
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the object of the kind that is named."""
         name = raw.get(self.tag) if isinstance(raw, dict) else None
-        return self.group(name) if isinstance(name, str) and name in self.names() else self.unknown()
+        if isinstance(raw, dict) and name in self.names():
+            return self.group(name).read(raw, here._replace(chosen=(*here.chosen, (self, name, len(here.path)))))
+        if isinstance(raw, dict):
+            self._unknown().values(raw, here)
+        else:
+            here.add(got=shown(raw), wanted=self.wanted)
+        return BROKEN
 
-    def unknown(self) -> Group:
+    def _unknown(self) -> Group:
         """Return the group of a kind that could not be told: what all have is checked, what some have is accepted."""
-        groups = list(self.groups().values())
-        if self._unknown[0] == groups:
-            return self._unknown[1]  # type: ignore[return-value]
-        fields: dict[str, Spec] = {}
+        tag = declare(self.tag, Key(self._meaning.removesuffix(".")), Word(self.names(), self._more))
+        fields, groups = {self.tag: tag}, list(self.groups())
         for group in groups:
-            for name, spec in group.fields.items():
-                shared = all(name in other.fields and other.fields[name].key == spec.key for other in groups)
-                fields.setdefault(name, spec if shared else Spec(spec.key, always(Any), None))
-        names = self.names()
-        kind: Any = Literal[names]
-        fields[self.tag] = Spec(Key(self.meaning.removesuffix(".")), always(kind), choices=names)
-        self._unknown = groups, Group("unknown", "", fields, lambda values: None, noun=groups[0].noun)
-        return self._unknown[1]
+            for name, own in group.fields.items():
+                shared = all(name in other.fields and other.fields[name].key == own.key for other in groups)
+                fields.setdefault(name, own if shared else declare(name, own.key, Anything(), None))
+        return Group("unknown", "", fields.values(), dict, groups[0].noun)
 
-    def validate(self, raw: Any) -> Any:
-        """Return the object of raw values.
-
-        Raises:
-            ValidationError: there are mistakes; all of them.
-        """
-        return self.pick(raw).validate(raw)
-
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        if not describes:
-            return Annotated[Any, PlainValidator(self.validate)]
-        models = tuple(group.model(True) for group in self.groups().values())
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        models = tuple(group.type() for group in self.groups())
         union: Any = Union[models]  # noqa: UP007  (a union of a computed list)
         return Annotated[union, Field(discriminator=self.tag)] if len(models) > 1 else union
 
 
-class Many:
-    """A list of groups.
+class Many(Node):
+    """A list.
 
     Args:
         noun: What its items are called in messages.
         least, most: How many there may be.
         item: What each is.
+        wanted: What is wanted in place of another value, where its own words do not say it well.
     """
 
-    def __init__(self, noun: str, least: int, most: int, item: Group | OneOf) -> None:
-        self.noun, self.least, self.most, self.item = noun, least, most, item
+    def __init__(self, noun: str, least: int, most: int, item: Node, wanted: str = "") -> None:
+        self._least, self._most, self._item, self._noun = least, most, item, noun
+        usual = f"a list of at least one {noun.removesuffix('s')}" if least else f"a list of {noun}, [] for none"
+        self.wanted = wanted or usual
 
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        item: Any = self.item.type(describes)
-        if describes:
-            return Annotated[list[item], Field(min_length=self.least or None, max_length=self.most)]
-        return Annotated[tuple[item, ...], Field(min_length=self.least, strict=False), BeforeValidator(self._short)]
+    def groups(self) -> Iterable[Group]:
+        """Return the groups that an item may be."""
+        return self._item.groups()
 
-    def _short(self, raw: Any) -> Any:
-        """Refuse more items than there may be before looking at any."""
-        if isinstance(raw, list | dict) and len(raw) > self.most:
-            raise refusal([Fault((), **self.fault(raw))], raw)
-        return raw
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the items, a tuple."""
+        if isinstance(raw, list) and self._least <= len(raw) <= self._most:
+            return tuple(item if item is BROKEN else self._item.read(item, here.below(i)) for i, item in enumerate(raw))
+        if isinstance(raw, list) and raw:
+            here.add(got=f"{len(raw)} {self._noun}", wanted=f"at most {self._most}")
+        else:
+            here.add(got=shown(raw), wanted=self.wanted)
+        return BROKEN
 
-    def items(self, raw: Any) -> Iterable[tuple[int | str, Any]]:
-        """Return the items of raw values with the index or name of each; none where they are no such list."""
-        return enumerate(raw) if isinstance(raw, list) and len(raw) <= self.most else ()
-
-    def fault(self, raw: Any) -> dict[str, Any]:
-        """Return what was wanted instead of a value that is no such list."""
-        if isinstance(raw, list) and len(raw) > self.most:
-            return {"got": f"{len(raw)} {self.noun}", "wanted": f"at most {self.most}"}
-        some = f"a list of at least one {self.noun.removesuffix('s')}"
-        return {"wanted": some if self.least else f"a list of {self.noun}, [] for none"}
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        item: Any = self._item.type()
+        return Annotated[list[item], Field(min_length=self._least or None, max_length=self._most)]
 
 
-class ManyNamed(Many):
-    """A mapping of names to groups."""
+class Named(Node):
+    """A mapping of names.
 
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        item: Any = self.item.type(describes)
-        if not describes:
-            return Annotated[dict[Slug, item], BeforeValidator(self._short)]
-        extra: Any = {"additionalProperties": False}
-        return Annotated[dict[Slug, item], Field(max_length=self.most, json_schema_extra=extra)]
+    Args:
+        wanted: What is wanted in place of another value.
+        item: What each name stands for.
+        names: The names, or the form that they have; any if left out.
+        least, most: How many there may be.
+    """
 
-    def items(self, raw: Any) -> Iterable[tuple[int | str, Any]]:
-        """Return the items of raw values with the index or name of each; none where they are no such mapping."""
-        return raw.items() if isinstance(raw, dict) and len(raw) <= self.most else ()
+    def __init__(
+        self,
+        wanted: str,
+        item: Node,
+        names: tuple[str, ...] | re.Pattern[str] | None = None,
+        least: int = 0,
+        most: int | None = None,
+    ) -> None:
+        self.wanted, self._item, self._names, self._least, self._most = wanted, item, names, least, most
 
-    def fault(self, raw: Any) -> dict[str, Any]:
-        """Return what was wanted instead of a value that is no such mapping."""
-        if isinstance(raw, dict) and len(raw) > self.most:
-            return {"got": f"{len(raw)} {self.noun}", "wanted": f"at most {self.most}"}
-        return {"wanted": f"a mapping of names to {self.noun}"}
+    def groups(self) -> Iterable[Group]:
+        """Return the groups that a name may stand for."""
+        return self._item.groups()
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return what each name stands for."""
+        if not isinstance(raw, dict) or len(raw) < self._least:
+            here.add(got=shown(raw), wanted=self.wanted)
+            return BROKEN
+        if self._most is not None and len(raw) > self._most:
+            here.add(got=f"{len(raw)} {self.wanted.rpartition(' to ')[2]}", wanted=f"at most {self._most}")
+            return BROKEN
+        refused = [name for name in raw if not self._accepts(name)]
+        for name in refused:
+            self._refuse(name, here)
+        found = {name: here.read(self._item, name, value) for name, value in raw.items()}
+        return BROKEN if refused else found
+
+    def _accepts(self, name: str) -> bool:
+        if isinstance(self._names, tuple):
+            return name in self._names
+        return self._names is None or self._names.fullmatch(name) is not None
+
+    def _refuse(self, name: str, here: Here) -> None:
+        if not isinstance(self._names, tuple):
+            here.add("its name is not a slug", (name,), at="key", wanted=SLUG_IN_WORDS)
+            return
+        near = nearest(name, self._names) or ""
+        others = "" if near else f"one of {', '.join(self._names)}"
+        here.add("unknown name", (name,), at="key", nearest=near, wanted=others)
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        name: Any = Literal[self._names] if isinstance(self._names, tuple) else Slug if self._names else str
+        extra: Any = {"additionalProperties": False} if name is Slug else None
+        limits = Field(min_length=self._least or None, max_length=self._most, json_schema_extra=extra)
+        return Annotated[dict[name, self._item.type()], limits]  # type: ignore[misc]
 
 
-class Named:
+class NameOr(Node):
     """The name of something registered, or a mapping that describes one.
 
     Args:
-        registry: What is registered.
-        kind: Class of what is registered, which declares the mapping's keys; None where only a name will do, which
-            then stays one.
+        registry: What is registered, or just names.
+        kind: Class that declares the mapping's keys; None where only a name will do.
     """
 
     def __init__(self, registry: Any, kind: Any = None) -> None:
-        self.registry, self.node = registry, None if kind is None else group_of(kind)
+        self._registry, self._group = registry, None if kind is None else group_of(kind)
 
     @property
-    def choices(self) -> tuple[str, ...]:
-        """Names of what is registered."""
-        return tuple(self.registry)
+    def wanted(self) -> str:  # type: ignore[override]
+        """What is wanted in place of anything else."""
+        names = f"one of {', '.join(self._registry)}"
+        return names if self._group is None else f"{names}, or {self._group.wanted}"
 
-    def validate(self, raw: Any) -> Any:
-        """Return what a name stands for, or the object of a mapping's raw values.
+    def groups(self) -> Iterable[Group]:
+        """Return the group of the mapping, if any."""
+        return () if self._group is None else (self._group,)
 
-        Raises:
-            ValidationError: there are mistakes; all of them.
-        """
-        if isinstance(raw, dict) and self.node is not None:
-            return self.node.validate(raw)
-        if isinstance(raw, str) and raw in self.registry:
-            return self.registry[raw] if self.node is not None and isinstance(self.registry, Registry) else raw
-        wanted = f"one of {', '.join(self.registry)}"
-        if self.node is not None:
-            wanted += f", or a mapping ({', '.join(self.node.fields)})"
-        near = nearest(raw, tuple(self.registry)) if isinstance(raw, str) else None
-        raise refusal([Fault((), wanted=wanted, nearest=near or "")], raw)
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return what a name stands for, the name itself where it stands for nothing, or the mapping's object."""
+        if isinstance(raw, dict) and self._group is not None:
+            return self._group.read(raw, here)
+        if isinstance(raw, str) and raw in self._registry:
+            return self._registry[raw] if self._group is not None and isinstance(self._registry, Registry) else raw
+        near = nearest(raw, tuple(self._registry)) if isinstance(raw, str) else None
+        here.add(got=shown(raw), wanted=self.wanted, nearest=near or "")
+        return BROKEN
 
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        if not describes:
-            return Annotated[Any, PlainValidator(self.validate)]
-        names: Any = Literal[tuple(self.registry)]
-        return names if self.node is None else Union[names, self.node.model(True)]  # noqa: UP007  (computed types)
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        names: Any = Literal[tuple(self._registry)]
+        return names if self._group is None else Union[names, self._group.type()]  # noqa: UP007  (computed types)
 
 
-@dataclass(frozen=True)
-class Text:
-    """Note of a key that takes text: its form and length."""
-
-    pattern: str | None = None
-    longest: int | None = None
-
-
-SLUG = Text(r"^[a-z0-9]([a-z0-9-]{0,62}[a-z0-9])?$")
-Slug: TypeAlias = Annotated[str, Field(pattern=SLUG.pattern)]
-
-
-@dataclass(frozen=True)
-class Ints:
-    """Note of a key that takes a few whole numbers: their bounds, and of what they are multiples."""
-
-    least: int
-    most: int
-    step: int
-
-
-@dataclass(frozen=True)
-class Checked:
-    """Note of a key whose value our own function checks; `described` is its type in the JSON schema."""
-
-    check: Callable[[Any], Any]
-    described: Any
-    node: Node = None
-
-    def type(self, describes: bool) -> Any:
-        """Return the type for pydantic; see `Spec.type`."""
-        return self.described if describes else Annotated[Any, PlainValidator(self.check)]
-
-
-def spec_of(declared: Declared) -> Spec:
-    """Return a declared key as one of a group."""
-    plain, notes = declared.type, list[Any]()
+def node_of(declared: Declared) -> Node:
+    """Return what may stand at a key."""
+    plain, notes, key = declared.type, list[Any](), declared.key
     if get_origin(plain) is Annotated:
         plain, *notes = get_args(plain)
-    key, default = declared.key, declared.default
-    for note in notes:
-        if hasattr(note, "type"):
-            node = note if isinstance(note, OneOf | Many) else getattr(note, "node", None)
-            return Spec(key, note.type, default, node, getattr(note, "choices", ()))
+    found = next((note for note in (plain, *notes) if isinstance(note, Node)), None)
+    if found is not None:
+        return found
     union = get_origin(plain) in (Union, types.UnionType)
     members = [x for x in get_args(plain) if x is not types.NoneType] if union else [plain]
     words = next((get_args(x) for x in members if get_origin(x) is Literal), ())
-    if tuple[float, ...] in members:
-        vector = always(Annotated[Any, NumberOrList(key, words[0] if words else None)])
-        return Spec(key, vector, default, choices=words, vector=True)
-    (plain,) = members
-    if dataclasses.is_dataclass(plain):
-        group = group_of(plain)  # type: ignore[arg-type]
-        return Spec(key, group.type, default, group)
-    kind = functools.partial(_plain_type, plain, key, notes)
-    names = get_args(get_args(plain)[0]) if get_origin(plain) is dict else ()
-    return Spec(key, kind, default, choices=words, names=names)
-
-
-def number(key: Key) -> Any:
-    """Return the type of a finite number within a key's limits."""
-    limits = Field(strict=True, allow_inf_nan=False, gt=key.above, ge=key.at_least, lt=key.below, le=key.at_most)
-    return Annotated[float, limits, AfterValidator(positive_zero)]
-
-
-def _plain_type(plain: Any, key: Key, notes: Iterable[Any], describes: bool) -> Any:
-    if plain is float:
-        return number(key)
-    if plain is int:
-        return Annotated[int, Field(strict=True, ge=key.at_least, le=key.at_most)]
-    if plain is str:
-        text = next((note for note in notes if isinstance(note, Text)), Text())
-        return Annotated[str, Field(strict=True, pattern=text.pattern, max_length=text.longest)]
-    if get_origin(plain) is tuple:
-        item: Any = number(key)
-        args, note = get_args(plain), next((note for note in notes if isinstance(note, Ints)), None)
-        if note is not None:
-            item = Annotated[int, Field(strict=True, ge=note.least, le=note.most, multiple_of=note.step)]
-        if describes:
-            return tuple.__class_getitem__((item,) * len(args))
-        return Annotated[tuple[item, ...], Field(strict=False, min_length=len(args), max_length=len(args))]
+    if declared.is_vector:
+        return vector(key, *words)
+    if words:
+        return Word(words)
+    if len(members) == 1:
+        (plain,) = members
+    args = get_args(plain)
+    if isinstance(plain, type) and dataclasses.is_dataclass(plain):
+        return group_of(plain)
     if get_origin(plain) is dict:
-        names, value = get_args(plain)[0], number(key)
-        return dict[names, value]  # type: ignore[valid-type]
-    return plain
-
-
-@dataclass(frozen=True)
-class NumberOrList:
-    """Annotation of a key that takes one number or a list of some, within its limits, and optionally one word."""
-
-    key: Key
-    word: str | None = None
-    least: int = 1
-    most: int | None = None
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Return pydantic's schema for a number, or a list of them, in strict mode."""
-        one: Any = number(self.key)
-        numbers = Annotated[tuple[one, ...], Field(strict=False, min_length=self.least, max_length=self.most)]
-        kinds: Any = Annotated[one, Tag("number")] | Annotated[numbers, Tag("list")]
-        if self.word is not None:
-            kinds = kinds | Annotated[Literal[self.word], Tag("word")]
-        return handler.generate_schema(Annotated[kinds, Discriminator(self._shape)])
-
-    def _shape(self, value: object) -> str:
-        if isinstance(value, list | tuple):
-            return "list"
-        return "word" if isinstance(value, str) and self.word is not None else "number"
-
-
-def option_type(values: tuple[str | bool, ...]) -> Any:
-    """Return the type of a law's option."""
-    if set(values) == {True, False}:
-        return bool
-    # a validator of its own: typing takes two lists of the same values for one, and would keep the first one's order
-    return Annotated[Literal[values], BeforeValidator(functools.partial(not_a_number))]
+        return Named(key.wanted, Value(key._replace(wanted=""), number(key)), get_args(args[0]), least=1)
+    if get_origin(plain) is tuple:
+        return Value(key, some(number(key) if args[0] is float else args[0], len(args), len(args)))
+    kinds = {float: number(key), int: Annotated[int, Field(ge=key.at_least, le=key.at_most)]}
+    kind = kinds.get(plain, plain)
+    return Value(key, Annotated[kind, *notes] if notes else kind)

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from torquebench.experiment.controllers import MAX_CONTROLLERS, Laws
-from torquebench.experiment.groups import Group, Many, Node, OneOf, Spec, group_of
+from torquebench.experiment.controllers import controllers
+from torquebench.experiment.groups import Group, declare, group_of
 from torquebench.experiment.schema import Experiment
-from torquebench.keys import Key
+from torquebench.keys import Declared, Key
 from torquebench.laws import find_law
 from torquebench.laws.law import law_names
 
@@ -22,23 +22,11 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     """
     from torquebench.experiment.sweep_section import Sweep
 
-    top = group_of(Experiment)
-    fields = dict(top.fields)
-    some = Many("controllers", 1, MAX_CONTROLLERS, Laws(laws))
-    fields["controllers"] = fields["controllers"]._replace(type=some.type)
-    sweep = Key("What `torquebench sweep` varies; not for other commands")
-    fields["sweep"] = Spec(sweep, group_of(Sweep).type, None)
-    schema = Group("Experiment", top.doc, fields, dict).model(True).model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_without_null(schema)}
-
-
-def _without_null(node: Any) -> Any:
-    """Return a JSON schema in which no key may be null: in a config, absent keys are left out."""
-    if isinstance(node, list):
-        return [_without_null(item) for item in node]
-    if not isinstance(node, dict):
-        return node
-    return {key: _without_null(value) for key, value in node.items() if (key, value) != ("default", None)}
+    top, sweep = group_of(Experiment), Key("What `torquebench sweep` varies; not for other commands")
+    described = top.fields["controllers"]._replace(type=controllers(laws))
+    fields = top.fields | {"controllers": described, "sweep": declare("sweep", sweep, group_of(Sweep), None)}
+    schema = Group("Experiment", top.doc, fields.values(), dict).type().model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def unit_of(key: str) -> str | None:
@@ -52,21 +40,12 @@ def unit_of(key: str) -> str | None:
         name = parts[parts.index("gains") + 1]
         gains = [find_law(law).gains for law in law_names()]
         return _only({own[name].unit for own in gains if name in own})
-    groups, specs = [group_of(Experiment)], list[Spec]()
+    groups, found = [group_of(Experiment)], list[Declared]()
     for part in parts:
         if groups and not part.isdecimal():  # below a mapping of names to numbers, its own unit holds
-            specs = [group.fields[part] for group in groups if part in group.fields]
-            groups = [group for spec in specs for group in _groups(spec.node)]
-    return None if groups else _only({spec.key.unit for spec in specs} - {""})
-
-
-def _groups(node: Node) -> list[Group]:
-    """Return the groups of keys that may stand at a key, or in the list there."""
-    if isinstance(node, Many):
-        return _groups(node.item)
-    if isinstance(node, OneOf):
-        return list(node.groups().values())
-    return [] if node is None else [node]
+            found = [group.fields[part] for group in groups if part in group.fields]
+            groups = [inner for group in groups if part in group.nodes for inner in group.nodes[part].groups()]
+    return None if groups else _only({declared.key.unit for declared in found} - {""})
 
 
 def _only(units: set[str]) -> str | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -11,16 +13,16 @@ from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Belief, Run, Video, joint_count
 from torquebench.experiment.source import Document
 from torquebench.experiment.words import shown
-from torquebench.experiment.yaml_tree import KeyPath, shortened
+from torquebench.experiment.yaml_tree import BROKEN, KeyPath, shortened
 from torquebench.fuzzy import BUILTIN
-from torquebench.keys import Declared, declared_keys
+from torquebench.keys import declared_keys, values_of
 from torquebench.laws.law import find_law
 from torquebench.metrics.chattering import COARSEST
+from torquebench.robot import load_model
 from torquebench.robot.library import camera_names, model_folder
 from torquebench.sim.plants.kinds import PlantKeys
 from torquebench.timing import FAR_OFF, RELATIVE, Timing, multiple_of
 
-CLOSED_FORM_MODEL = "puma560"
 MIN_WINDOW = 0.5
 """The steady-state error is taken over this last part of a run [s]."""
 MAX_BYTES = 2 << 30
@@ -31,6 +33,8 @@ ABSURD = 1e15
 """Amounts above are not printed."""
 LARGEST_STEP = 0.1
 """No larger step is proposed [s]."""
+COLLECTIONS = ("controllers", "fuzzy", "disturbances")
+"""Sections with several things in them."""
 TAKEN = frozenset({"figures"})
 """Names that no controller may have: each has a folder of its name beside these."""
 
@@ -51,116 +55,113 @@ def rule(function: Rule) -> Rule:
     return function
 
 
-def check_rules(document: Document, parts: dict[str, Any]) -> None:
+def check_rules(document: Document, values: Mapping[str, Any]) -> None:
     """Record in a document every contradiction between valid sections.
 
     Args:
         document: Receives the mistakes.
-        parts: Section -> its object, only where it is valid; lists and mappings of sections as `Items`.
+        values: Section -> its object, BROKEN or with BROKEN inside where it is not valid.
     """
-    known = {**parts, "document": document}
-    plant, run = parts.get("plant"), parts.get("run")
+    known = {name: _whole(name, value) for name, value in values.items() if value is not BROKEN and value is not None}
+    for name in COLLECTIONS:
+        known.setdefault(name, {})
+    known["document"], known["items"] = document, dict(_items(known))
+    plant, run = known.get("plant"), known.get("run")
     if plant is not None:
         try:
             model_folder(plant.model)
             known["n"] = joint_count(plant.model)
         except ModelError as error:
             document.add(("plant", "model"), " ".join(str(error).split()))
-            known.pop("plant")
+            del known["plant"]
     if run is not None:
         whole = plant is None or not list(multiple_of((), run.control_period, "", plant.timestep))
-        known["timing"] = Timing(run.duration, run.control_period, whole)
-    known["items"] = dict(_items(parts))
+        known["timing"] = Timing(run.duration, run.control_period, whole, known.get("n"))
     for check, needs in RULES:
-        if all(known.get(need) is not None for need in needs):
+        if known.keys() >= set(needs):
             for fault in check(**{need: known[need] for need in needs}):
                 document.add_fault(fault)
+
+
+def _whole(name: str, value: Any) -> Any:
+    """Return a section; one with several things in it as those that are valid, by their places."""
+    if name not in COLLECTIONS:
+        return value
+    named = value.items() if isinstance(value, dict) else enumerate(value)
+    return {(name, key): item for key, item in named if item is not BROKEN}
 
 
 def _items(parts: Mapping[str, Any]) -> Iterator[tuple[KeyPath, Any]]:
     """Yield every valid object of a config with the place where it is."""
     for name, part in parts.items():
-        if part is not None:
-            yield from part.items() if isinstance(part, dict) else [((name,), part)]
-    plant, model = parts.get("plant"), parts.get("model")
-    for path, owner in ((("plant",), plant), (("model",), model)):
-        for name in ("payload", "friction", "perturb", "mismatch"):
-            inner = getattr(owner, name, None)
-            if inner is not None:
-                yield (*path, name), inner
+        if name in COLLECTIONS:
+            yield from part.items()
+        elif dataclasses.is_dataclass(part):
+            yield (name,), part
+            inner = [((name, key), value) for key, value in values_of(part).items()]
+            yield from (item for item in inner if dataclasses.is_dataclass(item[1]))
 
 
 @rule
 def own_rules(items: Items, timing: Timing) -> Iterator[Fault]:
     """What the kinds' own rules find."""
     for path, item in items.items():
-        if hasattr(item, "check"):
-            yield from (fault._replace(path=(*path, *fault.path)) for fault in item.check(timing))
+        found = item.check(timing) if hasattr(item, "check") else iter(())
+        for fault in found if isinstance(found, Iterator) else [found]:
+            if isinstance(found, Iterator) and isinstance(fault, Fault):
+                yield fault.below(path)
+            else:
+                verb = "yields" if isinstance(found, Iterator) else "returns"
+                text = f"{type(item).__name__}.check(timing) {verb} a {type(fault).__name__}"
+                yield Fault(path, text, wanted="a method that yields a Fault for each mistake")
 
 
 @rule
-def systems_with_a_meaning(fuzzy: Items) -> Iterator[Fault]:
-    """A fuzzy system's shapes, table and rules make sense together."""
-    for path, system in fuzzy.items():
-        yield from (fault._replace(path=(*path, *fault.path)) for fault in system.faults())
+def forms_that_there_are(items: Items, plant: PlantKeys) -> Iterator[Fault]:
+    """Model and plant have a structure and constants that the arm has."""
+    for path, item in items.items():
+        if isinstance(item, Belief | PlantKeys):
+            structure, constants = item.form
+            for key, value, usual, form in (
+                ("structure", structure, "exact", (structure, "fitted")),
+                ("constants", constants, "fitted", (structure, constants)),
+            ):
+                problem = "" if value == usual else _form_problem(plant.model, *form)
+                if problem:
+                    yield Fault((*path, key), problem, wanted=usual)
+
+
+@functools.cache
+def _form_problem(model: str, structure: str, constants: str) -> str:
+    """Return what an arm's model says of a structure and constants that it does not have."""
+    try:
+        load_model(model, structure, constants)
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 @rule
-def structures_that_there_are(plant: PlantKeys, model: Belief) -> Iterator[Fault]:
-    """An arm without closed forms has no structure but the exact one."""
-    if plant.model == CLOSED_FORM_MODEL:
-        return
-    for section, owner in (("model", model), ("plant", plant)):
-        for key, only in (("structure", "exact"), ("constants", "fitted")):
-            value = getattr(owner, key, only)
-            if value != only and not (getattr(owner, "structure", "") == "exact" and value == "printed"):
-                wanted = f"{only}: model '{plant.model}' has no other (only {CLOSED_FORM_MODEL} has)"
-                yield Fault((section, key), got=value, wanted=wanted)
-
-
-@rule
-def exact_is_not_printed(items: Items, document: Document) -> Iterator[Fault]:
-    """The printed constants are no rigid body's, be it the model or the plant."""
-    for path, owner in items.items():
-        if (getattr(owner, "structure", ""), getattr(owner, "constants", "")) == ("exact", "printed"):
-            text = (
-                "structure exact cannot have constants printed: the printed constants break the seven exact ties that "
-            )
-            given = document.written((*path, "constants"))
-            key, wanted = ("constants", "fitted") if given else ("structure", "corrected or printed")
-            yield Fault((*path, key), f"{text}those of a rigid body satisfy", wanted=wanted)
-
-
-@rule
-def constants_that_there_are(plant: PlantKeys, model: Belief) -> Iterator[Fault]:
-    """Tolerances and single constants need a table of constants."""
-    for key in ("tolerance", "constants"):
-        if model.mismatch is None or getattr(model.mismatch, key) is None:
-            continue
-        path = ("model", "mismatch", key)
-        if plant.model != CLOSED_FORM_MODEL:
-            text = f"model '{plant.model}' has no table of constants (only {CLOSED_FORM_MODEL} has)"
-            yield Fault(path, text, at="key")
-        elif key == "constants" and model.structure == "exact":
-            yield Fault(path, "needs structure corrected or printed: exact has links, no constants", at="key")
+def mismatches_that_there_are(plant: PlantKeys, model: Belief) -> Iterator[Fault]:
+    """A mismatch is one that the arm's model can have."""
+    mismatch = model.mismatch
+    if mismatch is not None:
+        yield from (fault.below(("model", "mismatch")) for fault in mismatch.misfits(plant.model, model.structure))
 
 
 @rule
 def lengths_of_vectors(items: Items, plant: PlantKeys, n: int) -> Iterator[Fault]:
     """A vector has one number, or one for each joint."""
     for path, item in items.items():
-        values: dict[KeyPath, Any] = {(one.name,): getattr(item, one.attribute) for one in _keys(item) if one.is_vector}
         if isinstance(item, Controller):
-            values = {("gains", name): value for name, value in item.gains.items()}
+            path, values = (*path, "gains"), item.gains
+        else:
+            vectors = [one.name for one in declared_keys(item.__class__) if one.is_vector]
+            values = {name: value for name, value in values_of(item).items() if name in vectors}
         for key, value in values.items():
             if isinstance(value, tuple) and len(value) != n:
                 wanted = f"one number or {n}, one for each joint of '{plant.model}'"
-                yield Fault((*path, *key), got=f"{len(value)} numbers", wanted=wanted)
-
-
-def _keys(item: Any) -> tuple[Declared, ...]:
-    cls: Any = type(item)
-    return declared_keys(cls) if hasattr(cls, "__dataclass_fields__") else ()
+                yield Fault((*path, key), got=f"{len(value)} numbers", wanted=wanted)
 
 
 @rule

@@ -45,7 +45,7 @@ class Joints(NamedTuple):
 class ExperimentResult:
     """Numbers and trajectories of one experiment, just run or read from its folder.
 
-    What a folder holds is in `stored` and is never computed anew, so that a stored number stays what it was.
+    What a folder holds takes the place of what is computed otherwise, so that a stored number stays what it was.
     """
 
     experiment: Experiment
@@ -57,9 +57,13 @@ class ExperimentResult:
     built: Loop | None = field(default=None, repr=False)
     """Objects of the run; None for a run that was read from a folder."""
     stored: Mapping[str, Any] | None = field(default=None, repr=False)
-    """Manifest and certificates of a run that was read from a folder; see `folder.read_result`."""
+    """Of a run that was read from a folder, the checksums of its `files`, and properties of this class by name."""
     arm_changed: bool = False
     """Whether the files of the arm are no longer those of the run."""
+
+    def __post_init__(self) -> None:
+        """Take what is stored for what would be computed."""
+        self.__dict__.update(self.stored or {})
 
     @cached_property
     def loop(self) -> Loop:
@@ -83,14 +87,12 @@ class ExperimentResult:
     @cached_property
     def conditions(self) -> str:
         """What was run, in two lines."""
-        return conditions_text(self.experiment) if self.stored is None else str(self.stored["conditions"])
+        return conditions_text(self.experiment)
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
         """What was wrong with the controllers before the run: switching gains that are too small."""
-        if self.stored is None:
-            return tuple(str(flag) for flag in flags(self.experiment, self.loop))
-        return tuple(self.stored["flags"])
+        return tuple(str(flag) for flag in flags(self.experiment, self.loop))
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:
@@ -106,15 +108,11 @@ class ExperimentResult:
     @cached_property
     def certified(self) -> Mapping[str, Mapping[str, Any]]:
         """Controller name -> headline figures of its stability certificates, as in ``certificates.json``."""
-        if self.stored is None:
-            return {name: found.to_json() for name, found in self.certificates.items()}
-        return dict(self.stored["certificates"])
+        return {name: found.to_json() for name, found in self.certificates.items()}
 
     @cached_property
     def facts(self) -> Mapping[str, Any]:
         """What identifies the run: hash of the config, seeds, software and machine."""
-        if self.stored is not None:
-            return {key: self.stored[key] for key in ("config_sha256", "seeds", "software", "machine")}
         run = self.experiment.run
         return {
             "config_sha256": config_hash(self.experiment),
@@ -131,15 +129,11 @@ class ExperimentResult:
     @cached_property
     def model_files(self) -> Mapping[str, str]:
         """Checksum of each file of the arm, by its name."""
-        if self.stored is not None:
-            return dict(self.stored["model_files"])
         return model_checksums(self.experiment.plant.model)
 
-    @property
+    @cached_property
     def scenario(self) -> dict[str, Any]:
         """What was drawn for model and plant, and the step at which the payload was taken up."""
-        if self.stored is not None:
-            return dict(self.stored.get("scenario", {}))
         experiment, flat, facts = self.experiment, self.loop.model.flat, dict[str, Any]()
         if experiment.model.mismatch is not None:
             if len(flat.constants):

@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import Field
 
 from torquebench.chain import CHAINS, Chain
 from torquebench.disturbances import DISTURBANCES
-from torquebench.experiment.controllers import LAWS, MAX_CONTROLLERS
 from torquebench.experiment.controllers import Controller as Controller
+from torquebench.experiment.controllers import controllers
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
-from torquebench.experiment.groups import SLUG, Ints, Many, ManyNamed, Named, OneOf, Text
+from torquebench.experiment.groups import Many, Named, NameOr, OneOf
+from torquebench.experiment.values import Slug
 from torquebench.keys import Key, Vector
 from torquebench.metrics.chattering import corner_hz
 from torquebench.references import REFERENCES
 from torquebench.references.reference import highest_frequency
+from torquebench.registry import SLUG
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.puma560.mismatch import Mismatch
@@ -27,6 +31,7 @@ from torquebench.timing import whole_steps
 MAX_DISTURBANCES = 64
 LEAST_SIDE, LARGEST_SIDE = 160, 3840
 """Sides of a film's frame [px]; its format takes even ones only."""
+Side: TypeAlias = Annotated[int, Field(ge=LEAST_SIDE, le=LARGEST_SIDE, multiple_of=2)]
 MAX_SEED = 2**63 - 1
 
 
@@ -66,6 +71,11 @@ class Belief:
         ),
     ] = "fitted"
     mismatch: Annotated[Mismatch | None, Key("Errors put on purpose into the constants")] = None
+
+    @property
+    def form(self) -> tuple[StructureName, ConstantsName]:
+        """Structure and constants of the equations."""
+        return self.structure, self.constants
 
 
 @dataclass(frozen=True)
@@ -128,9 +138,7 @@ class Video:
 
     quality: Annotated[Literal["fast", "pretty"], Key("pretty has shadows and takes many times as long")] = "fast"
     size: Annotated[
-        tuple[int, int],
-        Key("Width and height, even numbers", "px", wanted="width and height, as [640, 480]"),
-        Ints(LEAST_SIDE, LARGEST_SIDE, 2),
+        tuple[Side, Side], Key("Width and height, even numbers", "px", wanted="width and height, as [640, 480]")
     ] = (640, 480)
     speed: Annotated[float, Key("Simulated seconds shown in one second", "1", at_least=1e-3, at_most=1e3)] = 1.0
     camera: Annotated[
@@ -143,21 +151,19 @@ class Video:
 class Experiment:
     """One experiment: a plant, the belief about it, a motion to follow, and the controllers to compare."""
 
-    name: Annotated[str, Key("Name of the experiment; also the start of its folder's name"), SLUG]
-    description: Annotated[str | None, Key("What the experiment is for, in words"), Text(longest=4000)] = None
+    name: Annotated[Slug, Key("Name of the experiment; also the start of its folder's name")]
+    description: Annotated[str | None, Key("What the experiment is for, in words"), Field(max_length=4000)] = None
     plant: Annotated[PlantKeys, Key("The arm as it is"), OneOf(PLANTS, "What simulates the arm.")]
     model: Annotated[Belief, Key("The arm as the laws believe it to be")] = Belief()
-    controllers: Annotated[
-        tuple[Controller, ...], Key("What is compared"), Many("controllers", 1, MAX_CONTROLLERS, LAWS)
-    ]
+    controllers: Annotated[tuple[Controller, ...], Key("What is compared"), controllers()]
     fuzzy: Annotated[
         Mapping[str, FuzzyKeys],
         Key("Fuzzy systems for laws that take one, by name; pd-49, pd-25, pd-9 and s-7 are built in"),
-        ManyNamed(
-            "fuzzy systems",
-            0,
-            MAX_SYSTEMS,
-            OneOf(SYSTEMS, "Method: consequents are terms (mamdani) or functions of the inputs."),
+        Named(
+            "a mapping of names to fuzzy systems",
+            OneOf(SYSTEMS, "Method: consequents are terms (mamdani) or functions of the inputs.", closed=True),
+            names=SLUG,
+            most=MAX_SYSTEMS,
         ),
     ] = field(default_factory=dict)
     reference: Annotated[
@@ -172,7 +178,7 @@ class Experiment:
             "differentiated from it and filtered at 500 rad/s, actuators lagging by 2 ms; slow: the same noise, 200 "
             "rad/s, 8 ms; or each imperfection by itself"
         ),
-        Named(CHAINS, Chain),
+        NameOr(CHAINS, Chain),
     ] = CHAINS["ideal"]
     disturbances: Annotated[
         tuple[Any, ...],

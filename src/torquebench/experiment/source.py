@@ -57,8 +57,10 @@ class Document:
         self.start = Place(0, 1, 1)
         """Where the root was written."""
         self.overrides: list[str] = []
-        self._found: list[tuple[Place, Problem]] = []
-        self._more = False
+        self.found: list[tuple[Place, Problem]] = []
+        """The mistakes found so far, each with its place, in the order they were found."""
+        self.full = False
+        """Whether so many mistakes were found that looking for more is no help."""
 
     def copy(self) -> Document:
         """Return another document of the same content and places, without mistakes so far."""
@@ -102,11 +104,6 @@ class Document:
             return Problem(self.filename, **parts)
         return Problem(self.filename, **parts, line=place.line, column=place.column)
 
-    @property
-    def full(self) -> bool:
-        """Whether so many mistakes were found that looking for more is no help."""
-        return self._more
-
     def add(
         self,
         path: KeyPath,
@@ -125,11 +122,11 @@ class Document:
             place: Where it is, when that is not where `path` was written.
             parts: Other parts of a `Problem`.
         """
-        if len(self._found) >= MAX_PROBLEMS:
-            self._more = True
+        if len(self.found) >= MAX_PROBLEMS:
+            self.full = True
             return
         place = self.place(path, at) if place is None else place
-        self._found.append((place, self.problem(place, key=dotted(path), text=text, **parts)))
+        self.found.append((place, self.problem(place, key=dotted(path), text=text, **parts)))
 
     def add_fault(self, fault: Fault, path: KeyPath = ()) -> None:
         """Record a mistake that an object's own rules found; `path` is where the object is."""
@@ -140,10 +137,6 @@ class Document:
         parts: dict[str, Any] = {"got": fault.got, "wanted": fault.wanted, "nearest": fault.nearest, "note": fault.note}
         self.add(whole, fault.text, place=place, **parts)
 
-    def report(self, path: KeyPath, text: str, place: Place) -> None:
-        """Record a mistake of the text itself."""
-        self.add(path, text, place=place)
-
     def fail(self, text: str, place: Place, wanted: str = "") -> NoReturn:
         """Record one last mistake and raise them all.
 
@@ -153,23 +146,18 @@ class Document:
         self.add((), text, place=place, wanted=wanted)
         raise ConfigError(self._sorted())
 
-    @property
-    def found(self) -> list[tuple[Place, Problem]]:
-        """The mistakes found so far, each with its place, in the order they were found."""
-        return list(self._found)
-
     def raise_problems(self) -> None:
         """Raise every mistake found so far, in reading order.
 
         Raises:
             ConfigError: there is at least one.
         """
-        if self._found:
+        if self.found:
             raise ConfigError(self._sorted())
 
     def _sorted(self) -> list[Problem]:
-        problems = [problem for _, problem in sorted(self._found, key=lambda found: found[0])]
-        if self._more:
+        problems = [problem for _, problem in sorted(self.found, key=lambda found: found[0])]
+        if self.full:
             problems.append(Problem(self.filename, "", f"there are more mistakes than these {MAX_PROBLEMS}"))
         return problems
 
@@ -213,7 +201,7 @@ def read_document(source: str | bytes, filename: str) -> Document:
         text = source if isinstance(source, str) else source.decode("utf-8")
     except UnicodeDecodeError as error:
         document.fail(f"is not UTF-8 text (byte offset {error.start})", Place(0))
-    document.root, document.start = parse_value(text.removeprefix("\ufeff"), document.report)
+    document.root, document.start = parse_value(text.removeprefix("\ufeff"), document.add)
     if document.root is BROKEN:
         document.raise_problems()
     if document.root is None:
@@ -245,10 +233,7 @@ def _tree(value: Any) -> Any:
             mapping.put(str(key), _tree(item), Place(0), Place(0))
         return mapping
     if isinstance(value, list | tuple):
-        items = Seq()
-        items.extend(map(_tree, value))
-        items.places = [Place(0)] * len(items)
-        return items
+        return Seq(map(_tree, value), [Place(0)] * len(value))
     return value
 
 
@@ -274,7 +259,7 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
             deep = f"has more than {MAX_DEPTH} parts" if key.count(".") >= MAX_DEPTH else ""
             document.add((), deep, place=place, wanted="" if deep else _FORM)
             continue
-        value, _ = parse_value(value_text, document.report, tuple(parts), place)
+        value, _ = parse_value(value_text, document.add, tuple(parts), place)
         if value is not BROKEN:
             assign(document, parts, value, place, place)
 

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field
 
-from torquebench.experiment.config import SWEEP, check_group
+from torquebench.errors import Fault
 from torquebench.experiment.controllers import OWN_KEYS, Controller
-from torquebench.experiment.groups import Checked, Named, group_of
+from torquebench.experiment.groups import SWEEP, NameOr, group_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign, index_of, split_key
+from torquebench.experiment.values import Here, Node
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Place, copied, shortened, value_at
-from torquebench.keys import Key, altered
+from torquebench.keys import Key, altered, values_of
 from torquebench.laws.law import find_law, law_names
 from torquebench.metrics import METRICS
 
@@ -30,94 +31,6 @@ NOT_VARIED = ("sweep", "name", "description", "video")
 RANGE_WORDS = {"start", "stop", "step", "num", "min", "max", "to", "count", "spacing"}
 EVERY = "controllers.*."
 """How a key begins that stands for every controller."""
-_Values: TypeAlias = Annotated[list[Any], Field(min_length=1, max_length=MAX_VALUES)]
-_Named: TypeAlias = Annotated[dict[str, Any], Field(min_length=1, max_length=MAX_VALUES)]
-
-
-def _as_it_is(raw: Any) -> Any:
-    return raw
-
-
-@dataclass(frozen=True)
-class Range:
-    """Evenly spaced values."""
-
-    start: Annotated[float, Key("First value; its unit is the key's", "1", name="from")]
-    stop: Annotated[float, Key("Last value, likewise", "1", name="to")]
-    count: Annotated[int, Key("Number of values, both ends among them", "1", at_least=2, at_most=MAX_VALUES)]
-    spacing: Annotated[Literal["linear", "log"], Key("Equal steps, or equal ratios")] = "linear"
-
-
-@dataclass(frozen=True)
-class Normal:
-    """A normal distribution."""
-
-    mean: Annotated[float, Key("Mean; its unit is the key's", "1")]
-    std: Annotated[float, Key("Standard deviation, likewise", "1", above=0)]
-
-
-_PAIR = "two numbers: [least, greatest]"
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """What a key is drawn from, anew in each draw: one of these keys."""
-
-    one_of = True
-    uniform: Annotated[tuple[float, float] | None, Key("Evenly between two numbers", wanted=_PAIR)] = None
-    log_uniform: Annotated[
-        tuple[float, float] | None, Key("With an even logarithm between two positive numbers", wanted=_PAIR)
-    ] = None
-    normal: Annotated[Normal | None, Key("Normally distributed")] = None
-    choice: Annotated[
-        tuple[Any, ...] | None, Key("One of a list of values, all equally likely"), Checked(_as_it_is, _Values)
-    ] = None
-
-
-@dataclass(frozen=True)
-class Worst:
-    """Trajectories of the worst runs only; a run that failed is worse than any that did not."""
-
-    worst: Annotated[int, Key("Number of runs of each controller", "1", at_least=1, at_most=10_000)]
-    by: Annotated[str, Key("Metric that is compared"), Named(METRICS)] = "rmse"
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """Many runs of one experiment: every combination of the grid, each in every draw, for every controller."""
-
-    draws: Annotated[
-        int,
-        Key(
-            "Draws of each combination, with run.draw 0, 1, ..: mismatch, perturbation, noise and random keys are "
-            "drawn anew in each, the same for every combination and controller",
-            "1",
-            at_least=1,
-            at_most=MAX_DRAWS,
-        ),
-    ] = 1
-    grid: Annotated[
-        Any,
-        Key(
-            "Key -> its values: a list, a range, or a mapping of names to values, by which tables then call them. Keys "
-            "as for --set; controllers.* stands for every controller whose law has the gain or option"
-        ),
-        Checked(
-            _as_it_is,
-            Annotated[dict[str, _Values | group_of(Range).model(True) | _Named], Field(max_length=MAX_KEYS)],
-        ),
-    ] = None
-    random: Annotated[
-        Any,
-        Key("Key -> its distribution; keys as in grid"),
-        Checked(_as_it_is, Annotated[dict[str, group_of(Distribution).model(True)], Field(max_length=MAX_KEYS)]),
-    ] = None
-    certificates: Annotated[
-        bool, Key("Whether the table has the figures of each run's stability certificates, which cost as much as a run")
-    ] = False
-    keep: Annotated[str | Worst, Key("Trajectories to store, besides the metrics"), Named(("none", "all"), Worst)] = (
-        "none"
-    )
 
 
 class Value(NamedTuple):
@@ -155,29 +68,6 @@ class Random(NamedTuple):
     choices: Axis | None = None
 
 
-class SweepKeys(NamedTuple):
-    """A sweep's section without mistakes."""
-
-    draws: int
-    axes: tuple[Axis, ...]
-    random: tuple[Random, ...]
-    keep: str | Worst
-    certificates: bool = False
-
-    def plain(self) -> dict[str, Any]:
-        """Return what decides results, as plain values."""
-        certified = {"certificates": True} if self.certificates else {}
-        return certified | {
-            "draws": self.draws,
-            "grid": [[axis.key, [[value.word, value.raw] for value in axis.values]] for axis in self.axes],
-            "random": [
-                [r.key, r.kind, list(r.numbers), [[v.word, v.raw] for v in r.choices.values] if r.choices else []]
-                for r in self.random
-            ],
-            "keep": self.keep if isinstance(self.keep, str) else {"worst": self.keep.worst, "by": self.keep.by},
-        }
-
-
 def between(low: float, high: float, share: float, log: bool) -> float:
     """Return what lies a share of the way from one number to another, to 15 digits, so that 0.3 is 0.3.
 
@@ -206,147 +96,249 @@ def in_words(word: float | str) -> str:
     return f"{word:.12g}" if isinstance(word, float) else shortened(word)[1:-1]
 
 
-def take_sweep(document: Document) -> SweepKeys:
+@dataclass(frozen=True)
+class Range:
+    """Evenly spaced values."""
+
+    start: Annotated[float, Key("First value; its unit is the key's", "1", name="from")]
+    stop: Annotated[float, Key("Last value, likewise", "1", name="to")]
+    count: Annotated[int, Key("Number of values, both ends among them", "1", at_least=2, at_most=MAX_VALUES)]
+    spacing: Annotated[Literal["linear", "log"], Key("Equal steps, or equal ratios")] = "linear"
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield what leaves it without meaning."""
+        low, high = self.start, self.stop
+        if low == high:
+            yield Fault(("to",), got=f"{high:g} twice", wanted="another end")
+        elif self.spacing == "log" and min(low, high) <= 0.0:
+            yield Fault((), f"spacing log from {low:g} to {high:g}", wanted="both positive")
+
+    def numbers(self) -> list[float]:
+        """Return the values."""
+        steps, log = self.count - 1, self.spacing == "log"
+        return [between(self.start, self.stop, i / steps, log) for i in range(self.count)]
+
+
+class Values(Node):
+    """A list of values, none of them twice."""
+
+    wanted = "a list of values"
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the values."""
+        if isinstance(raw, list) and raw:
+            return _distinct([(i, in_tables(value), value) for i, value in enumerate(raw)], here)
+        here.add(got=shown(raw), wanted=self.wanted)
+        return BROKEN
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        return Annotated[list[Any], Field(min_length=1, max_length=MAX_VALUES)]
+
+
+class GridValues(Values):
+    """A list of values, a range, or a mapping of names to values."""
+
+    wanted = "a list of values, a range such as {from: 0, to: 1, count: 5}, or a mapping of names to values"
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the values."""
+        if not isinstance(raw, dict) or not raw:
+            return super().read(raw, here)
+        if "from" in raw:
+            ends = group_of(Range).read(raw, here)
+            if ends is BROKEN:
+                return BROKEN
+            numbers, place = ends.numbers(), here.document.place(here.path)
+            whole = all(isinstance(raw[end], int) for end in ("from", "to")) and all(x == int(x) for x in numbers)
+            return tuple(Value(int(x) if whole else x, float(x), place) for x in numbers)
+        if raw.keys() <= RANGE_WORDS:
+            here.add("looks like a range", wanted="{from: 0, to: 1, count: 5}, or names that are no words of one")
+            return BROKEN
+        return _distinct([(name, name, value) for name, value in raw.items()], here)
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        named = Annotated[dict[str, Any], Field(min_length=1, max_length=MAX_VALUES)]
+        return super().type() | group_of(Range).type() | named
+
+
+def _distinct(items: list[tuple[str | int, float | str, Any]], here: Here) -> Any:
+    """Return values, each given with its name or index and its word in tables."""
+    if len(items) > MAX_VALUES:
+        here.add(got=f"{len(items)} values", wanted=f"at most {MAX_VALUES}")
+        return BROKEN
+    found: dict[float | str, Value] = {}
+    for index, word, value in items:
+        there = here.below(index)
+        place = there.document.place(there.path)
+        if value is None:
+            there.add("nothing is given", wanted="a value")
+        if here.path[2:] == ("run",) and isinstance(value, dict) and "draw" in value:
+            there.document.add((SWEEP, "run"), "draw is what sweep.draws counts", place=place, wanted="none here")
+        if isinstance(word, str) and len(word) > MAX_WORD:
+            there.add(f"such a value, {shown(value)}, needs a name", wanted="{name: value, ...}")
+        elif word in found:
+            there.add(f"{word} is there already")
+        elif value is not None and value is not BROKEN:
+            found[word] = Value(value, word, place)
+    return tuple(found.values()) if len(found) == len(items) else BROKEN
+
+
+@dataclass(frozen=True)
+class Normal:
+    """A normal distribution."""
+
+    mean: Annotated[float, Key("Mean; its unit is the key's", "1")]
+    std: Annotated[float, Key("Standard deviation, likewise", "1", above=0)]
+
+
+Pair: TypeAlias = tuple[float, float]
+_PAIR = "two numbers: [least, greatest]"
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """What a key is drawn from, anew in each draw: one of these keys."""
+
+    one_of = True
+    uniform: Annotated[Pair | None, Key("Evenly between two numbers", wanted=_PAIR)] = None
+    log_uniform: Annotated[Pair | None, Key("With an even logarithm between two positive numbers", wanted=_PAIR)] = None
+    normal: Annotated[Normal | None, Key("Normally distributed")] = None
+    choice: Annotated[tuple[Value, ...] | None, Key("One of a list of values, all equally likely"), Values()] = None
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield what leaves it without meaning."""
+        for kind, ends in (("uniform", self.uniform), ("log_uniform", self.log_uniform)):
+            if ends is not None and not ends[0] < ends[1]:
+                yield Fault((kind,), got=f"{ends[0]:g} and {ends[1]:g}", wanted="the smaller number first")
+            elif ends is not None and kind == "log_uniform" and not ends[0] > 0.0:
+                yield Fault((kind,), got=f"{ends[0]:g}", wanted="more than 0")
+
+
+def _random(key: str, place: Place, distribution: Distribution) -> Random:
+    (kind, drawn), *_ = (item for item in values_of(distribution).items() if item[1] is not None)
+    if kind == "choice":
+        return Random(key, place, kind, (), Axis(key, place, drawn))
+    return Random(key, place, kind, (drawn.mean, drawn.std) if isinstance(drawn, Normal) else drawn)
+
+
+class Varied(Node):
+    """A mapping of keys of the config.
+
+    Args:
+        item: What stands at each of them.
+        make: From the key, its place and that to what is returned.
+    """
+
+    wanted = "a mapping of keys, such as plant.payload.mass: [1, 2]"
+
+    def __init__(self, item: Node, make: Callable[[str, Place, Any], Axis | Random]) -> None:
+        self._item, self._make = item, make
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return what is made of each key."""
+        if not isinstance(raw, dict):
+            here.add(got=shown(raw), wanted=self.wanted)
+            return BROKEN
+        if len(raw) > MAX_KEYS:
+            here.add(got=f"{len(raw)} keys", wanted=f"at most {MAX_KEYS}")
+            return BROKEN
+        values = {key: here.read(self._item, key, value) for key, value in raw.items() if self._accepts(key, here)}
+        if len(values) < len(raw) or BROKEN in values.values():
+            return BROKEN
+        place = here.document.place
+        return tuple(self._make(key, place((*here.path, key), "key"), value) for key, value in values.items())
+
+    def _accepts(self, key: str, here: Here) -> bool:
+        """Whether a key is one that may be varied; a mistake is recorded where it is not."""
+        parts = split_key(key.replace(EVERY, "controllers.x.", 1) if key.startswith(EVERY) else key)
+        if parts is None:
+            text, wanted = "is not a key", "one such as run.duration or controllers.*.gains.k"
+        elif parts[0] in NOT_VARIED:
+            text, wanted = "cannot be varied", "a key that decides what is run"
+        elif parts == ["run", "draw"]:
+            text, wanted = "is what sweep.draws counts", "draws there"
+        else:
+            return True
+        here.add(text, (key,), at="key", wanted=wanted)
+        return False
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        return Annotated[dict[str, self._item.type()], Field(max_length=MAX_KEYS)]  # type: ignore[misc]
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Trajectories of the worst runs only; a run that failed is worse than any that did not."""
+
+    worst: Annotated[int, Key("Number of runs of each controller", "1", at_least=1, at_most=10_000)]
+    by: Annotated[str, Key("Metric that is compared"), NameOr(METRICS)] = "rmse"
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Many runs of one experiment: every combination of the grid, each in every draw, for every controller."""
+
+    draws: Annotated[
+        int,
+        Key(
+            "Draws of each combination, with run.draw 0, 1, ..: mismatch, perturbation, noise and random keys are "
+            "drawn anew in each, the same for every combination and controller",
+            "1",
+            at_least=1,
+            at_most=MAX_DRAWS,
+        ),
+    ] = 1
+    axes: Annotated[
+        tuple[Axis, ...],
+        Key(
+            "Key -> its values: a list, a range, or a mapping of names to values, by which tables then call them. Keys "
+            "as for --set; controllers.* stands for every controller whose law has the gain or option",
+            name="grid",
+        ),
+        Varied(GridValues(), Axis),
+    ] = ()
+    random: Annotated[
+        tuple[Random, ...],
+        Key("Key -> its distribution; keys as in grid"),
+        Varied(group_of(Distribution), _random),
+    ] = ()
+    certificates: Annotated[
+        bool, Key("Whether the table has the figures of each run's stability certificates, which cost as much as a run")
+    ] = False
+    keep: Annotated[str | Worst, Key("Trajectories to store, besides the metrics"), NameOr(("none", "all"), Worst)] = (
+        "none"
+    )
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield a fault for each key that is both in the grid and random."""
+        for both in {axis.key for axis in self.axes} & {r.key for r in self.random}:
+            yield Fault(("random", both), "is in the grid already", at="key", wanted="it in one of the two")
+
+    def plain(self) -> dict[str, Any]:
+        """Return what decides results, as plain values."""
+        certified = {"certificates": True} if self.certificates else {}
+        return certified | {
+            "draws": self.draws,
+            "grid": [[axis.key, [[value.word, value.raw] for value in axis.values]] for axis in self.axes],
+            "random": [
+                [r.key, r.kind, list(r.numbers), [[v.word, v.raw] for v in r.choices.values] if r.choices else []]
+                for r in self.random
+            ],
+            "keep": self.keep if isinstance(self.keep, str) else {"worst": self.keep.worst, "by": self.keep.by},
+        }
+
+
+def take_sweep(document: Document) -> Sweep:
     """Take the section out of a document and return it; mistakes are recorded in the document."""
     if SWEEP not in document.root:
         document.add((SWEEP,), "missing: what is varied, such as sweep: {draws: 30}", at="key")
-        return SweepKeys(1, (), (), "none")
-    raw = document.root[SWEEP]
-    sweep = check_group(document, (SWEEP,), group_of(Sweep)) or Sweep()
-    given = raw if isinstance(raw, dict) else {}
-    axes = _grid(document, (SWEEP, "grid"), given["grid"]) if "grid" in given else ()
-    random = _random(document, (SWEEP, "random"), given["random"]) if "random" in given else ()
-    for both in {axis.key for axis in axes} & {r.key for r in random}:
-        document.add((SWEEP, "random", both), "is in the grid already", at="key", wanted="it in one of the two")
+        return Sweep()
+    found = Here(document, group_of(Experiment)).read(group_of(Sweep), SWEEP, document.root[SWEEP])
     del document.root[SWEEP]
-    return SweepKeys(sweep.draws, axes, random, sweep.keep, sweep.certificates)
-
-
-def _grid(document: Document, path: KeyPath, raw: Any) -> tuple[Axis, ...]:
-    found = []
-    for key, value in _keys(document, path, raw):
-        here = (*path, key)
-        values = _values(document, here, value)
-        if values:
-            found.append(Axis(key, document.place(here, "key"), values))
-    return tuple(found)
-
-
-def _random(document: Document, path: KeyPath, raw: Any) -> tuple[Random, ...]:
-    drawn = [_distribution(document, key, (*path, key), value) for key, value in _keys(document, path, raw)]
-    return tuple(random for random in drawn if random is not None)
-
-
-def _keys(document: Document, path: KeyPath, raw: Any) -> list[tuple[str, Any]]:
-    """Return the keys that are ones, with what is written for each."""
-    if not isinstance(raw, dict):
-        if raw is not BROKEN:
-            document.add(path, got=shown(raw), wanted="a mapping of keys, such as plant.payload.mass: [1, 2]")
-        return []
-    if len(raw) > MAX_KEYS:
-        document.add(path, got=f"{len(raw)} keys", wanted=f"at most {MAX_KEYS}")
-    found = []
-    for key, value in list(raw.items())[:MAX_KEYS]:
-        here = (*path, key)
-        star = key.startswith(EVERY)
-        parts = split_key(key.replace(EVERY, "controllers.x.", 1) if star else key)
-        if parts is None:
-            document.add(here, "is not a key", at="key", wanted="one such as run.duration or controllers.*.gains.k")
-        elif parts[0] in NOT_VARIED:
-            document.add(here, "cannot be varied", at="key", wanted="a key that decides what is run")
-        elif parts == ["run", "draw"]:
-            document.add(here, "is what sweep.draws counts", at="key", wanted="draws there")
-        elif value is None:
-            document.add(here, "nothing is given", wanted="values")
-        elif value is not BROKEN:
-            found.append((key, value))
-    return found
-
-
-def _values(document: Document, path: KeyPath, raw: Any) -> tuple[Value, ...]:
-    if isinstance(raw, dict) and "from" in raw:
-        return _range(document, path, raw)
-    wanted = "a list of values, a range such as {from: 0, to: 1, count: 5}, or a mapping of names to values"
-    if not isinstance(raw, list | dict) or not raw:
-        document.add(path, got=shown(raw), wanted=wanted)
-        return ()
-    if len(raw) > MAX_VALUES:
-        document.add(path, got=f"{len(raw)} values", wanted=f"at most {MAX_VALUES}")
-        return ()
-    if isinstance(raw, dict) and set(raw) <= RANGE_WORDS:
-        names = "{from: 0, to: 1, count: 5}, or names that are no words of one"
-        document.add(path, "looks like a range", wanted=names)
-        return ()
-    items = list(raw.items()) if isinstance(raw, dict) else list(enumerate(raw))
-    found: dict[float | str, Value] = {}
-    for index, value in items:
-        here = (*path, index)
-        if value is None:
-            document.add(here, "nothing is given", wanted="a value")
-        if value is None or value is BROKEN:
-            continue
-        if path[2] == "run" and isinstance(value, dict) and "draw" in value:
-            place = document.place(here)
-            document.add((SWEEP, "run"), "draw is what sweep.draws counts", place=place, wanted="none here")
-        word = str(index) if isinstance(raw, dict) else in_tables(value)
-        if isinstance(word, str) and len(word) > MAX_WORD:
-            text = f"such a value, {shown(value)}, needs a name"
-            document.add(here, text, wanted="{name: value, ...}")
-        elif word in found:
-            document.add(here, f"{word} is there already")
-        else:
-            found[word] = Value(value, word, document.place(here))
-    return tuple(found.values())
-
-
-def _range(document: Document, path: KeyPath, raw: Mapping[str, Any]) -> tuple[Value, ...]:
-    ends: Range | None = check_group(document, path, group_of(Range))
-    if ends is None:
-        return ()
-    low, high, log = ends.start, ends.stop, ends.spacing == "log"
-    if low == high:
-        document.add((*path, "to"), got=f"{high:g} twice", wanted="another end")
-        return ()
-    if log and not (low > 0.0 and high > 0.0):
-        document.add(path, f"spacing log from {low:g} to {high:g}", wanted="both positive")
-        return ()
-    place = document.place(path)
-    numbers = [between(low, high, i / (ends.count - 1), log) for i in range(ends.count)]
-    whole = all(isinstance(raw[end], int) for end in ("from", "to")) and all(x == int(x) for x in numbers)
-    return tuple(Value(int(x) if whole else x, float(x), place) for x in numbers)
-
-
-def _distribution(document: Document, key: str, path: KeyPath, raw: Any) -> Random | None:
-    ways = tuple(group_of(Distribution).fields)
-    if not isinstance(raw, dict):
-        wanted = f"a mapping with one of {', '.join(ways)}, such as {{uniform: [0, 1]}}"
-        document.add(path, got=shown(raw), wanted=wanted)
-        return None
-    distribution: Distribution | None = check_group(document, path, group_of(Distribution))
-    given = [way for way in ways if way in raw]
-    if not raw:
-        document.add(path, f"missing: one of {', '.join(ways)}", at="key")
-    for way in given[1:]:
-        document.add((*path, way), f"{given[0]} is given already", at="key", wanted="one of the two")
-    if len(given) != 1 or distribution is None:
-        return None
-    kind, place = given[0], document.place(path, "key")
-    drawn: Any = getattr(distribution, kind)
-    if kind == "choice":
-        if not isinstance(drawn, list):
-            document.add((*path, kind), got=shown(drawn), wanted="a list of values")
-            return None
-        values = _values(document, (*path, kind), drawn)
-        return Random(key, place, kind, (), Axis(key, place, values)) if values else None
-    numbers = (drawn.mean, drawn.std) if isinstance(drawn, Normal) else drawn
-    if kind != "normal" and not numbers[0] < numbers[1]:
-        got = f"{numbers[0]:g} and {numbers[1]:g}"
-        document.add((*path, kind), got=got, wanted="the smaller number first")
-        return None
-    if kind == "log_uniform" and not numbers[0] > 0.0:
-        document.add((*path, kind), got=f"{numbers[0]:g}", wanted="more than 0")
-        return None
-    return Random(key, place, kind, tuple(numbers))
+    return Sweep() if found is BROKEN else found
 
 
 def varied(document: Document, values: Sequence[tuple[str, Value]]) -> tuple[Document, dict[str, list[KeyPath]]]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import yaml
 
@@ -68,28 +68,28 @@ class Map(dict[str, Any]):
 
 
 class Seq(list[Any]):
-    """A list that knows where each item was written."""
+    """A list that knows where each item was written.
+
+    Args:
+        items: The items.
+        places: Where they were written.
+    """
 
     __slots__ = ("places",)
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.places: list[Place] = []
+    def __init__(self, items: Iterable[Any] = (), places: Iterable[Place] = ()) -> None:
+        super().__init__(items)
+        self.places = list(places)
 
 
 def copied(node: Any) -> Any:
     """Return a copy of a tree; places are shared, as they never change."""
     if isinstance(node, Map):
         mapping = Map()
-        mapping.update((key, copied(value)) for key, value in node.items())
-        mapping.places = dict(node.places)
+        for key, value in node.items():
+            mapping.put(key, copied(value), *node.places[key])
         return mapping
-    if isinstance(node, Seq):
-        items = Seq()
-        items.extend(map(copied, node))
-        items.places = list(node.places)
-        return items
-    return node
+    return Seq(map(copied, node), node.places) if isinstance(node, Seq) else node
 
 
 def value_at(node: Any, path: KeyPath, default: Any = BROKEN) -> Any:
@@ -107,8 +107,11 @@ def shortened(text: str, limit: int = 64) -> str:
     return ascii(text) if len(text) <= limit else ascii(text[:limit]) + "..."
 
 
-Report: TypeAlias = Callable[[KeyPath, str, Place], None]
-"""Records a mistake: the offending key, what is wrong, and where."""
+class Report(Protocol):
+    """Records a mistake."""
+
+    def __call__(self, path: KeyPath, text: str, *, place: Place) -> None:
+        """Take the offending key, what is wrong, and where."""
 
 
 class _Stop(Exception):
@@ -133,7 +136,7 @@ def parse_value(text: str, report: Report, path: KeyPath = (), place: Place | No
     if bad:
         lines = _LINE_END.split(text[: bad.start()])
         here = place or Place(0, len(lines), len(lines[-1]) + 1)
-        report(path, f"has the control character U+{ord(bad.group()):04X}", here)
+        report(path, f"has the control character U+{ord(bad.group()):04X}", place=here)
         return BROKEN, start
     builder = _Builder(report, text, place)
     try:
@@ -143,9 +146,9 @@ def parse_value(text: str, report: Report, path: KeyPath = (), place: Place | No
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         here = _place(mark)
-        report(path, _syntax_message(error, text, here), place or here)
+        report(path, _syntax_message(error, text, here), place=place or here)
     except (yaml.YAMLError, ValueError, OverflowError) as error:  # the last two: PyYAML's own parser on \U escapes
-        report(path, "not valid YAML: " + " ".join(str(error).split()), start)
+        report(path, "not valid YAML: " + " ".join(str(error).split()), place=start)
     return BROKEN, start
 
 
@@ -210,7 +213,7 @@ class _Builder:
         return self._place or _place(event.start_mark)
 
     def _add(self, path: KeyPath, message: str, event: yaml.Event) -> None:
-        self._report(path, message, self._here(event))
+        self._report(path, message, place=self._here(event))
 
     def _enter(self, event: yaml.Event, path: KeyPath, depth: int) -> None:
         self._count += 1

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from torquebench.kernel import Array, IntArray
 
 STAIRCASE = 0
@@ -33,26 +35,26 @@ class Fis(NamedTuple):
     """MIN or PRODUCT."""
     inputs: int
     """Number of inputs, 1 or 2."""
-    scale: float
-    """Exact methods: spacing of the output's terms."""
-    offset: float
-    """Exact methods: middle of the output's terms."""
-    table: Annotated[Array, 2]
-    """Exact Mamdani methods: centre of each rule's consequent, (n1, n2) in units of `scale` from `offset`, NaN where
-    there is no rule; TABLE: output at each node, (N1, N2)."""
     rules: Annotated[IntArray, 2]
     """Index of each rule's consequent, (n1, n2); -1 where there is no rule."""
     x_terms: Annotated[Array, 2]
     """Feet and shoulders a <= b <= c <= d of the terms of input 1, (n1, 4)."""
     y_terms: Annotated[Array, 2]
     """The same of input 2, (n2, 4)."""
-    functions: Annotated[Array, 2]
+    scale: float = 1.0
+    """Exact methods: spacing of the output's terms."""
+    offset: float = 0.0
+    """Exact methods: middle of the output's terms."""
+    table: Annotated[Array, 2] = np.zeros((2, 2))
+    """Exact Mamdani methods: centre of each rule's consequent, (n1, n2) in units of `scale` from `offset`, NaN where
+    there is no rule; TABLE: output at each node, (N1, N2)."""
+    functions: Annotated[Array, 2] = np.zeros((0, 3))
     """SUGENO: consequent f0 + f1 x + f2 y of each name, (m, 3)."""
-    x_breaks: Array
+    x_breaks: Array = np.zeros(2)
     """TABLE: where the terms of input 1 have corners; nodes are evenly spaced between two of them."""
-    y_breaks: Array
+    y_breaks: Array = np.zeros(2)
     """The same of input 2."""
-    x_cells: int
+    x_cells: int = 1
     """TABLE: cells between two breaks of input 1."""
-    y_cells: int
+    y_cells: int = 1
     """The same of input 2."""

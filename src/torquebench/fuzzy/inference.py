@@ -17,16 +17,6 @@ TRACE = 1e-12
 """A rule that fires less than this does not fire."""
 
 
-@kernel(inline=True)
-def even(
-    table: Array, conjunction: int, method: int, inputs: int, scale: float, offset: float, x: float, y: float
-) -> float:
-    """Evaluate by STAIRCASE, UNION or SUM; arguments as of `four_rules`."""
-    if method == STAIRCASE:
-        return staircase(table, conjunction, scale, offset, x, y)
-    return four_rules(table, conjunction, method, scale, offset, x, y if inputs == 2 else -1.0)
-
-
 @kernel
 def both(conjunction: int, a: float, b: float) -> float:
     """Return the degree of a AND b: their minimum (131), or their product."""
@@ -163,8 +153,11 @@ def infer(fis: Fis, x: float, y: float) -> float:
     """
     x, y = sat(x), sat(y)
     nothing = (x - x) + (y - y)  # 0, or NaN; a comparison here would cost more than all the rest
+    if fis.method == STAIRCASE:
+        return nothing + staircase(fis.table, fis.conjunction, fis.scale, fis.offset, x, y)
     if fis.method <= SUM:
-        return nothing + even(fis.table, fis.conjunction, fis.method, fis.inputs, fis.scale, fis.offset, x, y)
+        y = y if fis.inputs == 2 else -1.0
+        return nothing + four_rules(fis.table, fis.conjunction, fis.method, fis.scale, fis.offset, x, y)
     return nothing + slower(fis, x, y)
 
 

@@ -6,6 +6,7 @@ warnings here are about a system that works, but perhaps not as intended.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from torquebench.errors import Finding
 from torquebench.fuzzy.fis import TABLE
 from torquebench.fuzzy.prepare import Prepared
-from torquebench.fuzzy.system import POINTS, FuzzySystem, Rule
+from torquebench.fuzzy.system import POINTS, FuzzySystem
 from torquebench.fuzzy.terms import SAME, Variable
 
 WEAK = 0.5
@@ -24,6 +25,9 @@ _GRID = np.linspace(-1.0, 1.0, 61)  # has both ends, the origin, and the peaks o
 _ODD = 1e-9  # asymmetry above rounding
 
 
+Place = tuple[str | int, ...]
+
+
 def lint(prepared: Prepared) -> tuple[Finding, ...]:
     """Return the warnings about a system, in the order of its definition."""
     system = prepared.system
@@ -31,23 +35,14 @@ def lint(prepared: Prepared) -> tuple[Finding, ...]:
     return tuple(Finding(code, "warning", where, message) for code, where, message in findings)
 
 
-def _terms(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+def _terms(system: FuzzySystem) -> Iterator[tuple[str, Place, str]]:
     for i, variable in enumerate(system.inputs):
         where = ("inputs", i, "terms")
-        for term in variable.terms:
-            if not variable.reaches(term.name):
-                yield (
-                    "dead-term",
-                    (*where, term.name),
-                    "lies outside the range, so no rule with it ever fires: move it, or widen the range",
-                )
+        outside = "lies outside the range, so no rule with it ever fires: move it, or widen the range"
+        yield from (("dead-term", (*where, name), outside) for name in variable.names if not variable.reaches(name))
         for low, high in gaps(variable):
-            yield (
-                "gap",
-                where,
-                f"no term covers {low:g} to {high:g}; there no rule fires and the output is 0: widen "
-                "the terms beside it",
-            )
+            nothing = f"no term covers {low:g} to {high:g}; there no rule fires and the output is 0"
+            yield "gap", where, f"{nothing}: widen the terms beside it"
     used = {rule.then for rule in system.rules}
     key = "terms" if isinstance(system.output, Variable) else "functions"
     for name in system.output.names:
@@ -55,19 +50,15 @@ def _terms(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], st
             yield "dead-term", ("output", key, name), "no rule has this consequent: use it or remove it"
 
 
-def _thin_terms(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+def _thin_terms(prepared: Prepared) -> Iterator[tuple[str, Place, str]]:
     output = prepared.system.output
     if prepared.fis.method != TABLE or not isinstance(output, Variable):
         return
-    low, high = min(term.a for term in output.terms), max(term.d for term in output.terms)
+    low, high = output.reach
     for term in output.terms:
         if term.d - term.a < THIN * (high - low) / (POINTS - 1):
-            yield (
-                "thin-term",
-                ("output", "terms", term.name),
-                f"is narrower than {THIN} of the {POINTS - 1} steps "
-                f"from {low:g} to {high:g} in which the output is computed: widen it",
-            )
+            steps = f"{THIN} of the {POINTS - 1} steps from {low:g} to {high:g} in which the output is computed"
+            yield "thin-term", ("output", "terms", term.name), f"is narrower than {steps}: widen it"
 
 
 def gaps(variable: Variable) -> list[tuple[float, float]]:
@@ -82,19 +73,15 @@ def gaps(variable: Variable) -> list[tuple[float, float]]:
     return uncovered
 
 
-def _rules(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+def _rules(system: FuzzySystem) -> Iterator[tuple[str, Place, str]]:
     for place in np.argwhere(system.table < 0):
-        words = [v.names[k] for v, k in zip(system.inputs, place.tolist(), strict=True)]
-        yield (
-            "missing-rule",
-            ("rules",),
-            f"no rule for {' and '.join(words)}: where only that would fire the output is 0; add it",
-        )
-    said: set[Rule] = set()
+        words = [v.names[k] for v, k in zip(system.inputs, place, strict=True)]
+        message = f"no rule for {' and '.join(words)}: where only that would fire the output is 0; add it"
+        yield "missing-rule", ("rules",), message
+    first = {rule: k for k, rule in reversed([*enumerate(system.rules)])}
     for k, rule in enumerate(system.rules):
-        if rule in said:
+        if first[rule] < k:
             yield "duplicate-rule", ("rules", k), f"repeats an earlier rule (if {' and '.join(rule.when)}): remove one"
-        said.add(rule)
         dead = [w for v, w in zip(system.inputs, rule.when, strict=True) if not v.reaches(w)]
         if dead:
             yield "dead-rule", ("rules", k), f"never fires, because {' and '.join(dead)} lies outside the range"
@@ -102,29 +89,27 @@ def _rules(system: FuzzySystem) -> Iterator[tuple[str, tuple[str | int, ...], st
         yield from _jumps(system, system.output)
 
 
-def _jumps(system: FuzzySystem, output: Variable) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+def _jumps(system: FuzzySystem, output: Variable) -> Iterator[tuple[str, Place, str]]:
     """Neighbouring rules are continuous when their consequents overlap."""
-    at = {rule.when: k for k, rule in reversed(list(enumerate(system.rules)))}
+    at: dict[tuple[str, ...], int] = {}
+    for k, rule in enumerate(system.rules):
+        at.setdefault(rule.when, k)
+    terms = dict(zip(output.names, output.terms, strict=True))
     for axis, variable in enumerate(system.inputs):
-        for rule in dict.fromkeys(system.rules):
-            k = variable.names.index(rule.when[axis])
-            if k + 1 == len(variable.names):
-                continue
-            beside = (*rule.when[:axis], variable.names[k + 1], *rule.when[axis + 1 :])
+        after = dict(itertools.pairwise(variable.names))
+        for when, k in at.items():
+            beside = (*when[:axis], after.get(when[axis], ""), *when[axis + 1 :])
             if beside not in at:
                 continue
-            other = system.rules[at[beside]].then
-            one, two = (output.terms[output.names.index(name)] for name in (rule.then, other))
+            one, two = (terms[system.rules[j].then] for j in (k, at[beside]))
             if not (one.a < two.d and two.a < one.d):
-                yield (
-                    "jump",
-                    ("rules", at[rule.when]),
-                    f"jumps from {rule.then} to {other} beside it (if "
-                    f"{' and '.join(beside)}), whose terms do not overlap: choose one between them",
+                message = (
+                    f"jumps from {one.name} to {two.name} beside it (if {' and '.join(beside)}), whose terms do not "
                 )
+                yield "jump", ("rules", k), f"{message}overlap: choose one between them"
 
 
-def _outputs(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...], str]]:
+def _outputs(prepared: Prepared) -> Iterator[tuple[str, Place, str]]:
     system = prepared.system
     two = len(system.inputs) == 2
     x, y = np.meshgrid(_GRID, _GRID if two else np.zeros(1), indexing="ij")
@@ -136,14 +121,10 @@ def _outputs(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...], s
     worst = np.unravel_index(int(np.argmax(skew)), skew.shape)
     if skew[worst] > 2.0 * abs(at_rest) + _ODD:
         place = f"({x[worst]:.3g}, {y[worst]:.3g})" if two else f"{x[worst]:.3g}"
-        mirrored = [f"{' and '.join(rule.when)}" for rule in _lopsided(prepared)]
-        blame = f"; rules without their mirror image: {', '.join(mirrored[:4])}" if mirrored else ""
-        yield (
-            "asymmetric",
-            ("rules",),
-            f"the output is not odd about the origin: at {place} and at its mirror image "
-            f"it adds up to {skew[worst]:.3g}, not 0{blame}",
-        )
+        message = f"the output is not odd about the origin: at {place} and at its mirror image it adds up to "
+        lopsided = ", ".join(_lopsided(system)[:4])
+        blame = f"; rules without their mirror image: {lopsided}" if lopsided else ""
+        yield "asymmetric", ("rules",), f"{message}{skew[worst]:.3g}, not 0{blame}"
     reach = float(np.max(np.abs(outputs)))
     if reach < WEAK:
         message = f"the output reaches only {100 * reach:.2g} % of its range"
@@ -152,12 +133,9 @@ def _outputs(prepared: Prepared) -> Iterator[tuple[str, tuple[str | int, ...], s
         yield "weak", ("output", "range"), f"{message}: narrow the range, or choose other operators"
 
 
-def _lopsided(prepared: Prepared) -> list[Rule]:
+def _lopsided(system: FuzzySystem) -> list[str]:
     """Rules whose place, mirrored at the origin, does not hold the mirrored consequent, by number of terms."""
-    system = prepared.system
     table = system.table
-    mirrored = table[tuple(slice(None, None, -1) for _ in system.inputs)]
-    last = len(system.output.names) - 1
-    wrong = (table >= 0) & (mirrored != last - table)
+    wrong = (table >= 0) & (np.flip(table) != len(system.output.names) - 1 - table)
     places = {tuple(v.names[k] for v, k in zip(system.inputs, place, strict=True)) for place in np.argwhere(wrong)}
-    return [rule for rule in dict.fromkeys(system.rules) if rule.when in places]
+    return [" and ".join(when) for when in dict.fromkeys(rule.when for rule in system.rules) if when in places]

@@ -6,7 +6,10 @@ there scikit-fuzzy gives memberships and the centre of each set (`defuzz`). Of S
 
 from __future__ import annotations
 
+import operator
 import warnings
+from collections.abc import Collection
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -116,17 +119,15 @@ def _controlled(system: FuzzySystem, output: Variable, values: list[Array]) -> A
 
     inputs = []
     for i, variable in enumerate(system.inputs):
-        corners = np.array([x for term in variable.terms for x in term[1:]])
-        inputs.append(control.Antecedent(_points(variable, np.append(corners, [variable.low, variable.high])), f"x{i}"))
+        inputs.append(control.Antecedent(_points(variable, np.array([variable.low, variable.high])), f"x{i}"))
         _add_terms(inputs[-1], variable, variable.names)
     result = control.Consequent(_points(output, universe(output, POINTS)), "u")
     _add_terms(result, output, {rule.then for rule in system.rules})  # a term that no rule has would be an error
     rules = []
     for rule in dict.fromkeys(system.rules):
         terms = [variable[name] for variable, name in zip(inputs, rule.when, strict=True)]
-        when = terms[0] if len(terms) == 1 else terms[0] & terms[1]
         both = np.multiply if system.conjunction == "product" else np.fmin
-        rules.append(control.Rule(when, result[rule.then], and_func=both))
+        rules.append(control.Rule(reduce(operator.and_, terms), result[rule.then], and_func=both))
     simulation = control.ControlSystemSimulation(control.ControlSystem(rules))
     for i, value in enumerate(values):
         simulation.input[f"x{i}"] = value
@@ -147,11 +148,10 @@ def _points(variable: Variable, points: Array) -> Array:
     return every
 
 
-def _add_terms(variable: Any, own: Variable, names: Any) -> None:
-    memberships = degrees(own, variable.universe)
-    for name in own.names:
+def _add_terms(variable: Any, own: Variable, names: Collection[str]) -> None:
+    for name, membership in zip(own.names, degrees(own, variable.universe).T, strict=True):
         if name in names:
-            variable[name] = memberships[:, own.names.index(name)]
+            variable[name] = membership
 
 
 def _defuzzified(system: FuzzySystem, output: Variable, fires: Array) -> Array:
@@ -172,12 +172,9 @@ def _defuzzified(system: FuzzySystem, output: Variable, fires: Array) -> Array:
 
 def _weighted_mean(system: FuzzySystem, output: Functions, fires: Array, values: list[Array]) -> Array:
     """Return the mean of the rules' functions, weighted by how much the rules fire, (N,)."""
-    coefficients = dict(output.coefficients)
-    total = np.zeros(len(fires))
-    for w, rule in zip(fires.T, system.rules, strict=True):
-        constant, *factors = coefficients[rule.then]
-        total += w * (constant + sum((f * x for f, x in zip(factors, values, strict=False)), np.zeros(len(fires))))
-    mean: Array = total / fires.sum(axis=1)
+    numbers = {name: (*c, 0.0, 0.0)[: len(values) + 1] for name, c in output.coefficients}
+    functions = np.column_stack([np.ones(len(fires)), *values]) @ np.array([numbers[r.then] for r in system.rules]).T
+    mean: Array = np.average(functions, axis=1, weights=fires)
     return mean
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from torquebench.fuzzy.fis import MIN, PRODUCT, STAIRCASE, SUGENO, SUM, TABLE, UNION, Fis
 from torquebench.fuzzy.inference import fill_outputs
 from torquebench.fuzzy.system import FuzzySystem
-from torquebench.fuzzy.table import error_bound, fill_table, grid_for
+from torquebench.fuzzy.table import error_bound, grid_for, outputs_on
 from torquebench.fuzzy.terms import SAME, Functions, Variable
 from torquebench.kernel import Array, IntArray
 
@@ -58,45 +59,22 @@ def prepare(system: FuzzySystem) -> Prepared:
     neighbours, and those of the output are evenly spaced triangles whose half-width equals their spacing. All other
     systems become a table of outputs by definition.
     """
-    second = system.inputs[1] if len(system.inputs) == 2 else None
+    first, second = system.inputs[0], system.inputs[1] if len(system.inputs) == 2 else None
     rules = system.table if second is not None else np.repeat(system.table[:, None], 2, axis=1)
-    nothing = np.zeros(2)
-    fis = Fis(
-        TABLE,
-        PRODUCT if system.conjunction == "product" else MIN,
-        len(system.inputs),
-        1.0,
-        0.0,
-        np.zeros((2, 2)),
-        rules.astype(np.int64),
-        system.inputs[0].corners(),
-        _certain() if second is None else second.corners(),
-        np.zeros((0, 3)),
-        nothing,
-        nothing,
-        1,
-        1,
-    )
+    # of the input that is not there everything is each of two terms
+    y_terms = np.tile([-1.0, -1.0, 1.0, 1.0], (2, 1)) if second is None else second.corners()
+    conjunction = PRODUCT if system.conjunction == "product" else MIN
+    fis = Fis(TABLE, conjunction, len(system.inputs), rules.astype(np.int64), first.corners(), y_terms)
     if isinstance(system.output, Functions):
         return Prepared(system, fis._replace(method=SUGENO, functions=_functions(system, system.output)), 0.0)
     form = _closed_form(system, system.output, rules)
     if form is not None:
-        method, scale, offset, table = form
-        return Prepared(system, fis._replace(method=method, scale=scale, offset=offset, table=table), 0.0)
-    grids = grid_for(system.inputs[0]), grid_for(second)
-    fis = fis._replace(
-        table=fill_table(system, grids),
-        x_breaks=grids[0].breaks,
-        y_breaks=grids[1].breaks,
-        x_cells=grids[0].cells,
-        y_cells=grids[1].cells,
-    )
+        return Prepared(system, fis._replace(**form), 0.0)
+    grids = grid_for(first), grid_for(second)
+    table = outputs_on(system, grids[0].nodes(), grids[1].nodes())
+    fis = fis._replace(table=table, x_breaks=grids[0].breaks, x_cells=grids[0].cells)
+    fis = fis._replace(y_breaks=grids[1].breaks, y_cells=grids[1].cells)
     return Prepared(system, fis, error_bound(system, fis, grids))
-
-
-def _certain() -> Array:
-    """Return two terms that everything is, in place of the input that is not there."""
-    return np.tile([-1.0, -1.0, 1.0, 1.0], (2, 1))
 
 
 def _functions(system: FuzzySystem, output: Functions) -> Array:
@@ -110,34 +88,22 @@ def _functions(system: FuzzySystem, output: Functions) -> Array:
     return rows / output.half
 
 
-def _closed_form(system: FuzzySystem, output: Variable, rules: IntArray) -> tuple[int, float, float, Array] | None:
-    """Return method, spacing and middle of the output's terms, and the consequents' centres in these units."""
-    if system.aggregation == "sum-min" or (system.aggregation, system.defuzzification) == ("max-min", "cog"):
-        method = SUM
-    elif system.aggregation == "max-min":
-        method = UNION
-    else:
-        return None
+def _closed_form(system: FuzzySystem, output: Variable, rules: IntArray) -> dict[str, Any] | None:
+    """Return the fields of a `Fis` that is exact: method, spacing and middle of the output's terms, and the table."""
     corners = output.corners()
-    spacing = _spacing(corners[:, 1])
-    if spacing is None or not all(map(_is_partition, system.inputs)):
+    last = len(corners) - 1
+    if system.aggregation not in ("max-min", "sum-min") or last < 1 or not all(map(_is_partition, system.inputs)):
         return None
-    wanted = corners[:, 1:2] + spacing * np.array([-1.0, 0.0, 0.0, 1.0])
+    first, spacing = corners[0, 1], float(corners[-1, 1] - corners[0, 1]) / last
+    peaks = first + spacing * np.arange(last + 1)
+    wanted = peaks[:, None] + spacing * np.array([-1.0, 0.0, 0.0, 1.0])
     if np.max(np.abs(corners - wanted)) > SAME:
         return None
-    last = len(corners) - 1
-    offset = 0.5 * (corners[0, 1] + corners[-1, 1])
     table = np.where(rules >= 0, rules - 0.5 * last, np.nan)
-    return STAIRCASE if method == UNION and _is_staircase(table) else method, spacing, float(offset), table
-
-
-def _spacing(peaks: Array) -> float | None:
-    """Return the distance between neighbouring peaks when it is always the same."""
-    if len(peaks) < 2:
-        return None
-    spacing = float(peaks[-1] - peaks[0]) / (len(peaks) - 1)
-    even = peaks[0] + spacing * np.arange(len(peaks))
-    return spacing if np.max(np.abs(peaks - even)) <= SAME else None
+    method = STAIRCASE if _is_staircase(table) else UNION
+    if (system.aggregation, system.defuzzification) != ("max-min", "coa"):
+        method = SUM
+    return {"method": method, "scale": spacing, "offset": float(0.5 * (first + corners[-1, 1])), "table": table}
 
 
 def _is_partition(variable: Variable) -> bool:
@@ -147,12 +113,10 @@ def _is_partition(variable: Variable) -> bool:
     """
     if len(variable.terms) < 2:
         return False
-    corners = variable.corners()
-    corners[0, :2], corners[-1, 2:] = np.minimum(corners[0, :2], -1.0), np.maximum(corners[-1, 2:], 1.0)
-    peaks = np.linspace(-1.0, 1.0, len(corners))
-    wanted = np.column_stack([np.roll(peaks, 1), peaks, peaks, np.roll(peaks, -1)])
-    wanted[0, :2], wanted[-1, 2:] = corners[0, :2], corners[-1, 2:]
-    return bool(np.max(np.abs(corners - wanted)) <= SAME)
+    corners, peaks = variable.corners(), np.linspace(-1.0, 1.0, len(variable.terms))
+    off = np.abs(corners - np.column_stack([np.roll(peaks, 1), peaks, peaks, np.roll(peaks, -1)]))
+    off[0, :2], off[-1, 2:] = 0.0, 0.0
+    return bool(np.max(off) <= SAME)
 
 
 def _is_staircase(table: Array) -> bool:

@@ -128,8 +128,9 @@ class FuzzySystem:
         for k, rule in enumerate(self.rules):
             unknown = []
             if len(rule.when) != len(self.inputs):
-                wanted = f"wanted one for each of {len(self.inputs)} inputs"
-                unknown.append(f"names {len(rule.when)} terms after 'if', {wanted}")
+                unknown.append(
+                    f"names {len(rule.when)} terms after 'if', wanted one for each of {len(self.inputs)} inputs"
+                )
             for i, (word, variable) in enumerate(zip(rule.when, self.inputs, strict=False)):
                 if word not in variable.names:
                     unknown.append(f"unknown term '{word}' of input {i + 1}{did_you_mean(word, variable.names)}")
@@ -137,8 +138,8 @@ class FuzzySystem:
                 unknown.append(f"unknown consequent '{rule.then}'{did_you_mean(rule.then, self.output.names)}")
             findings += [Finding("rule", "error", ("rules", k), message) for message in unknown]
             if said.setdefault(rule.when, rule.then) != rule.then:
-                message = f"contradicts an earlier rule: if {' and '.join(rule.when)} then both {said[rule.when]} and "
-                message += f"{rule.then}; remove one of them"
+                both = f"if {' and '.join(rule.when)} then both {said[rule.when]} and {rule.then}"
+                message = f"contradicts an earlier rule: {both}; remove one of them"
                 findings.append(Finding("contradiction", "error", ("rules", k), message))
         if not self.rules:
             findings.append(Finding("no-rule", "error", ("rules",), "there is no rule, wanted at least one"))
@@ -180,28 +181,22 @@ def rules_of_table(inputs: Sequence[Sequence[str]], rows: Sequence[Sequence[str]
 
 
 def _peaks_off_grid(output: Variable) -> list[Finding]:
-    low, high = min(t.a for t in output.terms), max(t.d for t in output.terms)
+    low, high = output.reach
     u = np.linspace(low, high, POINTS)
     findings = []
     for term in output.terms:
         if not np.any((u >= term.b - SAME * output.half) & (u <= term.c + SAME * output.half)):
-            nearest = u[np.argmin(np.abs(u - term.peak))]
-            message = (
-                f"its peak, {term.peak:g}, lies between two of the {POINTS} points from {low:g} to {high:g} on which "
-            )
-            message += f"the drastic product is taken: move it to {nearest:.10g}, or choose another aggregation"
+            points = f"two of the {POINTS} points from {low:g} to {high:g} on which the drastic product is taken"
+            move = f"move it to {u[np.argmin(np.abs(u - term.peak))]:.10g}, or choose another aggregation"
+            message = f"its peak, {term.peak:g}, lies between {points}: {move}"
             findings.append(Finding("off-grid", "error", ("output", "terms", term.name), message))
     return findings
 
 
 DEFAULT = "pd-49"
-_TERMS = {
-    "pd-49": ("NB", "NM", "NS", "Z", "PS", "PM", "PB"),
-    "pd-25": ("NB", "NS", "Z", "PS", "PB"),
-    "pd-9": ("N", "Z", "P"),
-    "s-7": ("NB", "NM", "NS", "Z", "PS", "PM", "PB"),
-}
-_ONE_INPUT = frozenset({"s-7"})
+_SEVEN = ("NB", "NM", "NS", "Z", "PS", "PM", "PB")
+_ONE_INPUT = "s-7"
+_TERMS = {"pd-49": _SEVEN, "pd-25": ("NB", "NS", "Z", "PS", "PB"), "pd-9": ("N", "Z", "P"), _ONE_INPUT: _SEVEN}
 BUILTIN = tuple(_TERMS)
 """Names of the built-in systems."""
 
@@ -222,10 +217,8 @@ def builtin_system(name: str) -> FuzzySystem:
     names = _TERMS[name]
     last = len(names) - 1
     variable = Variable.of({term: (2 * k - last) / last for k, term in enumerate(names)})
-    if name in _ONE_INPUT:
+    if name == _ONE_INPUT:
         return FuzzySystem(name, (variable,), variable, tuple(Rule((term,), term) for term in names))
-    middle = last // 2
-    rules = tuple(
-        Rule((a, b), names[min(max(i + j - middle, 0), last)]) for i, a in enumerate(names) for j, b in enumerate(names)
-    )
-    return FuzzySystem(name, (variable, variable), variable, rules)
+    k = np.arange(len(names))
+    rows = np.array(names)[np.clip(k[:, None] + k - last // 2, 0, last)].tolist()
+    return FuzzySystem(name, (variable, variable), variable, rules_of_table([names, names], rows))

@@ -22,8 +22,7 @@ _CHUNK = 2_000_000  # numbers in a temporary array: 16 MB
 
 def universe(variable: Variable, points: int) -> Array:
     """Return evenly spaced points from the lowest foot of the terms to the highest, in the variable's own units."""
-    low, high = min(t.a for t in variable.terms), max(t.d for t in variable.terms)
-    return np.linspace(low, high, points)
+    return np.linspace(*variable.reach, points)
 
 
 def degrees(variable: Variable, values: Array) -> Array:
@@ -151,9 +150,10 @@ def grid_for(variable: Variable | None) -> Grid:
     return Grid(breaks, math.ceil(CELLS / (len(breaks) - 1)))
 
 
-def fill_table(system: FuzzySystem, grids: tuple[Grid, Grid]) -> Array:
-    """Return the outputs at all nodes by definition, (N1, N2)."""
-    return _on(system, grids[0].nodes(), grids[1].nodes())
+def outputs_on(system: FuzzySystem, x: Array, y: Array) -> Array:
+    """Return the outputs by definition on the grid of x and y, (len(x), len(y)); arguments as of `defined_outputs`."""
+    xx, yy = np.meshgrid(x, y, indexing="ij")
+    return defined_outputs(system, xx.ravel(), yy.ravel()).reshape(len(x), len(y))
 
 
 def error_bound(system: FuzzySystem, fis: Fis, grids: tuple[Grid, Grid]) -> float:
@@ -169,24 +169,11 @@ def error_bound(system: FuzzySystem, fis: Fis, grids: tuple[Grid, Grid]) -> floa
         fis: It as a table.
         grids: The table's nodes along both inputs.
     """
-    x, y = (_between(grid) if grid.cells > 1 or len(grid.breaks) > 2 else np.zeros(1) for grid in grids)
+    # the middles of the thirds of the cells
+    x, y = (grid.nodes(6)[1::2] if grid.cells > 1 or len(grid.breaks) > 2 else np.zeros(1) for grid in grids)
     error = np.empty(len(x) * len(y))
     xx, yy = (np.ascontiguousarray(a.ravel()) for a in np.meshgrid(x, y, indexing="ij"))
     fill_outputs(fis, xx, yy, error)
-    error = error.reshape(len(x), len(y)) - _on(system, x, y)
-    bound = float(np.max(np.abs(error)))
-    for axis, points in enumerate((x, y)):
-        if len(points) > 1:
-            bound += 0.5 * float(np.max(np.abs(np.diff(error, axis=axis))))
-    return bound
-
-
-def _between(grid: Grid) -> Array:
-    """Return the points in the middle of the thirds of the cells."""
-    return grid.nodes(6)[1::2]
-
-
-def _on(system: FuzzySystem, x: Array, y: Array) -> Array:
-    """Return the outputs by definition on the grid of x and y, (len(x), len(y))."""
-    xx, yy = np.meshgrid(x, y, indexing="ij")
-    return defined_outputs(system, xx.ravel(), yy.ravel()).reshape(len(x), len(y))
+    error = error.reshape(len(x), len(y)) - outputs_on(system, x, y)
+    slopes = [np.abs(np.diff(error, axis=axis)) for axis in (0, 1)]
+    return float(sum((0.5 * np.max(slope) for slope in slopes if slope.size), np.max(np.abs(error))))

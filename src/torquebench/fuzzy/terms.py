@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -42,8 +42,31 @@ class Term(NamedTuple):
         return 0.5 * (self.b + self.c)
 
 
+class Ranged:
+    """Something whose range, from `low` to `high`, the law sees as [-1, 1]."""
+
+    __slots__ = ()
+    low: float
+    high: float
+
+    @property
+    def middle(self) -> float:
+        """The number that the law sees as 0."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def half(self) -> float:
+        """Half the width of the range: what the law sees as 1."""
+        return 0.5 * (self.high - self.low)
+
+    def range_errors(self) -> list[Finding]:
+        """Return what is wrong with the range; the place is below the variable."""
+        wrong = range_error(self.low, self.high)
+        return [] if wrong is None else [Finding("range", "error", ("range",), wrong)]
+
+
 @dataclass(frozen=True, slots=True)
-class Variable:
+class Variable(Ranged):
     """An input or output: its terms from low to high, and the range that the law sees as [-1, 1].
 
     Terms of an output may reach beyond the range; an input is clipped to it.
@@ -68,7 +91,14 @@ class Variable:
         mistakes = shape_errors(shapes)
         if mistakes:
             raise FuzzyError("(variable)", mistakes)
-        return cls(resolve(shapes), low, high)
+        spans = [_span(shape) for shape in shapes.values()]
+        terms = []
+        for k, (name, (a, b, c, d)) in enumerate(zip(shapes, spans, strict=True)):
+            if math.isnan(a):
+                a = spans[k - 1][2] if k > 0 else 2.0 * b - spans[k + 1][1]
+                d = spans[k + 1][1] if k + 1 < len(spans) else 2.0 * b - spans[k - 1][2]
+            terms.append(Term(name, a, b, c, d))
+        return cls(tuple(terms), low, high)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,14 +106,9 @@ class Variable:
         return tuple(term.name for term in self.terms)
 
     @property
-    def middle(self) -> float:
-        """The number that the law sees as 0."""
-        return 0.5 * (self.low + self.high)
-
-    @property
-    def half(self) -> float:
-        """Half the width of the range: what the law sees as 1."""
-        return 0.5 * (self.high - self.low)
+    def reach(self) -> tuple[float, float]:
+        """The lowest foot of the terms and the highest."""
+        return min(term.a for term in self.terms), max(term.d for term in self.terms)
 
     def reaches(self, name: str) -> bool:
         """Whether anything in the range belongs to a term at all."""
@@ -96,8 +121,7 @@ class Variable:
 
     def errors(self) -> list[Finding]:
         """Return what is wrong with the variable; places are below it."""
-        wrong_range = range_error(self.low, self.high)
-        findings = [] if wrong_range is None else [Finding("range", "error", ("range",), wrong_range)]
+        findings = self.range_errors()
         wrong = _repeated("terms", self.names) + shape_errors({term.name: term[1:] for term in self.terms})
         if not wrong and not findings:
             with np.errstate(over="ignore"):
@@ -110,7 +134,7 @@ class Variable:
 
 
 @dataclass(frozen=True, slots=True)
-class Functions:
+class Functions(Ranged):
     """Output of Sugeno's kind: each name is a function c0 + c1 x1 (+ c2 x2) of the inputs, in the inputs' own units."""
 
     coefficients: tuple[tuple[str, tuple[float, ...]], ...]
@@ -130,31 +154,14 @@ class Functions:
         """Names of the functions."""
         return tuple(name for name, _ in self.coefficients)
 
-    @property
-    def middle(self) -> float:
-        """The number that the law sees as 0."""
-        return 0.5 * (self.low + self.high)
-
-    @property
-    def half(self) -> float:
-        """Half the width of the range: what the law sees as 1."""
-        return 0.5 * (self.high - self.low)
-
     def errors(self, inputs: int) -> list[Finding]:
         """Return what is wrong with the functions of so many `inputs`; places are below the variable."""
-        wrong_range = range_error(self.low, self.high)
-        findings = [] if wrong_range is None else [Finding("range", "error", ("range",), wrong_range)]
-        findings += _repeated("functions", self.names)
+        findings = self.range_errors() + _repeated("functions", self.names) + _misnamed("functions", self.names)
         for name, numbers in self.coefficients:
-            messages = []
-            if not TERM.fullmatch(name):
-                messages.append("its name is not 1 to 24 letters, digits, _, + or -")
-            if len(numbers) not in (1, inputs + 1) or not all(math.isfinite(x) for x in numbers):
+            if len(numbers) not in (1, inputs + 1) or not all(map(math.isfinite, numbers)):
                 wanted = f"wanted one, or {inputs + 1}: a constant and a factor of each input"
-                messages.append(f"got {len(numbers)} numbers, {wanted}")
-            if name == NONE:
-                messages.append(f"no function may be called '{NONE}', which stands for a missing rule")
-            findings += [Finding("function", "error", ("functions", name), message) for message in messages]
+                message = f"got {len(numbers)} numbers, {wanted}"
+                findings.append(Finding("function", "error", ("functions", name), message))
         return findings
 
 
@@ -170,17 +177,11 @@ def _repeated(key: str, names: Sequence[str]) -> list[Finding]:
     return [Finding("name", "error", (key, name), "this name is given twice") for name in twice]
 
 
-def resolve(shapes: Mapping[str, Shape]) -> tuple[Term, ...]:
-    """Return the terms that shapes stand for; see `Variable.of`."""
-    spans = [_span(shape) for shape in shapes.values()]
-    terms = []
-    for k, (name, (a, b, c, d)) in enumerate(zip(shapes, spans, strict=True)):
-        if math.isnan(a):
-            left = spans[k - 1][2] if k > 0 else 2.0 * b - spans[k + 1][1]
-            right = spans[k + 1][1] if k + 1 < len(spans) else 2.0 * b - spans[k - 1][2]
-            a, d = left, right
-        terms.append(Term(name, a, b, c, d))
-    return tuple(terms)
+def _misnamed(key: str, names: Iterable[str]) -> list[Finding]:
+    wrong = {name: "its name is not 1 to 24 letters, digits, _, + or -" for name in names if not TERM.fullmatch(name)}
+    if NONE in names:
+        wrong[NONE] = f"'{NONE}' stands for a missing rule: choose another name"
+    return [Finding("name", "error", (key, name), message) for name, message in wrong.items()]
 
 
 def _span(shape: Shape) -> tuple[float, float, float, float]:
@@ -193,43 +194,29 @@ def _span(shape: Shape) -> tuple[float, float, float, float]:
 
 def shape_errors(shapes: Mapping[str, Shape]) -> list[Finding]:
     """Return what is wrong with the shapes of a variable's terms; places are below the variable."""
-    findings = []
-
-    def add(name: str, message: str) -> None:
-        findings.append(Finding("shape", "error", ("terms", name), message))
-
     if not 1 <= len(shapes) <= MAX_TERMS:
         message = f"got {len(shapes)} terms, wanted 1 to {MAX_TERMS}"
         return [Finding("shape", "error", ("terms",), message)]
-    for name, shape in shapes.items():
-        if not TERM.fullmatch(name):
-            add(name, "its name is not 1 to 24 letters, digits, _, + or -")
-        if name == NONE:
-            add(name, f"no term may be called '{NONE}', which stands for a missing rule")
-        if isinstance(shape, Sequence):
-            wanted = "wanted 3 numbers (a triangle) or 4 (a trapezoid)"
-            if not all(math.isfinite(x) for x in shape):
-                add(name, f"got {_text(shape)}, wanted finite numbers")
-            elif len(shape) not in (3, 4):
-                add(name, f"got {len(shape)} numbers, {wanted}, or one number, a peak")
-            elif any(x > y for x, y in itertools.pairwise(shape)):
-                add(name, f"got {_text(shape)}, {wanted} in ascending order")
-            elif shape[0] == shape[-1]:
-                add(name, f"got {_text(shape)}, which has no width: move the feet apart")
-        elif not math.isfinite(shape):
-            add(name, f"got {shape}, wanted a finite number")
-        elif len(shapes) == 1:
-            add(name, "a peak alone has no neighbours to reach to: give [a, b, c]")
-    if not findings:
+    wrong = {name: _shape_error(shape, len(shapes) == 1) for name, shape in shapes.items()}
+    misnamed = _misnamed("terms", shapes)
+    if not misnamed and not any(wrong.values()):
         for (_, low), (name, high) in itertools.pairwise((n, _span(s)) for n, s in shapes.items()):
             if not low[1] + low[2] < high[1] + high[2]:
-                add(
-                    name,
-                    f"its peak, {0.5 * (high[1] + high[2]):g}, is not above that of the term before it, "
-                    f"{0.5 * (low[1] + low[2]):g}: list the terms from low to high",
-                )
-    return findings
+                below = f"is not above that of the term before it, {0.5 * (low[1] + low[2]):g}"
+                wrong[name] = f"its peak, {0.5 * (high[1] + high[2]):g}, {below}: list the terms from low to high"
+    return misnamed + [Finding("shape", "error", ("terms", name), text) for name, text in wrong.items() if text]
 
 
-def _text(shape: Sequence[float]) -> str:
-    return f"[{', '.join(f'{x:g}' for x in shape)}]"
+def _shape_error(shape: Shape, is_alone: bool) -> str:
+    numbers = shape if isinstance(shape, Sequence) else (shape,)
+    got = f"got [{', '.join(f'{x:g}' for x in numbers)}]"
+    if not all(map(math.isfinite, numbers)):
+        return f"{got}, wanted finite numbers"
+    if not isinstance(shape, Sequence):
+        return "a peak alone has no neighbours to reach to: give [a, b, c]" if is_alone else ""
+    wanted = "wanted 3 numbers (a triangle) or 4 (a trapezoid)"
+    if len(shape) not in (3, 4):
+        return f"got {len(shape)} numbers, {wanted}, or one number, a peak"
+    if any(x > y for x, y in itertools.pairwise(shape)):
+        return f"{got}, {wanted} in ascending order"
+    return f"{got}, which has no width: move the feet apart" if shape[0] == shape[-1] else ""

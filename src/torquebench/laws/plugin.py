@@ -1,4 +1,4 @@
-"""Loading a user's file of laws, metrics or figures: only from the command line, never from a config."""
+"""Loading a user's file of laws, metrics or other kinds: only from the command line, never from a config."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SourceLoader(SourceFileLoader):
 
 
 def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
-    """Run a Python file that registers laws, metrics or figures, and return the names of the laws it added.
+    """Run a Python file that registers laws or things of other kinds, and return the names of the laws it added.
 
     A file that was loaded before is run again, and what it registers now replaces what it registered then.
 
@@ -65,6 +65,9 @@ def _load(path: Path, where: str, name: str) -> tuple[str, ...]:
         raise ConfigError([Problem(where, str(path), message)]) from error
     added = tuple(sorted(set(law_names()) - before))
     if not registered_by(name):
-        message = "registers no law, metric or figure (wanted a function with @controller, @metric or @figure)"
+        message = (
+            "registers no law, reference, disturbance, chain, plant, metric or figure (wanted a function or class "
+        )
+        message += "with @controller, @reference, @disturbance, @chain, @plant, @metric or @figure)"
         raise ConfigError([Problem(where, str(path), message)])
     return added

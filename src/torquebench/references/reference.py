@@ -38,7 +38,11 @@ class Reference(NamedTuple):
 ReferenceSource = Callable[[Array], Reference]
 """A function from times (N,) [s] to the desired motion, arrays (N, n); (N, 1) stands for the same on every joint."""
 
-REFERENCES = Kinds("reference", defaults={"metrics_from": 1.0, "is_step_like": False, "has_corners": False})
+REFERENCES = Kinds(
+    "reference",
+    defaults={"metrics_from": 1.0, "is_step_like": False, "has_corners": False},
+    methods=("sample(t, n)",),
+)
 reference = REFERENCES
 """Decorator of a class: ``@reference("lemniscate")``."""
 ROUNDING = 1e-9

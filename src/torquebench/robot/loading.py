@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from torquebench.robot.library import mjcf_path
-from torquebench.robot.puma560.puma import Puma560
+from torquebench.robot.puma560.puma import NAME, Puma560
 from torquebench.robot.robot_model import RobotModel
 
 
@@ -24,7 +24,7 @@ def load_model(source: str | Path, structure: str = "exact", constants: str = "f
         ModelError: no such model, or not an arm the analytic side can represent.
         ValueError: a structure or constant set that the model does not have.
     """
-    if source == "puma560":
+    if source == NAME:
         return Puma560(structure, constants)  # type: ignore[arg-type]  # names are checked there
     if (structure, constants) != ("exact", "fitted"):
         raise ValueError(f"model '{source}' has structure 'exact' and constants 'fitted' only")

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from torquebench.dialect import keeps_dialect
+from torquebench.dialect import complaints
 from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure
 from torquebench.laws import Law
@@ -92,7 +92,7 @@ def call_law(
     n = len(q)
     tau = np.full(n, np.nan)  # so that a joint the law forgets is noticed
     function: Callable[..., Any] = law.function
-    in_dialect = keeps_dialect(law)
+    in_dialect = not complaints(law)
     given: tuple[Any, ...] = (gains, belief, t, q, qd, ref, memory, tau)
     if in_dialect:
         given = tuple(map(python_numbers, given))

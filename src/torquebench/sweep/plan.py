@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.disturbances import Stream, generator
-from torquebench.experiment.config import SWEEP, check_experiment
+from torquebench.experiment.config import check_experiment
+from torquebench.experiment.groups import SWEEP
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, apply_overrides, dotted, read_document
 from torquebench.experiment.sweep_section import (

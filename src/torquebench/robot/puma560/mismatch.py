@@ -23,10 +23,9 @@ from torquebench.robot.puma560.consistent import (
     parts_of,
 )
 from torquebench.robot.puma560.constants import fitted_constants
-from torquebench.robot.puma560.puma import puma_files
+from torquebench.robot.puma560.puma import NAME, puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS, Angles, angles
 from torquebench.robot.robot_model import RobotModel
-from torquebench.timing import Timing
 
 LEAST_EIGENVALUE = 0.05
 """A draw is accepted when the mass matrix stays above this [kg m^2] at every test pose."""
@@ -78,8 +77,8 @@ def within_tolerances(model: RobotModel, tolerances: float, rng: np.random.Gener
     Raises:
         ModelError: no draw was accepted.
     """
-    if model.name != "puma560":
-        raise ModelError(f"model '{model.name}' has no table of tolerances: only puma560 has")
+    if model.name != NAME:
+        raise ModelError(f"model '{model.name}' has no table of tolerances: only {NAME} has")
     links, table, geometry = puma_files()
     B, conditions = linear_map(geometry, float(-links.gravity[2])), form_conditions()
     nominal, prior = fitted_constants(links, geometry), links.about_origin.ravel()
@@ -215,16 +214,16 @@ class Mismatch:
         ),
     ] = None
 
-    def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield a fault unless just one of the keys is given."""
-        ways = ("relative", "tolerance", "constants")
-        given = [way for way in ways if getattr(self, way) is not None]
-        if not given:
-            yield Fault((), f"missing: one of {', '.join(ways)}", at="key")
-        for way in given[1:]:
-            yield Fault((way,), f"{given[0]} is given already", wanted="one of the two", at="key")
-        if self.constants == {}:
-            yield Fault(("constants",), "no constant is given", wanted="at least one, such as g1: 1.3")
+    def misfits(self, model: str, structure: str) -> Iterator[Fault]:
+        """Yield what a model of this name and structure cannot have."""
+        for key in ("tolerance", "constants"):
+            if getattr(self, key) is None:
+                continue
+            if model != NAME:
+                yield Fault((key,), f"model '{model}' has no table of constants (only {NAME} has)", at="key")
+            elif key == "constants" and structure == "exact":
+                text = "needs structure corrected or printed: exact has links, no constants"
+                yield Fault((key,), text, at="key")
 
     @property
     def is_random(self) -> bool:

@@ -19,19 +19,21 @@ from torquebench.robot.puma560.kinematics import fill_pose, fill_pose_printed
 from torquebench.robot.puma560.symbols import CONSTANTS, MISPRINTED
 from torquebench.robot.robot_model import RobotModel
 
+NAME = "puma560"
+"""Its folder in ``models/``."""
 JOINT_NAMES = ("waist", "shoulder", "elbow", "wrist-roll", "wrist-pitch", "wrist-yaw")
 CONSTANT_SETS = ("fitted", "printed")
 
 
 @lru_cache(maxsize=4)
 def _files(folder: str) -> tuple[Model, Table, Geometry]:
-    path = model_folder("puma560")
+    path = model_folder(NAME)
     return (read_links(path / "links.yaml"), *read_constants(path / "constants.yaml"))
 
 
 def puma_files() -> tuple[Model, Table, Geometry]:
     """Return the PUMA's links, the tables of its constants, and its lengths, from the model's files."""
-    return _files(str(model_folder("puma560")))
+    return _files(str(model_folder(NAME)))
 
 
 def wrist_load(mass: float, g: float) -> Array:
@@ -102,7 +104,7 @@ class Puma560(RobotModel):
             values = table.value.copy() if constants == "printed" else fitted_constants(links, geometry)
             literal = np.full(len(MISPRINTED), int(structure == "printed"), dtype=np.int64)
             flat = replace(flat, structure=CLOSED_FORM, constants=values, literal=literal)
-        super().__init__("puma560", JOINT_NAMES, flat)
+        super().__init__(NAME, JOINT_NAMES, flat)
 
     def constant(self, name: str) -> float:
         """Value of one of I1..I23, Im1..Im6 [kg m^2] or g1..g5 [N m] in this model.

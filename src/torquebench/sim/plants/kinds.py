@@ -23,7 +23,7 @@ from torquebench.timing import Timing
 
 StructureName: TypeAlias = Literal["exact", "corrected", "printed"]
 ConstantsName: TypeAlias = Literal["fitted", "printed"]
-PLANTS = Kinds("plant", "engine")
+PLANTS = Kinds("plant", "engine", methods=("build(factors)", "describe(units)"))
 plant = PLANTS
 """Decorator of a class: ``@plant("my-simulator")``."""
 
