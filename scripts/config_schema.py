@@ -145,7 +145,7 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
         return _code(node.get("enum", [node.get("const")]))
     if "pattern" in node:
         return "slug"
-    names = {"number": "number", "integer": "whole number", "string": "text"}
+    names = {"number": "number", "integer": "whole number", "string": "text", "boolean": "`true` or `false`"}
     return names[node["type"]] + _limits(node)
 
 

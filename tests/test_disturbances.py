@@ -10,6 +10,7 @@ import pytest
 
 from torquebench.disturbances import Bias, Sinusoid, Stream, band_limited_noise, generator
 from torquebench.kernel import Array
+from torquebench.timing import Timing
 
 SIGMA = np.array([5.06, 16.59, 3.30, 0.54, 0.62, 0.81])
 """The protocol's standard deviations [N m]."""
@@ -178,3 +179,19 @@ def test_a_sinusoid_of_whole_periods_has_its_rms_and_no_other_line() -> None:
     for joint in range(6):
         wanted[round(4.0 * f[joint]), joint] = -1j * SIGMA[joint]
     assert np.max(np.abs(lines - wanted)) < 1e-12 * np.max(SIGMA)
+
+
+def test_a_sinusoid_has_the_rms_that_was_asked_for() -> None:
+    """Given its RMS instead of its amplitude, the RMS over whole periods is that; joints may differ."""
+    d = Sinusoid(rms=tuple(SIGMA), frequency_hz=2.0).sample(
+        6, T * np.arange(4000), T, generator(0, 0, Stream.TORQUE_NOISE)
+    )
+    assert np.sqrt(np.mean(d * d, axis=0)) == pytest.approx(SIGMA, rel=1e-12)
+    assert np.all(d[round(0.125 / T)] > 0.0)  # a quarter of a period in, at its crest: the phase is that of a sine
+
+
+@pytest.mark.parametrize(("frequency", "fits"), [(499.0, True), (500.0, False), (700.0, False)])
+def test_a_sinusoid_must_be_sampled_twice_a_period(frequency: float, fits: bool) -> None:
+    """At 1 ms half of 1/T is 500 Hz: what is sampled there is nothing, and above it another frequency."""
+    faults = list(Sinusoid(1.0, frequency_hz=(1.0, frequency)).check(Timing(1.0, 0.001)))
+    assert (not faults) == fits

@@ -11,6 +11,7 @@ import pytest
 from torquebench.errors import InconsistentReferenceError
 from torquebench.kernel import Array
 from torquebench.references import Quintic, Ramp, Reference, ReferenceSource, Sine, Step, from_samples
+from torquebench.timing import Timing
 
 A = np.array([1.2, -1.0, 1.0, 1.0, 1.0, 1.0])
 HZ = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
@@ -227,3 +228,18 @@ def test_a_wrong_rate_of_a_joint_that_hardly_moves_is_refused() -> None:
     flipped = true.qd * np.array([1.0, -1.0])
     with pytest.raises(InconsistentReferenceError, match="joint 2"):
         from_samples(t, true.q, flipped, true.qdd)
+
+
+def test_a_quintic_may_take_the_whole_run() -> None:
+    """It must reach its target: a rise as long as the run does, one that is longer by a millionth does not."""
+    assert not list(Quintic(1.0, 2.0).check(Timing(2.0, 0.001)))
+    assert list(Quintic(1.0, 2.000002).check(Timing(2.0, 0.001)))
+
+
+def test_the_joint_that_is_most_wrong_is_named() -> None:
+    """Most wrong is what exceeds its own tolerance by most: a small joint's flipped rate, not a large one's 3 %."""
+    t = times(1.0)
+    right = Sine([0.01, 1.0], [1.0, 1.0])(t)
+    qd = right.qd * np.array([-1.0, 1.03])
+    with pytest.raises(InconsistentReferenceError, match=r"qd is not the derivative of q: at .* joint 1,"):
+        from_samples(t, right.q, qd, right.qdd)

@@ -39,6 +39,7 @@ def test_failures_are_counted_and_left_out_in_pairs() -> None:
     assert found.ratio == pytest.approx(np.sqrt(8.0), rel=1e-12)
     assert found.pairs == 2
     assert found.failed == (1, 1)
+    assert found.left_out == 2
 
 
 def test_one_pair_has_no_spread() -> None:

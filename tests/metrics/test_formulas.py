@@ -143,3 +143,10 @@ def test_settling_of_a_smooth_motion_does_not_depend_on_the_period(T: float) -> 
     exact = float(min(r.real for r in roots if abs(r.imag) < 1e-9 and 0 < r.real < 1))
     # linear interpolation of a curve whose second derivative is below 6 s^-2: T^2 6/8 over a slope of 0.4 s^-1
     assert step_response(t, q, q).settling_time == pytest.approx([exact], abs=2.0 * T * T)
+
+
+def test_crossings_are_interpolated_between_samples() -> None:
+    """A response that rises linearly over 1 s takes 0.8 s from 10 to 90 %, wherever the samples lie."""
+    t = 0.03 * np.arange(60)
+    q = np.minimum(t, 1.0)[:, None]
+    assert step_response(t, q, np.ones_like(q)).rise_time == pytest.approx([0.8], rel=1e-12)

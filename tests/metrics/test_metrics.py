@@ -93,7 +93,8 @@ def test_error_metrics_of_a_sinusoid() -> None:
 def test_integrals_of_the_error_are_those_of_the_trapezium_rule() -> None:
     """Of |e| = a + b t IAE is a D + b D^2 / 2 to round-off, D the time from first to last sample.
 
-    Rectangles are off by T b D / 2. In ITAE's t (a + b t), of second derivative 2 b, the rule itself errs by T^2 b D / 6.
+    Rectangles are off by T b D / 2. In ITAE's t (a + b t), of second derivative 2 b, the rule itself errs by
+    T^2 b D / 6.
     """
     t = times()
     a, b, D = 0.2, -0.04, t[-1]
@@ -312,3 +313,9 @@ def test_the_documentation_has_a_row_for_every_metric() -> None:
     text = (SOURCE.parents[1] / "docs" / "definitions.md").read_text(encoding="utf-8")
     rows = [f"| `{info.key}` | {info.meaning} | {info.headline} |" for info in METRICS.values()]
     assert "\n".join(rows) in text
+
+
+def test_angles_are_shown_in_thousandths():
+    """Whatever is in rad by itself is shown in mrad, a thousand times its SI value; other units as they are."""
+    assert (METRICS["rmse"].shown_unit, METRICS["rmse"].scale) == ("mrad", 1000.0)
+    assert (METRICS["rise_time"].shown_unit, METRICS["rise_time"].scale) == ("s", 1.0)
