@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -311,6 +312,17 @@ def test_the_reaching_bound_is_exact_where_s_falls_evenly() -> None:
     assert both.reaching_bound == pytest.approx(np.sqrt(2.0 * V * 2.5) / (force / 2.0), rel=1e-9)
 
 
+def test_reaching_counts_from_outside_the_layer() -> None:
+    """From the largest V while a joint is outside: a heavy joint in its layer may have more, and reaches nothing."""
+    qd = np.zeros((100, 2))
+    qd[:50, 0] = -0.9
+    qd[60:70, 1] = -2.0
+    found = certify(along(qd), Block((100.0, 0.0), (0.0, 0.01)), sliding(0.0, 1.0, 1.0, phi=1.0), PERIOD)
+    assert found.V[0] > 100.0 * found.V[60] > 0.0
+    assert found.reaching_from == pytest.approx(0.06)
+    assert found.reaching_time == pytest.approx(0.01)
+
+
 def test_a_certificate_of_a_law_that_never_leaves_its_layer_is_vacuous() -> None:
     """It says so, and has no reaching time: null, not zero, nor a bound, nor a share in which V grew."""
     run = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation")
@@ -503,7 +515,7 @@ def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, 
 def test_no_shipped_config_has_a_joint_too_light_for_its_gain() -> None:
     """The PUMA's and the two-link arm's rotors are heavy enough at every control period that a config has."""
     for path in sorted(Path("configs").rglob("*.yaml")):
-        if "\nsweep:" not in path.read_text(encoding="utf-8"):
+        if not re.search(r"^(sweep|audit):", path.read_text(encoding="utf-8"), re.MULTILINE):
             experiment = load_experiment(path)
             assert not [one for one in flags(experiment, build(experiment)) if isinstance(one, Coarse)], path
 

@@ -150,3 +150,7 @@ def test_crossings_are_interpolated_between_samples() -> None:
     t = 0.03 * np.arange(60)
     q = np.minimum(t, 1.0)[:, None]
     assert step_response(t, q, np.ones_like(q)).rise_time == pytest.approx([0.8], rel=1e-12)
+    jump = np.ones_like(q)
+    jump[0] = 0.0
+    started = np.minimum(0.2 + 0.8 * (t - t[1]), 1.0)[:, None]  # at 20 % when the jump comes: 10 % is behind it
+    assert step_response(t, started, jump).rise_time == pytest.approx([0.875], rel=1e-12)

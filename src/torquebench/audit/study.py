@@ -7,8 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
-from pydantic import Field
-
 from torquebench.audit.verdicts import Threshold
 from torquebench.certificates import FIGURES
 from torquebench.errors import nearest
@@ -37,9 +35,9 @@ MAX_WORDS = 25
 class Paper:
     """The publication whose claims are judged."""
 
-    title: Annotated[str, Key("Title"), Field(max_length=400)]
-    authors: Annotated[str | None, Key("Authors"), Field(max_length=400)] = None
-    published: Annotated[str | None, Key("Journal or publisher, volume, pages"), Field(max_length=400)] = None
+    title: Annotated[str, Key("Title")]
+    authors: Annotated[str | None, Key("Authors")] = None
+    published: Annotated[str | None, Key("Journal or publisher, volume, pages")] = None
     year: Annotated[int | None, Key("Year", "1", at_least=1600, at_most=2200)] = None
 
     def __str__(self) -> str:
@@ -78,7 +76,7 @@ class Measure:
         Key("Another condition that the same law is set against: axis -> level, the other axes as in the case"),
         Anything(),
     ] = None
-    why: Annotated[str, Key("Why this threshold"), Field(max_length=400)]
+    why: Annotated[str, Key("Why this threshold")]
 
     @property
     def threshold(self) -> Threshold:
@@ -97,10 +95,10 @@ class Measure:
 class Claim:
     """A sentence, where it stands, and what decides whether it holds."""
 
-    says: Annotated[str, Key("The claim in a sentence of at most 25 words"), Field(max_length=300)]
-    where: Annotated[str, Key("Equation, figure or page, with a word of what it is"), Field(max_length=300)]
-    quoted: Annotated[str | None, Key("The words of the text, if it says so"), Field(max_length=1000)] = None
-    implied: Annotated[str | None, Key("What implies it, if the text does not say so"), Field(max_length=1000)] = None
+    says: Annotated[str, Key("The claim in a sentence of at most 25 words")]
+    where: Annotated[str, Key("Equation, figure or page, with a word of what it is")]
+    quoted: Annotated[str | None, Key("The words of the text, if it says so")] = None
+    implied: Annotated[str | None, Key("What implies it, if the text does not say so")] = None
     pairs: Annotated[
         Any,
         Key("Label -> the controller judged, or [judged, beside]: like with like, a model on both sides or on neither"),
@@ -147,7 +145,7 @@ class AuditKeys:
     open: Annotated[
         tuple[str, ...],
         Key("What the publication leaves open, a list of sentences"),
-        Many("sentences", 0, 50, Value(Key("A sentence"), Annotated[str, Field(max_length=1000)])),
+        Many("sentences", 0, 50, Value(Key("A sentence"), str)),
     ] = ()
     draws: Annotated[
         int,
