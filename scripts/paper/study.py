@@ -118,7 +118,7 @@ def _sweep(plan: Plan, workers: int, progress: Callable[[int], None]) -> pd.Data
 
     with tempfile.TemporaryDirectory(prefix="torquebench-paper-") as folder:
         stored = run_sweep(plan, Path(folder) / "sweep", Threads(workers), progress=report)
-        return read_table(stored.folder / TABLE)
+        return pd.DataFrame(read_table(stored.folder / TABLE))
 
 
 def is_certified(block: Block, chain: str, draw: int, name: str) -> bool:

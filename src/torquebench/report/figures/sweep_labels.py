@@ -37,7 +37,7 @@ def metric_scale(table: Table, key: str, slides: Sequence[bool] = TURNS) -> Scal
         slides: Of each joint, whether it slides: errors are in m then, or, where only some do, in rad and m.
     """
     info = METRICS[key]
-    values = metric_values(table, np.arange(len(table)), key)
+    values = metric_values(table, np.arange(len(table[key])), key)
     known = np.abs(values[np.isfinite(values)])
     unit = style.metric_unit(info, float(np.median(known)) if known.size else 0.0)
     return Scale(f"{info.title} [{joint_units(unit.name, slides)}]", unit.factor)
