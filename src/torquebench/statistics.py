@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from torquebench.errors import ResultError
 
@@ -49,7 +49,7 @@ def mean_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[fl
     n = len(values)
     if n == 1:
         return float(values[0]), 0.0
-    half = stats.t.ppf(0.5 + 0.5 * confidence, n - 1) * np.std(values, ddof=1) / math.sqrt(n)
+    half = special.stdtrit(n - 1, 0.5 + 0.5 * confidence) * np.std(values, ddof=1) / math.sqrt(n)
     return float(np.mean(values)), float(half)
 
 
@@ -108,8 +108,8 @@ def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> Sh
     if not 0 <= successes <= trials or trials == 0:
         raise ResultError(f"{successes} of {trials} is not a share")
     tail = 0.5 * (1.0 - confidence)
-    low = 0.0 if successes == 0 else float(stats.beta.ppf(tail, successes, trials - successes + 1))
-    high = 1.0 if successes == trials else float(stats.beta.ppf(1.0 - tail, successes + 1, trials - successes))
+    low = 0.0 if successes == 0 else float(special.betaincinv(successes, trials - successes + 1, tail))
+    high = 1.0 if successes == trials else float(special.betaincinv(successes + 1, trials - successes, 1.0 - tail))
     return Share(successes, trials, low, high)
 
 

@@ -28,7 +28,7 @@ from torquebench.sweep.executors import Processes, Threads
 from torquebench.sweep.folder import TABLE, StoredSweep, open_sweep, verify
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.summary import Summary, summarise
-from torquebench.sweep.table import metric_keys, read_table
+from torquebench.sweep.table import Table, metric_keys, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -183,7 +183,7 @@ class Sweep:
         return self.stored.folder
 
     @cached_property
-    def _table(self) -> pd.DataFrame:
+    def _table(self) -> Table:
         return read_table(self.folder / TABLE)
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -192,7 +192,9 @@ class Sweep:
         Columns: ``index, case, draw, controller, outcome, failed_at``, every varied key, every metric in SI units. A
         run that failed has an outcome and no metrics. ``attrs["units"]`` has the units of the metrics.
         """
-        table = self._table.copy()
+        import pandas as pd
+
+        table = pd.DataFrame(self._table)
         table.attrs["units"] = {key: info.unit for key, info in METRICS.items() if key in table}
         return table
 

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
+
+from torquebench.sweep.table import Table
 
 Run = Mapping[str, float | None]
 """Metrics of one run; None for one that failed."""
@@ -19,7 +20,7 @@ def made(
     figures: Callable[[str, int, Mapping[str, Any]], Run | None],
     grid: Mapping[str, Sequence[Any]] | None = None,
     metrics: Sequence[str] = ("rmse", "hf"),
-) -> pd.DataFrame:
+) -> Table:
     """Return a table whose figures are a function of (law, draw, values of the case); None for a run that failed."""
     keys = grid or {}
     rows = []
@@ -31,7 +32,7 @@ def made(
             rows.append((*fixed, *values, *(np.nan if found is None else found.get(key) for key in metrics)))
     names = ("case", "draw", "controller", "outcome", "failed_at", *keys, *metrics)
     columns = dict(zip(names, zip(*rows, strict=True), strict=True))
-    table = pd.DataFrame({"index": np.arange(len(rows), dtype=np.int64)})
+    table: dict[str, Any] = {"index": np.arange(len(rows), dtype=np.int64)}
     for name, column in columns.items():
         kind = np.int64 if name in ("case", "draw") else np.str_ if isinstance(column[0], str) else np.float64
         table[name] = np.array(column, dtype=kind)

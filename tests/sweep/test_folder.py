@@ -17,11 +17,11 @@ from tests.sweep.examples import SMALL, plan_of
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.store import RunDirectory, claim_folder
 from torquebench.sweep.folder import Shards, create_sweep, facts_of, lock_folder, open_sweep
-from torquebench.sweep.table import Columns, empty_columns
+from torquebench.sweep.table import Table, empty_columns
 
 
 @pytest.fixture
-def table() -> Columns:
+def table() -> Table:
     """A table of eight rows with something in every column."""
     columns = empty_columns(plan_of(SMALL), 8)
     rng = np.random.default_rng(0)
@@ -33,8 +33,8 @@ def table() -> Columns:
     return columns
 
 
-def test_a_shard_comes_back_as_it_was_written(tmp_path: Path, table: Columns) -> None:
-    """Columns, their order, types and bytes; and nothing but the file of its name is left in the folder."""
+def test_a_shard_comes_back_as_it_was_written(tmp_path: Path, table: Table) -> None:
+    """Table, their order, types and bytes; and nothing but the file of its name is left in the folder."""
     shards = Shards(tmp_path, "d" * 64)
     shards.write(3, table)
     back = shards.read(3)
@@ -46,7 +46,7 @@ def test_a_shard_comes_back_as_it_was_written(tmp_path: Path, table: Columns) ->
     assert shards.complete(6) == ({3}, set())
 
 
-def test_a_shard_with_any_byte_altered_is_not_accepted(tmp_path: Path, table: Columns) -> None:
+def test_a_shard_with_any_byte_altered_is_not_accepted(tmp_path: Path, table: Table) -> None:
     """A flipped bit anywhere in header or content, a file cut off anywhere, or one with more at its end."""
     shards = Shards(tmp_path, "d" * 64)
     shards.write(0, table)
@@ -63,7 +63,7 @@ def test_a_shard_with_any_byte_altered_is_not_accepted(tmp_path: Path, table: Co
     assert shards.complete(1) == ({0}, set())
 
 
-def test_a_shard_of_another_plan_or_number_is_not_accepted(tmp_path: Path, table: Columns) -> None:
+def test_a_shard_of_another_plan_or_number_is_not_accepted(tmp_path: Path, table: Table) -> None:
     """A file is that of one shard of one plan: copied elsewhere it does not count."""
     shards = Shards(tmp_path, "d" * 64)
     shards.write(0, table)
@@ -73,7 +73,7 @@ def test_a_shard_of_another_plan_or_number_is_not_accepted(tmp_path: Path, table
     assert shards.read(2) is None
 
 
-def test_equal_tables_are_equal_files(tmp_path: Path, table: Columns) -> None:
+def test_equal_tables_are_equal_files(tmp_path: Path, table: Table) -> None:
     """No time or name of the machine gets into a shard."""
     for name in ("a", "b"):
         (tmp_path / name).mkdir()

@@ -115,11 +115,13 @@ def test_drawn_keys_count_beside_the_constants() -> None:
     """A payload drawn anew in each draw is found where the figure follows it, with a right model too."""
     mass = np.random.default_rng(2).uniform(0.0, 2.0, DRAWS)
     table = made("a", DRAWS, lambda law, draw, v: {"rmse": 1.0 + mass[draw] ** 2}, metrics=["rmse"])
-    table["plant.payload.mass"] = mass[table["draw"]]
+    table = dict(table) | {"plant.payload.mass": mass[table["draw"]]}
     (only,) = sensitivities(table, lambda case, draw: NONE[draw], ["rmse"])
     assert only.effects is not None
     assert [(e.name, round(e.strength, 9)) for e in only.effects.effects] == [("plant.payload.mass", 1.0)]
-    (both,) = sensitivities(table[:10], lambda case, draw: TOLERANCE[draw], ["rmse"])
+    (both,) = sensitivities(
+        {name: column[:10] for name, column in table.items()}, lambda case, draw: TOLERANCE[draw], ["rmse"]
+    )
     assert both.effects is not None
     assert both.effects.effects[0].name == "plant.payload.mass"
     assert "I5 = g2" in {effect.name for effect in both.effects.effects}

@@ -9,9 +9,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from torquebench.audit.study import FEEDFORWARD, Condition, Study
 from torquebench.certificates import FIGURES
@@ -31,9 +32,6 @@ from torquebench.sweep.folder import TABLE
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.run import run_sweep
 from torquebench.sweep.table import read_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 CONDITIONS = "conditions"
 """Folder of a study's sweeps, one for each condition."""
@@ -164,7 +162,7 @@ def run_parts(
             done = rows
 
         stored = run_sweep(part.plan, folder / part.folder, Threads(1), progress=report)
-        return read_table(stored.folder / TABLE)
+        return pd.DataFrame(dict(read_table(stored.folder / TABLE)))
 
     with ThreadPoolExecutor(workers) as pool:
         tables = list(pool.map(run, parts))

@@ -27,7 +27,7 @@ from torquebench.laws.plugin import load_plugin
 from torquebench.robot.library import model_names
 from torquebench.sweep.folder import decisive_versions
 from torquebench.sweep.plan import Plan, Source
-from torquebench.sweep.table import Columns
+from torquebench.sweep.table import Table
 from torquebench.sweep.worker import Task, Worker, run_shard
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ class Cluster:
                 wait(waiting, timeout=LOOK)
         return {name: future for name, future in asked.items() if future.done()}
 
-    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Columns]]:
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards; see `Executor`. Dask runs those of a lost worker on another one.
 
         Raises:
@@ -307,7 +307,7 @@ def _refusal(needs: Needs) -> str:
 
 def run_on_worker(
     needs: Needs, shard_size: int, with_trajectories: bool, shard: int
-) -> tuple[Columns, Mapping[str, bytes], str]:
+) -> tuple[Table, Mapping[str, bytes], str]:
     """Run a shard on a worker; return its columns, trajectories by file name, and why there are none if so.
 
     Args:

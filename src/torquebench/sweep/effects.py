@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
@@ -103,11 +103,11 @@ def effects_on(output: Array, inputs: Mapping[str, Array], confidence: float = 0
     if n >= 2 * k and np.linalg.matrix_rank(Z @ Z.T) == k:
         b, half, explained, left = _regressed(z, Z.T, 1.0 - risk / k)
     else:
-        b, half = Z @ z / n, np.full(k, stats.norm.ppf(1.0 - risk / k) / math.sqrt(n - 1))
+        b, half = Z @ z / n, np.full(k, special.ndtri(1.0 - risk / k) / math.sqrt(n - 1))
     found = [_effect((name,), *ends) for name, *ends in zip(names, b.tolist(), half.tolist(), strict=True)]
     places, b, spread = _products(left, Z)
     if places:
-        half = stats.norm.ppf(1.0 - risk / len(places)) * spread
+        half = special.ndtri(1.0 - risk / len(places)) * spread
         pairs = [((names[i], names[j]), *ends) for (i, j), *ends in zip(places, b.tolist(), half.tolist(), strict=True)]
         found += [effect for effect in (_effect(*pair) for pair in pairs) if effect.matters]
     found.sort(key=lambda effect: -abs(effect.strength))
@@ -120,8 +120,13 @@ def _effect(inputs: tuple[str, ...], strength: float, half: float) -> Effect:
 
 
 def ranks(values: Array) -> Array:
-    """Return the ranks along the last axis, 1 for the least; equal values share the mean of theirs."""
-    return np.asarray(stats.rankdata(values, axis=-1))
+    """Return the ranks along the last axis, 1 for the least; equal values share the mean of theirs, NaN is the last."""
+
+    def in_a_row(row: Array) -> Array:
+        _, place, counts = np.unique(row, return_inverse=True, return_counts=True)
+        return np.asarray((np.cumsum(counts) - 0.5 * (counts - 1))[place])
+
+    return np.apply_along_axis(in_a_row, -1, values)
 
 
 def _standardised(values: Array) -> Array:
@@ -170,7 +175,7 @@ def _regressed(z: Array, Z: Array, level: float) -> tuple[Array, Array, float, A
     b = inverse @ (Z.T @ z)
     left = z - Z @ b
     variance = float(np.sum(left * left)) / (n - k - 1)
-    half = stats.t.ppf(level, n - k - 1) * np.sqrt(variance * np.diag(inverse))
+    half = special.stdtrit(n - k - 1, level) * np.sqrt(variance * np.diag(inverse))
     # of a product about as large a share goes into the inputs as there are of them: what is left of it is given back
     return b, half, 1.0 - variance * (n - 1) / n, left * n / (n - k)
 

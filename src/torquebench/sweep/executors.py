@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from torquebench.errors import ResultError, TorquebenchError
 from torquebench.sweep.plan import Source
-from torquebench.sweep.table import Columns
+from torquebench.sweep.table import Table
 from torquebench.sweep.worker import Task, load_plugins, run_shard
 
 
@@ -46,7 +46,7 @@ class Executor(Protocol):
         """
         ...
 
-    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Columns]]:
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards and yield the number and columns of each as soon as it is done, in any order.
 
         Closing the iterator, or an exception in it, stops what is still running.
@@ -71,7 +71,7 @@ class Threads:
     def prepare(self, source: Source) -> None:
         """Do nothing: this is the process that workers are compared with; see `Executor`."""
 
-    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Columns]]:
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards; see `Executor`."""
         if self.count == 1:
             for shard in shards:
@@ -103,7 +103,7 @@ class Processes:
     def prepare(self, source: Source) -> None:
         """Do nothing: processes of one machine compute the same bytes; see `Executor`."""
 
-    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Columns]]:
+    def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards; see `Executor`.
 
         Raises:
@@ -125,11 +125,9 @@ class Processes:
             watched.close()
 
 
-def _as_done(
-    submit: Callable[[int], Future[Columns]], shards: Sequence[int], most: int
-) -> Iterator[tuple[int, Columns]]:
+def _as_done(submit: Callable[[int], Future[Table]], shards: Sequence[int], most: int) -> Iterator[tuple[int, Table]]:
     """Submit shards, at most `most` at a time, and yield each as soon as it is done."""
-    waiting, pending = iter(shards), dict[Future[Columns], int]()
+    waiting, pending = iter(shards), dict[Future[Table], int]()
     while True:
         for shard in itertools.islice(waiting, most - len(pending)):
             pending[submit(shard)] = shard
@@ -157,7 +155,7 @@ def _end_with_parent(watched: Connection[Any, Any]) -> None:
     os._exit(0)
 
 
-def _run(shard: int) -> Columns:
+def _run(shard: int) -> Table:
     """Run a shard in a worker process.
 
     Raises:

@@ -35,7 +35,7 @@ from torquebench.experiment.store import (
     versions,
 )
 from torquebench.sweep.plan import Plan, Source, flattened
-from torquebench.sweep.table import OUTCOMES, Columns, empty_columns
+from torquebench.sweep.table import OUTCOMES, Table, empty_columns
 
 CONFIG = "sweep.yaml"
 """The sweep's file, as it was given."""
@@ -249,7 +249,7 @@ class Shards:
     def __init__(self, folder: Path, digest: str) -> None:
         self._folder, self._digest = folder / SHARDS, digest
 
-    def write(self, shard: int, columns: Columns) -> None:
+    def write(self, shard: int, columns: Table) -> None:
         """Write a shard; it is on the disk when this returns."""
         self._folder.mkdir(exist_ok=True)
         buffer = io.BytesIO()
@@ -257,7 +257,7 @@ class Shards:
         content = buffer.getvalue()
         atomic_write(self.path(shard), self._line(shard, content) + content)
 
-    def read(self, shard: int) -> Columns | None:
+    def read(self, shard: int) -> Table | None:
         """Return a shard's columns; None when it is missing, or is not what was written for this plan."""
         try:
             line, newline, content = self.path(shard).read_bytes().partition(b"\n")
@@ -322,7 +322,7 @@ def write_table(stored: StoredSweep) -> dict[str, dict[str, int]]:
     }
 
 
-def _write_npz(out: BinaryIO, empty: Columns, columns: Mapping[str, Any], rows: int) -> None:
+def _write_npz(out: BinaryIO, empty: Table, columns: Mapping[str, Any], rows: int) -> None:
     """Write columns whose bytes are in files as numpy's NPZ."""
     with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
         for name, file in columns.items():

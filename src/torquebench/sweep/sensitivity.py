@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.build import build_belief
@@ -19,16 +18,7 @@ from torquebench.robot.puma560.puma import puma_files
 from torquebench.robot.puma560.symbols import CONSTANTS
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sweep.effects import Effects, effects_on, ranked, ranks
-from torquebench.sweep.table import (
-    Rows,
-    Table,
-    check_table,
-    controllers,
-    grid_keys,
-    metric_values,
-    rows_by,
-    varied_keys,
-)
+from torquebench.sweep.table import Table, check_table, controllers, grid_keys, metric_values, rows_by, varied_keys
 
 MOST_DRAWS = 1000
 """Draws that are looked at: beyond these an effect that is still unseen is too small to matter."""
@@ -104,7 +94,7 @@ def sensitivities(
     its ranks in each. Drawn keys that are numbers count beside the constants.
 
     Args:
-        table: The sweep's table.
+        table: The sweep's table, its rows in the order in which a sweep writes them.
         experiment_of: Case and draw -> what was run.
         metrics: Names of metrics.
         confidence: Probability that nothing is found for a metric where there is nothing to find [1].
@@ -113,95 +103,49 @@ def sensitivities(
         ResultError: it is no sweep's table, or of an arm without a table of constants and without drawn keys.
     """
     check_table(table)
-    draws = np.unique(table["draw"].to_numpy())[:MOST_DRAWS]
-    by_group = rows_by(table, "case", "controller")
-    drawn = _drawn_keys(table, draws)
-    together = _alike(table, draws, experiment_of, drawn)
-    places = [(cases, inputs, law) for cases, inputs in together for law in controllers(table)]
-    return [
-        _one(
-            law,
-            metric,
-            cases,
-            _ranked(table, [by_group[case, law] for case in cases], metric, draws),
-            {name: x for name, x in inputs.items() if name not in drawn or _has(table, by_group[cases[0], law], name)},
-            confidence,
-            len(places),
-        )
-        for cases, inputs, law in places
-        for metric in metrics
-    ]
-
-
-def _has(table: Table, rows: Rows, key: str) -> bool:
-    return bool(np.isfinite(table[key].to_numpy()[rows]).any())
-
-
-def _drawn_keys(table: Table, draws: NDArray[np.int64]) -> dict[str, Array]:
-    """Return the drawn keys that are numbers, each with its value in each draw, (D,)."""
-    grid = grid_keys(table)
-    keys = [key for key in varied_keys(table) if key not in grid and table[key].dtype.kind == "f"]
-    columns = {key: table[key].to_numpy() for key in keys}
-    return {key: _by_draw(table, np.flatnonzero(np.isfinite(x)), x, draws) for key, x in columns.items()}
-
-
-def _by_draw(table: Table, rows: Rows, values: Array, draws: NDArray[np.int64]) -> Array:
-    """Return the values of some rows in order of their draws, (D,); NaN for a draw without a row."""
-    place = np.searchsorted(draws, table["draw"].to_numpy()[rows])
-    kept = place < len(draws)
-    found = np.full(len(draws), np.nan)
-    found[place[kept]] = values[rows[kept]]
+    rows = {place: own[:MOST_DRAWS] for place, own in rows_by(table, "case", "controller").items()}
+    grid, draws = grid_keys(table), np.unique(table["draw"])[:MOST_DRAWS].tolist()
+    drawn = [key for key in varied_keys(table) if key not in grid and table[key].dtype.kind == "f"]
+    together = _alike(np.unique(table["case"]).tolist(), draws, experiment_of)
+    places = [(*alike, law) for alike in together if alike[1] or drawn for law in controllers(table)]
+    found = []
+    for cases, changes, law in places:
+        own = {key: table[key][rows[cases[0], law]] for key in drawn}
+        inputs = changes | {key: values for key, values in own.items() if np.isfinite(values).any()}
+        for metric in metrics:
+            figures = _ranked([metric_values(table, rows[case, law], metric) for case in cases])
+            known = np.isfinite(np.array([figures, *inputs.values()])).all(axis=0)
+            effects, reason = None, ""
+            try:
+                samples = {key: values[known] for key, values in inputs.items()}
+                effects = effects_on(figures[known], samples, confidence, len(places))
+            except ResultError as error:
+                reason = str(error)
+            found.append(Sensitivity(law, metric, cases, int(known.sum()), int((~known).sum()), effects, reason))
     return found
 
 
 def _alike(
-    table: Table, draws: NDArray[np.int64], experiment_of: Callable[[int, int], Experiment], drawn: Mapping[str, Array]
+    cases: Sequence[int], draws: Sequence[int], experiment_of: Callable[[int, int], Experiment]
 ) -> list[tuple[tuple[int, ...], dict[str, Array]]]:
-    """Return cases that are taken together, and what varies from draw to draw in the first of them."""
+    """Return cases whose constants are off alike, and the changes of those that vary in the first of them."""
     cache: dict[str, dict[str, Array]] = {}
     groups: dict[bytes, tuple[list[int], dict[str, Array]]] = {}
-    for case in np.unique(table["case"].to_numpy()).tolist():
-        experiments = [experiment_of(case, draw) for draw in draws.tolist()]
+    for case in cases:
+        experiments = [experiment_of(case, draw) for draw in draws]
         key = "\n".join(f"{e.plant.model} {e.run.seed} {e.model}" for e in experiments)
         if key not in cache:
             changes = constant_changes(experiments) if any(e.model.mismatch for e in experiments) else {}
-            varying = {name: x for name, x in {**changes, **drawn}.items() if _varies(x)}
-            cache[key] = varying
-        inputs = cache[key]
-        if inputs:
-            mark = b"".join(name.encode() + ranks(x).tobytes() for name, x in inputs.items())
-            groups.setdefault(mark, ([], inputs))[0].append(case)
-    return [(tuple(cases), inputs) for cases, inputs in groups.values()]
+            cache[key] = {name: x for name, x in changes.items() if len(np.unique(x[np.isfinite(x)])) > 1}
+        mark = b"".join(name.encode() + ranks(x).tobytes() for name, x in cache[key].items())
+        groups.setdefault(mark, ([], cache[key]))[0].append(case)
+    return [(tuple(alike), changes) for alike, changes in groups.values()]
 
 
-def _varies(values: Array) -> bool:
-    known = values[np.isfinite(values)]
-    return len(known) > 0 and bool(np.ptp(known) > 0.0)
-
-
-def _ranked(table: Table, parts: Sequence[Rows], metric: str, draws: NDArray[np.int64]) -> Array:
-    """Return a figure for each draw, (D,): the mean of its ranks in several cases; NaN where it failed in any."""
-    values = metric_values(table, np.arange(len(table)), metric)
-    found = np.array([_by_draw(table, rows, values, draws) for rows in parts])
-    whole = np.isfinite(found).all(axis=0)
-    figures = np.full(len(draws), np.nan)
-    figures[whole] = np.mean([ranks(own[whole]) for own in found], axis=0)
+def _ranked(found: Sequence[Array]) -> Array:
+    """Return the mean of each draw's ranks in several cases, (D,); NaN where it has no figure in one of them."""
+    values = np.array(found)
+    whole = np.all(np.isfinite(values), axis=0)
+    figures = np.full(values.shape[1], np.nan)
+    figures[whole] = np.mean(ranks(values[:, whole]), axis=0)
     return figures
-
-
-def _one(
-    law: str,
-    metric: str,
-    cases: tuple[int, ...],
-    figures: Array,
-    inputs: Mapping[str, Array],
-    confidence: float,
-    outputs: int,
-) -> Sensitivity:
-    known = np.isfinite(np.array([figures, *inputs.values()])).all(axis=0)
-    counts = int(known.sum()), int((~known).sum())
-    try:
-        found = effects_on(figures[known], {name: x[known] for name, x in inputs.items()}, confidence, outputs)
-    except ResultError as error:
-        return Sensitivity(law, metric, cases, *counts, None, str(error))
-    return Sensitivity(law, metric, cases, *counts, found, "")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,6 @@ from torquebench.sweep.table import (
     rows_by,
     varied_keys,
 )
-
-T = TypeVar("T")
 
 TAIL = 0.1
 """Share of the runs that CVaR is the mean of [1]."""
@@ -132,21 +130,33 @@ def summarise(table: Table, reference: str | None = None) -> Summary:
         raise ResultError(f"no controller '{base}' in the sweep{did_you_mean(base, names)}")
     grid, metrics = grid_keys(table), metric_keys(table)
     drawn = tuple(key for key in varied_keys(table) if key not in grid)
-    by_group = rows_by(table, "case", "controller")
-    groups = [_group(table, rows, by_group[case, base], grid, metrics) for (case, _), rows in by_group.items()]
-    by_law = rows_by(table, "controller")
-    overall = [_overall(table, rows, by_law[base,], metrics) for rows in by_law.values()]
+    groups, overall = list[Group](), list[Overall]()
+    by_group, by_law = rows_by(table, "case", "controller"), rows_by(table, "controller")
+    for (case, law), rows in by_group.items():
+        groups.append(
+            Group(
+                case,
+                row_values(table, grid, int(rows[0])),
+                law,
+                _share(table, rows, metrics),
+                dict(Counter(table["outcome"][rows].tolist())),
+                _earliest_failure(table, rows),
+                *_figures(table, rows, by_group[case, base], metrics),
+            )
+        )
+    for (law,), rows in by_law.items():
+        successes = int(completed(table, rows).sum())
+        overall.append(Overall(law, successes, len(rows), *_figures(table, rows, by_law[base,], metrics)))
     return Summary(base, grid, drawn, metrics, tuple(groups), tuple(overall))
 
 
-def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure | None:
+def figure_of(table: Table, rows: Rows, key: str) -> Figure | None:
     """Return the figures of one metric over some rows; None when no run of them completed with a value.
 
     Args:
         table: The table.
         rows: Positions of the rows.
         key: The metric.
-        tail: Share of the runs that CVaR is the mean of [1].
     """
     values = metric_values(table, rows, key)
     known = np.isfinite(values)
@@ -159,10 +169,10 @@ def figure_of(table: Table, rows: Rows, key: str, tail: float = TAIL) -> Figure 
         len(values),
         float(np.mean(values)),
         float(np.median(values)),
-        cvar(values.tolist(), tail, rising),
+        cvar(values.tolist(), TAIL, rising),
         float(values[worst]),
-        int(table["index"].to_numpy()[row]),
-        int(table["draw"].to_numpy()[row]),
+        int(table["index"][row]),
+        int(table["draw"][row]),
     )
 
 
@@ -177,7 +187,7 @@ def by_draw(table: Table, rows: Rows, key: str) -> tuple[NDArray[np.int64], Arra
         key: The metric.
     """
     values = metric_values(table, rows, key)
-    draws, place = np.unique(table["draw"].to_numpy()[rows], return_inverse=True)
+    draws, place = np.unique(table["draw"][rows], return_inverse=True)
     logs = np.log(values, where=values > 0.0, out=np.full(len(values), np.nan))
     return draws, np.exp(np.bincount(place, logs) / np.bincount(place))
 
@@ -229,41 +239,27 @@ def _known(values: Array) -> list[float | None]:
     return [float(value) if np.isfinite(value) else None for value in values]
 
 
-def _group(table: Table, rows: Rows, other: Rows, keys: tuple[str, ...], metrics: Sequence[str]) -> Group:
-    runs = table.iloc[rows]
-    failures = runs[runs["failed_at"].notna()]
-    earliest = None
-    if len(failures):
-        first = failures.iloc[int(np.argmin(failures["failed_at"]))]
-        earliest = Failure(int(first["index"]), int(first["draw"]), str(first["outcome"]), float(first["failed_at"]))
-    return Group(
-        int(runs["case"].iloc[0]),
-        row_values(table, keys, int(rows[0])),
-        str(runs["controller"].iloc[0]),
-        _share(table, rows, metrics),
-        dict(Counter(runs["outcome"].tolist())),
-        earliest,
-        _defined(metrics, lambda key: figure_of(table, rows, key)),
-        _defined(metrics, lambda key: ratio_of(table, rows, other, key)),
-    )
+def _earliest_failure(table: Table, rows: Rows) -> Failure | None:
+    failed = rows[~completed(table, rows)]
+    if len(failed) == 0:
+        return None
+    first = failed[np.argmin(table["failed_at"][failed])]
+    return Failure(*(table[name][first].item() for name in ("index", "draw", "outcome", "failed_at")))
 
 
 def _share(table: Table, rows: Rows, metrics: Sequence[str]) -> Share:
     share = clopper_pearson(int(completed(table, rows).sum()), len(rows))
-    columns = [table[name].to_numpy()[rows] for name in ("failed_at", *metrics)]
-    alike = len(rows) > 1 and all(np.array_equal(column, np.roll(column, 1), equal_nan=True) for column in columns)
+    columns = [table[name][rows] for name in ("failed_at", *metrics)]
+    alike = len(rows) > 1 and all(len(np.unique(column)) == 1 for column in columns)
     return share._replace(low=np.nan, high=np.nan) if alike else share
 
 
-def _overall(table: Table, rows: Rows, other: Rows, metrics: Sequence[str]) -> Overall:
-    return Overall(
-        str(table["controller"].iloc[rows[0]]),
-        int(completed(table, rows).sum()),
-        len(rows),
-        _defined(metrics, lambda key: figure_of(table, rows, key)),
-        _defined(metrics, lambda key: ratio_of(table, rows, other, key)),
+def _figures(
+    table: Table, rows: Rows, other: Rows, metrics: Sequence[str]
+) -> tuple[dict[str, Figure], dict[str, Ratio]]:
+    figures = {key: figure_of(table, rows, key) for key in metrics}
+    ratios = {key: ratio_of(table, rows, other, key) for key in metrics}
+    return (
+        {key: figure for key, figure in figures.items() if figure is not None},
+        {key: ratio for key, ratio in ratios.items() if ratio is not None},
     )
-
-
-def _defined(metrics: Sequence[str], figure: Callable[[str], T | None]) -> dict[str, T]:
-    return {key: value for key in metrics if (value := figure(key)) is not None}

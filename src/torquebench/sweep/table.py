@@ -6,7 +6,7 @@ import math
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,8 @@ from torquebench.metrics import METRICS
 from torquebench.sim.trajectory import Outcome
 from torquebench.sweep.plan import Plan
 
-if TYPE_CHECKING:
-    import pandas as pd  # takes a second to import, which workers that fill columns need not spend
-
-Columns: TypeAlias = Mapping[str, NDArray[Any]]
-"""Column name -> values: a part of a table, as workers make it and as it is stored."""
-Table: TypeAlias = "pd.DataFrame"
-"""A whole table, numbered from 0 in the order of its rows."""
+Table: TypeAlias = Mapping[str, NDArray[Any]]
+"""Column name -> values, all of one length: a whole table, or the rows of one shard."""
 Rows: TypeAlias = NDArray[np.intp]
 """Positions of some rows of a table, ascending."""
 
@@ -101,11 +96,9 @@ def read_table(path: Path) -> Table:
     Raises:
         ResultError: the file cannot be read, or does not hold a sweep's table.
     """
-    import pandas as pd
-
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return check_table(pd.DataFrame({name: archive[name] for name in archive.files}))
+            return check_table(dict(archive))
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise ResultError(f"{path}: cannot be read as a sweep's table ({error})") from error
 
@@ -114,38 +107,38 @@ def check_table(table: Table) -> Table:
     """Return a table after checking that it is a sweep's.
 
     Raises:
-        ResultError: a column is missing, or there are no rows.
+        ResultError: a column is missing, the columns differ in length, or there are no rows.
     """
     missing = [name for name in FIXED if name not in table]
     if missing:
         raise ResultError(f"not the table of a sweep: no column {', '.join(missing)}")
-    if len(table) == 0:
+    if len({len(column) for column in table.values()}) > 1:
+        raise ResultError("not the table of a sweep: its columns differ in length")
+    if len(table["index"]) == 0:
         raise ResultError("not the table of a sweep: no rows")
     return table
 
 
 def varied_keys(table: Table) -> tuple[str, ...]:
     """Return the experiment's keys that the sweep varies, in the table's order."""
-    return tuple(str(name) for name in table if not (name in FIXED or name in METRICS or name in FIGURES))
+    return tuple(name for name in table if not (name in FIXED or name in METRICS or name in FIGURES))
 
 
 def grid_keys(table: Table) -> tuple[str, ...]:
     """Return the varied keys of which each law has one value in each case; the others are drawn."""
-    keys = list(varied_keys(table))
-    if not keys:
-        return ()
-    counts = table.groupby(["case", "controller"], sort=False)[keys].nunique(dropna=False).max()
-    return tuple(key for key in keys if counts[key] == 1)
+    place = "case", "controller"
+    groups = len(rows_by(table, *place))
+    return tuple(key for key in varied_keys(table) if len(rows_by(table, *place, key)) == groups)
 
 
 def metric_keys(table: Table) -> tuple[str, ...]:
     """Return the metrics that have a value in some row, in the table's order."""
-    return tuple(name for name in map(str, table) if name in METRICS and bool(np.isfinite(table[name]).any()))
+    return tuple(name for name in table if name in METRICS and bool(np.isfinite(table[name]).any()))
 
 
 def controllers(table: Table) -> tuple[str, ...]:
     """Return the controllers in order of their first rows."""
-    return tuple(map(str, table["controller"].unique()))
+    return tuple(dict.fromkeys(table["controller"].tolist()))
 
 
 def rows_by(table: Table, *columns: str) -> dict[tuple[Any, ...], Rows]:
@@ -155,19 +148,24 @@ def rows_by(table: Table, *columns: str) -> dict[tuple[Any, ...], Rows]:
         table: The table.
         columns: Names of columns.
     """
-    groups: Any = table.groupby(list(columns), sort=False, dropna=False).indices
-    ordered = sorted(groups.items(), key=lambda item: int(item[1][0]))
-    return {key if isinstance(key, tuple) else (key,): rows for key, rows in ordered}
+    group = np.zeros(len(table["index"]), np.int64)
+    for name in columns:
+        values, place = np.unique(table[name], return_inverse=True)
+        group = group * len(values) + place
+    order = np.argsort(group, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    parts.sort(key=lambda rows: int(rows[0]))
+    return {tuple(table[name][rows[0]].item() for name in columns): rows for rows in parts}
 
 
 def completed(table: Table, rows: Rows) -> NDArray[np.bool_]:
     """Mask of the rows whose run completed."""
-    return np.asarray(np.isnan(table["failed_at"].to_numpy()[rows]))
+    return np.isnan(table["failed_at"][rows])
 
 
 def metric_values(table: Table, rows: Rows, key: str) -> Array:
     """Return a metric in some rows; NaN where the run failed or the metric is not defined."""
-    return np.where(completed(table, rows), table[key].to_numpy()[rows], np.nan)
+    return np.where(completed(table, rows), table[key][rows], np.nan)
 
 
 def row_values(table: Table, keys: Sequence[str], row: int) -> dict[str, float | str | None]:
@@ -178,8 +176,5 @@ def row_values(table: Table, keys: Sequence[str], row: int) -> dict[str, float |
         keys: Names of columns.
         row: Position of the row.
     """
-    values = {key: table[key].to_numpy()[row] for key in keys}
-    return {
-        key: (value or None) if isinstance(value, str) else None if math.isnan(value) else float(value)
-        for key, value in values.items()
-    }
+    values = {key: table[key][row].item() for key in keys}
+    return {key: None if value == "" or value != value else value for key, value in values.items()}

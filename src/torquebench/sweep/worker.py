@@ -26,7 +26,7 @@ from torquebench.metrics import METRICS, headlines
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import Plan, Source, pairs_of
-from torquebench.sweep.table import REFUSED, Columns, empty_columns, key_values
+from torquebench.sweep.table import REFUSED, Table, empty_columns, key_values
 
 
 class Ended(NamedTuple):
@@ -68,7 +68,7 @@ class Worker:
         self._plan, self._build = plan, Builder()
         self._sessions = [Session(overwrite=True) for _ in plan.controllers]
 
-    def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Columns:
+    def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
         """Run the rows of a shard and return their columns.
 
         Args:
@@ -149,7 +149,7 @@ def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory)
 _thread = threading.local()
 
 
-def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Columns:
+def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
     """Run one shard in this thread, which keeps its worker for the sweep's next shard.
 
     Args:

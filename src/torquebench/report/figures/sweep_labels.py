@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from torquebench.experiment.reference import joint_units, unit_of
-from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.figures.layout import printable
 from torquebench.report.figures.style import Unit, choose_unit
@@ -23,7 +22,7 @@ def metric_axis(table: Table, key: str, slides: Sequence[bool]) -> Unit:
         slides: Of each joint, whether it slides: errors are in m then, or, where only some do, in rad and m.
     """
     info, unit = METRICS[key], Unit(METRICS[key].unit, 1.0)
-    values = metric_values(table, np.arange(len(table)), key)
+    values = metric_values(table, np.arange(len(table[key])), key)
     known = np.abs(values[np.isfinite(values)])
     if known.size and info.unit.startswith(("rad", "s")):
         unit = choose_unit(float(np.median(known)), info.unit)
@@ -38,8 +37,10 @@ def key_label(key: str) -> str:
 
 def key_values(table: Table, key: str) -> list[float | str]:
     """Return the values of a key: numbers ascending, words in order of their first rows."""
-    known: Array = table[key][table[key].notna() & (table[key] != "")].unique()
-    return sorted(map(float, known)) if table[key].dtype.kind == "f" else [str(word) for word in known]
+    column = table[key]
+    if column.dtype.kind == "f":
+        return [float(x) for x in np.unique(column[np.isfinite(column)])]
+    return [word for word in dict.fromkeys(column.tolist()) if word]
 
 
 def law_name(table: Table, law: str, rows: Rows, gap: str = ", ") -> str:
