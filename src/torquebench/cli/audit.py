@@ -66,7 +66,7 @@ def audit(
 @option("--quick", is_flag=True, help=f"{QUICK} draws in place of the study's: for a look")
 @workers_option(help="how many conditions run at once (default: one per core)")
 def paper(out: Path | None, quick: bool, workers: int | None) -> int:
-    """Judge the claims of the paper that the PUMA's laws come from.
+    """Judge the claims of the paper behind the PUMA's laws.
 
     It is `torquebench audit paper/audit`.
     """
