@@ -6,7 +6,9 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from tests.audit.studies import STUDY
 from tests.video.films import camera_of_scene, pixel, tool_mark
+from torquebench.audits import run_audit
 from torquebench.cli.app import main
 from torquebench.experiment.store import add_to_run
 from torquebench.robot.puma560.puma import Puma560
@@ -72,6 +74,41 @@ def test_a_report_is_read_in_a_browser(browse, pages, keep, name):
     assert np.median(shown["light"][:, :40]) > 240
     assert np.median(shown["dark"][:, :40]) < 40
     assert shown["phone"].shape[1] == 2 * 390
+
+
+@pytest.fixture(scope="module")
+def audited(tmp_path_factory):
+    """The page of a small audit, as an address."""
+    folder = tmp_path_factory.mktemp("audit")
+    (folder / "study.yaml").write_text(STUDY)
+    return (run_audit(folder / "study.yaml", folder=folder / "out").folder / "report.html").as_uri()
+
+
+ORDER = """[...document.querySelectorAll('table.sortable')[1].tBodies[0].rows].map(
+    (row) => parseFloat(row.cells[3].innerText.slice(1)))"""
+SHOWN = "[...document.querySelectorAll('tr[data-group]')].filter((x) => getComputedStyle(x).display != 'none').length"
+
+
+@pytest.mark.parametrize("options", [{}, {"dark": True}, {"width": 390, "height": 844}], ids=["light", "dark", "phone"])
+def test_the_claims_of_an_audit_are_read_in_a_browser(browse, audited, keep, options):
+    """Nothing complained of or fetched, nothing sideways; a title sorts its column, a level leaves its own cases."""
+    page = browse(**options)
+    page.go(audited)
+    assert page.complaints == []
+    assert [request for request in page.requests if not request.startswith("data:image/svg+xml;")] == [audited]
+    assert page.value("document.documentElement.scrollWidth") == options.get("width", 1200)
+    assert page.value(CLIPPED) == []
+    page.value("document.querySelectorAll('details').forEach((x) => x.open = true)")
+    title = "document.querySelectorAll('table.sortable')[1].querySelectorAll('th')[3]"
+    page.value(f"{title}.click()")
+    assert page.value(ORDER) == sorted(page.value(ORDER))
+    page.value(f"{title}.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter'}}))")
+    assert page.value(ORDER) == sorted(page.value(ORDER), reverse=True)
+    every = page.value(SHOWN)
+    page.value("document.querySelector('#group-2').click()")
+    assert 0 < page.value(SHOWN) < every
+    page.picture(keep(f"audit-{'-'.join(map(str, options.values())) or 'light'}"))
+    page.close()
 
 
 def test_a_script_in_a_stored_figure_does_not_run(browse, reported, tmp_path):

@@ -230,7 +230,7 @@ def beyond(gains, model, t, q, qd, ref, memory, tau):
 """,
     )
     law = find_law("beyond")
-    assert complaints(law) == []
+    assert complaints(law) == ()
     controller = Controller("beyond", law, law.pack_gains(2, {"k": 1.0}, {}))
     runs = {
         path: simulate(plant_of("mujoco"), controller, arm(), TARGET, duration=0.02, path=path, throw=False)
