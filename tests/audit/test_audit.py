@@ -79,6 +79,10 @@ def test_claims_json(done):
     assert {case["verdict"] for case in claim["cases"]} <= {"holds", "undecided", "fails"}
     assert {figure["n"] for case in claim["cases"] for figure in case["figures"]} == {1, 3}
     assert claims["reaches"]["vacuous"] == 0
+    assert {case["command"] for case in claim["cases"]} >= {"torquebench sweep conditions/03-fast/sweep.yaml"}
+    fields = {"claim", "where", "verdict", "figure", "interval", "condition", "ablation", "measure", "quoted", "expect"}
+    assert all(fields <= found.keys() for found in claims.values())
+    assert claim["ablation"].startswith(("as well somewhere: PD", "nothing tried does as well; worse: PD"))
 
 
 def test_the_command_of_a_row_runs_it_again(done, tmp_path, capsys):

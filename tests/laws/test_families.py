@@ -238,6 +238,20 @@ def test_adaptation_is_bounded_and_waits() -> None:
     assert (goes.theta_7[0], goes.s_integral[0]) == (pytest.approx(35.3), pytest.approx(-5.0 + T))
 
 
+@pytest.mark.parametrize("rule", range(1, 8))
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_each_rule_stops_at_the_torque_limit(rule: int, side: float) -> None:
+    """However fast it learns, no rule holds more than 40 N m: each where it fires, pushed to either side."""
+    s = (rule - 4) / 3.0
+    s = side * 0.05 if rule == 4 else s
+    if s * side < 0.0:
+        return  # a rule is pushed to the side of s alone
+    name = f"theta_{rule}"
+    start = {name: side * 35.0, "s_integral": -side}
+    _, memory = hand(ADAPTIVE, s / 10.0, 0.0, ADAPT | {"gamma": 1e6}, None, **start)
+    assert getattr(memory, name)[0] == side * 40.0
+
+
 @pytest.mark.parametrize(
     ("x", "y"), [(0.0, 0.0), (1 / 6, 1 / 6), (1 / 3, 1 / 3), (-0.5, -0.5), (2 / 3, 2 / 3), (1, 1), (3, 1)]
 )

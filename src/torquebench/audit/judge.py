@@ -7,6 +7,7 @@ import statistics
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from torquebench.audit.run import Runs
@@ -123,8 +124,22 @@ class Judged:
         order = [*map(str, Verdict), "mixed"]
         return "; ".join(f"{verdict} on {', '.join(named[verdict])}" for verdict in order if verdict in named)
 
-    def to_json(self) -> dict[str, Any]:
-        """Return plain data, None for a figure that there is not."""
+    @property
+    def carried(self) -> str:
+        """Which of the simpler laws do as well, in words."""
+        if not self.ablations:
+            return "none was tried"
+        well = list(dict.fromkeys(one.label for one in self.ablations if one.as_well))
+        worse = [label for label in dict.fromkeys(one.label for one in self.ablations) if label not in well]
+        parts = [f"as well somewhere: {', '.join(well)}" if well else "nothing tried does as well"]
+        return "; ".join(parts + ([f"worse: {', '.join(worse)}"] if worse else []))
+
+    def to_json(self, commands: Mapping[Condition, str] = MappingProxyType({})) -> dict[str, Any]:
+        """Return plain data, None for a figure that there is not.
+
+        Args:
+            commands: Condition -> the command that runs it.
+        """
         middle, low, high = self.typical
         found: dict[str, Any] = plain(
             {
@@ -138,10 +153,13 @@ class Judged:
                 "figure": middle,
                 "interval": [low, high],
                 "condition": self.sentence,
-                "measures": [measure_words(measure) for measure in self.claim.measures],
+                "measure": "; ".join(measure_words(measure) for measure in self.claim.measures),
                 "why": [measure.why for measure in self.claim.measures],
-                "cases": [_case(case) for case in (*self.cases, *self.shown)],
+                "cases": [
+                    _case(case) | {"command": commands.get(case.condition)} for case in (*self.cases, *self.shown)
+                ],
                 "vacuous": self.vacuous,
+                "ablation": self.carried,
                 "ablations": [
                     {"who": one.label, "where": one.where, "as_well": one.as_well} | _interval(one.interval)
                     for one in self.ablations

@@ -101,7 +101,8 @@ def write_files(
     from torquebench.report.figures.style import figure_bytes
     from torquebench.report.render import PAGE, Picture, render
 
-    yield "claims.json", json_bytes([claim.to_json() for claim in judged])
+    run = {part.condition: f"torquebench sweep {CONDITIONS}/{part.folder}/sweep.yaml" for part in parts}
+    yield "claims.json", json_bytes([claim.to_json(run) for claim in judged])
     yield "claims.md", markdown(study, judged).encode()
     pictures: dict[str, Picture] = {}
     for name, title, draw in _drawn(study, judged) if figures else ():
