@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from torquebench.disturbances import Bias, Sinusoid, Stream, band_limited_noise, generator
+from torquebench.disturbances import BandLimitedNoise, Bias, Sinusoid, Stream, band_limited_noise, generator
 from torquebench.kernel import Array
 from torquebench.timing import Timing
 
@@ -195,3 +195,11 @@ def test_a_sinusoid_must_be_sampled_twice_a_period(frequency: float, fits: bool)
     """At 1 ms half of 1/T is 500 Hz: what is sampled there is nothing, and above it another frequency."""
     faults = list(Sinusoid(1.0, frequency_hz=(1.0, frequency)).check(Timing(1.0, 0.001)))
     assert (not faults) == fits
+
+
+def test_a_hold_between_control_instants_is_refused_from_python_too() -> None:
+    """2.5 periods are neither 2 nor 3; a hold longer than the run is one value for all of it."""
+    rng = generator(0, 0, Stream.TORQUE_NOISE)
+    with pytest.raises(ValueError, match="is not a whole multiple of control_period"):
+        BandLimitedNoise(1.0, hold=0.0025).sample(2, T * np.arange(100), T, rng)
+    assert len(np.unique(BandLimitedNoise(1.0, hold=7.7).sample(1, T * np.arange(100), T, rng))) == 1

@@ -159,7 +159,7 @@ def load_sweep(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Sweep:
     files = tuple(Path(plugin).absolute() for plugin in plugins)
     for file in files:
         load_plugin(file)
-    stored = open_sweep(Path(folder), files, "folder")
+    stored = open_sweep(Path(folder), files, "folder", to_read=True)
     if not stored.finished:
         raise ResultError(f"{folder} is not a finished sweep: run it again with this folder to go on with it")
     verify(stored)

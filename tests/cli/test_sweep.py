@@ -21,11 +21,12 @@ import pytest
 from tests.sweep.examples import BASE, SMALL, user_law
 from torquebench import load_trajectory
 from torquebench.cli.app import main
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import add_to_run, check_run
 from torquebench.metrics import METRICS
 from torquebench.registry import restored
 from torquebench.sweep.folder import open_sweep
 from torquebench.sweep.run import state_of
+from torquebench.sweeps import load_sweep
 
 THREADS = ("--executor", "threads", "--workers", "2", "--no-figures")
 
@@ -236,6 +237,28 @@ def test_other_software_is_refused(swept, command, monkeypatch):
     status, _, err = command("sweep", "--resume", "s", *THREADS)
     assert status == 2
     assert 'software.mujoco: was "3.9.9" when the sweep began' in err
+
+
+def test_numbers_of_other_software_may_be_read(swept, command):
+    """What is stored can be looked at whatever made it: reading computes nothing."""
+    plan = json.loads(Path("s/plan.json").read_text())
+    plan["software"]["mujoco"], plan["digest"] = "3.9.9", "0" * 64
+    add_to_run(Path("s"), {"plan.json": json.dumps(plan).encode()})
+    assert len(load_sweep("s").to_dataframe()) == plan["rows"]
+
+
+def test_draws_that_are_all_the_same_are_said(swept, command):
+    """Without noise, mismatch, perturbation and random keys each draw is one and the same run."""
+    text = "name: calm\nplant: {engine: analytic, model: two-link}\n"
+    text += "reference: {kind: sine, amplitude: 1, frequency_hz: 1}\n"
+    text += "controllers: [{name: pd, law: pd, gains: {lam: 10, kv: 20}}]\nrun: {duration: 0.6, metrics_from: 0.1}\n"
+    Path("calm.yaml").write_text(text + "sweep: {draws: 4}\n")
+    status, _, err = command("sweep", "calm.yaml", "--dry-run", *THREADS)
+    assert status == 0
+    assert "nothing is random: all 4 draws are the same run" in err
+    noisy = text + "chain: fast\nsweep: {draws: 4}\n"
+    Path("noisy.yaml").write_text(noisy)
+    assert "nothing is random" not in command("sweep", "noisy.yaml", "--dry-run", *THREADS)[2]
 
 
 @pytest.mark.parametrize(

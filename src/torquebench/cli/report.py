@@ -75,7 +75,7 @@ def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
     from torquebench.report.render import PAGE
     from torquebench.sweep.folder import open_sweep, verify
 
-    stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN")
+    stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN", to_read=True)
     if not stored.finished:
         refuse([("RUN", f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it")])
     try:

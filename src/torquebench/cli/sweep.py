@@ -181,6 +181,8 @@ def _print_estimate(plan: Plan, survey: Survey, executor: Executor) -> Estimate:
     with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
         work = estimate(plan, survey, executor.count, executor.processes, executor.here)
     tell(estimate=work)
+    if plan.draws > 1 and not survey.is_drawn:
+        warn(f"torquebench: nothing is random: all {plan.draws} draws are the same run, sweep.draws=1 would do")
     counts = {"case": plan.cases, "draw": plan.draws, "controller": len(plan.controllers)}
     say(f"{plan.first.name}: " + " x ".join(f"{count:,} {what}{'s' * (count != 1)}" for what, count in counts.items()))
     say(

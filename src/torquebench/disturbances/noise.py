@@ -12,7 +12,7 @@ from torquebench.disturbances.kinds import disturbance
 from torquebench.errors import Fault
 from torquebench.kernel import Array
 from torquebench.keys import Key, Units, Vector, as_vector, in_words
-from torquebench.timing import Timing, multiple_of, whole_steps
+from torquebench.timing import Timing, multiple_of, substeps_per_period
 
 
 def band_limited_noise(
@@ -58,8 +58,14 @@ class BandLimitedNoise:
             yield from multiple_of(("hold",), self.hold, "run.control_period", timing.control_period, period)
 
     def hold_steps(self, n_steps: int, control_period: float) -> int:
-        """Control periods [s] for which one value lasts, at most the whole run of `n_steps`."""
-        return whole_steps(min(self.hold, n_steps * control_period), control_period)
+        """Return for how many control periods [s] one value lasts, at most the whole run of `n_steps`.
+
+        Raises:
+            ValueError: it is not a whole number of them.
+        """
+        if self.hold >= n_steps * control_period:
+            return n_steps
+        return substeps_per_period(self.hold, control_period, ("hold", "control_period"))
 
     def sample(self, n: int, t: Array, control_period: float, rng: np.random.Generator) -> Array:
         """Return the torque at each control instant, (N, n) [N m].

@@ -29,6 +29,8 @@ class Survey:
 
     steps: list[int] = field(default_factory=list)
     """Number of control instants of one loop, by case."""
+    is_drawn: bool = False
+    """Whether anything is random in some case; else all draws are one run."""
 
 
 def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Survey:
@@ -50,6 +52,7 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
     for case in range(plan.cases):
         experiment = checker.read(case, first, low, build=True)
         survey.steps.append(0 if experiment is None else experiment.n_steps)
+        survey.is_drawn |= bool(plan.keys.random) or (experiment is not None and experiment.is_drawn)
         progress()
     checker.raise_problems()
     drawn = combinations(plan)

@@ -11,7 +11,7 @@ import shutil
 import tempfile
 import zipfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -50,7 +50,8 @@ MAGIC = "torquebench-shard-1"
 ABSENT = "(not given)"
 DECISIVE = ("torquebench", "python", "mujoco", "numpy", "numba")
 """Software on which numbers depend."""
-COMPARED = ("config", "software", "plugins", "model_files")
+SOFTWARE = ("software",)
+COMPARED = ("config", *SOFTWARE, "plugins", "model_files")
 """Facts of a plan that name what has changed."""
 LOCKED_BYTE = 1 << 30
 """Where Windows locks ``plan.json``: far behind its end, so that it can still be read."""
@@ -99,13 +100,14 @@ def create_sweep(directory: RunDirectory, plan: Plan, shard_size: int) -> Stored
     return StoredSweep(directory.folder, plan, facts)
 
 
-def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str) -> StoredSweep:
+def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str, to_read: bool = False) -> StoredSweep:
     """Open a sweep's folder; its laws must be registered already.
 
     Args:
         folder: The folder.
         plugins: Current paths of the files of its own laws.
         option: Option of the command that names the folder, for messages.
+        to_read: Whether it is read only: then other software may have made it.
 
     Raises:
         ConfigError: it is not a sweep's folder, or what the sweep is made of has changed.
@@ -127,7 +129,7 @@ def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str) -> StoredSw
         raise ConfigError([Problem(option, "", message)])
     plan = Plan(Source(text, facts["filename"], tuple(facts["overrides"]), plugins))
     stored = StoredSweep(folder, plan, facts)
-    refuse_changes(stored, plan, option)
+    refuse_changes(stored, plan, option, but=SOFTWARE if to_read else ())
     return stored
 
 
@@ -207,13 +209,14 @@ def decisive_versions() -> dict[str, str]:
     return {name: version for name, version in versions().items() if name in DECISIVE}
 
 
-def refuse_changes(stored: StoredSweep, plan: Plan, option: str) -> None:
+def refuse_changes(stored: StoredSweep, plan: Plan, option: str, but: Collection[str] = ()) -> None:
     """Refuse to continue a sweep with another plan than it was started with.
 
     Args:
         stored: The sweep as it was started.
         plan: The sweep as it is now.
         option: Option of the command that names the folder, for messages.
+        but: Facts that may have changed.
 
     Raises:
         ConfigError: something that decides results has changed; each such key is named with its old and new value.
@@ -221,13 +224,16 @@ def refuse_changes(stored: StoredSweep, plan: Plan, option: str) -> None:
     now = facts_of(plan, stored.shard_size)
     if now["digest"] == stored.digest:
         return
-    old, new = (dict(flattened({key: facts[key] for key in COMPARED})) for facts in (stored.facts, now))
+    compared = [key for key in COMPARED if key not in but]
+    old, new = (dict(flattened({key: facts[key] for key in compared})) for facts in (stored.facts, now))
     problems = []
     for key in [*old, *(key for key in new if key not in old)]:
         before, after = old.get(key, ABSENT), new.get(key, ABSENT)
         if before != after:
             name = key.removeprefix("config.")
             problems.append(Problem(option, name, f"was {_text(before)} when the sweep began, is {_text(after)} now"))
+    if but and not problems:
+        return
     raise ConfigError(problems or [Problem(option, "", "the file no longer means what it did when the sweep began")])
 
 
