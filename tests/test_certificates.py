@@ -311,6 +311,17 @@ def test_the_reaching_bound_is_exact_where_s_falls_evenly() -> None:
     assert both.reaching_bound == pytest.approx(np.sqrt(2.0 * V * 2.5) / (force / 2.0), rel=1e-9)
 
 
+def test_reaching_counts_from_outside_the_layer() -> None:
+    """From the largest V while a joint is outside: a heavy joint within its layer may have more and reaches nothing."""
+    qd = np.zeros((100, 2))
+    qd[:50, 0] = -0.9
+    qd[60:70, 1] = -2.0
+    found = certify(along(qd), Block((100.0, 0.0), (0.0, 0.01)), sliding(0.0, 1.0, 1.0, phi=1.0), PERIOD)
+    assert found.V[0] > 100.0 * found.V[60] > 0.0
+    assert found.reaching_from == pytest.approx(0.06)
+    assert found.reaching_time == pytest.approx(0.01)
+
+
 def test_a_certificate_of_a_law_that_never_leaves_its_layer_is_vacuous() -> None:
     """It says so, and has no reaching time: null, not zero, nor a bound, nor a share in which V grew."""
     run = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation")

@@ -93,7 +93,7 @@ def test_error_metrics_of_a_sinusoid() -> None:
 def test_integrals_of_the_error_are_those_of_the_trapezium_rule() -> None:
     """Of |e| = a + b t IAE is a D + b D^2 / 2 to round-off, D the time from first to last sample.
 
-    Rectangles are off by T b D / 2. In ITAE's t (a + b t), of second derivative 2 b, the rule itself errs by T^2 b D / 6.
+    Rectangles are off by T b D / 2. In t (a + b t), of second derivative 2 b, ITAE's rule itself errs by T^2 b D / 6.
     """
     t = times()
     a, b, D = 0.2, -0.04, t[-1]
