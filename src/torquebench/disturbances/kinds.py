@@ -1,4 +1,4 @@
-"""What a kind of disturbance is, and the decorator that registers one.
+"""The rules for a kind of disturbance, and the decorator that registers one.
 
 A kind is a frozen dataclass whose fields are its keys (see `Key`), with two methods::
 

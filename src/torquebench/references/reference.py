@@ -14,6 +14,7 @@ the derivatives of the positions.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -54,12 +55,12 @@ def each_joint(value: Vector, n: int | None) -> Array:
     return np.atleast_1d(np.array(value, dtype=np.float64)) if n is None else as_vector(value, n)
 
 
-class Motion:
+class Motion(ABC):
     """A kind that may be called with times alone, as a `ReferenceSource`."""
 
+    @abstractmethod
     def sample(self, t: Array, n: int | None = None) -> Reference:
         """Return the desired motion of `n` joints at times (N,) [s]; None for as many as its keys have numbers."""
-        raise NotImplementedError
 
     def highest_hz(self) -> float:
         """Return the highest frequency of the motion [Hz]: 0, but for kinds that swing."""
