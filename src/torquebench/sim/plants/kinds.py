@@ -6,6 +6,7 @@ imports what it needs when it is called.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, TypeAlias
@@ -29,7 +30,7 @@ plant = PLANTS
 
 
 @dataclass(frozen=True)
-class PlantKeys:
+class PlantKeys(ABC):
     """Keys that every plant has."""
 
     engine: ClassVar[str]
@@ -79,6 +80,7 @@ class PlantKeys:
         model = load_model(self.model, *self.form)
         return model if factors is None else perturbed(model, factors)
 
+    @abstractmethod
     def build(self, factors: Array | None) -> Plant:
         """Make the plant.
 
@@ -89,7 +91,7 @@ class PlantKeys:
             SteepError: its friction is too steep for its time step.
             ModelError: the arm cannot carry the payload.
         """
-        raise NotImplementedError
+        ...
 
     def describe(self, units: Units) -> str:
         """Return what it is in one line."""
