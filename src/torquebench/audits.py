@@ -85,7 +85,7 @@ def run_audit(
     for name, content in write_files(asked, judged, parts, directory.folder, figures, lambda what: report(what, 0)):
         directory.write(name, content)
     directory.finish({"name": asked.document.root["name"], "runs": total})
-    return Audit(asked, runs, judged, directory.folder)
+    return Audit(asked, runs, judged, directory.folder, reduced=draws is not None)
 
 
 def _digest(parts: Sequence[Part]) -> str:
@@ -112,10 +112,12 @@ class Audit:
         runs: What came out.
         claims: Its claims, judged, in order.
         folder: Where everything is stored.
+        reduced: Whether it has other draws than the study asks for.
     """
 
-    def __init__(self, study: Study, runs: Runs, claims: Sequence[Judged], folder: Path) -> None:
+    def __init__(self, study: Study, runs: Runs, claims: Sequence[Judged], folder: Path, reduced: bool = False) -> None:
         self.study, self.runs, self.claims, self.folder = study, runs, tuple(claims), folder
+        self._reduced = reduced
 
     def claim(self, key: str) -> Judged:
         """Return one claim.
@@ -130,8 +132,10 @@ class Audit:
 
     @property
     def moved(self) -> tuple[Judged, ...]:
-        """Claims whose verdict is another one than the study expects."""
-        return tuple(claim for claim in self.claims if claim.moved)
+        """Claims whose verdict is another one than the study expects; with other draws not those left undecided."""
+        return tuple(
+            claim for claim in self.claims if claim.moved and not (self._reduced and claim.verdict == "undecided")
+        )
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row for each figure of each case: claim, pair, levels of the axes, value, interval, verdict."""
@@ -150,8 +154,8 @@ class Audit:
             ]
         )
 
-    def figure(self, key: str | None = None, measure: int = 0) -> Figure:
-        """Draw the overview, or the forest plot of one claim.
+    def figure(self, key: str | None = None, measure: int = 0) -> Figure | None:
+        """Draw the overview, or the forest plot of one claim; None of a claim without a case.
 
         Args:
             key: Name of the claim; None for the overview.

@@ -7,6 +7,8 @@ import shutil
 import pytest
 
 from tests.audit.studies import STUDY
+from torquebench.audit.judge import judge_study
+from torquebench.audit.run import Runs
 from torquebench.audits import run_audit
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
@@ -47,8 +49,8 @@ def test_difference_to_another_condition(done):
     """The one run of a condition without draws stands for all draws of the other."""
     (case,) = done.claim("growth").cases
     wrong, nominal = (
-        done.runs.values("rmse", "band", ("ideal", "wrong")),
-        done.runs.values("rmse", "band", ("ideal", "nominal")),
+        done.runs.values("rmse", "band", ("ideal", "wrong"), 9),
+        done.runs.values("rmse", "band", ("ideal", "nominal"), 9),
     )
     assert len(nominal) == 1
     assert case.figures[0].interval.value == pytest.approx(sum(wrong) / len(wrong) - nominal[0], rel=1e-9)
@@ -143,6 +145,31 @@ def test_command(done, tmp_path, capsys):
     assert "did you mean 'exact'" in capsys.readouterr().err
     assert main(["audit", study, "--out", str(out), "--fail-if", "exact=fail"]) == 2
     assert "did you mean 'fails'" in capsys.readouterr().err
+
+
+def test_one_draw_of_something_random_decides_nothing(tmp_path):
+    """It has no spread; a law without certificates has no case, and the claim is undecided. Both are drawn and told."""
+    text = STUDY.replace("pairs: {switching: switching}", "pairs: {pd: pd}")
+    (tmp_path / "study.yaml").write_text(text)
+    found = run_audit(tmp_path / "study.yaml", folder=tmp_path / "out", draws=1)
+    case = next(case for case in found.claim("removes").cases if case.condition == ("fast", "nominal"))
+    assert [str(one.verdict) for one in case.figures] == ["undecided", "undecided"]
+    assert not found.claim("reaches").cases
+    assert str(found.claim("reaches").verdict) == "undecided"
+    assert "nothing is certified" in found.claim("reaches").sentence
+    assert (found.folder / "claims.md").read_text().count("nan") == 0
+
+
+def test_a_run_that_failed_speaks_against_its_law(done):
+    """Whatever the figure: also one that does not come from the run."""
+    tables = {condition: table.copy() for condition, table in done.runs.tables.items()}
+    for table in tables.values():
+        table.loc[table["controller"] == "band", "outcome"] = "BAD_STATE"
+    runs = Runs(done.runs.experiments, tables)
+    assert runs.values("rmse", "band", ("ideal", "wrong"), 2) == [None, None]
+    claims = {claim.key: claim for claim in judge_study(done.study, runs)}
+    assert str(claims["removes"].verdict) == "fails"
+    assert {case.pair.label: str(case.verdict) for case in claims["knows"].cases} == {"band": "fails", "PD": "fails"}
 
 
 def test_page(done):

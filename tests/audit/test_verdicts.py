@@ -75,7 +75,9 @@ def test_floor_makes_negligible_figures_alike():
 
 def test_ratio_without_figures():
     """Draws in which one law has no figure are left out and counted; a ratio to zero is none."""
-    assert ratio([None, 2.0], [1.0, 1.0]) == Interval(2.0, 2.0, 2.0, 1, (1, 0))
+    assert ratio([None, 2.0, 2.0], [1.0, 1.0, 1.0]) == Interval(2.0, 2.0, 2.0, 2, (1, 0))
+    assert ratio([2.0, math.nan, 2.0], [1.0, 1.0, 1.0]) == Interval(2.0, 2.0, 2.0, 2, (0, 0))
+    assert math.isnan(ratio([-5.0], [-3.0], floor=0.1).value)
     assert ratio([None, None], [1.0, 1.0]).n == 0
     assert math.isnan(ratio([1.0], [0.0]).value)
 
@@ -87,6 +89,7 @@ def test_mean_and_difference():
     assert found == Interval(0.25, 0.25, 0.25, 3, (0, 0))
     assert mean([2.0]) == Interval(2.0, 2.0, 2.0, 1, (0, 0))
     assert mean([None, 4.0], [1.0, 1.0]).failed == (1, 0)
+    assert mean([math.nan, 1.0, 3.0]).n == 2
     low, high = stats.t.interval(0.95, 2, loc=5.0, scale=stats.sem(shared))
     assert mean(shared)[:3] == pytest.approx((5.0, low, high))
 
@@ -114,6 +117,7 @@ def test_a_case_holds_where_all_its_figures_do():
         ([HOLDS, HOLDS], HOLDS),
         ([FAILS], FAILS),
         ([HOLDS, FAILS, UNDECIDED], DEPENDS),
+        ([HOLDS, FAILS, *[UNDECIDED] * 5], UNDECIDED),
         ([HOLDS, HOLDS, UNDECIDED], HOLDS),
         ([HOLDS, UNDECIDED], UNDECIDED),
         ([FAILS, UNDECIDED, UNDECIDED], UNDECIDED),
@@ -123,6 +127,16 @@ def test_a_case_holds_where_all_its_figures_do():
 def test_many_cases_make_one_verdict(cases, verdict):
     """Both sides: it depends; one side that is more than half: that side; else it is undecided. Order is nothing."""
     assert over_cases(cases) == over_cases(cases[::-1]) == verdict
+
+
+def test_one_draw_that_is_left_of_several_decides_nothing():
+    """Its spread is not known: the interval has no ends, and the case is undecided unless a run failed."""
+    for found in (ratio([2.0, math.nan, math.nan], [1.0, 1.0, 1.0]), mean([2.0, math.nan])):
+        assert (found.n, found.low, found.high) == (1, -math.inf, math.inf)
+        assert judge(found, Threshold(5.0, "below")) == UNDECIDED
+    assert judge(ratio([2.0, None], [1.0, 1.0]), Threshold(5.0, "below")) == FAILS
+    rest = share([1.0, math.nan, math.nan], Threshold(0.0, "above"))
+    assert rest[:2] == (1.0, pytest.approx(0.025))
 
 
 def test_no_case_has_no_verdict():

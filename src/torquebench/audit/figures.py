@@ -161,7 +161,14 @@ def _dot_plot(title: str, subtitle: str, points: Sequence[Point], place: Callabl
             middle = rows.index(point.row)
             at = middle + (series.index(point.series) - 0.5 * (len(series) - 1)) * PITCH / step
             if not math.isnan(point.interval.value):
-                ax.plot(point.interval[1:3], [at, at], color=point.series.colour, linewidth=1.1, zorder=2.5)
+                known = math.isfinite(point.interval.low)  # of one draw that is left of several there are no ends
+                ax.plot(
+                    point.interval[1:3] if known else [point.interval.value] * 2,
+                    [at, at],
+                    color=point.series.colour,
+                    linewidth=1.1,
+                    zorder=2.5,
+                )
                 _dot(ax, point.interval.value, at, point.verdict, 4.6, point.series)
             if numbers:
                 words = {"fontsize": 6.5, "va": "center", "color": "0.25", "annotation_clip": False}
@@ -183,11 +190,11 @@ def _dot_plot(title: str, subtitle: str, points: Sequence[Point], place: Callabl
     return fig
 
 
-def forest(claim: Judged, index: int = 0) -> Figure:
+def forest(claim: Judged, index: int = 0) -> Figure | None:
     """Draw a figure of a claim: a row for each condition, a dot and its 95 % interval for each pair, the threshold.
 
     Dots are full where the case holds by this figure, half full where it is undecided, empty where it fails; those of
-    unlike pairs, which are not judged, are grey diamonds.
+    unlike pairs, which are not judged, are grey diamonds. None for a claim without a case.
 
     Args:
         claim: The claim.
@@ -204,6 +211,8 @@ def forest(claim: Judged, index: int = 0) -> Figure:
             return Series(f"{pair.label}: {names}", PAIR_COLOURS[like.index(pair) % len(PAIR_COLOURS)])
         return Series(f"{pair.label}: {names} (not alike, not judged)", "0.55", like=False)
 
+    if not cases:
+        return None
     points = [
         Point(case.where, series(case.pair), _scaled(case.figures[index].interval, scale), case.figures[index].verdict)
         for case in cases
@@ -244,12 +253,12 @@ def _axis(ax: Axes, points: Sequence[Point], measure: Measure, scale: float) -> 
     label, limit = f"{measure.figure} [{unit_of(measure.figure)[0]}]", threshold.limit * scale
     if measure.relation == "ratio":
         _ratios(ax, points, limit)
-        label = f"ratio of {measure.figure} [1]"
+        label = f"ratio of {measure.figure} [1]; grey: alike within a tenth"
     elif measure.relation == "share":
         ax.set_xlim(-0.03, 1.03)
         label = "share of draws [1]"
     else:
-        known = [x for point in points for x in point.interval[:3] if not math.isnan(x)]
+        known = [x for point in points for x in point.interval[:3] if math.isfinite(x)]
         low, high = min([*known, limit, 0.0]), max([*known, limit])
         margin = 0.06 * ((high - low) or 1.0)
         ax.set_xlim(low - margin, high + margin)
@@ -259,7 +268,7 @@ def _axis(ax: Axes, points: Sequence[Point], measure: Measure, scale: float) -> 
 
 def _ratios(ax: Axes, points: Sequence[Point], limit: float) -> None:
     """Set a logarithmic axis of ratios, with a grey band in which two laws count as alike."""
-    known = [x for point in points for x in point.interval[:3] if x > 0.0]
+    known = [x for point in points for x in point.interval[:3] if 0.0 < x < math.inf]
     low, high = 0.8 * min([*known, limit, 0.9]), 1.25 * max([*known, limit, 1.1])
     ax.axvspan(1.0 - ALIKE, 1.0 + ALIKE, color="0.9", zorder=-0.5)
     ax.set_xscale("log")
@@ -274,7 +283,9 @@ def _numbers(interval: Interval) -> str:
     if math.isnan(interval.value):
         return f"no figure; {interval.failed[0]} failed"
     text = f"{interval.value:.3g}"
-    if interval.n > 1:
+    if interval.n == 1 and math.isinf(interval.low):
+        text += " [unknown]"
+    elif interval.n > 1:
         text += f" [{interval.low:.3g}, {interval.high:.3g}]"
     failed = sum(interval.failed)
     return f"{text}  n = {interval.n}" + (f", {failed} failed" if failed else "")

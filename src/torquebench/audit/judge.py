@@ -6,7 +6,7 @@ import math
 import statistics
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from torquebench.audit.run import Runs
 from torquebench.audit.study import MAX_WORDS, Claim, Condition, Measure, Pair, Question, Study
 from torquebench.audit.verdicts import Interval, Verdict, all_of, judge, mean, over_cases, ratio, share
 from torquebench.certificates import FIGURES
+from torquebench.metrics import METRICS
 from torquebench.plain import plain
 
 AS_WELL = 1.1
@@ -52,10 +53,14 @@ class Ablation(NamedTuple):
     interval: Interval
     """Ratio of the first measure's figure."""
 
+    higher: bool
+    """Whether more of the figure is better."""
+
     @property
     def as_well(self) -> bool:
         """Whether it does as well: at most a tenth worse, interval and all."""
-        return not self.interval.failed[0] and self.interval.high < AS_WELL
+        worst = 1.0 / self.interval.low if self.higher and self.interval.low > 0.0 else self.interval.high
+        return not self.interval.failed[0] and self.interval.n > 0 and worst < AS_WELL
 
 
 @dataclass(frozen=True)
@@ -97,8 +102,8 @@ class Judged:
             return "no case: nothing is certified anywhere"
         middle, low, high = self.typical
         first = self.claim.measures[0]
-        figures = "" if math.isnan(middle) else f"median {shown(middle, first)}"
-        if low != high:
+        figures = "no figure" if math.isnan(middle) else f"median {shown(middle, first)}"
+        if low < high:
             figures += f", {shown(low, first)} to {shown(high, first)}"
         texts = [f"{where}; {figures}" if figures else where for where in (self._groups(), self._counts())]
         return next((text for text in texts if len(text.split()) <= MAX_WORDS), texts[-1])
@@ -211,33 +216,42 @@ def judge_claim(study: Study, question: Question, runs: Runs) -> Judged:
         runs: What came out.
     """
     cases, other, vacuous = list[Case](), list[Case](), 0
-    certified = any(measure.figure in FIGURES for measure in question.claim.measures)
+    certified = [measure.figure for measure in question.claim.measures if measure.figure in FIGURES]
     for pair in question.pairs:
-        for condition in question.conditions:
-            if certified and runs.idle(pair.of, condition):
+        for condition, draws in question.conditions.items():
+            idle = [runs.values(figure, pair.of, condition, draws) for figure in certified]
+            if any(all(x is not None and math.isnan(x) for x in values) for values in idle):
                 vacuous += pair.like
                 continue
-            figures = tuple(_figure(study, runs, measure, pair, condition) for measure in question.claim.measures)
+            figures = tuple(
+                _figure(study, runs, measure, pair, condition, draws) for measure in question.claim.measures
+            )
             case = Case(pair, condition, study.words(condition), figures, all_of([one.verdict for one in figures]))
             (cases if pair.like else other).append(case)
     first = question.claim.measures[0]
     ablations = tuple(
-        Ablation(pair.label, study.words(condition), _ratio(runs, first, pair, condition))
+        Ablation(
+            pair.label,
+            study.words(condition),
+            _ratio(runs, first, pair, condition, draws),
+            first.figure in METRICS and METRICS[first.figure].better == "higher",
+        )
         for pair in question.ablations
-        for condition in question.ablated
+        for condition, draws in question.ablated.items()
     )
     verdict = over_cases([case.verdict for case in cases]) if cases else Verdict.UNDECIDED
     return Judged(question.key, question.claim, verdict, tuple(cases), tuple(other), vacuous, ablations)
 
 
-def _figure(study: Study, runs: Runs, measure: Measure, pair: Pair, condition: Condition) -> Figure:
-    """Compute one measure of one case, and judge it."""
-    of = runs.values(measure.figure, pair.of, condition)
+def _figure(study: Study, runs: Runs, measure: Measure, pair: Pair, condition: Condition, draws: int) -> Figure:
+    """Compute one measure of one case, and judge it; arguments as they are called elsewhere here."""
+    of = runs.values(measure.figure, pair.of, condition, draws)
     beside: list[float | None] | None = None
     if measure.against is not None:
-        beside = runs.values(measure.figure, pair.of, study.moved(condition, measure.against))
+        other = runs.values(measure.figure, pair.of, study.moved(condition, measure.against), draws)
+        beside = [math.nan if x is None else x for x in other]  # its own failure there is nothing in its favour
     elif pair.over is not None and measure.relation in ("ratio", "difference"):
-        beside = runs.values(measure.figure, pair.over, condition)
+        beside = runs.values(measure.figure, pair.over, condition, draws)
     if beside is not None:
         of, beside = _paired(of, beside)
     if measure.relation == "ratio":
@@ -246,11 +260,14 @@ def _figure(study: Study, runs: Runs, measure: Measure, pair: Pair, condition: C
         interval = share(of, measure.counted)
     else:
         interval = mean(of, beside)
+    others = study.moved(condition, measure.against or {})
+    if interval.n == 1 and any(runs.experiments[one].is_drawn for one in (condition, others)):
+        interval = interval._replace(low=-math.inf, high=math.inf)  # one draw of something random has no spread
     return Figure(measure, interval, _mean(of), _mean(beside), judge(interval, measure.threshold))
 
 
-def _ratio(runs: Runs, measure: Measure, pair: Pair, condition: Condition) -> Interval:
-    of, over = (runs.values(measure.figure, name, condition) for name in (pair.of, pair.over or pair.of))
+def _ratio(runs: Runs, measure: Measure, pair: Pair, condition: Condition, draws: int) -> Interval:
+    of, over = (runs.values(measure.figure, name, condition, draws) for name in (pair.of, pair.over or pair.of))
     return ratio(of, over, measure.floor)
 
 
@@ -264,14 +281,12 @@ def _paired(a: list[float | None], b: list[float | None]) -> tuple[list[float | 
 
 
 def _mean(values: list[float | None] | None) -> float | None:
-    known = [x for x in values or () if x is not None]
+    known = [x for x in values or () if x is not None and not math.isnan(x)]
     return statistics.fmean(known) if known else None
 
 
 def unit_of(figure: str) -> tuple[str, float]:
     """Return the unit in which a figure is shown, and by how much the stored value is multiplied."""
-    from torquebench.metrics import METRICS
-
     if figure in METRICS:
         info = METRICS[figure]
         return info.shown_unit, info.scale
@@ -293,7 +308,8 @@ def measure_words(measure: Measure) -> str:
     relations: Mapping[str, str] = {"value": "", "ratio": "ratio of ", "difference": "difference of ", "share": ""}
     what = f"{relations[measure.relation]}{measure.figure}"
     if measure.relation == "share":
-        what = f"share of draws with {measure.figure} {measure.counted}"
+        counted = replace(measure, relation="value")
+        what = f"share of draws with {measure.figure} {measure.counted.side} {shown(measure.counted.limit, counted)}"
     if measure.against is not None:
         what += f", against {', '.join(measure.against.values())}"
     limit = measure.threshold

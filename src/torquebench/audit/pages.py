@@ -67,7 +67,9 @@ def figure_text(figure: Shown) -> str:
     if math.isnan(interval.value):
         return f"none{failed}"
     text = shown(interval.value, measure)
-    if interval.n > 1:
+    if interval.n == 1 and math.isinf(interval.low):
+        text += " [unknown]"
+    elif interval.n > 1:
         text += f" [{_bare(interval.low, measure)}, {_bare(interval.high, measure)}]"
     text += f", n = {interval.n}{failed}"
     if measure.relation in ("ratio", "difference") and figure.of is not None and figure.beside is not None:

@@ -23,6 +23,7 @@ from torquebench.experiment.groups import AUDIT
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign, split_key
 from torquebench.experiment.yaml_tree import copied
+from torquebench.metrics import METRICS
 from torquebench.references import Reference
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import own_copy
@@ -45,26 +46,29 @@ class Runs:
     def __init__(self, experiments: dict[Condition, Experiment], tables: dict[Condition, pd.DataFrame]) -> None:
         self.experiments, self.tables = experiments, tables
 
-    def values(self, figure: str, controller: str, condition: Condition) -> list[float | None]:
-        """Return a figure of one controller by draw; None where the run failed or has no such figure.
+    def values(self, figure: str, controller: str, condition: Condition, draws: int) -> list[float | None]:
+        """Return a figure of one controller by draw, see `Values`.
+
+        None where the run failed, or never rose or settled on a step; NaN where the figure is not defined, such as a
+        certificate of a run in which no joint leaves its layer.
 
         Args:
             figure: Metric, figure of the certificates, or `FEEDFORWARD`.
             controller: Name of the controller.
             condition: Where it was run.
+            draws: How many draws, at most.
         """
-        table = self.tables[condition]
-        rows = table[table["controller"] == controller].sort_values("draw")
+        table, experiment = self.tables[condition], self.experiments[condition]
+        rows = table[(table["controller"] == controller) & (table["draw"] < draws)].sort_values("draw")
+        completed = rows["outcome"] == "COMPLETED"
         if figure == FEEDFORWARD:
-            share = feedforward(self.experiments[condition], controller)
-            return [share] * len(rows)
-        return [None if math.isnan(x) else float(x) for x in rows[figure]]
-
-    def idle(self, controller: str, condition: Condition) -> bool:
-        """Whether a controller's certificates say nothing: no joint ever leaves its layer in any run that completed."""
-        table = self.tables[condition]
-        rows = table[(table["controller"] == controller) & (table["outcome"] == "COMPLETED")]
-        return bool(len(rows)) and bool((rows["share_outside"] == 0.0).all())
+            share = feedforward(experiment, controller)
+            return [share if ended else None for ended in completed]
+        must = figure in METRICS and METRICS[figure].steps_only and experiment.reference.is_step_like
+        return [
+            None if not ended or (must and math.isnan(x)) else float(x)
+            for x, ended in zip(rows[figure], completed, strict=True)
+        ]
 
 
 @dataclass(frozen=True)
@@ -112,12 +116,13 @@ def parts_of(study: Study, draws: int | None = None) -> list[Part]:
 
 def _certified(study: Study) -> set[Condition]:
     """Return the conditions under which a claim needs certificates."""
-    return {
-        condition
-        for question in study.questions
-        if any(measure.figure in FIGURES for measure in question.claim.measures)
-        for condition in question.conditions
-    }
+    found = set[Condition]()
+    for question in study.questions:
+        for measure in question.claim.measures:
+            if measure.figure in FIGURES:
+                found |= {*question.conditions, *question.ablated}
+                found |= {study.moved(condition, measure.against or {}) for condition in question.conditions}
+    return found
 
 
 def _document(study: Study, condition: Condition, names: Sequence[str]) -> Document:

@@ -284,6 +284,19 @@ class _Reader:
                 continue
             for level, keys in levels.items():
                 self._check_level((*path, level), keys)
+                self._check_overlap((*path, level), axis, keys if isinstance(keys, dict) else {})
+
+    def _check_overlap(self, path: KeyPath, axis: str, keys: Mapping[str, Any]) -> None:
+        """Record keys that an earlier axis sets too: the later one would undo what the earlier one is for."""
+        before = list(self.axes)[: list(self.axes).index(axis)]
+        for other in before:
+            levels = self.axes[other].values() if isinstance(self.axes[other], dict) else ()
+            taken = {key for own in levels if isinstance(own, dict) for key in own}
+            for key in keys:
+                undone = next((one for one in taken if one == key or one.startswith(f"{key}.")), None)
+                if undone is not None:
+                    text = f"undoes what axis '{other}' sets ({undone})"
+                    self.document.add((*path, key), text, at="key", wanted="each key on one axis")
 
     def _check_level(self, path: KeyPath, keys: Any) -> None:
         if not isinstance(keys, dict):
@@ -307,10 +320,20 @@ class _Reader:
             *self._pairs((*path, "pairs"), claim.pairs, True),
             *self._pairs((*path, "unlike"), claim.unlike or {}, False),
         ]
+        under = self._conditions((*path, "under"), claim.under)
         for i, measure in enumerate(claim.measures):
             self._check_measure((*path, "measures", i), measure, pairs)
-        under = self._conditions((*path, "under"), claim.under)
+            against = measure.against if isinstance(measure.against, dict) else {}
+            axes = list(self.axes)
+            if against and any(
+                all(condition[axes.index(axis)] == level for axis, level in against.items() if axis in axes)
+                for condition in under
+            ):
+                self.document.add((*path, "measures", i, "against"), "is the case itself", wanted="another level")
         ablations = tuple(self._pairs((*path, "ablations"), claim.ablations or {}, True))
+        for pair in ablations:
+            if pair.over is None:
+                self.document.add((*path, "ablations", pair.label), wanted="[controller, the one that is judged]")
         ablated = under
         if claim.ablated_under is not None:
             ablated = self._conditions((*path, "ablated_under"), claim.ablated_under)

@@ -33,8 +33,7 @@ class Interval(NamedTuple):
     n: int
     """Draws behind it."""
     failed: tuple[int, int] = (0, 0)
-    """Draws in which the run of the law judged, and of the one beside it, has no such figure: it failed, or never
-    settled."""
+    """Draws that speak against the law judged, and against the one beside it: its run failed, or never settled."""
 
 
 class Threshold(NamedTuple):
@@ -49,7 +48,8 @@ class Threshold(NamedTuple):
 
 
 Values = Sequence[float | None]
-"""A figure of one law by draw; None where the run failed or has no such figure."""
+"""A figure of one law by draw. None speaks against the law: its run failed, or never settled. NaN says nothing: the
+figure is not defined there, and the draw is left out."""
 
 
 def ratio(of: Values, over: Values, floor: float | None = None) -> Interval:
@@ -59,14 +59,15 @@ def ratio(of: Values, over: Values, floor: float | None = None) -> Interval:
         of, over: A figure of two laws in the same draws.
         floor: Both figures count as at least this: the ratio of two negligible figures says nothing.
     """
+    failed, pairs = (_count(of), _count(over)), _pairs(of, over)
+    if pairs and min(min(pair) for pair in pairs) < 0.0:
+        return Interval(math.nan, math.nan, math.nan, 0, failed)
     least = 0.0 if floor is None else floor
-    a, b = ([None if x is None else max(x, least) for x in values] for values in (of, over))
-    failed = _count(a), _count(b)
-    pairs = [(x, y) for x, y in zip(a, b, strict=True) if x is not None and y is not None]
-    if not pairs or any(x <= 0.0 or y <= 0.0 for x, y in pairs):
+    a, b = ([max(pair[i], least) for pair in pairs] for i in (0, 1))
+    if not pairs or min(*a, *b) <= 0.0:
         return Interval(math.nan, math.nan, math.nan, 0, failed)
     found = paired_ratio(a, b)
-    return Interval(found.ratio, found.low, found.high, found.pairs, failed)
+    return _spread(Interval(found.ratio, found.low, found.high, found.pairs, failed), len(of))
 
 
 def mean(of: Values, minus: Values | None = None) -> Interval:
@@ -77,12 +78,12 @@ def mean(of: Values, minus: Values | None = None) -> Interval:
         minus: What is taken from it, in the same draws; None for nothing.
     """
     other: Values = [0.0] * len(of) if minus is None else minus
-    pairs = [x - y for x, y in zip(of, other, strict=True) if x is not None and y is not None]
+    differences = [x - y for x, y in _pairs(of, other)]
     failed = _count(of), _count(other)
-    if not pairs:
+    if not differences:
         return Interval(math.nan, math.nan, math.nan, 0, failed)
-    middle, half = mean_interval(pairs)
-    return Interval(middle, middle - half, middle + half, len(pairs), failed)
+    middle, half = mean_interval(differences)
+    return _spread(Interval(middle, middle - half, middle + half, len(differences), failed), len(of))
 
 
 def share(of: Values, counted: Threshold) -> Interval:
@@ -92,11 +93,11 @@ def share(of: Values, counted: Threshold) -> Interval:
         of: The figure.
         counted: Which draws count.
     """
-    known = [x for x in of if x is not None]
+    known = [x for x in of if x is not None and not math.isnan(x)]
     if not known:
         return Interval(math.nan, math.nan, math.nan, 0, (_count(of), 0))
     hits = sum(x < counted.limit if counted.side == "below" else x > counted.limit for x in known)
-    if len(known) == 1:
+    if len(of) == 1:
         return Interval(float(hits), float(hits), float(hits), 1, (_count(of), 0))
     found = clopper_pearson(hits, len(known))
     return Interval(hits / len(known), found.low, found.high, len(known), (_count(of), 0))
@@ -104,6 +105,17 @@ def share(of: Values, counted: Threshold) -> Interval:
 
 def _count(values: Values) -> int:
     return sum(x is None for x in values)
+
+
+def _pairs(of: Values, other: Values) -> list[tuple[float, float]]:
+    """Return the figures of the draws in which both laws have one."""
+    both = [(x, y) for x, y in zip(of, other, strict=True) if x is not None and y is not None]
+    return [(x, y) for x, y in both if not math.isnan(x) and not math.isnan(y)]
+
+
+def _spread(found: Interval, draws: int) -> Interval:
+    """Return an interval, without ends where one draw is left of several: its spread is not known."""
+    return found._replace(low=-math.inf, high=math.inf) if found.n == 1 < draws else found
 
 
 def judge(figure: Interval, threshold: Threshold) -> Verdict:
@@ -131,8 +143,8 @@ def all_of(verdicts: Sequence[Verdict]) -> Verdict:
 def over_cases(verdicts: Sequence[Verdict]) -> Verdict:
     """Return the verdict of a claim over its cases.
 
-    It depends where some hold and some fail. Where all that are decided agree, they decide, if they are more than half
-    of the cases; else the claim is undecided.
+    It is undecided where at most half of the cases are decided. It depends where some hold and some fail; else those
+    that are decided decide.
 
     Raises:
         ResultError: there is no case.
@@ -140,8 +152,8 @@ def over_cases(verdicts: Sequence[Verdict]) -> Verdict:
     if not verdicts:
         raise ResultError("a claim without a case has no verdict")
     held, fell = verdicts.count(Verdict.HOLDS), verdicts.count(Verdict.FAILS)
-    if held and fell:
-        return Verdict.DEPENDS
     if 2 * (held + fell) <= len(verdicts):
         return Verdict.UNDECIDED
+    if held and fell:
+        return Verdict.DEPENDS
     return Verdict.HOLDS if held else Verdict.FAILS
