@@ -37,7 +37,7 @@ def run(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float] | No
     if law == "b" and draw == 5 and values["plant.payload.mass"] == 2.0:
         return None
     noise = float(np.random.default_rng(draw).lognormal())
-    return {"rmse": (1e-3 if law == "a" else 3e-3) * noise, "hf": 30.0 if law == "a" else 1.0}
+    return {"rmse": (1e-3 if law == "a" else 3e-3) * noise, "chattering": 30.0 if law == "a" else 1.0}
 
 
 TABLE = made("ab", 8, run, GRID)
@@ -61,7 +61,7 @@ FOUND = [
         "",
     ),
     Sensitivity("b", "rmse", (0, 1), 7, 1, Effects("single", None, 3, (Effect(("I2",), 0.1, -0.5, 0.7),)), ""),
-    Sensitivity("b", "hf", (0, 1), 7, 1, None, "it is the same in every draw"),
+    Sensitivity("b", "chattering", (0, 1), 7, 1, None, "it is the same in every draw"),
 ]
 
 
@@ -116,7 +116,7 @@ def test_what_matters_is_named_as_it_does() -> None:
     ]
     text = silent_text(FOUND)
     assert "RMSE of b: none of 1 and of their 3 products shows in 7 draws" in text
-    assert "HF of b: it is the same in every draw" in text
+    assert "chattering of b: it is the same in every draw" in text
     assert silent_text(FOUND[:1]) == ""
 
 

@@ -19,7 +19,7 @@ def made(
     draws: int,
     figures: Callable[[str, int, Mapping[str, Any]], Run | None],
     grid: Mapping[str, Sequence[Any]] | None = None,
-    metrics: Sequence[str] = ("rmse", "hf"),
+    metrics: Sequence[str] = ("rmse", "chattering"),
 ) -> Table:
     """Return a table whose figures are a function of (law, draw, values of the case); None for a run that failed."""
     keys = grid or {}

@@ -61,10 +61,10 @@ def dependent(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float
     rng = np.random.default_rng((draw, "ab".index(law), int(values["plant.payload.mass"])))
     load = 1.0 + float(values["plant.payload.mass"])
     if law == "b":
-        return {"rmse": load * float(rng.lognormal()), "hf": 0.0}
+        return {"rmse": load * float(rng.lognormal()), "chattering": 0.0}
     return {
         "rmse": load * float(np.exp(2.0 * CHANGES["g1"][draw] - CHANGES["I2"][draw] + 0.1 * rng.normal())),
-        "hf": 0.0,
+        "chattering": 0.0,
     }
 
 
@@ -101,7 +101,7 @@ def test_failures_are_left_out_and_counted() -> None:
 def test_what_cannot_be_told_says_why() -> None:
     """HF is zero throughout: no effects, and the reason; plain data all the same."""
     table = made("a", DRAWS, dependent, GRID)
-    (rmse, hf) = sensitivities(table, experiment_of, ["rmse", "hf"])
+    (rmse, hf) = sensitivities(table, experiment_of, ["rmse", "chattering"])
     assert rmse.reason == ""
     assert hf.effects is None
     assert hf.reason == "it is the same in every draw"

@@ -27,7 +27,7 @@ def two_laws(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float 
         return None
     size = 1.0 if law == "a" else 2.0 + float(values["plant.payload.mass"])
     hf = 0.0 if law == "a" else 5.0
-    return {"rmse": size * SPREAD["ab".index(law), draw], "hf": hf}
+    return {"rmse": size * SPREAD["ab".index(law), draw], "chattering": hf}
 
 
 def test_failures_are_counted_and_enter_no_figure() -> None:
@@ -75,7 +75,7 @@ def test_ratios_are_those_of_the_pairs() -> None:
     wanted = paired_ratio(b, SPREAD[0].tolist())
     assert groups[2, "b"].ratios["rmse"][:3] == pytest.approx(wanted[:3], rel=1e-12)
     assert groups[2, "b"].ratios["rmse"].failed == (2, 0)
-    assert "hf" not in groups[0, "b"].ratios
+    assert "chattering" not in groups[0, "b"].ratios
     assert groups[0, "a"].ratios["rmse"][:3] == (1.0, 1.0, 1.0)
     swapped = {(g.case, g.controller): g for g in summarise(table, reference="b").groups}
     assert swapped[0, "a"].ratios["rmse"].ratio == pytest.approx(1 / groups[0, "b"].ratios["rmse"].ratio, rel=1e-12)
@@ -106,12 +106,12 @@ def test_over_all_cases_a_draw_counts_once() -> None:
 
 def test_columns_are_told_apart() -> None:
     """Grid keys have one value in a case, drawn ones have not; a metric nobody has is no metric of the sweep."""
-    table = made("ab", 3, two_laws, GRID, metrics=("rmse", "hf", "rise_time"))
+    table = made("ab", 3, two_laws, GRID, metrics=("rmse", "chattering", "rise_time"))
     drawn = np.where(table["controller"] == "b", table["draw"].astype(float), np.nan)
     table = {name: table[name] for name in [*FIXED, *GRID]} | {"controllers.b.gains.phi": drawn} | dict(table)
     assert varied_keys(table) == (*GRID, "controllers.b.gains.phi")
     assert grid_keys(table) == tuple(GRID)
-    assert metric_keys(table) == ("rmse", "hf")
+    assert metric_keys(table) == ("rmse", "chattering")
     assert controllers(table) == ("a", "b")
     summary = summarise(table)
     assert (summary.grid, summary.drawn) == (tuple(GRID), ("controllers.b.gains.phi",))

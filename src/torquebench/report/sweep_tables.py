@@ -12,7 +12,7 @@ from torquebench.sweep.effects import Effects, ranked
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import TAIL, Group, Overall, Summary
 
-SHOWN = ("rmse", "hf")
+SHOWN = ("rmse", "chattering")
 """Metrics with tables and figures of their own: error against chattering."""
 Titles = Mapping[str, tuple[str, float]]
 """Title with unit and scale of each metric, as of `headlines`."""

@@ -21,7 +21,7 @@ from torquebench.video.process import CrashedError, answers
 FILM = "video.mp4"
 SILENCE = 300.0
 """Longest time between two frames [s]."""
-HEADLINES = (("rmse", "RMSE", 1e3, "mrad"), ("hf", "HF", 1.0, "%"))
+HEADLINES = (("rmse", "RMSE", 1e3, "mrad"), ("chattering", "chattering", 1.0, "%"))
 """Metrics quoted beside a controller's name: key, title, factor and unit."""
 LEAST = 1e-3
 """Smaller figures are written as ``<0.001``."""

@@ -80,6 +80,7 @@ def draw_all() -> dict[str, Figure]:
     runs = {"smc": make(N, 9.0, switching=True), "calm": make(N, 1.0), "wild": diverged(N)}
     names = [f"joint {i + 1}" for i in range(N)]
     common = {"joint_names": names, "tau_max": np.full(N, 20.0), "metrics_from": 0.5, "control_period": 0.001}
+    common["chattering_from_hz"] = 8.0
     bands = {"calm": np.full(N, 0.05)}
     systems = {system.name: prepare(system) for system in (SYSTEMS[0], SYSTEMS[-1])}  # two inputs; one, and functions
     fired = {}

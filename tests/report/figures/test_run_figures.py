@@ -65,6 +65,7 @@ def draw(runs: dict[str, Trajectory], n: int, **changes: object) -> dict[str, Fi
         "tau_max": np.full(n, 20.0),
         "metrics_from": 0.5,
         "control_period": T,
+        "chattering_from_hz": 8.0,
     } | changes
     return draw_figures(RunView(runs, **arguments))  # type: ignore[arg-type]
 
@@ -204,10 +205,10 @@ def test_zoom_lies_in_the_middle_of_the_window_and_shows_held_torque() -> None:
 
 
 def test_spectrum_reads_the_amplitude_of_a_sinusoid() -> None:
-    """50 Hz of 5 N m at a limit of 20 N m peaks at 25 % and at 50 Hz; 30 Hz is marked."""
+    """50 Hz of 5 N m at a limit of 20 N m peaks at 25 % and at 50 Hz; the corner of 8 Hz is marked."""
     ax = draw({"a": make(1, 5.0)}, 1)["spectrum"].axes[0]
     mark, *lines = ax.get_lines()
-    assert np.ravel(mark.get_xdata())[0] == 30.0
+    assert np.ravel(mark.get_xdata())[0] == 8.0
     for line in lines:
         f, a = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
         assert f[np.argmax(a)] == pytest.approx(50.0)
@@ -216,12 +217,12 @@ def test_spectrum_reads_the_amplitude_of_a_sinusoid() -> None:
 
 
 def test_headline_metrics_stand_in_the_legend() -> None:
-    """RMSE on the error page, HF on the torque page, from the metrics handed in."""
+    """RMSE on the error page, chattering on the torque page, from the metrics handed in."""
     run = make(1, 5.0)
     metrics = from_joints(per_joint(run, tau_max=np.array([20.0]), metrics_from=0.5, control_period=T, step_like=False))
     figures = draw({"a": run}, 1, metrics={"a": metrics})
     assert legend_texts(figures["error"])[0] == "a (RMSE 7.071 mrad)"  # 10 mrad / sqrt 2
-    assert legend_texts(figures["torque"])[0] == "a (HF 17.68 %)"  # 25 % / sqrt 2
+    assert legend_texts(figures["torque"])[0] == "a (chattering 17.68 %)"  # 25 % / sqrt 2
 
 
 def test_same_input_same_bytes_whatever_the_users_settings() -> None:

@@ -35,7 +35,7 @@ def run(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float] | No
         return None
     place = LAWS.index(law)
     rmse = 1e-3 * (1.0, 9.0, 2.0)[place] * float(values["plant.payload.mass"]) * NOISE[place, draw]
-    return {"rmse": rmse, "hf": (30.0, 0.5, 20.0)[place] * NOISE[place, -1 - draw]}
+    return {"rmse": rmse, "chattering": (30.0, 0.5, 20.0)[place] * NOISE[place, -1 - draw]}
 
 
 TABLE = made(LAWS, DRAWS, run, GRID)
@@ -59,7 +59,7 @@ def texts(ax: Axes) -> list[str]:
 
 def test_a_figure_for_everything_that_the_table_has(figures: dict[str, Figure]) -> None:
     """By law, over each key of the grid, maps over the first two, and the front; without a grid only the first."""
-    assert set(figures) == {"spread", "over-plant-payload-mass", "over-chain", "map-rmse", "map-hf", "front"}
+    assert set(figures) == {"spread", "over-plant-payload-mass", "over-chain", "map-rmse", "map-chattering", "front"}
     assert set(drawn(made(LAWS, 2, run, {k: v[:1] for k, v in GRID.items()}))) == {"spread", "front"}
     lone = made(["rough"], 2, lambda law, draw, values: {"rmse": 1.0 + draw}, metrics=["rmse"])
     assert set(drawn(lone)) == {"spread"}
@@ -75,7 +75,7 @@ def test_headings_of_figures(figures: dict[str, Figure]) -> None:
         "over-plant-payload-mass": "Over plant.payload.mass",
         "over-chain": "Over chain",
         "map-rmse": "RMS error over plant.payload.mass and chain",
-        "map-hf": "Chattering index HF over plant.payload.mass and chain",
+        "map-chattering": "Chattering over plant.payload.mass and chain",
         "front": "Error against chattering",
     }
 
@@ -146,7 +146,7 @@ def test_a_front_is_of_choices_not_of_conditions() -> None:
             return None
         phi = float(values["controllers.a.gains.phi"]) if law == "a" else 1.0
         worse = 1.1 if law == "b" else 1.0
-        return {"rmse": worse * phi * float(values["plant.payload.mass"]) * NOISE[0, draw], "hf": worse / phi}
+        return {"rmse": worse * phi * float(values["plant.payload.mass"]) * NOISE[0, draw], "chattering": worse / phi}
 
     table = made("ab", DRAWS, chosen, {"controllers.a.gains.phi": (0.5, 1.0, 3.0), "plant.payload.mass": (1.0, 4.0)})
     spots = {(spot.family, spot.label): spot for spot in front_of(table).spots}
@@ -162,7 +162,7 @@ def test_a_line_of_the_front_follows_one_choice() -> None:
 
     def chosen(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float]:
         phi, k = (float(values[f"controllers.*.gains.{key}"]) for key in ("phi", "k"))
-        return {"rmse": phi / k * NOISE[0, draw], "hf": k / phi}
+        return {"rmse": phi / k * NOISE[0, draw], "chattering": k / phi}
 
     grid = {"controllers.*.gains.phi": (0.1, 0.3, 1.0), "controllers.*.gains.k": (0.2, 0.3)}
     front = front_of(made("ab", DRAWS, chosen, grid))

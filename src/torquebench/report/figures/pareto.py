@@ -48,7 +48,7 @@ class Spot(NamedTuple):
     error: Ratio
     """RMS error [rad, or m]."""
     chattering: Ratio
-    """HF [% of the torque limit]."""
+    """Chattering [% of the torque limit]."""
     best: bool
     """Whether it is on the front."""
 
@@ -90,7 +90,7 @@ def draw_pareto(front: Front, unit: str, title: str, subtitle: str) -> Figure:
         keys.append(Line2D([], [], label=name, **look if own else {"linestyle": "none"}))
     best = [spot for spot in front.spots if spot.best]
     ax.plot([spot.chattering.ratio for spot in best], [1e3 * spot.error.ratio for spot in best], **_RING)
-    ax.set_xlabel("chattering index HF [% of tau_max]")
+    ax.set_xlabel("chattering [% of tau_max]")
     ax.set_ylabel(f"RMS error [{unit}]")
     named = f"; {front.labels}" if front.labels else ""
     keys.append(Line2D([], [], label=f"no choice is better in both{named}", **_RING))
@@ -131,7 +131,7 @@ def front_of(table: Table) -> Front:
         table: The table.
     """
     laws = {law: rows for (law,), rows in rows_by(table, "controller").items()}
-    if not {"rmse", "hf"} <= set(metric_keys(table)):
+    if not {"rmse", "chattering"} <= set(metric_keys(table)):
         return Front((), {})
     grid = [key for key in grid_keys(table) if len(key_values(table, key)) > 1 and key.startswith(CHOSEN)]
     chosen = {law: tuple(key for key in grid if _concerns(key, law)) for law in laws}
@@ -144,7 +144,7 @@ def front_of(table: Table) -> Front:
     found = []
     for law, own in choices.items():
         for choice, cases in own.items():
-            error, chattering = (_worst([level(table, rows, key) for rows in cases]) for key in ("rmse", "hf"))
+            error, chattering = (_worst([level(table, rows, key) for rows in cases]) for key in ("rmse", "chattering"))
             if error is None or chattering is None:
                 continue
             words = [(key.split(".")[-1], value_text(value)) for key, value in choice if value is not None]

@@ -71,6 +71,8 @@ class RunView:
     """Start of the metrics' window [s]."""
     control_period: float
     """Time between control instants [s]."""
+    chattering_from_hz: float
+    """Frequency from which the torque counts as chattering [Hz]."""
     metrics: Mapping[str, Metrics] = field(default_factory=dict)
     """Controller -> metrics of its run, which legends quote; a run that failed has none."""
     bands: Mapping[str, Array] = field(default_factory=dict)
@@ -106,9 +108,11 @@ class RunView:
         """The run that lasted longest; the others see the same reference."""
         return max((run.data for run in self.runs), key=lambda data: len(data.t))
 
-    def hf_note(self, run: Run) -> str:
-        """Return the chattering index of a run for the legend; empty where it has none."""
-        return f" (HF {number(self.metrics[run.name].hf.value)} %)" if run.name in self.metrics else ""
+    def chattering_note(self, run: Run) -> str:
+        """Return the chattering of a run for the legend; empty where it has no metrics."""
+        if run.name not in self.metrics:
+            return ""
+        return f" (chattering {number(self.metrics[run.name].chattering.value)} %)"
 
     def finish(self, fig: Figure, note: Callable[[Run], str], *others: Artist) -> Figure:
         """Add title, subtitle and legend; `note` returns what follows a run's name in the legend."""

@@ -1,4 +1,4 @@
-"""The figure of the torque's spectrum, with the frequency from which HF counts."""
+"""The figure of the torque's spectrum, with the frequency from which it counts as chattering."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from torquebench.kernel import Array
-from torquebench.metrics.chattering import HF_FROM_HZ, hann_spectrum
+from torquebench.metrics.chattering import hann_spectrum
 from torquebench.report.figures import style
 from torquebench.report.figures.declare import figure
 from torquebench.report.figures.layout import LIMIT, SHADE, panel_grid, shade_key
@@ -40,7 +40,7 @@ def draw_spectrum(x: RunView) -> Figure | None:
     for i, ax in enumerate(panels):
         ax.loglog()
         ax.axvspan(half_rate, BEYOND * half_rate, **SHADE)
-        ax.axvline(HF_FROM_HZ, **LIMIT)
+        ax.axvline(x.chattering_from_hz, **LIMIT)
         for run in x.runs:
             if run.name in lines:
                 f, a = lines[run.name][0], np.maximum(lines[run.name][1][:, i], 0.1 * SPECTRUM_FLOOR)
@@ -48,7 +48,7 @@ def draw_spectrum(x: RunView) -> Figure | None:
                 ax.plot(f, a, **hair)
                 ax.plot(*style.band_maxima(f, a, _BANDS), **run.look | {"linewidth": 1.1})
                 peaks = style.isolated_peaks(f, a)
-                peaks = peaks[(f[peaks] >= HF_FROM_HZ) & (a[peaks] > SPECTRUM_FLOOR)]
+                peaks = peaks[(f[peaks] >= x.chattering_from_hz) & (a[peaks] > SPECTRUM_FLOOR)]
                 if len(peaks):
                     marked = True
                     ax.plot(f[peaks], a[peaks], color=run.look["color"], zorder=run.look["zorder"] + 1.0, **_PEAK)
@@ -56,7 +56,7 @@ def draw_spectrum(x: RunView) -> Figure | None:
         ax.set_ylim(SPECTRUM_FLOOR, top)
         style.plain_powers(ax.xaxis, ax.yaxis)
     others: list[Artist] = [
-        Line2D([], [], label=f"{HF_FROM_HZ:g} Hz: HF counts from here", **LIMIT),
+        Line2D([], [], label=f"{x.chattering_from_hz:g} Hz: chattering counts from here", **LIMIT),
         Line2D([], [], color="0.75", linewidth=3.0, label=f"each line (bold: greatest of 1/{_BANDS} octave)"),
         *([Line2D([], [], color="0.4", label="line that stands alone", **_PEAK)] if marked else []),
         shade_key(f"above half the control rate ({half_rate:g} Hz)"),
@@ -66,7 +66,7 @@ def draw_spectrum(x: RunView) -> Figure | None:
         if run.name not in lines:
             return " (no spectrum)"
         below = lines[run.name][1].max() < SPECTRUM_FLOOR
-        return x.hf_note(run) + (" (below axis)" if below else "")
+        return x.chattering_note(run) + (" (below axis)" if below else "")
 
     return x.finish(fig, note, *others)
 

@@ -23,7 +23,7 @@ _ZOOMED: dict[str, Any] = {"facecolor": "#F0E442", "alpha": 0.6, "linewidth": 0.
 
 @figure("torque", title="Torque", order=30)
 def draw_torque(x: RunView) -> Figure:
-    """Draw the torque after clipping, with its limits and HF in the legend."""
+    """Draw the torque after clipping, with its limits and chattering in the legend."""
     n = len(x.joint_names)
     zoom = zoom_window(x)
     fig = new_page(n, 1.05, 3.0)
@@ -49,7 +49,7 @@ def draw_torque(x: RunView) -> Figure:
     others: list[Artist] = [Line2D([], [], label=f"{word} limit", **LIMIT)] if limit_seen else []
     if zoom:
         others.append(Patch(label=f"zoomed at the right ({1e3 * (zoom[1] - zoom[0]):.4g} ms)", **_ZOOMED))
-    return x.finish(fig, lambda run: x.hf_note(run), *others, *x.shade())
+    return x.finish(fig, lambda run: x.chattering_note(run), *others, *x.shade())
 
 
 def zoom_window(x: RunView) -> tuple[float, float] | None:
