@@ -59,7 +59,9 @@ def test_every_frame_shows_the_stored_pose(copy, monkeypatch, must_draw, figure,
     assert seconds == pytest.approx(1.2, abs=1e-9)
     assert facts["seconds"] == pytest.approx(1.2)
     worst = 0.0
-    for name, panel in zip(facts["controllers"], layout(2, *SIZE).panels, strict=True):
+    for name, panel in zip(
+        facts["controllers"], layout(2, *SIZE, 2).panels, strict=True
+    ):  # figures and law take two lines
         run = load_trajectory(copy / name / "trajectory.npz")
         for i in (0, 15, 29):
             worst = max(worst, away(frames[i], panel, run.q[40 * i], "overview"))
