@@ -83,6 +83,8 @@ def test_claims_json(done):
     assert claims["reaches"]["vacuous"] == 0
     assert {case["command"] for case in claim["cases"]} >= {"torquebench sweep conditions/03-fast/sweep.yaml"}
     fields = {"claim", "where", "verdict", "figure", "interval", "condition", "ablation", "measure", "quoted", "expect"}
+    fields |= {"config", "overrides", "command"}
+    assert claim["config"] == "conditions/01-ideal/sweep.yaml"
     assert all(fields <= found.keys() for found in claims.values())
     assert claim["ablation"].startswith(("as well somewhere: PD", "nothing tried does as well; worse: PD"))
 

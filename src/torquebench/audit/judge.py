@@ -146,6 +146,7 @@ class Judged:
             commands: Condition -> the command that runs it.
         """
         middle, low, high = self.typical
+        command = next((commands.get(case.condition, "") for case in self.cases), "")
         found: dict[str, Any] = plain(
             {
                 "id": self.key,
@@ -158,6 +159,9 @@ class Judged:
                 "figure": middle,
                 "interval": [low, high],
                 "condition": self.sentence,
+                "command": command,
+                "config": command.rpartition(" ")[2],
+                "overrides": [],  # the condition's own config has them all
                 "measure": "; ".join(measure_words(measure) for measure in self.claim.measures),
                 "why": [measure.why for measure in self.claim.measures],
                 "cases": [
