@@ -59,17 +59,23 @@ def find_config(text: str, others: Iterable[str] = ()) -> Path:
             return path
     except (OSError, ValueError):
         return path  # whoever opens it says what is wrong with the name
-    root, known = data_root() / "configs", configs()
-    if text in known:
-        return known[text]
-    inside = root / (text.removeprefix("configs/") if text.startswith("configs/") else f"{text}.yaml")
-    if inside in known.values():
-        return inside
+    if found := shipped_config(text):
+        return found
+    known = configs()
     begun = [name for name in known if text and name.startswith(text)]
     near = "" if begun else nearest_path(path, YAML) or nearest(text, [*others, *known]) or ""
     wanted = f"one of: {', '.join(begun)}" if begun else ""
     shown = text if text.isprintable() else ascii(text)
     raise ConfigError([Problem(shown, text="does not exist", wanted=wanted, nearest=near)])
+
+
+def shipped_config(text: str) -> Path | None:
+    """Return the shipped config of a name, one of the forms that `find_config` tells, or None."""
+    root, known = data_root() / "configs", configs()
+    if text in known:
+        return known[text]
+    inside = root / (text.removeprefix("configs/") if text.startswith("configs/") else f"{text}.yaml")
+    return inside if inside in known.values() else None
 
 
 def first_line(config: Path) -> str:

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.disturbances import Stream, generator
 from torquebench.experiment.config import check_experiment
+from torquebench.experiment.dump import flat_text
+from torquebench.experiment.extends import Text
 from torquebench.experiment.groups import SWEEP
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, apply_overrides, dotted, read_document
@@ -42,6 +44,8 @@ class Source(NamedTuple):
     filename: str
     overrides: tuple[str, ...] = ()
     plugins: tuple[Path, ...] = ()
+    parents: tuple[Text, ...] | None = None
+    """Texts of the files that it extends; None until they are read."""
 
 
 class Row(NamedTuple):
@@ -74,8 +78,10 @@ class Plan:
     """
 
     def __init__(self, source: Source) -> None:
-        self.source = source
-        self.document: Document = read_document(source.text, source.filename)
+        self.document: Document = read_document(source.text, source.filename, source.parents)
+        self.source = source._replace(parents=self.document.parents)
+        self.text = flat_text(self.document, source.text)
+        """The file with what it extends, as one."""
         apply_overrides(self.document, source.overrides)
         self.raw: dict[str, Any] = dict(self.document.root)
         """The file as it is after the overrides."""
