@@ -89,7 +89,7 @@ def config_keys() -> tuple[str, ...]:
     """Return the dotted keys of every section of a config that is not a list: ``run.duration``, ``plant.payload``."""
     schema = json.loads((data_root() / "configs" / "schema.json").read_text(encoding="utf-8"))
     found: list[str] = []
-    for section, rule in schema["properties"].items():
+    for section, rule in schema["$defs"]["Experiment"]["properties"].items():
         keys = dict.fromkeys(key for part in _alternatives(schema, rule) for key in part.get("properties", ()))
         found += [f"{section}.{key}" for key in keys] or [section]
     return tuple(found)

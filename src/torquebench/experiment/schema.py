@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,12 +11,13 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field
 
 from torquebench.chain import CHAINS, Chain
-from torquebench.disturbances import DISTURBANCES
+from torquebench.disturbances import DISTURBANCES, BandLimitedNoise
 from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.controllers import controllers
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import Many, Named, NameOr, OneOf
-from torquebench.experiment.values import Slug
+from torquebench.experiment.units import without_unit
+from torquebench.experiment.values import Here, Slug
 from torquebench.keys import Key, Vector
 from torquebench.metrics.chattering import corner_hz
 from torquebench.references import REFERENCES
@@ -51,6 +53,17 @@ def slide_joints(model_name: str) -> tuple[bool, ...]:
         ModelError: there is no such model, or it is malformed.
     """
     return tuple(kind == SLIDE for kind in load_model(model_name).flat.kind)
+
+
+class Disturbances(Many):
+    """A list of disturbances, or the size of torque noise in per cent."""
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the disturbances, a tuple."""
+        share = without_unit(raw, "1")
+        if isinstance(raw, str) and isinstance(share, float) and 0.0 < share < math.inf:
+            return (BandLimitedNoise(relative=share),)
+        return super().read(raw, here)
 
 
 @dataclass(frozen=True)
@@ -151,9 +164,11 @@ class Video:
 class Experiment:
     """One experiment: a plant, the belief about it, a motion to follow, and the controllers to compare."""
 
-    name: Annotated[Slug, Key("Name of the experiment; also the start of its folder's name")]
+    name: Annotated[
+        Slug, Key("Name of the experiment, and the start of its folder's name; that of its file if left out")
+    ]
     description: Annotated[str | None, Key("What the experiment is for, in words"), Field(max_length=4000)] = None
-    plant: Annotated[PlantKeys, Key("The arm as it is"), OneOf(PLANTS, "What simulates the arm.")]
+    plant: Annotated[PlantKeys, Key("The arm as it is"), OneOf(PLANTS, "What simulates the arm.", usual="mujoco")]
     model: Annotated[Belief, Key("The arm as the laws believe it to be")] = Belief()
     controllers: Annotated[tuple[Controller, ...], Key("What is compared"), controllers()]
     fuzzy: Annotated[
@@ -182,8 +197,11 @@ class Experiment:
     ] = CHAINS["ideal"]
     disturbances: Annotated[
         tuple[Any, ...],
-        Key("What acts on the joints besides the law"),
-        Many("disturbances", 0, MAX_DISTURBANCES, OneOf(DISTURBANCES, "Form of the disturbance.")),
+        Key(
+            "What acts on the joints besides the law; 30 % stands for torque noise held 10 ms with a standard "
+            "deviation of 0.3 times the RMS torque of the motion"
+        ),
+        Disturbances("disturbances", 0, MAX_DISTURBANCES, OneOf(DISTURBANCES, "Form of the disturbance.")),
     ] = ()
     run: Annotated[Run, Key("Length, sampling, start and randomness of the run")]
     video: Annotated[Video | None, Key("Film to make of the run; none if left out, {} for one as usual")] = None

@@ -10,6 +10,7 @@ from typing import Any, Literal, NoReturn
 
 from torquebench.errors import ConfigError, Fault, Problem, did_you_mean_path, nearest, nearest_path
 from torquebench.experiment.extends import EXTENDS, MAX_PARENTS, Text, extended, with_names
+from torquebench.experiment.presets import GAINS, MOTION, write_presets
 from torquebench.experiment.yaml_tree import (
     BROKEN,
     MAX_DEPTH,
@@ -278,9 +279,10 @@ def _inherit(document: Document, root: Map, folder: Path, given: Sequence[Text] 
 
 
 def _write_out(root: Map, document: Document) -> None:
-    """Write out the controllers that a config gives by name."""
+    """Write out what a config gives by name: controllers, and presets of motions and gains."""
     if isinstance(items := root.get("controllers"), Seq):
         root["controllers"] = with_names(items, (), document.add)
+    write_presets(root, document.add)
 
 
 def _parent(document: Document, name: Any, place: Place, folder: Path, depth: int) -> Text:
@@ -386,6 +388,8 @@ def assign(document: Document, parts: Sequence[str | int], value: Any, key_place
         elif last:
             node[index], node.places[index] = value, value_place
         node = node[index]
+    if isinstance(value, str) and parts[-1] in (MOTION, GAINS):
+        write_presets(document.root, document.add)
 
 
 def set_key(document: Document, key: str, value: Any) -> None:

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 
 import torquebench
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
-from torquebench.robot.library import model_folder
+from torquebench.robot.library import PRESETS, model_folder
 
 PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
 MANIFEST = "manifest.json"
@@ -153,12 +153,13 @@ def add_to_run(folder: Path, files: Mapping[str, bytes | None], facts: Mapping[s
 
 
 def model_checksums(name: str) -> dict[str, str]:
-    """Return the SHA-256 of each file of an arm, by its name.
+    """Return the SHA-256 of each file of an arm, by its name; presets are no part of it.
 
     Raises:
         ModelError: there is no such arm.
     """
-    return checksums(sorted(path for path in model_folder(name).iterdir() if path.is_file()))
+    files = (path for path in model_folder(name).iterdir() if path.is_file() and path.name != PRESETS)
+    return checksums(sorted(files))
 
 
 def json_bytes(value: Any) -> bytes:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.disturbances import Stream, generator
-from torquebench.experiment.config import check_experiment
+from torquebench.experiment.config import check_experiment, is_sized
 from torquebench.experiment.dump import flat_text
 from torquebench.experiment.extends import Text
 from torquebench.experiment.groups import SWEEP
@@ -65,6 +65,8 @@ class _Fixed:
     """Places of each varied key; continuous random ones are set there."""
     lacking: Mapping[str, frozenset[int]]
     """Varied key -> the controllers that do not have it."""
+    is_sized: bool
+    """Whether the size of a disturbance follows from other keys, so that each draw has one of its own."""
 
 
 class Plan:
@@ -163,8 +165,13 @@ class Plan:
         Raises:
             ConfigError: it has mistakes.
         """
-        found = self._fixed(case, self.combination(draw))
+        combination = self.combination(draw)
+        found = self._fixed(case, combination)
         experiment = found.experiment
+        if found.is_sized and self.continuous:
+            numbers = [self.drawn(random, draw) for random in self.continuous]
+            document, _ = self.variant(self.assigned(case, combination, numbers))
+            return with_draw(check_experiment(document), draw)
         for random in self.continuous:
             value = self.drawn(random, draw)
             for path in found.places[random.key]:
@@ -215,7 +222,8 @@ class Plan:
         document, places = self.variant(self.assigned(case, combination, numbers))
         experiment = check_experiment(document)
         _ = experiment.n  # kept in the copies that draws make of it: it reads the arm's files
-        return _Fixed(experiment, places, {key: _without(paths, experiment) for key, paths in places.items()})
+        lacking = {key: _without(paths, experiment) for key, paths in places.items()}
+        return _Fixed(experiment, places, lacking, is_sized(document))
 
     def lacking(self, case: int, draw: int) -> Mapping[str, frozenset[int]]:
         """Return for each varied key the controllers that do not have it."""
