@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +94,27 @@ def test_a_sweep_from_python_is_what_the_command_leaves(tmp_path, monkeypatch):
     with pytest.raises(ResultError, match="did you mean 'spread'"):
         again.figure("spred")
     assert b"Every law" in again.report(figures=False)
+
+
+def test_what_other_software_made_is_read_but_not_computed_anew(tmp_path):
+    """Table and summary of a finished sweep are numbers that are there; a row, a figure and the page are refused."""
+    experiment = tb.load_experiment(QUICK, {"disturbances": NOISE})
+    done = tb.run_sweep(experiment, draws=2, folder=tmp_path / "s", figures=False, **HOW)
+    before, plan = done.to_dataframe(), json.loads((tmp_path / "s" / "plan.json").read_text())
+    plan["software"]["numpy"], plan["digest"] = "0.0.1", "0" * 64
+    content = json.dumps(plan).encode()
+    manifest = json.loads((tmp_path / "s" / "manifest.json").read_text())
+    manifest["digest"], manifest["files"]["plan.json"] = plan["digest"], hashlib.sha256(content).hexdigest()
+    (tmp_path / "s" / "plan.json").write_bytes(content)
+    (tmp_path / "s" / "manifest.json").write_text(json.dumps(manifest))
+    again = tb.load_sweep(tmp_path / "s")
+    assert again.to_dataframe().equals(before)
+    assert again.summary.equals(done.summary)
+    for compute in (lambda: again.experiment(0), lambda: again.figure("spread"), again.report):
+        with pytest.raises(ConfigError, match=r'software\.numpy: was "0\.0\.1" when the sweep began'):
+            compute()
+    with pytest.raises(ConfigError, match=r"software\.numpy"):
+        tb.run_sweep(experiment, draws=2, folder=tmp_path / "s", figures=False, **HOW)
 
 
 def test_mistakes_are_bad_input(tmp_path):

@@ -25,7 +25,7 @@ from torquebench.results import Source as Config
 from torquebench.shipped import find_config
 from torquebench.sweep import run as runs
 from torquebench.sweep.executors import Processes, Threads
-from torquebench.sweep.folder import TABLE, StoredSweep, open_sweep, verify
+from torquebench.sweep.folder import TABLE, StoredSweep, open_sweep, refuse_changes, verify
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.summary import Summary, summarise
 from torquebench.sweep.table import Table, metric_keys, read_table
@@ -146,14 +146,17 @@ def _plain(value: Any) -> Any:
 
 
 def load_sweep(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Sweep:
-    """Read the folder of a finished sweep.
+    """Read the folder of a finished sweep, whatever software it was run with.
+
+    Its table and what follows from it can be read with any; what is computed anew, experiments, figures and the page,
+    is refused where the software, a plug-in or an arm has changed since.
 
     Args:
         folder: Where ``torquebench sweep`` or `run_sweep` left it.
         plugins: Python files that register laws which the sweep uses.
 
     Raises:
-        ConfigError: it is no sweep's folder, or what the sweep is made of has changed.
+        ConfigError: it is no sweep's folder, or a plug-in is missing.
         ResultError: it is not finished, or a file of it is missing or changed.
     """
     files = tuple(Path(plugin).absolute() for plugin in plugins)
@@ -181,6 +184,10 @@ class Sweep:
     def folder(self) -> Path:
         """Where it is stored."""
         return self.stored.folder
+
+    def _unchanged(self) -> StoredSweep:
+        refuse_changes(self.stored, self.stored.plan, "folder")
+        return self.stored
 
     @cached_property
     def _table(self) -> Table:
@@ -252,9 +259,10 @@ class Sweep:
             row: Its ``index``.
 
         Raises:
+            ConfigError: what the sweep is made of has changed.
             ResultError: there is no such row.
         """
-        plan = self.stored.plan
+        plan = self._unchanged().plan
         if not 0 <= row < plan.rows:
             raise ResultError(f"no row {row} in this sweep, wanted 0 to {plan.rows - 1}")
         return plan.experiment_of(plan.row(row))
@@ -266,9 +274,11 @@ class Sweep:
             name: The figure, as its file is called in a sweep's folder.
 
         Raises:
+            ConfigError: what the sweep is made of has changed.
             ResultError: this sweep has no such figure.
         """
-        figures = figures_of(info_of(self.stored), self._table, dependences(self.stored, self._table))
+        stored = self._unchanged()
+        figures = figures_of(info_of(stored), self._table, dependences(stored, self._table))
         if name not in figures:
             raise ResultError(f"no figure '{name}' of this sweep{did_you_mean(name, figures)}")
         return figures[name]
@@ -281,9 +291,10 @@ class Sweep:
             figures: Whether to draw.
 
         Raises:
+            ConfigError: what the sweep is made of has changed.
             ResultError: the sweep is too large for one.
         """
-        page = dict(report_files(self.stored, figures)).get(PAGE)
+        page = dict(report_files(self._unchanged(), figures)).get(PAGE)
         if page is None:
             raise ResultError(f"{self.folder}: has too many runs for a page; the table has them")
         if path is not None:

@@ -156,6 +156,19 @@ def test_what_cannot_be_built_is_told_too() -> None:
     assert "model.mismatch.constants.I1 = -3" in problem.message
 
 
+def test_draws_of_the_same_run_are_refused() -> None:
+    """Without noise, mismatch, perturbation and random keys in any case; one case with any of them is enough."""
+    calm = BASE.replace(", mismatch: {relative: 0.3}", "").replace("chain: {encoder_noise: 0.0001}\n", "")
+    calm = calm[: calm.index("disturbances:")] + calm[calm.index("run:") :]
+    (problem,) = problems_of(calm + "sweep: {draws: 3}\n")
+    assert problem.key == "sweep.draws"
+    assert "3 draws of the same runs" in problem.message
+    assert problem.where.split(":")[1:] == [str(len(calm.splitlines()) + 1), "16"]
+    for section in ("{draws: 1}", "{draws: 3, grid: {chain: [ideal, fast]}}"):
+        assert problems_of(calm + f"sweep: {section}\n") == ()
+    assert problems_of(calm + "sweep: {draws: 3, random: {plant.payload.mass: {uniform: [1, 2]}}}\n") == ()
+
+
 def test_the_example_is_good() -> None:
     """The sweep that the other tests use has no mistakes."""
     assert problems_of(SMALL) == ()

@@ -20,7 +20,7 @@ from torquebench.experiment.run import run_experiment
 from torquebench.metrics import METRICS
 from torquebench.sweep.executors import Executor, Processes, Threads
 from torquebench.sweep.plan import Plan
-from torquebench.sweep.table import Columns
+from torquebench.sweep.table import Table
 from torquebench.sweep.worker import Stopped, Task, Worker, run_shard
 
 SIZE = 5
@@ -30,13 +30,13 @@ SHARDS = range(-(-PLAN.pairs // SIZE))
 
 
 @pytest.fixture(scope="module")
-def whole() -> dict[int, Columns]:
+def whole() -> dict[int, Table]:
     """Every shard, run by one worker in order."""
     worker = Worker(PLAN)
     return {shard: worker.columns(TASK, shard) for shard in SHARDS}
 
 
-def same(a: Columns, b: Columns) -> bool:
+def same(a: Table, b: Table) -> bool:
     """Whether two tables are equal in every byte."""
     return list(a) == list(b) and all(
         a[name].dtype == b[name].dtype and a[name].tobytes() == b[name].tobytes() for name in a
@@ -44,7 +44,7 @@ def same(a: Columns, b: Columns) -> bool:
 
 
 @pytest.mark.parametrize("executor", [Threads(1), Threads(2), Threads(4)], ids=["1", "2", "4"])
-def test_tables_do_not_depend_on_who_makes_them(executor: Executor, whole: dict[int, Columns]) -> None:
+def test_tables_do_not_depend_on_who_makes_them(executor: Executor, whole: dict[int, Table]) -> None:
     """Every shard comes once, equal in every byte whatever the number of threads, in reverse order too."""
     order = list(reversed(SHARDS))
     found = list(executor.run(TASK, order))
@@ -52,7 +52,7 @@ def test_tables_do_not_depend_on_who_makes_them(executor: Executor, whole: dict[
     assert all(same(table, whole[shard]) for shard, table in found)
 
 
-def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Columns]) -> None:
+def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Table]) -> None:
     """Outcome, values and metrics of a row equal, bit by bit, those of its experiment run by itself."""
     rows = {name: np.concatenate([whole[shard][name] for shard in SHARDS]) for name in whole[0]}
     assert rows["index"].tolist() == list(range(PLAN.rows))
@@ -114,7 +114,7 @@ def test_closing_the_iterator_ends_the_processes() -> None:
     assert threading.active_count() == threads
 
 
-def test_a_process_that_dies_is_an_error(whole: dict[int, Columns]) -> None:
+def test_a_process_that_dies_is_an_error(whole: dict[int, Table]) -> None:
     """Its tables are the same as any; when somebody kills it, its shard is not waited for, and no process is left."""
     tables = Processes(1).run(TASK, SHARDS)
     shard, table = next(tables)

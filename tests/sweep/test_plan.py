@@ -14,7 +14,7 @@ from scipy import stats
 from tests.sweep.examples import BASE, SMALL, plan_of
 from torquebench.experiment import parse_experiment
 from torquebench.experiment.build import build
-from torquebench.sweep.checking import Survey, check_plan, corners
+from torquebench.sweep.checking import check_plan, corners
 from torquebench.sweep.estimate import LEAST_SHARDS, MOST_SHARDS, shard_size
 from torquebench.sweep.plan import Plan, pairs_of
 from torquebench.sweep.table import empty_columns, key_values
@@ -182,7 +182,7 @@ def test_shards_cover_every_pair_once(pairs: int, steps: int, controllers: int) 
 
     fake = Fake()
     fake.pairs, fake.controllers = pairs, ("x",) * controllers  # type: ignore[attr-defined]
-    size = shard_size(fake, Survey([steps]))  # type: ignore[arg-type]
+    size = shard_size(fake, [steps])  # type: ignore[arg-type]
     count = -(-pairs // size)
     assert min(LEAST_SHARDS, pairs) <= count <= MOST_SHARDS
     ends = [pairs_of(size, pairs, shard) for shard in range(count)]
@@ -195,7 +195,7 @@ def test_shards_cover_every_pair_once(pairs: int, steps: int, controllers: int) 
 def test_checking_surveys_every_case() -> None:
     """The number of control instants of each case, which may be swept."""
     plan = plan_of(BASE + "sweep: {grid: {run.duration: [0.6, 0.7, 1.2], run.control_period: [0.001, 0.002]}}\n")
-    assert check_plan(plan).steps == [600, 300, 700, 350, 1200, 600]
+    assert check_plan(plan) == [600, 300, 700, 350, 1200, 600]
 
 
 def test_corners_are_all_or_the_extreme_ones_and_their_neighbours() -> None:

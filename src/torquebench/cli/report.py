@@ -73,9 +73,10 @@ def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
     """Make summary, figures and page of a finished sweep again from its table."""
     from torquebench.experiment.store import add_to_run
     from torquebench.report.render import PAGE
-    from torquebench.sweep.folder import open_sweep, verify
+    from torquebench.sweep.folder import open_sweep, refuse_changes, verify
 
     stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN")
+    refuse_changes(stored, stored.plan, "RUN")
     if not stored.finished:
         refuse([("RUN", f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it")])
     try:

@@ -102,9 +102,11 @@ def _check_options(config: Path | None, from_sweep: Path | None, index: int | No
 
 def _row_of_sweep(folder: Path, index: int, plugin: Sequence[Path]) -> Experiment:
     """Return the experiment that a sweep's row is."""
-    from torquebench.sweep.folder import open_sweep
+    from torquebench.sweep.folder import open_sweep, refuse_changes
 
-    plan = open_sweep(folder, tuple(plugin), "--from-sweep").plan
+    stored = open_sweep(folder, tuple(plugin), "--from-sweep")
+    refuse_changes(stored, stored.plan, "--from-sweep")
+    plan = stored.plan
     if index >= plan.rows:
         refuse([Problem("--index", got=str(index), wanted=f"0 to {plan.rows - 1}")])
     return plan.experiment_of(plan.row(index))

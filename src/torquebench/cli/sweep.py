@@ -17,7 +17,6 @@ from torquebench.cli.terminal import complain, following, progress_bar, say, tab
 from torquebench.errors import Problem, ResultError, TorquebenchError
 
 if TYPE_CHECKING:
-    from torquebench.sweep.checking import Survey
     from torquebench.sweep.estimate import Estimate
     from torquebench.sweep.executors import Executor
     from torquebench.sweep.folder import StoredSweep
@@ -121,9 +120,9 @@ def _start(options: Options) -> StoredSweep | None:
         message = f"needs about {steps:.2g} steps, at most {MOST_STEPS:.0e} are run: --no-cap lifts the caps"
         refuse([("sweep", message)])
     with progress_bar(plan.cases, "case", "checking") as bar:
-        survey = check_plan(plan, bar.update)
+        loops = check_plan(plan, bar.update)
     with _executor(options) as executor:
-        work = _print_estimate(plan, survey, executor)
+        work = _print_estimate(plan, loops, executor)
         if not options.no_cap:
             refusals = work.refusals((options.out or runs_folder()).absolute())
             refuse([("sweep", f"needs {text}: --no-cap lifts the caps") for text in refusals])
@@ -131,7 +130,7 @@ def _start(options: Options) -> StoredSweep | None:
             return None
         _prepare(executor, plan.source)
         directory = RunDirectory(claim_folder(options.out, plan.first.name))
-        stored = create_sweep(directory, plan, shard_size(plan, survey))
+        stored = create_sweep(directory, plan, shard_size(plan, loops))
         _run_rest(stored, state_of(stored), executor, options)
     return stored
 
@@ -144,10 +143,11 @@ def _resume(options: Options, folder: Path) -> StoredSweep:
     from torquebench.sweep.run import state_of
 
     stored = open_sweep(folder, tuple(options.plugin), "--resume")
+    plan = stored.plan
     if options.config is not None:
         plan = Plan(_source(options))
         check_plan(plan)
-        refuse_changes(stored, plan, "--resume")
+    refuse_changes(stored, plan, "--resume")
     if stored.finished:
         verify(stored)
     state = state_of(stored)
@@ -174,12 +174,12 @@ def _source(options: Options) -> Source:
     return Source(read_bytes(path), str(path), tuple(options.overrides), tuple(p.absolute() for p in options.plugin))
 
 
-def _print_estimate(plan: Plan, survey: Survey, executor: Executor) -> Estimate:
-    """Say how much work a sweep is, and return it."""
+def _print_estimate(plan: Plan, loops: Sequence[int], executor: Executor) -> Estimate:
+    """Say how much work a sweep is, of whose cases a loop has so many control instants, and return it."""
     from torquebench.sweep.estimate import duration, estimate, size
 
     with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
-        work = estimate(plan, survey, executor.count, executor.processes, executor.here)
+        work = estimate(plan, loops, executor)
     tell(estimate=work)
     counts = {"case": plan.cases, "draw": plan.draws, "controller": len(plan.controllers)}
     say(f"{plan.first.name}: " + " x ".join(f"{count:,} {what}{'s' * (count != 1)}" for what, count in counts.items()))
@@ -217,29 +217,21 @@ def _prepare(executor: Executor, source: Source) -> None:
 def _run_rest(stored: StoredSweep, state: State, executor: Executor, options: Options) -> None:
     """Run what is missing and write the tables; if something comes in between, the error says how to go on."""
     from torquebench.report.sweep import MOST_ROWS
-    from torquebench.sweep.folder import lock_folder
-    from torquebench.sweep.run import conclude, rows_in, run_missing
+    from torquebench.sweep.run import finish
 
-    done = sum(rows_in(stored, shard) for shard in state.complete)
-    ran = 0
+    def more(done: StoredSweep) -> Iterator[tuple[str, bytes]]:
+        if done.plan.rows > MOST_ROWS:
+            warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
+        return report_with_bar(done, not options.no_figures)
+
     try:
-        with lock_folder(stored), progress_bar(stored.plan.rows, "run", "running", done) as bar:
-
-            def report(rows: int) -> None:
-                nonlocal ran
-                ran += 1
-                bar.update(rows)
-
-            run_missing(stored, state, executor, report)
-            bar.describe("writing the tables")
-            if stored.plan.rows > MOST_ROWS:
-                warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
-            conclude(stored, lambda done: report_with_bar(done, not options.no_figures))
+        with progress_bar(stored.plan.rows, "run", "running", state.rows) as bar:
+            finish(stored, state, executor, bar.update, more)
     except KeyboardInterrupt as error:  # SIGTERM is one too
         raise type(error)(_resume_hint(stored, options)) from error
     except (OSError, TorquebenchError) as error:
         raise ResultError(f"{error}; {_resume_hint(stored, options)}") from error
-    say(f"{ran} shards run, {len(state.complete)} were there")
+    say(f"{len(state.missing)} shards run, {len(state.complete)} were there")
 
 
 def report_with_bar(stored: StoredSweep, figures: bool) -> Iterator[tuple[str, bytes]]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment.build import Builder
-from torquebench.experiment.config import check_experiment
+from torquebench.experiment.config import SWEEP, check_experiment
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document
 from torquebench.experiment.sweep_section import Random, Value, in_words
@@ -23,17 +23,11 @@ TRIED = 3
 MAX_PROBLEMS = 100
 
 
-@dataclass(slots=True)
-class Survey:
-    """What checking found out."""
+def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> list[int]:
+    """Check every experiment of a sweep, and return the number of control instants of a loop of each case.
 
-    steps: list[int] = field(default_factory=list)
-    """Number of control instants of one loop, by case."""
-
-
-def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Survey:
-    """Check every experiment of a sweep: each case with each choice that is drawn, and at the ends of random keys.
-
+    Checked are each case with each choice that is drawn, and the ends of random keys; and that draws differ at all:
+    copies of one run would pass for a sample.
     Draws that differ in random numbers alone are not checked one by one: these keys are tried at their least and
     greatest values, and at those of the first few draws. Plant, model, controllers and reference are built once for
     each case.
@@ -45,13 +39,19 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
     Raises:
         ConfigError: there are mistakes; each is named with the value of the sweep that causes it.
     """
-    checker, survey, first = _Checker(plan), Survey(), (0,) * len(plan.choices)
+    checker, steps, is_drawn, first = _Checker(plan), list[int](), bool(plan.keys.random), (0,) * len(plan.choices)
     low = [random.numbers[0] for random in plan.continuous]
     for case in range(plan.cases):
         experiment = checker.read(case, first, low, build=True)
-        survey.steps.append(0 if experiment is None else experiment.n_steps)
+        if experiment is not None:
+            steps.append(experiment.n_steps)
+            is_drawn = is_drawn or experiment.is_drawn
         progress()
     checker.raise_problems()
+    if plan.draws > 1 and not is_drawn:
+        text = f"{plan.draws} draws of the same runs: no case has noise, mismatch, perturbation or a random key"
+        plan.document.add((SWEEP, "draws"), text, place=plan.draws_at, wanted="1")
+        plan.document.raise_problems()
     drawn = combinations(plan)
     ends = list(corners([extremes(plan, random) for random in plan.continuous]))
     inside = [tuple(plan.drawn(random, draw) for random in plan.continuous) for draw in range(min(TRIED, plan.draws))]
@@ -62,7 +62,7 @@ def check_plan(plan: Plan, progress: Callable[[], object] = lambda: None) -> Sur
                     if ends or combination != first:
                         checker.read(case, combination, numbers, build=place == 0 and combination != first)
         checker.raise_problems()
-    return survey
+    return steps
 
 
 def combinations(plan: Plan) -> set[Combination]:

@@ -78,6 +78,8 @@ class Plan:
         apply_overrides(self.document, source.overrides)
         self.raw: dict[str, Any] = dict(self.document.root)
         """The file as it is after the overrides."""
+        self.draws_at = self.document.place((SWEEP, "draws"))
+        """Where the number of draws is written."""
         self.keys = take_sweep(self.document)
         self.document.raise_problems()
         axes, random = self.keys.axes, self.keys.random

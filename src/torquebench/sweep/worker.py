@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -16,12 +15,11 @@ from torquebench.experiment.build import Builder
 from torquebench.experiment.run import joints_of, trial_of
 from torquebench.experiment.store import atomic_write
 from torquebench.kernel import Array
-from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS, headlines
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import Plan, Source, pairs_of
-from torquebench.sweep.table import REFUSED, Columns, empty_columns, key_values
+from torquebench.sweep.table import REFUSED, Table, empty_columns, key_values
 
 
 class Ended(NamedTuple):
@@ -61,8 +59,8 @@ class Worker:
         self._plan, self._build = plan, Builder()
         self._sessions = [Session(overwrite=True) for _ in plan.controllers]
 
-    def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Columns:
-        """Run the rows of a shard and return their columns.
+    def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
+        """Run the rows of a shard and return them.
 
         Args:
             task: The sweep.
@@ -133,7 +131,7 @@ def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory)
 _thread = threading.local()
 
 
-def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Columns:
+def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
     """Run one shard in this thread, which keeps its worker for the sweep's next shard.
 
     Args:
@@ -149,14 +147,3 @@ def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) 
         _thread.worker, _thread.source = Worker(Plan(task.source)), task.source
     worker: Worker = _thread.worker
     return worker.columns(task, shard, stop)
-
-
-@functools.cache
-def load_plugins(source: Source) -> None:
-    """Register the laws of a sweep's plug-ins in this process, once.
-
-    Raises:
-        ConfigError: one of them cannot be used.
-    """
-    for path in source.plugins:
-        load_plugin(path)
