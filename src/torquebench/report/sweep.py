@@ -85,7 +85,7 @@ def figures_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[
     from torquebench.report.figures.sweep import sweep_figures
 
     subtitle = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
-    return sweep_figures(table, info.name, subtitle, found, info.slides)
+    return sweep_figures(table, info.name, subtitle, found, info.slides, info.laws)
 
 
 def info_of(stored: StoredSweep) -> SweepInfo:
@@ -101,6 +101,7 @@ def info_of(stored: StoredSweep) -> SweepInfo:
         plan.source.text.decode(),
         {"seed": plan.seed} | facts | {"machine": machine()},
         slide_joints(plan.first.plant.model),
+        plan.first.laws,
     )
 
 
