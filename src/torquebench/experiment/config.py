@@ -17,6 +17,8 @@ from torquebench.kernel import Array
 from torquebench.robot import load_model
 from torquebench.sim.signals import control_instants
 
+MILLISECOND = 0.001
+
 
 def load_experiment(path: Path | str, overrides: Sequence[str] = ()) -> Experiment:
     """Read and check an experiment's file.
@@ -77,10 +79,11 @@ def is_sized(document: Document) -> bool:
 def motion_torque(experiment: Experiment) -> Array:
     """Return the RMS torque that the motion takes, (n,) [N m].
 
-    It is that of the exact inverse dynamics of the arm, without load and friction, along the reference at the control
-    instants.
+    It is that of the exact inverse dynamics of the arm, without load and friction, along the reference, each millisecond
+    whatever the control period is.
     """
-    motion = experiment.reference.sample(control_instants(experiment.n_steps, experiment.run.control_period), experiment.n)
+    instants = control_instants(max(round(experiment.run.duration / MILLISECOND), 2), MILLISECOND)
+    motion = experiment.reference.sample(instants, experiment.n)
     tau = load_model(experiment.plant.model).inverse_dynamics(motion.q, motion.qd, motion.qdd)
     rms: Array = np.sqrt(np.mean(tau**2, axis=0))
     return rms

@@ -11,6 +11,10 @@ from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Map, Place, Seq, c
 EXTENDS = "extends"
 OWN = (EXTENDS, "name", "description")
 """Keys of the top level that say something of their own file alone."""
+FROM = "from"
+"""Key that names a preset whose keys are taken over."""
+PRESET = ("reference", "gains")
+"""Keys whose value may be the name of a preset, or a mapping with `FROM` and other keys."""
 TAGS = ("engine", "kind", "law", "method")
 """Keys that decide which other keys there are: where they differ, a mapping replaces the other one."""
 MAX_PARENTS = 8
@@ -39,14 +43,24 @@ def merged(own: Map, parent: Map) -> Map:
         if key not in own:
             found.put(key, copied(value), *parent.places[key])
         elif own[key] is not None:
-            found.put(key, _joined(own[key], value), *own.places[key])
+            if key in PRESET and isinstance(value, str):
+                value = preset_of(value, parent.places[key][1])
+            found.put(key, joined(own[key], value), *own.places[key])
     for key, value in own.items():
         if key not in parent:
             found.put(key, value, *own.places[key])
     return found
 
 
-def _without(mapping: Map, *keys: str) -> Map:
+def preset_of(name: str, place: Place) -> Map:
+    """Return the name of a preset as a mapping."""
+    found = Map()
+    found.put(FROM, name, place, place)
+    return found
+
+
+def without(mapping: Map, *keys: str) -> Map:
+    """Return a mapping without some keys."""
     found = Map()
     for key, value in mapping.items():
         if key not in keys:
@@ -54,7 +68,8 @@ def _without(mapping: Map, *keys: str) -> Map:
     return found
 
 
-def _joined(own: Any, parent: Any) -> Any:
+def joined(own: Any, parent: Any) -> Any:
+    """Return two values as one: mappings merge unless a key of `TAGS` differs, else the own one counts."""
     if not (isinstance(own, Map) and isinstance(parent, Map)):
         return own
     differ = any(tag in own and tag in parent and own[tag] != parent[tag] for tag in TAGS)
@@ -67,7 +82,7 @@ def extended(own: Map, parent: Map, report: Report) -> Map:
     if isinstance(items, Seq):
         known = parent.get("controllers")
         own["controllers"] = with_names(items, known if isinstance(known, Seq) else (), report)
-    return merged(_without(own, EXTENDS), _without(parent, *OWN))
+    return merged(without(own, EXTENDS), without(parent, *OWN))
 
 
 def with_names(items: Seq, known: Iterable[Any], report: Report) -> Seq:
@@ -84,7 +99,7 @@ def with_names(items: Seq, known: Iterable[Any], report: Report) -> Seq:
         path: KeyPath = ("controllers", i)
         if isinstance(item, Map) and EXTENDS in item:
             name, path, where = item[EXTENDS], (*path, EXTENDS), item.places[EXTENDS][1]
-            own: Any = _without(item, EXTENDS)
+            own: Any = without(item, EXTENDS)
         elif isinstance(item, str):
             name, where, own = item, place, Map()
         else:

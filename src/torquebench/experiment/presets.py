@@ -1,16 +1,20 @@
-"""Motions and gains of an arm by name: ``reference: puma560/sine``, ``gains: puma560/l``."""
+"""Motions and gains of an arm by name: ``reference: puma560/sine``, ``gains: {from: puma560/l, k: 0.6}``.
+
+Of a set of gains a law takes those that it has, with the options that are chosen.
+"""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Collection
 from typing import Any
 
 from torquebench.errors import nearest
-from torquebench.experiment.extends import Report
+from torquebench.experiment.extends import FROM, PRESET, Report, joined, without
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Map, Place, Seq, copied, parse_value, shortened
 from torquebench.robot.library import PRESETS, model_folder, model_names
 
-MOTION, GAINS = "reference", "gains"
+MOTION, GAINS = PRESET
 
 
 @functools.cache
@@ -40,43 +44,46 @@ def write_presets(root: Map, report: Report) -> None:
         root: A config, changed in place.
         report: Receives mistakes.
     """
-    _replace(root, MOTION, (MOTION,), report)
+    _write(root, MOTION, (MOTION,), report)
     controllers = root.get("controllers")
     for i, item in enumerate(controllers if isinstance(controllers, Seq) else ()):
-        if isinstance(item, Map) and isinstance(item.get(GAINS), str):
-            _replace(item, GAINS, ("controllers", i, GAINS), report)
-            if isinstance(item[GAINS], Map):
-                _keep_those_that_act(item)
+        if isinstance(item, Map):
+            _write(item, GAINS, ("controllers", i, GAINS), report)
 
 
-def _replace(owner: Map, key: str, path: KeyPath, report: Report) -> None:
-    name = owner.get(key)
+def _write(owner: Map, key: str, path: KeyPath, report: Report) -> None:
+    """Put keys in place of the preset that a value names, alone or in a mapping with more keys."""
+    value = owner.get(key)
+    name = value.get(FROM) if isinstance(value, Map) else value
     if not isinstance(name, str):
         return
     key_place, place = owner.places[key]
+    if isinstance(value, Map):
+        path, place = (*path, FROM), value.places[FROM][1]
     keys = presets(key).get(name)
     if keys is None:
         near = nearest(name, presets(key)) or ""
         wanted = "" if near else f"a mapping, or one of {', '.join(presets(key))}"
         report(path, place=place, got=f"the text {shortened(name)}", nearest=near, wanted=wanted)
-        owner.put(key, BROKEN, key_place, place)
+        owner[key] = BROKEN
         return
+    acts = _acting(owner) if key == GAINS else keys
     written = Map()
-    for inner, value in keys.items():
-        own = Seq(value, [place] * len(value)) if isinstance(value, Seq) else copied(value)
-        written.put(inner, own, place, place)
-    owner.put(key, written, key_place, place)
+    for inner, item in keys.items():
+        if inner in acts:
+            own = Seq(item, [place] * len(item)) if isinstance(item, Seq) else copied(item)
+            written.put(inner, own, place, place)
+    own_keys = without(value, FROM) if isinstance(value, Map) else Map()
+    owner.put(key, joined(own_keys, written), key_place, owner.places[key][1])
 
 
-def _keep_those_that_act(controller: Map) -> None:
-    """Take out of a controller's gains those that its law, with its options, does not have."""
+def _acting(controller: Map) -> Collection[str]:
+    """Names of the gains that a controller's law has with its options; none where there is no such law."""
     from torquebench.laws.law import find_law, law_names
 
     name: Any = controller.get("law")
     if name not in law_names():
-        return
+        return ()
     law = find_law(name)
     options = {option: controller.get(option, declared.values[0]) for option, declared in law.options.items()}
-    for gain in list(controller[GAINS]):
-        if gain not in law.gains or not law.gains[gain].acts(options):
-            del controller[GAINS][gain]
+    return [gain for gain, declared in law.gains.items() if declared.acts(options)]

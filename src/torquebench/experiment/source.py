@@ -271,18 +271,12 @@ def _inherit(document: Document, root: Map, folder: Path, given: Sequence[Text] 
         trees.append(tree)
     document.parents = tuple(texts)
     found = trees.pop()
-    _write_out(found, document)
+    if isinstance(items := found.get("controllers"), Seq):
+        found["controllers"] = with_names(items, (), document.add)
     while trees:
         found = extended(trees.pop(), found, document.add)
-        _write_out(found, document)
+    write_presets(found, document.add)
     document.root = found
-
-
-def _write_out(root: Map, document: Document) -> None:
-    """Write out what a config gives by name: controllers, and presets of motions and gains."""
-    if isinstance(items := root.get("controllers"), Seq):
-        root["controllers"] = with_names(items, (), document.add)
-    write_presets(root, document.add)
 
 
 def _parent(document: Document, name: Any, place: Place, folder: Path, depth: int) -> Text:
