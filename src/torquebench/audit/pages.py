@@ -172,5 +172,5 @@ def _drawn(study: Study, judged: Sequence[Judged]) -> Iterator[tuple[str, str, C
     yield "claims", "The claims", lambda: overview(study, judged)
     for claim in judged:
         for i, measure in enumerate(claim.claim.measures):
-            yield f"{claim.key}.{i + 1}", measure.figure, partial(forest, claim, i)
+            yield f"{claim.key}.{i + 1}", measure.figure, partial(forest, claim, study.laws, i)
         yield f"{claim.key}.ablations", "Ablations", partial(ablation_plot, claim)

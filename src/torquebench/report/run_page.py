@@ -13,7 +13,7 @@ from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
 from torquebench.metrics import METRICS
 from torquebench.report.answer import answer
-from torquebench.report.figures.style import colour
+from torquebench.report.looks import looks
 from torquebench.report.render import THREE, UPLOT, render
 from torquebench.report.replay import replay_data
 from torquebench.report.scatter import Point, scatter
@@ -41,8 +41,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
     """
     experiment = result.experiment
     first, _, second = result.conditions.partition("\n")
-    place = {keys.name: i for i, keys in enumerate(experiment.controllers)}
-    colours = {name: colour(i) for name, i in place.items()}
+    colours = {name: look.colour for name, look in looks(experiment.laws).items()}
     data = replay_data(result, colours)
     return render(
         "run",
