@@ -256,10 +256,6 @@ def colours_in(view):
     }
 
 
-ZOOM = 1.25
-"""How much nearer than the scene's camera the page looks."""
-
-
 def test_the_arm_is_where_the_camera_must_have_it(browse, served, replayed, keep):
     """The tool's mark is within 3 px of the analytic arm's tool, projected by the numbers of the camera in scene.xml.
 
@@ -274,8 +270,7 @@ def test_the_arm_is_where_the_camera_must_have_it(browse, served, replayed, keep
     assert width > height
     arm = Puma560("exact", "fitted")
     q = load_trajectory(replayed / "conventional" / "trajectory.npz").q[300]
-    eye, axes, opening = camera_of_scene("overview")
-    camera = eye, axes, 2.0 * np.arctan(np.tan(opening / 2.0) / ZOOM)
+    camera = camera_of_scene("overview")
     mark = tool_mark(view)
     assert mark is not None
     assert np.linalg.norm(mark - pixel(arm.forward_kinematics(q)[:3, 3], camera, width, height)) < 3.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.scene.shapes import Triangles
 from torquebench.sim.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from torquebench.scene.arm import Arm
 
 BLOCK = 128
 """Samples that share a scale."""
@@ -136,28 +139,41 @@ def _arm(result: ExperimentResult) -> tuple[dict[str, Any] | None, str]:
     count = sum(len(part.surface.corners) for body in arm.bodies for part in body.parts)
     if count > MOST_TRIANGLES:
         return None, f"its shape has {count} triangles, more than {MOST_TRIANGLES}; torquebench video draws it"
+    nodes, last = _nodes(arm)
     return {
         "reach": scene.reach,
         "floor": arm.floor,
-        "tool": {"body": arm.tool[0], "place": arm.tool[1].tolist()},
+        "tool": {"node": last[arm.tool[0]], "place": arm.tool[1].tolist()},
         "eye": arm.view.eye.tolist(),
         "target": arm.view.target.tolist(),
         "opening": arm.view.opening,
-        "bodies": [
-            {
-                "parent": body.parent,
-                "place": body.place.tolist(),
-                "turn": body.turn.tolist(),
-                "moves": body.moves,
-                "joints": [
-                    joint._asdict() | {"axis": joint.axis.tolist(), "place": joint.place.tolist()}
-                    for joint in body.joints
-                ],
-                "parts": [{"colour": part.colour.tolist()} | _surface(part.surface) for part in body.parts],
-            }
-            for body in arm.bodies
-        ],
+        "nodes": nodes,
     }, ""
+
+
+def _nodes(arm: Arm) -> tuple[list[dict[str, Any]], list[int]]:
+    """Return frames, each within its parent's (-1: the world), and for each body the one that moves with its shapes.
+
+    A body is a frame with, for each joint, one about a point of its axis, which the joint moves, and one back from it.
+    """
+    nodes: list[dict[str, Any]] = []
+    last: list[int] = []
+
+    def add(parent: int, place: Array, turn: Array | None = None, joint: dict[str, Any] | None = None) -> int:
+        w, x, y, z = (1.0, 0.0, 0.0, 0.0) if turn is None else turn.tolist()
+        node = {"parent": parent, "place": place.tolist(), "turn": [x, y, z, w], "joint": joint}
+        nodes.append(node | {"moves": False, "parts": []})
+        return len(nodes) - 1
+
+    for number, body in enumerate(arm.bodies):
+        own = add(last[body.parent] if number else -1, body.place, body.turn)
+        for joint in body.joints:
+            moved = {"of_q": joint.of_q, "slides": joint.slides, "axis": joint.axis.tolist(), "zero": joint.zero}
+            own = add(add(own, joint.place, joint=moved), -joint.place)
+        parts = [{"colour": part.colour.tolist()} | _surface(part.surface) for part in body.parts]
+        nodes[own] |= {"moves": body.moves, "parts": parts}
+        last.append(own)
+    return nodes, last
 
 
 def _surface(surface: Triangles) -> dict[str, Any]:
