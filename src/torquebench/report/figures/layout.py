@@ -87,11 +87,21 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
         top -= size * 1.45 / 72.0 / height
     legend.set_bbox_to_anchor((LEFT, top - 0.5 * GAP / height))
     fig.set_layout_engine("constrained", rect=(0.004, 0.004, 0.99, 1.0 - header / height - 0.004))
-    fig.draw_without_rendering()
-    fig.set_layout_engine("none")  # solved again, panels would move by round-off, and bytes with them
+    _solve(fig)
     for ax in fig.axes:  # the solver's round-off follows memory addresses: not the same in every run
         x, y, width, height = (round(float(edge), 6) for edge in ax.get_position().bounds)
         ax.set_position((x, y, width, height))
+
+
+def _solve(fig: Figure) -> None:
+    """Lay the page out once, for good, without the drawing that matplotlib's own way of laying out does as well."""
+    engine, renderer = fig.get_layout_engine(), fig.canvas.get_renderer()  # type: ignore[attr-defined]
+    with renderer._draw_disabled():
+        engine.execute(fig)  # type: ignore[union-attr]
+    for ax in fig.axes:
+        locator = ax.get_axes_locator()
+        ax.apply_aspect(locator(ax, renderer) if locator else None)  # type: ignore[arg-type]
+    fig.set_layout_engine(None)  # solved again, panels would move by round-off; a placeholder, "none", draws twice
 
 
 def printable(text: str) -> str:
