@@ -92,9 +92,9 @@ def reported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("browser")
     (folder / "config.yaml").write_text(FIGURES)
     with pytest.MonkeyPatch.context() as patch:
-        whole = style.figure_bytes  # PNGs take half the time and are not looked at here
+        whole = files.figure_bytes  # PNGs take half the time and are not looked at here
         patch.setattr(
-            "torquebench.report.figures.style.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b""
+            "torquebench.report.figures.files.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b""
         )
         assert main(["run", str(folder / "config.yaml"), "--out", str(folder / "one")]) == 0
     shutil.copytree(folder / "one", folder / "two")

@@ -1,26 +1,23 @@
-"""The page of one run: film, result, certificates, figures, what was asked, software and machine."""
+"""The page of one run: film, result, certificates, what was asked, software and machine."""
 
 from __future__ import annotations
 
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from torquebench.experiment.dump import dump_experiment, plain
 from torquebench.experiment.run import ExperimentResult
-from torquebench.report.figures.declare import figure_title
 from torquebench.report.render import Picture, render
 from torquebench.report.tables import by_joint, certificate_table, gain_table, headline_table
 from torquebench.sweep.plan import flattened
 
 
-def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes | None = None) -> bytes:
+def run_page(result: ExperimentResult, film: bytes | None = None) -> bytes:
     """Return the page of one run; the same arguments give the same bytes.
 
     Args:
         result: The run.
-        figures: Name of a figure's file -> its content, in order.
         film: An MP4, or None.
     """
     experiment = result.experiment
@@ -41,7 +38,6 @@ def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes
         config=dump_experiment(experiment),
         facts=json.dumps(result.facts, indent=2),
         video=None if film is None else base64.b64encode(film).decode(),
-        figures=[Picture(figure_title(Path(name).stem), svg) for name, svg in figures.items() if name.endswith(".svg")],
     )
 
 
