@@ -120,7 +120,8 @@ def jobs_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str
 def info_of(stored: StoredSweep) -> SweepInfo:
     """Return what the page tells of a sweep besides its table."""
     plan = stored.plan
-    facts: dict[str, Any] = {key: stored.facts[key] for key in ("digest", "software", "plugins", "model_files")}
+    shown = ("digest", "software", "plugins", "model_files")
+    facts: dict[str, Any] = {key: getattr(stored.facts, key) for key in shown}
     return SweepInfo(
         plan.first.name,
         plan.first.description or "",
