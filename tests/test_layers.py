@@ -18,7 +18,7 @@ LAYERS = (
     ("errors", "plain"),
     ("shipped",),
     ("registry", "timing"),
-    ("keys",),
+    ("figures", "keys"),
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
