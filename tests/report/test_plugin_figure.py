@@ -4,12 +4,12 @@ import json
 from pathlib import Path
 
 import pytest
+from torquebench.report.figures.declare import figures_in_order
 
 from tests.cli.conftest import QUICK
 from tests.metrics.test_plugin_metric import torquebench
 from torquebench.errors import RegistryError
 from torquebench.report.figures import FIGURES, figure
-from torquebench.report.figures.declare import figures_in_order
 
 PLUGIN = '''\
 """A figure of a user."""

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from torquebench.cli.app import command
 from torquebench.cli.parameters import File, argument, check_out, out_file, plugins, refuse
 from torquebench.cli.run import summary
-from torquebench.cli.run_folder import read_run
+from torquebench.cli.run_folder import read_run, read_sweep
 from torquebench.cli.sweep import report_with_bar
 from torquebench.cli.terminal import say, tell, warn
-from torquebench.errors import ConfigError, Problem, ResultError
+from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
     from torquebench.experiment.run import ExperimentResult
@@ -68,16 +68,8 @@ def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
     """Make summary, figures and page of a finished sweep again from its table."""
     from torquebench.experiment.store import add_to_run
     from torquebench.report.render import PAGE
-    from torquebench.sweep.folder import open_sweep, verify
 
-    stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN", to_read=True)
-    if not stored.finished:
-        refuse([("RUN", f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it")])
-    try:
-        verify(stored)
-    except ResultError as error:
-        raise ConfigError([Problem("RUN", "", str(error))]) from error
-    add_to_run(folder, dict(report_with_bar(stored, figures=True)))
+    add_to_run(folder, dict(report_with_bar(read_sweep(folder, plugins), figures=True)))
     tell(report=folder / PAGE, directory=folder)
     say(f"report: {folder / PAGE}")
 
