@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +13,8 @@ from torquebench.experiment.run import ExperimentResult, Progress, band_of
 from torquebench.experiment.store import RunDirectory, add_to_run
 from torquebench.figures import FIGURES
 from torquebench.keys import as_vector
-from torquebench.report.render import PAGE, Picture
-from torquebench.report.run_page import comparison_page, run_page
+from torquebench.report.render import PAGE
+from torquebench.report.run_page import run_page
 
 if TYPE_CHECKING:
     from torquebench.report.figures.files import Wish
@@ -42,13 +42,14 @@ def write_run(
         workers: How many processes draw.
     """
     write_numbers(directory, result)
-    asked = result.experiment.figures if figures else ()
+    asked, drawn = result.experiment.figures if figures else (), {}
     if asked:
         from torquebench.report.figures.files import Wish
 
-        for name, content in run_files(result, () if asked == "all" else asked, Wish(workers=workers), progress):
-            directory.write(name, content)
-    directory.write(PAGE, run_page(result))
+        drawn = dict(run_files(result, () if asked == "all" else asked, Wish(workers=workers), progress))
+    for name, content in drawn.items():
+        directory.write(name, content)
+    directory.write(PAGE, run_page(result, figures=sorted(drawn)))
     directory.finish(manifest_of(result, plugins))
 
 
@@ -139,15 +140,17 @@ def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
     return fired
 
 
-def stored_page(folder: Path, result: ExperimentResult) -> bytes:
-    """Return the page of a stored run, with its film if there is one.
+def stored_page(folder: Path, result: ExperimentResult, drawn: Iterable[str] = ()) -> bytes:
+    """Return the page of a stored run, with its film and links to its figures if there are any.
 
     Args:
         folder: The run's folder.
         result: What was read from it.
+        drawn: Names of figures' files that are about to be written there.
     """
     film = folder / FILM
-    return run_page(result, film.read_bytes() if film.is_file() else None)
+    figures = sorted({*stored_figures(result), *drawn})
+    return run_page(result, film.read_bytes() if film.is_file() else None, figures)
 
 
 def rewrite_page(folder: Path, result: ExperimentResult) -> Path:
@@ -156,12 +159,18 @@ def rewrite_page(folder: Path, result: ExperimentResult) -> Path:
     return folder / PAGE
 
 
-def compare_page(runs: Mapping[str, tuple[Path, ExperimentResult]]) -> bytes:
-    """Return a page with several stored runs side by side, and each one's errors where they have been drawn.
+def add_figures(folder: Path, result: ExperimentResult, files: Mapping[str, bytes]) -> None:
+    """Write figures into the folder of a stored run, and its page again, which links them.
 
     Args:
-        runs: Name of a run -> its folder, and what was read from it.
+        folder: The run's folder.
+        result: What was read from it.
+        files: Name and content of each figure's file.
     """
-    drawn = {name: folder / "figures" / "error.svg" for name, (folder, _) in runs.items()}
-    pictures = [Picture(f"Tracking error: {name}", svg.read_bytes()) for name, svg in drawn.items() if svg.is_file()]
-    return comparison_page({name: result for name, (_, result) in runs.items()}, pictures)
+    add_to_run(folder, {**files, PAGE: stored_page(folder, result, files)})
+
+
+def stored_figures(result: ExperimentResult) -> list[str]:
+    """Return the names of the figures' files in the folder of a stored run, in the order in which they were drawn."""
+    files: Mapping[str, str] = (result.stored or {}).get("files", {})
+    return sorted(name for name in files if name.startswith("figures/"))
