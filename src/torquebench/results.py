@@ -21,7 +21,7 @@ from torquebench.experiment.source import document_of, read_bytes, read_document
 from torquebench.experiment.store import RunDirectory, atomic_write, claim_folder
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
-from torquebench.report.run import run_figures, run_files, stored_page, write_run
+from torquebench.report.run import run_figures, stored_page, write_run
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table
 from torquebench.shipped import find_config
@@ -317,17 +317,16 @@ class Result:
             raise ResultError(f"no figure '{name}' of this run{did_you_mean(name, known)}")
         return figures[name]
 
-    def report(self, path: str | Path | None = None, figures: bool = True) -> bytes:
+    def report(self, path: str | Path | None = None) -> bytes:
         """Return the page of the run, HTML that stands alone.
 
         Args:
             path: File to write the page to as well; None for none.
-            figures: Whether to draw; those of a stored run are on the page as they are.
         """
         if self.folder is not None:
             page = stored_page(self.folder, self._as_stored())
         else:
-            page = run_page(self.numbers, dict(run_files(self.numbers)) if figures else {})
+            page = run_page(self.numbers)
         if path is not None:
             atomic_write(Path(path), page)
         return page

@@ -12,8 +12,8 @@ from torquebench.experiment.folder import manifest_of, write_numbers
 from torquebench.experiment.run import ExperimentResult, Progress, band_of
 from torquebench.experiment.store import RunDirectory, add_to_run
 from torquebench.keys import as_vector
-from torquebench.report.render import PAGE, Picture
-from torquebench.report.run_page import comparison_page, run_page
+from torquebench.report.render import PAGE
+from torquebench.report.run_page import run_page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +43,7 @@ def write_run(
     drawn = dict(run_files(result, progress)) if figures else {}
     for name, content in drawn.items():
         directory.write(name, content)
-    directory.write(PAGE, run_page(result, drawn))
+    directory.write(PAGE, run_page(result, figures=sorted(drawn)))
     directory.finish(manifest_of(result, plugins))
 
 
@@ -78,6 +78,7 @@ def run_figures(result: ExperimentResult, only: str | None = None) -> dict[str, 
         metrics_from=experiment.run.metrics_from,
         control_period=experiment.run.control_period,
         chattering_from_hz=experiment.chattering_from_hz,
+        laws=experiment.laws,
         metrics=result.metrics,
         bands={name: as_vector(band, n) for name, band in bands.items() if band is not None},
         slides=result.slides,
@@ -102,50 +103,24 @@ def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
     return fired
 
 
-def stored_page(
-    folder: Path, result: ExperimentResult, redraw: bool = False, progress: Progress | None = None
-) -> bytes:
-    """Return the page of a stored run, with its film if there is one.
+def stored_page(folder: Path, result: ExperimentResult) -> bytes:
+    """Return the page of a stored run, with its film and links to its figures if there are any.
 
     Args:
         folder: The run's folder.
         result: What was read from it.
-        redraw: Draw the figures from the trajectories; one that cannot be drawn any more is taken as it was stored.
-        progress: Told each file when it is drawn.
     """
-    figures = stored_figures(folder, result)
-    if redraw:
-        figures |= dict(run_files(result, progress))
     film = folder / FILM
-    return run_page(result, figures, film.read_bytes() if film.is_file() else None)
+    return run_page(result, film.read_bytes() if film.is_file() else None, stored_figures(result))
 
 
-def rewrite_page(
-    folder: Path, result: ExperimentResult, redraw: bool = False, progress: Progress | None = None
-) -> Path:
+def rewrite_page(folder: Path, result: ExperimentResult) -> Path:
     """Write the page of a stored run into its folder again and return its path; arguments as of `stored_page`."""
-    add_to_run(folder, {PAGE: stored_page(folder, result, redraw, progress)})
+    add_to_run(folder, {PAGE: stored_page(folder, result)})
     return folder / PAGE
 
 
-def stored_figures(folder: Path, result: ExperimentResult) -> dict[str, bytes]:
-    """Return the SVG files of a run's folder, in the order in which they were drawn.
-
-    Args:
-        folder: The run's folder.
-        result: What was read from it.
-    """
+def stored_figures(result: ExperimentResult) -> list[str]:
+    """Return the names of the figures' files in the folder of a stored run, in the order in which they were drawn."""
     files: Mapping[str, str] = (result.stored or {}).get("files", {})
-    names = [name for name in files if name.startswith("figures/") and name.endswith(".svg")]
-    return {name: (folder / name).read_bytes() for name in names}
-
-
-def compare_page(runs: Mapping[str, tuple[Path, ExperimentResult]]) -> bytes:
-    """Return a page with several stored runs side by side, and each one's errors drawn.
-
-    Args:
-        runs: Name of a run -> its folder, and what was read from it.
-    """
-    drawn = {name: stored_figures(folder, result).get("figures/error.svg") for name, (folder, result) in runs.items()}
-    pictures = [Picture(f"Tracking error: {name}", svg) for name, svg in drawn.items() if svg is not None]
-    return comparison_page({name: result for name, (_, result) in runs.items()}, pictures)
+    return sorted(name for name in files if name.startswith("figures/"))

@@ -13,6 +13,7 @@ from torquebench.errors import ConfigError, Problem, ResultError, VideoError, di
 from torquebench.experiment.schema import Video
 from torquebench.experiment.source import read_document
 from torquebench.experiment.store import EXPERIMENT, add_to_run, checksums, refuse_without_experiment
+from torquebench.report.looks import looks
 from torquebench.robot.library import mjcf_path
 from torquebench.video.encode import ffmpeg_program
 from torquebench.video.job import SEPARATOR, Footage, Job, Shot
@@ -60,14 +61,15 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         wrong += [f"'{name}' is there twice" for name in dict.fromkeys(controllers) if controllers.count(name) > 1]
         if wrong:
             raise ConfigError([Problem("--controllers", "", text) for text in wrong])
-        shots = tuple(_shot(folder, name, laws[name], metrics.get(name)) for name in controllers or laws)
+        colours = {name: look.colour for name, look in looks(laws).items()}  # the same, whichever are shown
+        shots = tuple(_shot(folder, name, laws[name], metrics.get(name), colours[name]) for name in controllers or laws)
         period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
         return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots, corner)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ResultError(f"{folder}: its files are not those of a run ({type(error).__name__}: {error})") from error
 
 
-def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
+def _shot(folder: Path, name: str, law: str, metrics: Any, colour: str) -> Shot:
     path = folder / name / "trajectory.npz"
     figures = []
     for key, title, factor, unit in HEADLINES if metrics else ():
@@ -75,7 +77,7 @@ def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
         if value is not None:
             text = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
             figures.append(f"{title} {text} {unit}")
-    return Shot(name, SEPARATOR.join([*figures, law] if law != name else figures), str(path.resolve()))
+    return Shot(name, SEPARATOR.join([*figures, law] if law != name else figures), str(path.resolve()), colour)
 
 
 def model_changed(footage: Footage, manifest: Mapping[str, Any]) -> bool:

@@ -27,6 +27,8 @@ class Shot:
     """Headline metrics and law, with `SEPARATOR` between them."""
     trajectory: str
     """Path of its stored samples."""
+    colour: str = "#808080"
+    """As figures and pages have it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,12 @@ from PIL import Image, ImageColor, ImageDraw
 from torquebench.experiment.schema import Video
 from torquebench.kernel import Array
 from torquebench.report.figures import style
+from torquebench.report.looks import SERIES
+from torquebench.scene.look import MOST_DRAWN, Scene
 from torquebench.sim.trajectory import Trajectory
 from torquebench.video.job import FPS, SEPARATOR, Footage, Shot
 from torquebench.video.layout import LABEL, NAME, NOTE, ROW, Box, Layout, Timeline, layout, spans
 from torquebench.video.paint import FINE, Colour, band, fill, shrunk, text_width, wrap, write
-from torquebench.video.scene import MOST_DRAWN, Scene
 
 WINDOW = 1.5
 """Time that a trace shows, in seconds of the film."""
@@ -27,9 +28,11 @@ HEADER_UNITS = 26.0
 HEADER, HEADER_INK, ALARM = (38, 44, 54), (245, 247, 250), (200, 30, 30)
 SIGN, RANGE = 217, 102
 """How much of 255 a sign on a view and the range of a torque hide."""
+STRIPE = 1.5
+"""Height of the stripe in the colour of a controller above its name, in units of a layout."""
 SMALL, PLAIN, LARGE = 9.6, 10.6, 13.0
 """Heights of fonts, in units of a layout."""
-JOINTS: tuple[Colour, ...] = tuple(ImageColor.getrgb(colour) for colour in style.COLOURS)
+JOINTS: tuple[Colour, ...] = tuple(ImageColor.getrgb(colour) for colour in SERIES)
 
 
 class _Signal(NamedTuple):
@@ -56,7 +59,7 @@ def layout_for(shots: Sequence[Shot], size: tuple[int, int], joints: int) -> Lay
 
     def title(width: float, unit: float) -> float:
         lines = titles(shots, width, unit)
-        return 6.0 + NAME * max(len(name) for name, _ in lines) + NOTE * max(len(note) for _, note in lines)
+        return 8.0 + NAME * max(len(name) for name, _ in lines) + NOTE * max(len(note) for _, note in lines)
 
     return layout(len(shots), size, joints, title)
 
@@ -155,9 +158,12 @@ class Overlay:
         large = shrunk(footage.title, LARGE * scale, width - 150 * scale, bold=True)
         write(draw, 8 * scale, where.header.height - 8 * scale, footage.title, large, HEADER_INK, bold=True)
         lines = titles(footage.shots, where.panels[0].title.width, unit)
-        for panel, (name, note) in zip(where.panels, lines, strict=True):
-            box = panel.title
-            baseline = box.y - unit
+        for panel, shot, (name, note) in zip(where.panels, footage.shots, lines, strict=True):
+            box, colour = panel.title, ImageColor.getrgb(shot.colour)
+            fill(
+                draw, box.x, box.y + STRIPE * unit, panel.view.x + panel.title.width, box.y + 2 * STRIPE * unit, colour
+            )
+            baseline = box.y + unit
             for line in name:
                 baseline += NAME * unit
                 write(draw, box.x, baseline, line, self._large, INK, bold=True)

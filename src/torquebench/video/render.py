@@ -13,13 +13,13 @@ from PIL import Image
 
 from torquebench.kernel import Array
 from torquebench.robot.library import camera_names
+from torquebench.scene.look import scene_of_runs, shown_poses, tool_path, window
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 from torquebench.video.encode import film_writer
 from torquebench.video.job import FPS, SEPARATOR, Footage, Job
 from torquebench.video.layout import timeline
 from torquebench.video.opengl import STICK
 from torquebench.video.overlay import Overlay
-from torquebench.video.scene import scene_of_runs, shown_poses, tool_path, window
 from torquebench.video.sound import heard, write_sound
 from torquebench.video.stage import OpenGlStage, StickStage
 
