@@ -18,7 +18,7 @@ LAYERS = (
     ("errors", "plain"),
     ("shipped",),
     ("registry", "timing"),
-    ("keys",),
+    ("figures", "keys"),
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
@@ -30,7 +30,7 @@ LAYERS = (
     ("check",),
     ("metrics", "statistics"),
     ("certificates",),
-    ("experiment",),
+    ("experiment", "scene"),
     ("sweep",),
     ("report",),
     ("video", "results", "audit"),
@@ -44,7 +44,7 @@ LAYERS = (
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 
 HOMES = {
-    "mujoco": ("robot/mjcf", "sim/plants/", "video/", "view/"),
+    "mujoco": ("robot/mjcf", "scene/", "sim/plants/", "video/", "view/"),
     "glfw": ("video/", "view/"),
     "OpenGL": ("video/",),
     "imageio_ffmpeg": ("video/",),

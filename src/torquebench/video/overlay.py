@@ -10,11 +10,12 @@ from PIL import Image, ImageColor, ImageDraw
 
 from torquebench.kernel import Array
 from torquebench.report.figures import style
+from torquebench.report.looks import SERIES
+from torquebench.scene.look import Scene
 from torquebench.sim.trajectory import Trajectory
 from torquebench.video.job import FPS, SEPARATOR, Footage, Shot
 from torquebench.video.layout import NOTE, Box, Layout, Timeline, layout, spans
 from torquebench.video.paint import FINE, Colour, band, fill, fit, text_width, write
-from torquebench.video.scene import Scene
 
 WINDOW = 1.5
 """Time that a trace shows, in seconds of the film."""
@@ -28,7 +29,7 @@ SMALL, PLAIN, LARGE = 9.6, 10.6, 13.0
 """Heights of fonts, in units of a layout."""
 NOTES = ((0, PLAIN), (1, PLAIN), (-1, PLAIN), (-1, 0.9 * PLAIN), (-1, 0.8 * PLAIN))
 """Ways to write notes, of which the first that fits is taken: how often the last part gets its own line, and font."""
-JOINTS: tuple[Colour, ...] = tuple(ImageColor.getrgb(colour) for colour in style.COLOURS)
+JOINTS: tuple[Colour, ...] = tuple(ImageColor.getrgb(colour) for colour in SERIES)
 
 
 class _Signal(NamedTuple):

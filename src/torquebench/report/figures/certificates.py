@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figure
 from torquebench.report.figures.layout import LIMIT, finish_page, new_page, printable
 from torquebench.report.figures.run_view import RunView
 
@@ -15,14 +14,13 @@ FLOOR = 1e-12
 """Lowest V shown [J]."""
 
 
-@figure("certificates", title="Stability certificates over time", order=60)
 def draw_certificates(x: RunView) -> Figure | None:
     """Draw V, dV/dt and the least margin of K over the joints; None where no controller has certificates."""
     if not x.certificates:
         return None
     fig = new_page(3, 1.6, 2.0)
     panels = fig.subplots(3, 1, sharex=True)
-    looks = {run.name: style.look(place) | {"linewidth": 1.1} for place, run in enumerate(x.runs)}
+    looks = {run.name: run.look | {"linewidth": 1.1} for run in x.runs}
     margins = {name: 100.0 * np.min(found.margin / found.K, axis=1) for name, found in x.certificates.items()}
     for name, found in x.certificates.items():
         for ax, y in zip(panels, (np.maximum(found.V, FLOOR), found.V_rate, margins[name]), strict=True):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,13 +16,15 @@ from matplotlib.lines import Line2D
 
 from torquebench.certificates import Certificate
 from torquebench.errors import ResultError
+from torquebench.figures import Drawing, FigureInfo, figures_in_order
 from torquebench.fuzzy import Prepared
 from torquebench.kernel import Array
 from torquebench.metrics import Metrics
 from torquebench.metrics.torque import measure_torques
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figures_in_order
+from torquebench.report.figures.files import Drawn, Job, may_draw, named, wanted
 from torquebench.report.figures.layout import finish_page, printable, shade_key
+from torquebench.report.looks import looks
 from torquebench.report.tables import number
 from torquebench.sim.trajectory import Trajectory
 
@@ -57,8 +60,8 @@ class RunView:
     """
 
     trajectories: Mapping[str, Trajectory]
-    """Controller -> its run, in the order of the legend, which sets colour and dash. A failed run is drawn up to its
-    end, which is marked with a cross, and does not set the range of an axis."""
+    """Controller -> its run, in the order of the legend. A failed run is drawn up to its end, which is marked with a
+    cross, and does not set the range of an axis."""
     title: str
     """Heading of every page."""
     subtitle: str
@@ -73,6 +76,8 @@ class RunView:
     """Time between control instants [s]."""
     chattering_from_hz: float
     """Frequency from which the torque counts as chattering [Hz]."""
+    laws: Mapping[str, str] = field(default_factory=dict)
+    """Controller -> name of its law, which sets its colour and dash; its own name where it is left out."""
     metrics: Mapping[str, Metrics] = field(default_factory=dict)
     """Controller -> metrics of its run, which legends quote; a run that failed has none."""
     bands: Mapping[str, Array] = field(default_factory=dict)
@@ -96,8 +101,19 @@ class RunView:
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:
-        """Each run with its look, in the order of the legend."""
-        return looks(self.trajectories, self.tau_max, self.control_period)
+        """Each run with its look, in the order of the legend.
+
+        The most restless torque is drawn first and widest, so that calmer lines lie over it and a line that coincides
+        with another shows at its edges or through its gaps.
+        """
+        shown = self.trajectories
+        restless = {name: _restlessness(data.tau, self.tau_max, self.control_period) for name, data in shown.items()}
+        rank = {name: k for k, name in enumerate(sorted(shown, key=lambda name: -restless[name]))}
+        chosen = []
+        for name, look in looks({name: self.laws.get(name, name) for name in shown}).items():
+            layer = {"linewidth": max(0.9, 1.6 - 0.25 * rank[name]), "zorder": 2.0 + 0.01 * rank[name]}
+            chosen.append(Run(name, shown[name], restless[name] >= CHATTERING, style.line_look(look) | layer))
+        return tuple(chosen)
 
     def by_kind(self, hinge: str, slide: str) -> list[str]:
         """Return one of two texts per joint: `hinge` for a joint that turns, `slide` for one that slides."""
@@ -130,51 +146,55 @@ class RunView:
         return [shade_key(label)] if self.metrics_from > 0.0 else []
 
 
-def draw_figures(x: RunView, only: str | None = None) -> dict[str, Figure]:
-    """Draw every registered figure that has something to show, by the name of its file, in page order.
+def draw_jobs(x: RunView) -> dict[str, Job]:
+    """Return what draws each registered figure, by name, in order; one of a user's own may raise ResultError."""
+    return {
+        info.name: partial(_draw_built_in, info, x) if isinstance(info.draw, str) else _foreign(info, info.draw, x)
+        for info in figures_in_order()
+    }
+
+
+def draw_figures(x: RunView, only: Sequence[str] = ()) -> dict[str, Figure]:
+    """Draw every figure that has something to show, by the name of its file, in order.
 
     Args:
         x: The runs.
-        only: Name of the one file that is wanted; figures that cannot be it are not drawn.
+        only: Names of those that are wanted; figures that cannot be among them are not drawn.
 
     Raises:
         ResultError: a figure of a plug-in cannot be drawn.
     """
-    pages: dict[str, Figure] = {}
-    for info in figures_in_order():
-        if only is not None and only != info.name and not only.startswith(f"{info.name}-"):
-            continue
+    return {
+        each: fig
+        for name, job in draw_jobs(x).items()
+        if may_draw(name, only)
+        for each, fig in named(name, job()).items()
+        if wanted(each, only)
+    }
+
+
+def _draw_built_in(info: FigureInfo, x: RunView) -> Drawn:
+    module = import_module(f"torquebench.report.figures.{info.draw}")
+    with style.journal_style():
+        drawn: Drawn = getattr(module, f"draw_{info.name}")(x)
+    return drawn
+
+
+def _foreign(info: FigureInfo, draw: Drawing, x: RunView) -> Job:
+    """Return what draws a figure of a plug-in."""
+
+    def job() -> Drawn:
         try:
             with style.journal_style():
-                drawn = info.draw(x)
+                drawn: Drawn = draw(x)
         except Exception as error:  # a user's function may raise anything
-            if info.draw.__module__.startswith("torquebench."):
-                raise
             raise ResultError(f"figure '{info.name}': {type(error).__name__}: {error}") from error
-        if isinstance(drawn, Mapping):
-            pages |= {f"{info.name}-{rest}": page for rest, page in drawn.items()}
-        elif drawn is not None:
-            pages[info.name] = drawn
-        wrong = next((page for page in pages.values() if not isinstance(page, Figure)), None)
-        if wrong is not None:
-            raise ResultError(f"figure '{info.name}' returned {type(wrong).__name__}, wanted a matplotlib Figure")
-    return pages
+        for page in drawn.values() if isinstance(drawn, Mapping) else [drawn]:
+            if page is not None and not isinstance(page, Figure):
+                raise ResultError(f"figure '{info.name}' returned {type(page).__name__}, wanted a matplotlib Figure")
+        return drawn
 
-
-def looks(runs: Mapping[str, Trajectory], tau_max: Array, control_period: float) -> tuple[Run, ...]:
-    """Give each run its look: colour and dash by its place in the legend, layer and width by how much it chatters.
-
-    A controller therefore looks the same in every experiment that has the same controllers. The most restless
-    torque is drawn first and widest, so that calmer lines lie over it and a line that coincides with another
-    shows at its edges or through its gaps.
-    """
-    restless = {name: _restlessness(data.tau, tau_max, control_period) for name, data in runs.items()}
-    rank = {name: k for k, name in enumerate(sorted(runs, key=lambda name: -restless[name]))}
-    chosen = []
-    for place, (name, data) in enumerate(runs.items()):
-        layer = {"linewidth": max(0.9, 1.6 - 0.25 * rank[name]), "zorder": 2.0 + 0.01 * rank[name]}
-        chosen.append(Run(name, data, restless[name] >= CHATTERING, style.look(place) | layer))
-    return tuple(chosen)
+    return job
 
 
 def _restlessness(tau: Array, tau_max: Array, control_period: float) -> float:
