@@ -54,7 +54,7 @@ HOMES = {
     "jinja2": ("report/",),
     "scipy": ("statistics.py", "sweep/"),
     "skfuzzy": ("fuzzy/",),
-    "pydantic": ("experiment/",),
+    "pydantic": ("experiment/", "sweep/folder.py"),
     "pydantic_core": ("experiment/",),
     "pandas": ("experiment/", "sweep/", "report/", "audit/", "results.py", "sweeps.py", "audits.py"),
     "numba": ("kernel/", "dialect.py", "check.py", "sim/"),

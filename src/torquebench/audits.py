@@ -166,7 +166,7 @@ class Audit:
         """
         from torquebench.audit.figures import forest, overview
 
-        return overview(self.study, self.claims) if key is None else forest(self.claim(key), measure)
+        return overview(self.study, self.claims) if key is None else forest(self.claim(key), self.study.laws, measure)
 
     def __repr__(self) -> str:
         """Name the study and how many claims have which verdict."""

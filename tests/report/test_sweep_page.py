@@ -27,6 +27,7 @@ INFO = SweepInfo(
     "name: study\n",
     {"seed": 7},
     (False,),
+    {"a": "smc", "b": "pid"},
 )
 GRID = {"plant.payload.mass": (0.0, 2.0)}
 TITLES = headlines((False,), steps=True)

@@ -14,7 +14,7 @@ from scipy import stats
 from tests.sweep.examples import BASE, SMALL, plan_of
 from torquebench.experiment import parse_experiment
 from torquebench.experiment.build import build
-from torquebench.sweep.checking import Survey, check_plan, corners
+from torquebench.sweep.checking import check_plan, corners
 from torquebench.sweep.estimate import LEAST_SHARDS, MOST_SHARDS, shard_size
 from torquebench.sweep.plan import Plan, pairs_of
 from torquebench.sweep.table import empty_columns, key_values
@@ -182,7 +182,7 @@ def test_shards_cover_every_pair_once(pairs: int, steps: int, controllers: int) 
 
     fake = Fake()
     fake.pairs, fake.controllers = pairs, ("x",) * controllers  # type: ignore[attr-defined]
-    size = shard_size(fake, Survey([steps]))  # type: ignore[arg-type]
+    size = shard_size(fake, [steps])  # type: ignore[arg-type]
     count = -(-pairs // size)
     assert min(LEAST_SHARDS, pairs) <= count <= MOST_SHARDS
     ends = [pairs_of(size, pairs, shard) for shard in range(count)]

@@ -9,7 +9,7 @@ import pytest
 from tests.sweep.examples import SMALL, plan_of
 from torquebench.errors import ConfigError, ResultError
 from torquebench.sweep.executors import Threads
-from torquebench.sweep.folder import Shards, lock_folder
+from torquebench.sweep.folder import StoredSweep, lock_folder
 from torquebench.sweep.run import run_sweep, state_of
 from torquebench.sweep.table import read_table
 
@@ -25,14 +25,14 @@ def test_a_sweep_goes_on_where_it_was_and_ends_in_the_same_bytes(
     The tables are those of an undisturbed sweep in a temporary folder; progress starts with the rows that are there.
     """
     whole = run_sweep(PLAN, executor=Threads(1))
-    write, progress = Shards.write, list[tuple[int, int]]()
+    write, progress = StoredSweep.write_shard, list[tuple[int, int]]()
 
-    def full(self: Shards, shard: int, columns: object) -> None:
+    def full(self: StoredSweep, shard: int, columns: object) -> None:
         if shard == 3:
             raise OSError("no space left")
         write(self, shard, columns)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Shards, "write", full)
+    monkeypatch.setattr(StoredSweep, "write_shard", full)
     with pytest.raises(OSError, match="no space left"):
         run_sweep(PLAN, tmp_path / "s", Threads(1))
     monkeypatch.undo()

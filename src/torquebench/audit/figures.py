@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from matplotlib.axes import Axes
@@ -18,6 +18,7 @@ from torquebench.audit.study import Measure, Pair, Study
 from torquebench.audit.verdicts import Interval, Verdict
 from torquebench.report.figures.layout import PAGE_WIDTH
 from torquebench.report.figures.style import journal_style
+from torquebench.report.looks import looks, series_colour
 
 COLOURS = {Verdict.HOLDS: "#0072B2", Verdict.UNDECIDED: "#8c8c8c", Verdict.FAILS: "#D55E00", Verdict.DEPENDS: "#6b4fa0"}
 """Blue and vermilion differ for every eye; the fill of a dot says the same without colour."""
@@ -26,7 +27,6 @@ ALIKE = 0.1
 """Half-width of the grey band in which two laws count as alike [1]."""
 ROW, PITCH = 0.19, 0.105
 """Least height of a row of a forest plot, and of an interval in it [in]."""
-PAIR_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#882255", "#56B4E9")
 
 
 def overview(study: Study, judged: Sequence[Judged]) -> Figure:
@@ -190,7 +190,7 @@ def _dot_plot(title: str, subtitle: str, points: Sequence[Point], place: Callabl
     return fig
 
 
-def forest(claim: Judged, index: int = 0) -> Figure | None:
+def forest(claim: Judged, laws: Mapping[str, str], index: int = 0) -> Figure | None:
     """Draw a figure of a claim: a row for each condition, a dot and its 95 % interval for each pair, the threshold.
 
     Dots are full where the case holds by this figure, half full where it is undecided, empty where it fails; those of
@@ -198,17 +198,19 @@ def forest(claim: Judged, index: int = 0) -> Figure | None:
 
     Args:
         claim: The claim.
+        laws: Controller -> name of its law, which sets the colours of pairs.
         index: Which of its measures.
     """
     measure, cases = claim.claim.measures[index], [*claim.cases, *claim.shown]
     like = list(dict.fromkeys(case.pair for case in claim.cases))
+    colours = looks({str(pair): laws[pair.of] for pair in like})
     scale = 1.0 if measure.relation in ("ratio", "share") else unit_of(measure.figure)[1]
 
     def series(pair: Pair) -> Series:
         names = f"{pair.of} / {pair.over}" if pair.over and measure.relation == "ratio" else pair.of
         names = f"{pair.of} - {pair.over}" if pair.over and measure.relation == "difference" else names
         if pair.like:
-            return Series(f"{pair.label}: {names}", PAIR_COLOURS[like.index(pair) % len(PAIR_COLOURS)])
+            return Series(f"{pair.label}: {names}", colours[str(pair)].colour)
         return Series(f"{pair.label}: {names} (not alike, not judged)", "0.55", like=False)
 
     if not cases:
@@ -228,7 +230,7 @@ def ablation_plot(claim: Judged) -> Figure | None:
     points = [
         Point(
             one.label,
-            Series(one.where, PAIR_COLOURS[where.index(one.where) % len(PAIR_COLOURS)]),
+            Series(one.where, series_colour(where.index(one.where))),
             one.interval,
             Verdict.HOLDS if one.as_well else Verdict.FAILS,
         )

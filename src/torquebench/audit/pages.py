@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -120,12 +117,12 @@ def write_files(
         part.condition: f"torquebench sweep {folder / CONDITIONS / part.folder / 'sweep.yaml'}" for part in parts
     }
     audit = study.audit
-    script = (files("torquebench.report") / "templates" / "sort.js").read_text(encoding="utf-8")
     yield (
         PAGE,
         render(
             "audit",
             figures=list(pictures.values()),
+            scripts=["page"],
             title=str(study.document.root["name"]),
             lead=str(audit.paper) if audit.paper else str(study.document.root.get("description") or ""),
             overview=pictures.get("claims"),
@@ -162,8 +159,6 @@ def write_files(
             classes={"holds": "holds", "fails": "fails", "depends": "only", "undecided": "only", "not judged": "soft"},
             open=audit.open,
             groups=list(next(iter(study.axes.values()))) if study.axes else ["all"],
-            script=script,
-            script_digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
             draws=audit.draws,
             facts=json.dumps(versions() | machine(), indent=2),
         ),
@@ -177,5 +172,5 @@ def _drawn(study: Study, judged: Sequence[Judged]) -> Iterator[tuple[str, str, C
     yield "claims", "The claims", lambda: overview(study, judged)
     for claim in judged:
         for i, measure in enumerate(claim.claim.measures):
-            yield f"{claim.key}.{i + 1}", measure.figure, partial(forest, claim, i)
+            yield f"{claim.key}.{i + 1}", measure.figure, partial(forest, claim, study.laws, i)
         yield f"{claim.key}.ablations", "Ablations", partial(ablation_plot, claim)

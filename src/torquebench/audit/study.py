@@ -204,6 +204,11 @@ class Study(NamedTuple):
     """Axis -> level -> dotted key -> value."""
     questions: tuple[Question, ...]
 
+    @property
+    def laws(self) -> dict[str, str]:
+        """Controller -> name of its law."""
+        return {keys["name"]: keys["law"] for keys in self.document.root["controllers"]}
+
     def words(self, condition: Condition) -> str:
         """Return a condition in words: its level on the first axis, and on others where it is not the first level."""
         usual = [next(iter(levels)) for levels in self.axes.values()]

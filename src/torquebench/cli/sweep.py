@@ -131,7 +131,7 @@ def _start(options: Options) -> StoredSweep | None:
             return None
         _prepare(executor, plan.source)
         directory = RunDirectory(claim_folder(options.out, plan.first.name))
-        stored = create_sweep(directory, plan, shard_size(plan, survey))
+        stored = create_sweep(directory, plan, shard_size(plan, survey.steps))
         _run_rest(stored, state_of(stored), executor, options)
     return stored
 
@@ -179,7 +179,7 @@ def _print_estimate(plan: Plan, survey: Survey, executor: Executor) -> Estimate:
     from torquebench.sweep.estimate import duration, estimate, size
 
     with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
-        work = estimate(plan, survey, executor.count, executor.processes, executor.here)
+        work = estimate(plan, survey.steps, executor)
     tell(estimate=work)
     if plan.draws > 1 and not survey.is_drawn:
         warn(f"torquebench: nothing is random: all {plan.draws} draws are the same run, sweep.draws=1 would do")
@@ -219,29 +219,21 @@ def _prepare(executor: Executor, source: Source) -> None:
 def _run_rest(stored: StoredSweep, state: State, executor: Executor, options: Options) -> None:
     """Run what is missing and write the tables; if something comes in between, the error says how to go on."""
     from torquebench.report.sweep import MOST_ROWS
-    from torquebench.sweep.folder import lock_folder
-    from torquebench.sweep.run import conclude, rows_in, run_missing
+    from torquebench.sweep.run import finish
 
-    done = sum(rows_in(stored, shard) for shard in state.complete)
-    ran = 0
+    def more(done: StoredSweep) -> Iterator[tuple[str, bytes]]:
+        if done.plan.rows > MOST_ROWS:
+            warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
+        return report_with_bar(done, not options.no_figures)
+
     try:
-        with lock_folder(stored), progress_bar(stored.plan.rows, "run", "running", done) as bar:
-
-            def report(rows: int) -> None:
-                nonlocal ran
-                ran += 1
-                bar.update(rows)
-
-            run_missing(stored, state, executor, report)
-            bar.describe("writing the tables")
-            if stored.plan.rows > MOST_ROWS:
-                warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
-            conclude(stored, lambda done: report_with_bar(done, not options.no_figures))
+        with progress_bar(stored.plan.rows, "run", "running", state.rows) as bar:
+            finish(stored, state, executor, bar.update, more)
     except KeyboardInterrupt as error:  # SIGTERM is one too
         raise type(error)(_resume_hint(stored, options)) from error
     except (OSError, TorquebenchError) as error:
         raise ResultError(f"{error}; {_resume_hint(stored, options)}") from error
-    say(f"{ran} shards run, {len(state.complete)} were there")
+    say(f"{len(state.missing)} shards run, {len(state.complete)} were there")
 
 
 def report_with_bar(stored: StoredSweep, figures: bool) -> Iterator[tuple[str, bytes]]:

@@ -79,13 +79,13 @@ def _show_window(footage: Footage, speed: float) -> bool:
 
 def _serve_page(footage: Footage, speed: float, port: int, open_browser: bool) -> None:
     """Serve the replay page, print its address, open the browser, and wait for an interrupt."""
-    from torquebench.report.figures.style import COLOURS
+    from torquebench.report.looks import SERIES
     from torquebench.sim.trajectory import load_trajectory
     from torquebench.view.replay import replay_json
     from torquebench.view.server import HOST, serve
 
     runs = [load_trajectory(shot.trajectory) for shot in footage.shots]
-    replay = replay_json(footage, runs, COLOURS, speed)
+    replay = replay_json(footage, runs, SERIES, speed)
     with ExitStack() as stack:
         try:
             address = stack.enter_context(serve(replay, port))

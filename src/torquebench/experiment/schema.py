@@ -194,6 +194,11 @@ class Experiment:
         return joint_count(self.plant.model)
 
     @property
+    def laws(self) -> dict[str, str]:
+        """Controller -> name of its law."""
+        return {keys.name: keys.law for keys in self.controllers}
+
+    @property
     def n_steps(self) -> int:
         """Number of control instants."""
         return whole_steps(self.run.duration, self.run.control_period)

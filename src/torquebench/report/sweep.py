@@ -85,13 +85,14 @@ def figures_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[
     from torquebench.report.figures.sweep import sweep_figures
 
     subtitle = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
-    return sweep_figures(table, info.name, subtitle, found, info.slides)
+    return sweep_figures(table, info.name, subtitle, found, info.slides, info.laws)
 
 
 def info_of(stored: StoredSweep) -> SweepInfo:
     """Return what the page tells of a sweep besides its table."""
     plan = stored.plan
-    facts: dict[str, Any] = {key: stored.facts[key] for key in ("digest", "software", "plugins", "model_files")}
+    shown = ("digest", "software", "plugins", "model_files")
+    facts: dict[str, Any] = {key: getattr(stored.facts, key) for key in shown}
     return SweepInfo(
         plan.first.name,
         plan.first.description or "",
@@ -100,6 +101,7 @@ def info_of(stored: StoredSweep) -> SweepInfo:
         plan.source.text.decode(),
         {"seed": plan.seed} | facts | {"machine": machine()},
         slide_joints(plan.first.plant.model),
+        plan.first.laws,
     )
 
 

@@ -42,6 +42,8 @@ class SweepInfo(NamedTuple):
     """Seeds, software and machine."""
     slides: Sequence[bool]
     """Of each joint of the arm, whether it slides."""
+    laws: Mapping[str, str]
+    """Controller -> name of its law."""
 
 
 def sweep_page(

@@ -6,17 +6,18 @@ the first rows of the sweep come out the same to the last bit.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import functools
 import hashlib
 import importlib
-import itertools
 import logging
 import os
 import re
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,22 +26,20 @@ from torquebench.errors import ConfigError, ModelError, Problem, ResultError, To
 from torquebench.experiment.store import atomic_write, model_checksums
 from torquebench.laws.plugin import load_plugin
 from torquebench.robot.library import model_names
+from torquebench.sweep.executors import as_done
 from torquebench.sweep.folder import decisive_versions
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.table import Table
 from torquebench.sweep.worker import Task, Worker, run_shard
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
+    from distributed import Worker as DaskWorker
 
 CONNECT = 10.0
 """Time that a scheduler gets to answer [s]."""
 FIRST = 30.0
 """Time that its first worker gets to join [s]."""
-LOOK = 5.0
-"""Time between checks that a worker that is waited for is still there [s]."""
-AHEAD = 2
-"""Shards submitted in advance for each thread: enough to keep it busy, few enough to keep memory flat."""
 IGNORE_CTRL_C = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 """What a local worker runs first: the terminal sends Ctrl-C to all processes, and the client decides."""
 WORKER_SIDE = "torquebench.sweep.cluster"
@@ -56,7 +55,9 @@ class Needs(NamedTuple):
     source: Source
     plugins: tuple[tuple[str, bytes], ...]
     """Name and content of each file of the user's laws."""
-    made_of: Mapping[str, str]
+    models: tuple[str, ...]
+    """Names of the arms that the sweep uses."""
+    made_of: tuple[tuple[str, str], ...]
     """What the client computes with; see `made_of`."""
     sample: str
     """Digest of the first rows as the client computes them."""
@@ -138,32 +139,21 @@ class Cluster:
             ConfigError: one would not, or cannot compute anything; each is named.
         """
         needs = self._needs_of(source)
-        models = [name.removeprefix(MODEL) for name in needs.made_of if name.startswith(MODEL)]
         # in steps, so that nothing is sent to a worker that cannot read it
-        steps: tuple[tuple[Callable[..., Any], tuple[Any, ...], Callable[[Any], str]], ...] = (
-            (importlib.import_module, (WORKER_SIDE,), lambda module: ""),
-            (made_of, (models,), lambda found: difference(found, needs.made_of)),
-            (refusal, (needs,), str),
+        steps: tuple[tuple[Callable[..., Any], Any, Callable[[Any], str]], ...] = (
+            (importlib.import_module, WORKER_SIDE, lambda module: ""),
+            (made_of, needs.models, lambda found: difference(found, needs.made_of)),
+            (asked_for_refusal, needs, str),
         )
-        for function, arguments, judge in steps:
-            asked = self._ask_all(function, *arguments)
-            texts = {name: _failure(future) or judge(future.result()) for name, future in asked.items()}
-            refused = {text: " and ".join(n for n in texts if texts[n] == text) for text in texts.values() if text}
+        for function, argument, judge in steps:
+            answers: dict[str, Any] = self._client.run(function, argument, on_error="return")
+            refused: dict[str, list[str]] = {}
+            for worker, answer in answers.items():
+                if text := _failure(answer) if isinstance(answer, Exception) else judge(answer):
+                    refused.setdefault(text, []).append(worker)
             if refused:
-                raise ConfigError([Problem("--cluster", "", f"worker {who} {text}") for text, who in refused.items()])
-
-    def _ask_all(self, function: Callable[..., Any], *arguments: Any) -> dict[str, Future]:
-        """Call a function on every worker and return the calls that are done; a worker that is lost has none."""
-        from distributed import wait
-
-        asked: dict[str, Future] = {
-            name: self._client.submit(function, *arguments, workers=[name], allow_other_workers=False, pure=False)
-            for name in self._client.nthreads()
-        }
-        while waiting := [f for name, f in asked.items() if not f.done() and name in self._client.nthreads()]:
-            with contextlib.suppress(TimeoutError):
-                wait(waiting, timeout=LOOK)
-        return {name: future for name, future in asked.items() if future.done()}
+                texts = [f"worker {' and '.join(workers)} {text}" for text, workers in refused.items()]
+                raise ConfigError([Problem("--cluster", "", text) for text in texts])
 
     def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards; see `Executor`. Dask runs those of a lost worker on another one.
@@ -171,44 +161,25 @@ class Cluster:
         Raises:
             ResultError: a shard ended several workers, a worker that joined was refused, or the scheduler is gone.
         """
-        from distributed import as_completed
-
-        needs, waiting, done = self._needs_of(task.source), iter(shards), as_completed()
-        arguments = (needs, task.shard_size, task.trajectories is not None)
-        name = f"torquebench-{hashlib.sha256(repr(arguments).encode()).hexdigest()[:16]}"
-        pending: dict[str, tuple[Future, int]] = {}
+        pool = self._client.get_executor(pure=False)
+        submit = functools.partial(pool.submit, run_on_worker, self._needs_of(task.source), task)
         try:
-            while True:
-                for shard in itertools.islice(waiting, max(0, AHEAD * max(1, self.count) - len(pending))):
-                    future = self._client.submit(run_on_worker, *arguments, shard, key=f"{name}-{shard}", pure=False)
-                    pending[future.key] = future, shard
-                    done.add(future)
-                if not pending:
-                    return
-                future = next(done)
-                if text := _failure(future):
-                    raise ResultError(f"shard {pending[future.key][1]}: {text}")
-                columns, trajectories, text = future.result()
-                if text:
-                    raise ResultError(text)
-                if task.trajectories is not None:
-                    for file, content in trajectories.items():
-                        atomic_write(task.trajectories / file, content)
-                _, shard = pending.pop(future.key)
-                del future  # the cluster forgets what nobody holds
-                yield shard, columns
+            for shard, (table, trajectories) in as_done(self, submit, shards):
+                for path, content in trajectories.items():
+                    atomic_write(path, content)
+                yield shard, table
+        except CancelledError as error:
+            raise ResultError("the connection to the scheduler is lost") from error
+        except (OSError, ResultError):
+            raise
+        except Exception as error:  # a worker may fail in any way
+            raise ResultError(f"a worker {_failure(error)}") from error
         finally:
             with contextlib.suppress(OSError):
-                self._client.cancel([future for future, _ in pending.values()], force=True)
+                pool.shutdown(wait=False)
 
 
-def _failure(future: Future) -> str:
-    """Return why a future that is done has no result; nothing when it has one."""
-    if future.status == "finished":
-        return ""
-    if future.status != "error":
-        return "the connection to the scheduler is lost"
-    error = future.exception()
+def _failure(error: Exception) -> str:
     return f"cannot do the work ({type(error).__name__}: {' '.join(str(error).split())})"
 
 
@@ -220,8 +191,9 @@ def needs_of(source: Source) -> Needs:
     """Return what the workers of a sweep need, computed by the client."""
     plan = Plan(source)
     words = {str(value.word) for axis in plan.keys.axes for value in axis.values} | {str(plan.first.plant.model)}
+    models = tuple(sorted(words.intersection(model_names())))
     plugins = tuple((path.name, path.read_bytes()) for path in source.plugins)
-    return Needs(source, plugins, made_of(sorted(words.intersection(model_names()))), sample(plan))
+    return Needs(source, plugins, models, tuple(made_of(models).items()), sample(plan))
 
 
 def made_of(models: Sequence[str]) -> dict[str, str]:
@@ -247,11 +219,14 @@ _SOURCE = _source()
 """Digest of the source when this process read it: what is on the disk may have changed since."""
 
 
-def difference(there: Mapping[str, str], here: Mapping[str, str]) -> str:
-    """Return how a worker is made of other things than the client; nothing when it is not."""
-    wrong = [
-        f"{name} {there.get(name, ABSENT)} instead of {want}" for name, want in here.items() if there.get(name) != want
-    ]
+def difference(there: Mapping[str, str], here: Iterable[tuple[str, str]]) -> str:
+    """Return how a worker is made of other things than the client; nothing when it is not.
+
+    Args:
+        there: What the worker is made of.
+        here: What the client is made of.
+    """
+    wrong = [f"{name} {there.get(name, ABSENT)} instead of {want}" for name, want in here if there.get(name) != want]
     return f"has {', '.join(wrong)}: its rows would not be the client's" if wrong else ""
 
 
@@ -264,31 +239,29 @@ def sample(plan: Plan) -> str:
 
 
 _lock = threading.Lock()
-_refusals: dict[str, str] = {}
-"""Answers of `refusal` in this worker process, by digest of what was needed."""
 _loaded: dict[str, bytes] = {}
 """Laws of the user in this worker process, content by file name: laws cannot be registered anew."""
 
 
-def refusal(needs: Needs) -> str:
+async def asked_for_refusal(needs: Needs, dask_worker: DaskWorker) -> str:
+    """Return `refusal`, found in a thread: the worker, which Dask names, goes on answering the scheduler meanwhile."""
+    return await asyncio.to_thread(refusal, needs, dask_worker.local_directory)
+
+
+def refusal(needs: Needs, folder: str) -> str:
     """Return, on a worker, why it cannot take part in a sweep, or nothing; laws of the user are registered."""
-    key = hashlib.sha256(repr(needs).encode()).hexdigest()
     with _lock:  # threads of one process ask at the same time
-        if key not in _refusals:
-            _refusals[key] = _refusal(needs)
-        return _refusals[key]
+        return _refusal(needs, folder)
 
 
-def _refusal(needs: Needs) -> str:
-    from distributed import get_worker
-
-    models = [name.removeprefix(MODEL) for name in needs.made_of if name.startswith(MODEL)]
-    if text := difference(made_of(models), needs.made_of):
+@functools.cache
+def _refusal(needs: Needs, folder: str) -> str:
+    if text := difference(made_of(needs.models), needs.made_of):
         return text
     try:
         for name, content in needs.plugins:
             if name not in _loaded:
-                path = Path(get_worker().local_directory) / "torquebench-laws" / name
+                path = Path(folder) / "torquebench-laws" / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(content)
                 load_plugin(path)
@@ -305,23 +278,19 @@ def _refusal(needs: Needs) -> str:
     return ""
 
 
-def run_on_worker(
-    needs: Needs, shard_size: int, with_trajectories: bool, shard: int
-) -> tuple[Table, Mapping[str, bytes], str]:
-    """Run a shard on a worker; return its columns, trajectories by file name, and why there are none if so.
+def run_on_worker(needs: Needs, task: Task, shard: int) -> tuple[Table, Mapping[Path, bytes]]:
+    """Run a shard on a worker; return its rows, and the trajectories that the client is to write.
 
-    Args:
-        needs: What the sweep needs.
-        shard_size: Number of (case, draw) pairs in a shard.
-        with_trajectories: Whether trajectories are wanted.
-        shard: Number of the shard.
+    Raises:
+        ResultError: this worker cannot take part, and why.
     """
     from distributed import get_worker
 
-    if text := refusal(needs):
-        return {}, {}, f"worker {get_worker().address} {text}"
-    if not with_trajectories:
-        return run_shard(Task(needs.source, shard_size), shard), {}, ""
+    worker = get_worker()
+    if text := refusal(needs, worker.local_directory):
+        raise ResultError(f"worker {worker.address} {text}")
+    if task.trajectories is None:
+        return run_shard(task, shard), {}
     with tempfile.TemporaryDirectory(prefix="torquebench-") as folder:
-        columns = run_shard(Task(needs.source, shard_size, Path(folder)), shard)
-        return columns, {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}, ""
+        table = run_shard(task._replace(trajectories=Path(folder)), shard)
+        return table, {task.trajectories / path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}

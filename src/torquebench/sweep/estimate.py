@@ -6,11 +6,14 @@ import math
 import os
 import shutil
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from torquebench.experiment.sweep_section import Worst
-from torquebench.sweep.checking import Survey
+from torquebench.sweep.executors import Executor
 from torquebench.sweep.plan import Plan
 from torquebench.sweep.table import empty_columns
 from torquebench.sweep.worker import Worker
@@ -72,62 +75,58 @@ class Estimate(NamedTuple):
         return found
 
 
-def shard_size(plan: Plan, survey: Survey) -> int:
+def shard_size(plan: Plan, steps: Sequence[int]) -> int:
     """Return the number of (case, draw) pairs in a shard; it depends on the sweep alone.
 
     Args:
         plan: The sweep.
-        survey: What checking it found out.
+        steps: Number of control instants of a loop of each case.
     """
-    each = len(plan.controllers) * sum(survey.steps) / len(survey.steps)
-    size = max(1, round(SHARD_STEPS / each))
-    size = min(size, max(1, plan.pairs // LEAST_SHARDS))
-    return max(size, -(-plan.pairs // MOST_SHARDS))
+    each = len(plan.controllers) * sum(steps) / len(steps)
+    least, most = -(-plan.pairs // MOST_SHARDS), max(1, plan.pairs // LEAST_SHARDS)
+    return max(least, min(most, max(1, round(SHARD_STEPS / each))))
 
 
-def estimate(plan: Plan, survey: Survey, workers: int, processes: int, here: int) -> Estimate:
+def estimate(plan: Plan, steps: Sequence[int], executor: Executor) -> Estimate:
     """Time a few runs of a sweep, and return what all of it takes.
 
     Args:
         plan: The sweep.
-        survey: What checking it found out.
-        workers: Number of shards that run at once.
-        processes: Number of worker processes on this machine.
-        here: Number of shards that run at once on this machine.
+        steps: Number of control instants of a loop of each case.
+        executor: What is to run it.
     """
     controllers = len(plan.controllers)
-    steps = controllers * plan.draws * sum(survey.steps)
-    longest, n = max(survey.steps), plan.first.n
-    row = sum(column.dtype.itemsize for column in empty_columns(plan, 0).values())
-    text = CSV_NUMBER * len(empty_columns(plan, 0))
-    kept = {"none": 0, "all": plan.rows}.get(str(plan.keys.keep), 0)
-    if isinstance(plan.keys.keep, Worst):
-        kept = min(plan.rows, plan.keys.keep.worst * controllers)
+    total, trajectory = controllers * plan.draws * sum(steps), 8 * plan.first.n * max(steps)
+    columns = empty_columns(plan, 0).values()
+    row = sum(column.dtype.itemsize for column in columns)
+    keep = plan.keys.keep
+    kept = min(plan.rows, keep.worst * controllers) if isinstance(keep, Worst) else plan.rows * (keep == "all")
     return Estimate(
         runs=plan.rows,
-        steps=steps,
-        seconds=seconds_per_step(plan, survey) * steps / workers,
-        memory=PROCESS_BYTES * (1 + processes) + max(1, here) * ARRAYS * 8 * n * longest,
-        disk=plan.rows * (2 * row + text) + kept * STORED * 8 * n * longest,
+        steps=total,
+        seconds=seconds_per_step(plan, steps) * total / executor.count,
+        memory=PROCESS_BYTES * (1 + executor.processes) + max(1, executor.here) * ARRAYS * trajectory + plan.rows * row,
+        disk=plan.rows * (2 * row + CSV_NUMBER * len(columns)) + kept * STORED * trajectory,
     )
 
 
-def seconds_per_step(plan: Plan, survey: Survey) -> float:
-    """Return the time that a control instant takes on one worker [s], from a few pairs spread over the sweep."""
-    controllers = len(plan.controllers)
-    if controllers * max(survey.steps) > SLOWEST:
+def seconds_per_step(plan: Plan, steps: Sequence[int]) -> float:
+    """Return the time that a control instant takes on one worker [s], from a few pairs spread over the sweep.
+
+    Args:
+        plan: The sweep.
+        steps: Number of control instants of a loop of each case.
+    """
+    if len(plan.controllers) * max(steps) > SLOWEST:
         return 1.0 / USUAL_RATE
-    worker, spent, steps = Worker(plan), 0.0, 0
-    count = min(SAMPLES, plan.pairs)
-    pairs = [i * (plan.pairs - 1) // max(1, count - 1) for i in range(count)]
-    for _ in worker.pair(0, 0):  # whatever has to be compiled is compiled now
-        pass
-    for pair in pairs:
+    worker, spent, run = Worker(plan), 0.0, 0
+    list(worker.pair(0, 0))  # whatever has to be compiled is compiled now
+    for pair in np.linspace(0, plan.pairs - 1, min(SAMPLES, plan.pairs), dtype=int).tolist():
         case, draw = divmod(pair, plan.draws)
         start = time.perf_counter()
-        steps += survey.steps[case] * sum(1 for _ in worker.pair(case, draw))
+        run += steps[case] * len(list(worker.pair(case, draw)))
         spent += time.perf_counter() - start
-    return spent / steps
+    return spent / run
 
 
 def duration(seconds: float) -> str:

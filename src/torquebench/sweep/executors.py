@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import itertools
 import multiprocessing
 import os
@@ -12,12 +13,18 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from torquebench.errors import ResultError, TorquebenchError
+from torquebench.laws.plugin import load_plugin
 from torquebench.sweep.plan import Source
 from torquebench.sweep.table import Table
-from torquebench.sweep.worker import Task, load_plugins, run_shard
+from torquebench.sweep.worker import Task, run_shard
+
+T = TypeVar("T")
+
+AHEAD = 2
+"""Shards in hand for each that is run: the next one is there already, and memory stays flat."""
 
 
 class Executor(Protocol):
@@ -47,7 +54,7 @@ class Executor(Protocol):
         ...
 
     def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
-        """Run shards and yield the number and columns of each as soon as it is done, in any order.
+        """Run shards and yield the number and rows of each as soon as it is done, in any order.
 
         Closing the iterator, or an exception in it, stops what is still running.
         """
@@ -61,9 +68,10 @@ class Threads:
         count: Number of threads.
     """
 
+    processes = 0
+
     def __init__(self, count: int) -> None:
         self.count = self.here = count
-        self.processes = 0
 
     def __str__(self) -> str:
         return f"{self.count} thread{'s' * (self.count != 1)}"
@@ -73,15 +81,10 @@ class Threads:
 
     def run(self, task: Task, shards: Sequence[int]) -> Iterator[tuple[int, Table]]:
         """Run shards; see `Executor`."""
-        if self.count == 1:
-            for shard in shards:
-                yield shard, run_shard(task, shard)
-            return
         stop = threading.Event()
         with ThreadPoolExecutor(self.count) as pool:
             try:
-                # one more than there are threads, so that none waits for the consumer
-                yield from _as_done(lambda n: pool.submit(run_shard, task, n, stop.is_set), shards, self.count + 1)
+                yield from as_done(self, lambda shard: pool.submit(run_shard, task, shard, stop.is_set), shards)
             finally:
                 stop.set()
                 pool.shutdown(cancel_futures=True)
@@ -111,10 +114,9 @@ class Processes:
         """
         context = multiprocessing.get_context("spawn")
         watched, held = context.Pipe(duplex=False)
-        pool = ProcessPoolExecutor(self.count, context, _start, (watched, task))
+        pool = ProcessPoolExecutor(self.count, context, _start, (watched,))
         try:
-            # two for each process: the one that it runs and the next, so that none waits for the consumer
-            yield from _as_done(lambda shard: pool.submit(_run, shard), shards, 2 * self.count)
+            yield from as_done(self, lambda shard: pool.submit(_run, task, shard), shards)
             pool.shutdown()
         except BrokenProcessPool as error:
             why = "it was killed, the machine ran out of memory, or a script starts processes when it is imported"
@@ -125,26 +127,26 @@ class Processes:
             watched.close()
 
 
-def _as_done(submit: Callable[[int], Future[Table]], shards: Sequence[int], most: int) -> Iterator[tuple[int, Table]]:
-    """Submit shards, at most `most` at a time, and yield each as soon as it is done."""
-    waiting, pending = iter(shards), dict[Future[Table], int]()
+def as_done(executor: Executor, submit: Callable[[int], Future[T]], shards: Sequence[int]) -> Iterator[tuple[int, T]]:
+    """Submit shards, a few ahead of those that run, and yield the number and result of each as soon as it is done.
+
+    Args:
+        executor: What runs them.
+        submit: Gives it a shard.
+        shards: Numbers of the shards.
+    """
+    waiting, pending = iter(shards), dict[Future[T], int]()
     while True:
-        for shard in itertools.islice(waiting, most - len(pending)):
+        for shard in itertools.islice(waiting, max(0, AHEAD * max(1, executor.count) - len(pending))):
             pending[submit(shard)] = shard
         if not pending:
             return
-        for future in wait(pending, return_when=FIRST_COMPLETED).done:
-            yield pending.pop(future), future.result()
+        future = wait(pending, return_when=FIRST_COMPLETED).done.pop()
+        yield pending.pop(future), future.result()
 
 
-_task: Task
-"""What this worker process works on."""
-
-
-def _start(watched: Connection[Any, Any], task: Task) -> None:
+def _start(watched: Connection[Any, Any]) -> None:
     """Set up a worker process; it ends when its parent closes the other end of a pipe, or is gone."""
-    global _task
-    _task = task
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends Ctrl-C to all; the parent decides
     threading.Thread(target=_end_with_parent, args=(watched,), daemon=True).start()
 
@@ -155,14 +157,20 @@ def _end_with_parent(watched: Connection[Any, Any]) -> None:
     os._exit(0)
 
 
-def _run(shard: int) -> Table:
+def _run(task: Task, shard: int) -> Table:
     """Run a shard in a worker process.
 
     Raises:
         ResultError: it cannot be run, and why.
     """
     try:
-        load_plugins(_task.source)
-        return run_shard(_task, shard)
+        _load_plugins(task.source)
+        return run_shard(task, shard)
     except TorquebenchError as error:
         raise ResultError(str(error)) from error  # a message survives the way back to the parent, its data does not
+
+
+@functools.cache
+def _load_plugins(source: Source) -> None:
+    for path in source.plugins:
+        load_plugin(path)

@@ -7,16 +7,15 @@ import csv
 import hashlib
 import io
 import json
-import shutil
-import tempfile
-import zipfile
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PositiveInt, TypeAdapter
 
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
 from torquebench.experiment.dump import plain
@@ -34,7 +33,7 @@ from torquebench.experiment.store import (
     replaced,
     versions,
 )
-from torquebench.sweep.plan import Plan, Source, flattened
+from torquebench.sweep.plan import Plan, Source, flattened, pairs_of
 from torquebench.sweep.table import OUTCOMES, Table, empty_columns
 
 CONFIG = "sweep.yaml"
@@ -57,33 +56,80 @@ LOCKED_BYTE = 1 << 30
 """Where Windows locks ``plan.json``: far behind its end, so that it can still be read."""
 
 
-class StoredSweep(NamedTuple):
-    """A sweep and the folder that it is stored in."""
+@dataclass(frozen=True)
+class Facts:
+    """Content of ``plan.json``: what identifies a sweep, and what it is made of."""
+
+    software: dict[str, str]
+    plugins: dict[str, str]
+    """Name of each file -> its SHA-256; so are those of the arm in `model_files`."""
+    model_files: dict[str, str]
+    format: PositiveInt
+    name: str
+    cases: PositiveInt
+    draws: PositiveInt
+    rows: PositiveInt
+    controllers: list[str]
+    shard_size: PositiveInt
+    """Number of (case, draw) pairs in a shard."""
+    digest: str
+    """SHA-256 of everything that decides results."""
+    filename: str
+    overrides: list[str]
+    config: dict[str, Any]
+    """The file as it is after the overrides."""
+
+
+@dataclass(frozen=True)
+class StoredSweep:
+    """A sweep and the folder that it is stored in.
+
+    The file of a shard is a line of text, ``torquebench-shard-1 PLAN SHARD SHA256``, followed by an NPZ file of its
+    rows; PLAN is the plan's digest, and SHA256 that of everything after the line. Files are added, never changed.
+    """
 
     folder: Path
     plan: Plan
-    facts: dict[str, Any]
-    """Content of ``plan.json``."""
-
-    @property
-    def shard_size(self) -> int:
-        """Number of (case, draw) pairs in a shard."""
-        return int(self.facts["shard_size"])
+    facts: Facts
 
     @property
     def shards(self) -> int:
         """Number of shards."""
-        return -(-self.plan.pairs // self.shard_size)
+        return -(-self.plan.pairs // self.facts.shard_size)
 
-    @property
-    def digest(self) -> str:
-        """Identifies the plan."""
-        return str(self.facts["digest"])
+    def rows_in(self, shard: int) -> int:
+        """Return the number of rows of a shard."""
+        return len(pairs_of(self.facts.shard_size, self.plan.pairs, shard)) * len(self.plan.controllers)
 
     @property
     def finished(self) -> bool:
         """Whether all results are there."""
         return (self.folder / MANIFEST).is_file()
+
+    def shard_path(self, shard: int) -> Path:
+        """Return the file of a shard."""
+        return self.folder / SHARDS / f"{shard:06d}.shard"
+
+    def write_shard(self, shard: int, table: Table) -> None:
+        """Write a shard; it is on the disk when this returns."""
+        buffer = io.BytesIO()
+        np.savez(buffer, **table)  # type: ignore[arg-type]
+        self.shard_path(shard).parent.mkdir(exist_ok=True)
+        atomic_write(self.shard_path(shard), self._line(shard, buffer.getvalue()) + buffer.getvalue())
+
+    def read_shard(self, shard: int) -> Table | None:
+        """Return a shard's rows; None when it is missing, or is not what was written for this plan."""
+        try:
+            line, newline, content = self.shard_path(shard).read_bytes().partition(b"\n")
+        except FileNotFoundError:
+            return None
+        if line + newline != self._line(shard, content):
+            return None
+        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+            return dict(stored)
+
+    def _line(self, shard: int, content: bytes) -> bytes:
+        return f"{MAGIC} {self.facts.digest} {shard} {hashlib.sha256(content).hexdigest()}\n".encode()
 
 
 def create_sweep(directory: RunDirectory, plan: Plan, shard_size: int) -> StoredSweep:
@@ -96,7 +142,7 @@ def create_sweep(directory: RunDirectory, plan: Plan, shard_size: int) -> Stored
     """
     facts = facts_of(plan, shard_size)
     directory.write(CONFIG, plan.source.text)
-    directory.write(PLAN, json_bytes(facts))
+    directory.write(PLAN, json_bytes(vars(facts)))
     return StoredSweep(directory.folder, plan, facts)
 
 
@@ -115,41 +161,21 @@ def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str, to_read: bo
     if not folder.is_dir():
         raise ConfigError([Problem(option, "", f"{folder}: there is no such folder{did_you_mean_path(folder)}")])
     try:
-        facts = _read_facts(folder / PLAN)
+        facts = TypeAdapter(Facts).validate_json((folder / PLAN).read_bytes(), strict=True)
         text = (folder / CONFIG).read_bytes()
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         why = f"{PLAN} or {CONFIG} is missing or damaged"
         raise ConfigError([Problem(option, "", f"{folder} is no folder of a sweep: {why}")]) from error
-    if facts["format"] > FORMAT:
-        message = f"{folder}: was written by a newer torquebench (format {facts['format']}): wanted that one"
+    if facts.format > FORMAT:
+        message = f"{folder}: was written by a newer torquebench (format {facts.format}): wanted that one"
         raise ConfigError([Problem(option, "", message)])
-    missing = sorted(set(facts["plugins"]) - {path.name for path in plugins})
+    missing = sorted(set(facts.plugins) - {path.name for path in plugins})
     if missing:
         message = f"the sweep uses laws of {', '.join(missing)}: wanted --plugin with each of these files"
         raise ConfigError([Problem(option, "", message)])
-    plan = Plan(Source(text, facts["filename"], tuple(facts["overrides"]), plugins))
-    stored = StoredSweep(folder, plan, facts)
-    refuse_changes(stored, plan, option, but=SOFTWARE if to_read else ())
+    stored = StoredSweep(folder, Plan(Source(text, facts.filename, tuple(facts.overrides), plugins)), facts)
+    refuse_changes(stored, stored.plan, option, but=SOFTWARE if to_read else ())
     return stored
-
-
-def _read_facts(path: Path) -> dict[str, Any]:
-    """Return the content of ``plan.json``.
-
-    Raises:
-        ValueError: it is not what `facts_of` returns.
-    """
-    facts: Any = json.loads(path.read_text(encoding="utf-8"))
-    texts = ("name", "digest", "filename")
-    counts = ("format", "cases", "draws", "rows", "shard_size")
-    mappings = ("software", "plugins", "model_files", "config")
-    kinds: dict[str, type] = dict.fromkeys(texts, str) | dict.fromkeys(counts, int) | dict.fromkeys(mappings, dict)
-    kinds |= {"overrides": list, "controllers": list}
-    if not isinstance(facts, dict) or any(type(facts.get(key)) is not kind for key, kind in kinds.items()):
-        raise ValueError(f"{path.name} is not a sweep's plan")
-    if any(facts[key] < 1 for key in counts) or not all(isinstance(text, str) for text in facts["overrides"]):
-        raise ValueError(f"{path.name} is not a sweep's plan")
-    return facts
 
 
 @contextlib.contextmanager
@@ -179,29 +205,35 @@ def _lock(file: BinaryIO) -> None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def facts_of(plan: Plan, shard_size: int) -> dict[str, Any]:
-    """Return what identifies a sweep, and what it is made of: the content of ``plan.json``."""
-    source = plan.source
+def facts_of(plan: Plan, shard_size: int) -> Facts:
+    """Return what identifies a sweep, and what it is made of.
+
+    Args:
+        plan: The sweep.
+        shard_size: Number of (case, draw) pairs in a shard.
+    """
+    source, first = plan.source, plan.first
     made_of = {
         "software": decisive_versions(),
         "plugins": checksums(source.plugins),
-        "model_files": model_checksums(plan.first.plant.model),
+        "model_files": model_checksums(first.plant.model),
     }
-    decides = made_of | {"first": plain(plan.first), "sweep": plan.keys.plain(), "shard_size": shard_size}
+    decides = made_of | {"first": plain(first), "sweep": plan.keys.plain(), "shard_size": shard_size}
     text = json.dumps(decides, sort_keys=True, separators=(",", ":"))
-    return made_of | {
-        "format": FORMAT,
-        "name": plan.first.name,
-        "cases": plan.cases,
-        "draws": plan.draws,
-        "rows": plan.rows,
-        "controllers": list(plan.controllers),
-        "shard_size": shard_size,
-        "digest": hashlib.sha256(text.encode()).hexdigest(),
-        "filename": source.filename,
-        "overrides": list(source.overrides),
-        "config": plan.raw,
-    }
+    return Facts(
+        **made_of,
+        format=FORMAT,
+        name=first.name,
+        cases=plan.cases,
+        draws=plan.draws,
+        rows=plan.rows,
+        controllers=list(plan.controllers),
+        shard_size=shard_size,
+        digest=hashlib.sha256(text.encode()).hexdigest(),
+        filename=source.filename,
+        overrides=list(source.overrides),
+        config=plan.raw,
+    )
 
 
 def decisive_versions() -> dict[str, str]:
@@ -221,83 +253,24 @@ def refuse_changes(stored: StoredSweep, plan: Plan, option: str, but: Collection
     Raises:
         ConfigError: something that decides results has changed; each such key is named with its old and new value.
     """
-    now = facts_of(plan, stored.shard_size)
-    if now["digest"] == stored.digest:
+    now = facts_of(plan, stored.facts.shard_size)
+    if now.digest == stored.facts.digest:
         return
     compared = [key for key in COMPARED if key not in but]
-    old, new = (dict(flattened({key: facts[key] for key in compared})) for facts in (stored.facts, now))
+    old, new = (dict(flattened({key: getattr(facts, key) for key in compared})) for facts in (stored.facts, now))
     problems = []
-    for key in [*old, *(key for key in new if key not in old)]:
-        before, after = old.get(key, ABSENT), new.get(key, ABSENT)
+    for key in old | new:
+        before, after = (json.dumps(facts[key]) if key in facts else ABSENT for facts in (old, new))
         if before != after:
-            name = key.removeprefix("config.")
-            problems.append(Problem(option, name, f"was {_text(before)} when the sweep began, is {_text(after)} now"))
+            text = f"was {before} when the sweep began, is {after} now"
+            problems.append(Problem(option, key.removeprefix("config."), text))
     if but and not problems:
         return
     raise ConfigError(problems or [Problem(option, "", "the file no longer means what it did when the sweep began")])
 
 
-def _text(value: Any) -> str:
-    return value if value == ABSENT else json.dumps(value)
-
-
-class Shards:
-    """The shards of one sweep; files are added, never changed.
-
-    A file is a line of text, ``torquebench-shard-1 PLAN SHARD SHA256``, followed by an NPZ file of the columns; PLAN is
-    the plan's digest, and SHA256 that of everything after the line.
-
-    Args:
-        folder: The sweep's folder.
-        digest: The plan's digest.
-    """
-
-    def __init__(self, folder: Path, digest: str) -> None:
-        self._folder, self._digest = folder / SHARDS, digest
-
-    def write(self, shard: int, columns: Table) -> None:
-        """Write a shard; it is on the disk when this returns."""
-        self._folder.mkdir(exist_ok=True)
-        buffer = io.BytesIO()
-        np.savez(buffer, **columns)  # type: ignore[arg-type]
-        content = buffer.getvalue()
-        atomic_write(self.path(shard), self._line(shard, content) + content)
-
-    def read(self, shard: int) -> Table | None:
-        """Return a shard's columns; None when it is missing, or is not what was written for this plan."""
-        try:
-            line, newline, content = self.path(shard).read_bytes().partition(b"\n")
-        except FileNotFoundError:
-            return None
-        if line + newline != self._line(shard, content):
-            return None
-        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-            return {name: stored[name] for name in stored.files}
-
-    def complete(self, count: int) -> tuple[set[int], set[int]]:
-        """Return which of the first `count` shards are complete, and which are there but damaged."""
-        there = {shard for shard in range(count) if self.path(shard).is_file()}
-        good = {shard for shard in there if self.read(shard) is not None}
-        return good, there - good
-
-    def clean_up(self) -> None:
-        """Remove the unfinished files of a killed process."""
-        for folder in (self._folder, self._folder.parent):
-            for torn in folder.glob(".*.tmp"):
-                torn.unlink(missing_ok=True)
-
-    def path(self, shard: int) -> Path:
-        """Return the file of a shard."""
-        return self._folder / f"{shard:06d}.shard"
-
-    def _line(self, shard: int, content: bytes) -> bytes:
-        return f"{MAGIC} {self._digest} {shard} {hashlib.sha256(content).hexdigest()}\n".encode()
-
-
 def write_table(stored: StoredSweep) -> dict[str, dict[str, int]]:
-    """Write the final table as NPZ and CSV; return each controller's number of runs by outcome.
-
-    Both are put together shard by shard, so that a table may be larger than memory.
+    """Write the final table as NPZ and CSV, and return each controller's number of runs by outcome.
 
     Args:
         stored: The sweep, all of whose shards are complete.
@@ -305,39 +278,27 @@ def write_table(stored: StoredSweep) -> dict[str, dict[str, int]]:
     Raises:
         ResultError: a shard is missing or damaged.
     """
-    shards = Shards(stored.folder, stored.digest)
-    empty, ended = empty_columns(stored.plan, 0), Counter[tuple[str, str]]()
-    with contextlib.ExitStack() as files, replaced(stored.folder / TEXT) as text:
-        columns = {name: files.enter_context(tempfile.TemporaryFile(dir=stored.folder)) for name in empty}
-        lines = io.TextIOWrapper(text, encoding="utf-8", newline="", write_through=True)
+    table, start = empty_columns(stored.plan, stored.plan.rows), 0
+    with replaced(stored.folder / TEXT) as file:
+        lines = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
         writer = csv.writer(lines, lineterminator="\n")
-        writer.writerow(columns)
+        writer.writerow(table)
         for shard in range(stored.shards):
-            part = shards.read(shard)
+            part = stored.read_shard(shard)
             if part is None:
-                raise ResultError(f"{shards.path(shard)}: missing or damaged since it was written")
-            for name, file in columns.items():
-                file.write(np.ascontiguousarray(part[name], empty[name].dtype).tobytes())
-            writer.writerows(zip(*(part[name].tolist() for name in columns), strict=True))
-            ended.update(zip(part["controller"].tolist(), part["outcome"].tolist(), strict=True))
+                raise ResultError(f"{stored.shard_path(shard)}: missing or damaged since it was written")
+            writer.writerows(zip(*(part[name].tolist() for name in table), strict=True))
+            end = start + len(part["index"])
+            for name, column in table.items():
+                column[start:end] = part[name]
+            start = end
         lines.detach()
-        with replaced(stored.folder / TABLE) as whole:
-            _write_npz(whole, empty, columns, stored.plan.rows)
+    with replaced(stored.folder / TABLE) as file:
+        np.savez(file, **table)  # type: ignore[arg-type]
+    ended = Counter(zip(table["controller"].tolist(), table["outcome"].tolist(), strict=True))
     return {
         name: {kind: ended[name, kind] for kind in OUTCOMES if ended[name, kind]} for name in stored.plan.controllers
     }
-
-
-def _write_npz(out: BinaryIO, empty: Table, columns: Mapping[str, Any], rows: int) -> None:
-    """Write columns whose bytes are in files as numpy's NPZ."""
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
-        for name, file in columns.items():
-            file.seek(0)
-            header = {"descr": empty[name].dtype.str, "fortran_order": False, "shape": (rows,)}
-            # ZipInfo has a fixed time stamp by default: equal tables are equal files
-            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
-                np.lib.format.write_array_header_1_0(member, header)
-                shutil.copyfileobj(file, member, 1 << 20)
 
 
 def read_column(stored: StoredSweep, name: str) -> NDArray[Any]:
@@ -358,7 +319,7 @@ def write_manifest(stored: StoredSweep, facts: Mapping[str, Any], more: Sequence
     folder = stored.folder
     kept = sorted(path for path in (folder / TRAJECTORIES).glob("*.npz"))
     files = [folder / name for name in (CONFIG, PLAN, TABLE, TEXT, *more)] + kept
-    plan = {key: stored.facts[key] for key in ("name", "digest", "rows", "software", "plugins", "model_files")}
+    plan = {key: getattr(stored.facts, key) for key in ("name", "digest", "rows", "software", "plugins", "model_files")}
     digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
     atomic_write(folder / MANIFEST, json_bytes(plan | dict(facts) | {"machine": machine(), "files": digests}))
     (folder / CLAIM).unlink(missing_ok=True)
@@ -370,5 +331,5 @@ def verify(stored: StoredSweep) -> None:
     Raises:
         ResultError: it is not.
     """
-    if check_run(stored.folder).get("digest") != stored.digest:
+    if check_run(stored.folder).get("digest") != stored.facts.digest:
         raise ResultError(f"{stored.folder}: its manifest is another sweep's")

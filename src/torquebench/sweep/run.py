@@ -21,7 +21,6 @@ from torquebench.sweep.executors import Executor, Processes
 from torquebench.sweep.folder import (
     PLAN,
     TRAJECTORIES,
-    Shards,
     StoredSweep,
     create_sweep,
     lock_folder,
@@ -49,19 +48,16 @@ class State(NamedTuple):
     """Shards whose files are not as they were written; they are run again."""
     missing: tuple[int, ...]
     """Shards to run, the damaged ones among them."""
+    rows: int
+    """Number of rows that are done."""
 
 
 def state_of(stored: StoredSweep) -> State:
     """Return how far a sweep is; every shard that is there is read and verified."""
-    good, bad = Shards(stored.folder, stored.digest).complete(stored.shards)
-    missing = tuple(shard for shard in range(stored.shards) if shard not in good)
-    return State(frozenset(good), frozenset(bad), missing)
-
-
-def rows_in(stored: StoredSweep, shard: int) -> int:
-    """Return the number of rows of a shard."""
-    pairs = min((shard + 1) * stored.shard_size, stored.plan.pairs) - shard * stored.shard_size
-    return pairs * len(stored.plan.controllers)
+    there = [shard for shard in range(stored.shards) if stored.shard_path(shard).is_file()]
+    complete = frozenset(shard for shard in there if stored.read_shard(shard) is not None)
+    missing = tuple(shard for shard in range(stored.shards) if shard not in complete)
+    return State(complete, frozenset(there) - complete, missing, sum(map(stored.rows_in, complete)))
 
 
 def run_sweep(
@@ -99,75 +95,65 @@ def run_sweep(
         if folder is None:
             folder = Path(tempfile.mkdtemp(prefix="torquebench-sweep-"))
             atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        stored = create_sweep(RunDirectory(claim_folder(folder, plan.first.name)), plan, shard_size(plan, survey))
+        stored = create_sweep(RunDirectory(claim_folder(folder, plan.first.name)), plan, shard_size(plan, survey.steps))
     executor.prepare(plan.source)
-    with lock_folder(stored):
-        state = state_of(stored)
-        done = sum(rows_in(stored, shard) for shard in state.complete)
+    state = state_of(stored)
+    done = state.rows
 
-        def report(rows: int) -> None:
-            nonlocal done
-            done += rows
-            progress(done, plan.rows)
+    def report(rows: int) -> None:
+        nonlocal done
+        done += rows
+        progress(done, plan.rows)
 
-        report(0)
-        run_missing(stored, state, executor, report)
-        conclude(stored, more)
+    report(0)
+    finish(stored, state, executor, report, more)
     return stored
 
 
-def run_missing(
-    stored: StoredSweep, state: State, executor: Executor, progress: Callable[[int], None] = lambda rows: None
+def finish(
+    stored: StoredSweep,
+    state: State,
+    executor: Executor,
+    progress: Callable[[int], None] = lambda rows: None,
+    more: MoreFiles = lambda stored: (),
 ) -> None:
-    """Run the missing shards and store each as soon as it is done.
+    """Run the missing shards, write the table and what is made of it, and last the manifest.
 
     Args:
         stored: The sweep.
         state: How far it is.
-        executor: What runs them.
+        executor: What runs the shards; each is stored as soon as it is done.
         progress: Called with the number of rows of each shard that has been stored.
+        more: Makes further files from the final table.
 
     Raises:
-        ResultError: a worker died.
-        OSError: a shard could not be written.
+        ResultError: a worker died, another process is running this sweep, or a shard was altered.
+        OSError: a file could not be written.
     """
-    folder = None
-    if stored.plan.keys.keep == "all":
-        folder = stored.folder.resolve() / TRAJECTORIES
-        folder.mkdir(exist_ok=True)
-    shards = Shards(stored.folder, stored.digest)
-    shards.clean_up()
-    for shard, columns in executor.run(Task(stored.plan.source, stored.shard_size, folder), state.missing):
-        shards.write(shard, columns)
-        progress(rows_in(stored, shard))
-
-
-def conclude(stored: StoredSweep, more: MoreFiles = lambda stored: ()) -> None:
-    """Write the final table, run the worst rows again for their trajectories, and write the manifest.
-
-    Args:
-        stored: The sweep, all of whose shards are complete.
-        more: Makes further files, which are written before the manifest.
-
-    Raises:
-        ResultError: a shard is missing or damaged.
-    """
-    outcomes = write_table(stored)
-    keep = stored.plan.keys.keep
-    worst = worst_rows(stored, keep) if isinstance(keep, Worst) else []
-    trajectories, worker = stored.folder / TRAJECTORIES, Worker(stored.plan)
-    for index in worst:
-        trajectories.mkdir(exist_ok=True)
-        row = stored.plan.row(index)
-        for i, ended in enumerate(worker.pair(row.case, row.draw)):
-            if i == row.controller and ended.run is not None:
-                write_trajectory(trajectories, index, stored.plan.controllers[i], ended.run)
-    names = []
-    for name, content in more(stored):
-        (stored.folder / name).parent.mkdir(exist_ok=True)
-        atomic_write(stored.folder / name, content)
-        names.append(name)
-    write_manifest(stored, {"outcomes": outcomes, "worst": worst}, names)
+    trajectories, keep = stored.folder / TRAJECTORIES, stored.plan.keys.keep
+    with lock_folder(stored):
+        for torn in stored.folder.rglob(".*.tmp"):  # unfinished files of a killed process
+            torn.unlink(missing_ok=True)
+        if keep != "none":
+            trajectories.mkdir(exist_ok=True)
+        task = Task(stored.plan.source, stored.facts.shard_size, trajectories.resolve() if keep == "all" else None)
+        for shard, table in executor.run(task, state.missing):
+            stored.write_shard(shard, table)
+            progress(stored.rows_in(shard))
+        outcomes = write_table(stored)
+        worst = worst_rows(stored, keep) if isinstance(keep, Worst) else []
+        worker = Worker(stored.plan)
+        for index in worst:
+            row = stored.plan.row(index)
+            for i, ended in enumerate(worker.pair(row.case, row.draw)):
+                if i == row.controller and ended.run is not None:
+                    write_trajectory(trajectories, index, stored.plan.controllers[i], ended.run)
+        names = []
+        for name, content in more(stored):
+            (stored.folder / name).parent.mkdir(exist_ok=True)
+            atomic_write(stored.folder / name, content)
+            names.append(name)
+        write_manifest(stored, {"outcomes": outcomes, "worst": worst}, names)
 
 
 def worst_rows(stored: StoredSweep, keep: Worst) -> list[int]:

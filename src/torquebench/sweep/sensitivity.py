@@ -136,7 +136,7 @@ def _alike(
         key = "\n".join(f"{e.plant.model} {e.run.seed} {e.model}" for e in experiments)
         if key not in cache:
             changes = constant_changes(experiments) if any(e.model.mismatch for e in experiments) else {}
-            cache[key] = {name: x for name, x in changes.items() if len(np.unique(x[np.isfinite(x)])) > 1}
+            cache[key] = {name: x for name, x in changes.items() if np.unique(x[np.isfinite(x)]).size > 1}
         mark = b"".join(name.encode() + ranks(x).tobytes() for name, x in cache[key].items())
         groups.setdefault(mark, ([], cache[key]))[0].append(case)
     return [(tuple(alike), changes) for alike, changes in groups.values()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +20,6 @@ from torquebench.experiment.run import joints_of, trial_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import atomic_write
 from torquebench.kernel import Array
-from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS, headlines
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
@@ -69,7 +67,7 @@ class Worker:
         self._sessions = [Session(overwrite=True) for _ in plan.controllers]
 
     def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
-        """Run the rows of a shard and return their columns.
+        """Run the rows of a shard and return them.
 
         Args:
             task: The sweep.
@@ -165,14 +163,3 @@ def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) 
         _thread.worker, _thread.source = Worker(Plan(task.source)), task.source
     worker: Worker = _thread.worker
     return worker.columns(task, shard, stop)
-
-
-@functools.cache
-def load_plugins(source: Source) -> None:
-    """Register the laws of a sweep's plug-ins in this process, once.
-
-    Raises:
-        ConfigError: one of them cannot be used.
-    """
-    for path in source.plugins:
-        load_plugin(path)

@@ -10,6 +10,7 @@ from PIL import Image, ImageColor, ImageDraw
 
 from torquebench.kernel import Array
 from torquebench.report.figures import style
+from torquebench.report.looks import SERIES
 from torquebench.sim.trajectory import Trajectory
 from torquebench.video.job import FPS, SEPARATOR, Footage, Shot
 from torquebench.video.layout import NOTE, Box, Layout, Timeline, layout, spans
@@ -28,7 +29,7 @@ SMALL, PLAIN, LARGE = 9.6, 10.6, 13.0
 """Heights of fonts, in units of a layout."""
 NOTES = ((0, PLAIN), (1, PLAIN), (-1, PLAIN), (-1, 0.9 * PLAIN), (-1, 0.8 * PLAIN))
 """Ways to write notes, of which the first that fits is taken: how often the last part gets its own line, and font."""
-JOINTS: tuple[Colour, ...] = tuple(ImageColor.getrgb(colour) for colour in style.COLOURS)
+JOINTS: tuple[Colour, ...] = tuple(ImageColor.getrgb(colour) for colour in SERIES)
 
 
 class _Signal(NamedTuple):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import itertools
 import re
 
 import numpy as np
@@ -16,7 +15,7 @@ from matplotlib.text import Text
 from tests.report.figures.colour_vision import SIGHT, difference, lab
 from tests.report.figures.test_fuzzy_figures import SYSTEMS
 from tests.report.figures.test_run_figures import diverged, make
-from tests.report.figures.test_sweep_figures import TABLE, effects
+from tests.report.figures.test_sweep_figures import LAWS, TABLE, effects
 from tests.source_tree import FILES, TREES
 from tests.sweep.tables import made
 from torquebench.certificates import Certificate
@@ -24,7 +23,7 @@ from torquebench.fuzzy import prepare
 from torquebench.report.figures.layout import PAGE_WIDTH
 from torquebench.report.figures.pareto import Front, Spot, draw_pareto
 from torquebench.report.figures.run_view import FiredRules, RunView, draw_figures
-from torquebench.report.figures.style import COLOURS, DASHES, journal_style
+from torquebench.report.figures.style import journal_style
 from torquebench.report.figures.sweep import sweep_figures
 from torquebench.statistics import Ratio
 from torquebench.sweep.sensitivity import Sensitivity
@@ -34,8 +33,6 @@ COLUMN = 183.0 / 25.4
 """Width at which figures are printed [in]: both columns of a journal's page."""
 SMALLEST = 6.0
 """Least size of printed text [pt]."""
-APART = 10.0
-"""Least CIEDE2000 difference: about ten times what can just be seen side by side, as lines are thin and apart."""
 HOMES = {
     f"report/figures/{name}.py"
     for name in (
@@ -104,7 +101,7 @@ def draw_all() -> dict[str, Figure]:
     spots = [Spot("law", f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
     families = {spot.family: spot.family for spot in spots}
     with journal_style():
-        found["front"] = draw_pareto(Front(tuple(spots), families, "its phi [rad/s]"), "mrad", "t", "s")
+        found["front"] = draw_pareto(Front(tuple(spots), families, "its phi [rad/s]"), "mrad", {"law": "smc"}, "t", "s")
     return found
 
 
@@ -119,8 +116,8 @@ def swept() -> dict[str, Figure]:
     """Every kind of a sweep's figures."""
     told = [Sensitivity("a", "rmse", (0,), 40, 2, effects(np.array([0.8, -0.5, 0.1])), "")]
     lone = made(["a"], 2, lambda law, draw, values: {"rmse": 1.0 + draw}, metrics=["rmse"])
-    effect = sweep_figures(lone, "t", "s", told, (False,))["effects-rmse"]
-    return sweep_figures(TABLE, "t", "s", (), (False,)) | {"effects": effect}
+    effect = sweep_figures(lone, "t", "s", told, (False,), {"a": "smc"})["effects-rmse"]
+    return sweep_figures(TABLE, "t", "s", (), (False,), dict.fromkeys(LAWS, "smc")) | {"effects": effect}
 
 
 def test_every_kind_is_here() -> None:
@@ -172,46 +169,6 @@ def test_every_text_is_legible_in_print(every: dict[str, Figure], swept: dict[st
         for text in fig.findobj(Text):
             if text.get_text().strip() and text.get_visible():  # type: ignore[attr-defined]
                 assert text.get_fontsize() * scale >= SMALLEST - 0.01, (name, text.get_text())  # type: ignore[attr-defined]
-
-
-def test_the_difference_of_colours_is_the_published_one() -> None:
-    """Pairs 1, 7, 17 and 25 of Sharma, Wu and Dalal's table."""
-    for one, two, wanted in (
-        ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
-        ((50.0, 0.0, 0.0), (50.0, -1.0, 2.0), 2.3669),
-        ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
-        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
-    ):
-        assert difference(np.array(one), np.array(two)) == pytest.approx(wanted, abs=1e-4)
-
-
-def test_greys_stay_grey_to_every_eye() -> None:
-    """The rows of each matrix add up to 1."""
-    for matrix in SIGHT.values():
-        assert matrix.sum(axis=1) == pytest.approx(1.0, abs=2e-6)
-
-
-def closest(colours: tuple[str, ...], sight: str) -> tuple[float, str, str]:
-    """Return the least difference of two colours, and which they are."""
-    return min((difference(lab(a, sight), lab(b, sight)), a, b) for a, b in itertools.combinations(colours, 2))
-
-
-@pytest.mark.parametrize("sight", SIGHT)
-def test_the_palette_is_told_apart(sight: str) -> None:
-    """Any two of the colours, and each from white and from black, which the page and the reference have."""
-    assert closest((*COLOURS, "#FFFFFF", "#000000"), sight)[0] >= APART
-
-
-def test_the_check_catches_a_bad_palette() -> None:
-    """A red and a green of equal lightness are one colour without the green cones."""
-    pair = ("#B05A00", "#6E7A00")
-    assert closest(pair, "normal")[0] > APART > closest(pair, "deuteranopia")[0]
-
-
-def test_lines_that_share_a_colour_differ_in_dash() -> None:
-    """Whatever number of controllers up to 35: with more than the palette has, dashes tell equal colours apart."""
-    looks = [(COLOURS[k % len(COLOURS)], k % len(DASHES)) for k in range(35)]
-    assert len(set(looks)) == 35
 
 
 def test_pages_are_white_in_light_and_dark(every: dict[str, Figure], swept: dict[str, Figure]) -> None:

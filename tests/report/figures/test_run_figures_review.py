@@ -83,8 +83,8 @@ def test_spectrum_says_what_lies_below_its_axis() -> None:
     assert texts[:3] == ["loud", "quiet (below axis)", "half"]
 
 
-def test_colour_and_dash_follow_the_order_of_the_runs_alone() -> None:
-    """Whichever of seven runs chatters, each place has the same look; seven colours; only layer and width change."""
+def test_colour_and_dash_do_not_follow_what_chatters() -> None:
+    """Whichever of seven runs chatters, each has the same look; seven colours; only layer and width change."""
     names = "abcdefg"
     pages = []
     for restless in (0, 4):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from torquebench.report.figures.style import COLOURS, DASHES, band_maxima, choose_unit, isolated_peaks, limits
+from torquebench.report.figures.style import band_maxima, choose_unit, isolated_peaks, limits
 
 
 def test_band_maxima() -> None:
@@ -33,12 +33,6 @@ def test_isolated_peaks() -> None:
     assert isolated_peaks(f, np.exp(f / 100.0)).tolist() == []  # a rise is no line
     assert isolated_peaks(f, np.zeros(500)).tolist() == []
     assert isolated_peaks(f[:3], np.array([1.0, 50.0, 1.0])).tolist() == []  # nothing to stand out from
-
-
-def test_looks_repeat_late() -> None:
-    """Seven controllers have seven colours; 35 differ in colour or in dash."""
-    assert len(set(COLOURS)) == 7
-    assert len({(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]) for k in range(35)}) == 35
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,11 @@ from matplotlib.patches import Rectangle
 
 from tests.sweep.tables import made
 from torquebench.kernel import Array
-from torquebench.report.figures import style
 from torquebench.report.figures.pareto import front_of
 from torquebench.report.figures.sensitivity import draw_sensitivity
 from torquebench.report.figures.style import figure_bytes, fit_scale
 from torquebench.report.figures.sweep import slug, sweep_figures
+from torquebench.report.looks import looks
 from torquebench.statistics import paired_ratio
 from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
@@ -27,6 +27,7 @@ GRID = {"plant.payload.mass": (0.5, 1.0, 2.0), "chain": ("ideal", "slow")}
 DRAWS = 12
 NOISE = np.exp(0.1 * np.random.default_rng(3).normal(size=(3, DRAWS)))
 LAWS = ("rough", "smooth", "fragile")
+OF_LAW = dict.fromkeys((*LAWS, "a"), "smc")
 
 
 def run(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float] | None:
@@ -43,7 +44,7 @@ TABLE = made(LAWS, DRAWS, run, GRID)
 
 def drawn(table: Table, found: Sequence[Sensitivity] = ()) -> dict[str, Figure]:
     """Draw all figures of a table of an arm that turns."""
-    return sweep_figures(table, "study", "what was run", found, (False,))
+    return sweep_figures(table, "study", "what was run", found, (False,), OF_LAW)
 
 
 @pytest.fixture(scope="module")
@@ -131,11 +132,11 @@ def test_courses_are_geometric_means(figures: dict[str, Figure]) -> None:
         for line in ax.get_lines()
         if len(np.ravel(line.get_xdata())) and line.get_marker() in "osD"
     }
-    rough = lines[style.COLOURS[0]]
+    rough = lines[looks(OF_LAW)["rough"].colour]
     assert np.ravel(rough.get_xdata()).tolist() == [0.5, 1.0, 2.0]
     wanted = [1e3 * m * 1e-3 * np.exp(np.mean(np.log(NOISE[0]))) for m in (0.5, 1.0, 2.0)]
     assert np.ravel(rough.get_ydata()) == pytest.approx(wanted, rel=1e-12)
-    assert np.ravel(lines[style.COLOURS[2]].get_xdata()).tolist() == [0.5, 1.0]
+    assert np.ravel(lines[looks(OF_LAW)["fragile"].colour].get_xdata()).tolist() == [0.5, 1.0]
 
 
 def test_a_front_is_of_choices_not_of_conditions() -> None:
@@ -181,7 +182,7 @@ def effects(strengths: Array) -> Effects:
 
 
 def test_effects_are_drawn_with_their_intervals() -> None:
-    """Those that matter in colour, others in grey; a law of which nothing can be said has no panel."""
+    """Those that matter in black, others in grey; a law of which nothing can be said has no panel."""
     found = [
         Sensitivity("a", "rmse", (0,), 40, 2, effects(np.array([0.8, -0.5, 0.1])), ""),
         Sensitivity("b", "rmse", (0,), 40, 0, None, "it is the same in every draw"),
@@ -191,7 +192,7 @@ def test_effects_are_drawn_with_their_intervals() -> None:
     bars = [line for line in ax.get_lines() if line.get_marker() == "o"]
     spans = [(0.6, 0.8, 1.0), (-0.7, -0.5, -0.3), (-0.1, 0.1, 0.3)]
     assert [tuple(np.round(np.ravel(bar.get_xdata()), 9)) for bar in bars] == spans
-    assert [bar.get_color() for bar in bars] == [style.COLOURS[0], style.COLOURS[0], "0.6"]
+    assert [bar.get_color() for bar in bars] == ["0.1", "0.1", "0.6"]
     assert [label.get_text() for label in ax.get_yticklabels()] == ["I0", "I1", "I2"]
     lone = made(["a"], 2, lambda law, draw, values: {"rmse": 1.0 + draw}, metrics=["rmse"])
     assert "effects-rmse" in drawn(lone, found)

@@ -22,7 +22,7 @@ def draw_certificates(x: RunView) -> Figure | None:
         return None
     fig = new_page(3, 1.6, 2.0)
     panels = fig.subplots(3, 1, sharex=True)
-    looks = {run.name: style.look(place) | {"linewidth": 1.1} for place, run in enumerate(x.runs)}
+    looks = {run.name: run.look | {"linewidth": 1.1} for run in x.runs}
     margins = {name: 100.0 * np.min(found.margin / found.K, axis=1) for name, found in x.certificates.items()}
     for name, found in x.certificates.items():
         for ax, y in zip(panels, (np.maximum(found.V, FLOOR), found.V_rate, margins[name]), strict=True):

@@ -17,6 +17,7 @@ from torquebench.report.figures.declare import figure
 from torquebench.report.figures.fuzzy_rules import draw_rules
 from torquebench.report.figures.layout import REFERENCE, SHADE, finish_page, new_page, shade_key
 from torquebench.report.figures.run_view import RunView
+from torquebench.report.looks import series_colour
 
 DIVERGING = LinearSegmentedColormap.from_list("output", ["#0072B2", "#FFFFFF", "#D55E00"])
 SCALES = {"too small": 0.25, "right": 1.0, "too large": 4.0}
@@ -62,7 +63,7 @@ def _membership(prepared: Prepared) -> Figure:
             ends += [x for corners in shapes.values() for x in corners]
         low, high = min(ends), max(ends)
         for place, (text, corners) in enumerate(shapes.items()):
-            colour = style.colour(place)
+            colour = series_colour(place)
             ax.plot(corners, (0.0, 1.0, 1.0, 0.0), color=colour, linewidth=1.2)
             at = min(max(0.5 * (corners[1] + corners[2]), low), high)
             ax.text(at, 1.03, text, ha="center", va="bottom", fontsize=7.5, color=colour)
@@ -100,7 +101,8 @@ def _surface(prepared: Prepared) -> Figure:
         ax, sections, what = fig.subplots(), {"output": 0.0 * x}, "input"
     handles = []
     for place, (name, second) in enumerate(sections.items()):
-        handles += ax.plot(x, prepared.outputs(x, second), label=name, **style.look(place))
+        look = {"color": series_colour(place), "linestyle": ("-", "--", "-.")[place]}
+        handles += ax.plot(x, prepared.outputs(x, second), label=name, **look)
         ax.plot(x, np.clip(x + second, -1.0, 1.0), **REFERENCE | {"linewidth": 0.6})
     handles.append(Line2D([], [], label=f"{what}, clipped", **REFERENCE))
     ax.set_xlabel("input 1, normalised [1]")
@@ -136,8 +138,8 @@ def _scaling(prepared: Prepared) -> Figure:
         degrees = np.empty((_SAMPLES, len(variable.terms)))
         fill_memberships(variable.corners(), np.clip(signal / scale, -1.0, 1.0), degrees)
         for place, degree in enumerate(degrees.T):
-            above.plot(signal, np.where(degree > 0.0, degree, np.nan), color=style.colour(place), linewidth=1.0)
-        below.plot(signal, prepared.outputs(signal / scale, 0.0 * signal), color=style.colour(0))
+            above.plot(signal, np.where(degree > 0.0, degree, np.nan), color=series_colour(place), linewidth=1.0)
+        below.plot(signal, prepared.outputs(signal / scale, 0.0 * signal), color=series_colour(0))
         below.plot(signal, np.clip(signal / scale, -1.0, 1.0), **REFERENCE)
         above.set_title(f"{name}: scale {scale:g} x largest input")
         below.set_xlabel("input 1 over its largest [1]")
@@ -151,7 +153,7 @@ def _scaling(prepared: Prepared) -> Figure:
     above.set_ylim(-0.02, 1.08)
     below.set_ylim(-1.08 * reach, 1.08 * reach)
     handles = [
-        Line2D([], [], color=style.colour(0), label="output"),
+        Line2D([], [], color=series_colour(0), label="output"),
         Line2D([], [], label="input over its scale, clipped", **REFERENCE),
         shade_key("clipped: beyond the scale"),
     ]

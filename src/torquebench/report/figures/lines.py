@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,7 +17,9 @@ from torquebench.sweep.summary import level
 from torquebench.sweep.table import Table, rows_by
 
 
-def draw_lines(table: Table, key: str, axes: Mapping[str, Unit], title: str, subtitle: str) -> Figure:
+def draw_lines(
+    table: Table, key: str, axes: Mapping[str, Unit], spots: Mapping[str, Mapping[str, Any]], title: str, subtitle: str
+) -> Figure:
     """Draw geometric means over the draws, and over all other keys, with 95 % intervals; a panel for each metric.
 
     A law is missing at a value at which no draw of it has the metric, and altogether where it lacks the key. Words
@@ -26,13 +29,14 @@ def draw_lines(table: Table, key: str, axes: Mapping[str, Unit], title: str, sub
         table: The table.
         key: The key along x.
         axes: Metrics, one below the other, with their labels as of `metric_axis`.
+        spots: Looks of the controllers, as of `spot_looks`.
         title, subtitle: Headings.
     """
     values = key_values(table, key)
     words = isinstance(values[0], str)
     cells = rows_by(table, "controller", key)
     laws = rows_by(table, "controller")
-    looks = {law: style.spot_look(place) | {"linewidth": 0.9} for place, (law,) in enumerate(laws)}
+    looks = {law: {**spots[law], "linewidth": 0.9} for (law,) in laws}
     fig = new_page(len(axes), 2.0, 2.4)
     panels = fig.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (metric, axis) in zip(panels, axes.items(), strict=True):

@@ -58,20 +58,20 @@ class Front(NamedTuple):
 
     spots: tuple[Spot, ...]
     families: Mapping[str, str]
-    """Family -> its name in the legend; their places set colour and dash, and one without spots is named all the
-    same."""
+    """Family -> its name in the legend; one without spots is named all the same."""
     labels: str = ""
     """What the spots' labels are; empty without labels."""
     joined: bool = True
     """Whether a line joins the spots of a family."""
 
 
-def draw_pareto(front: Front, unit: str, title: str, subtitle: str) -> Figure:
+def draw_pareto(front: Front, unit: str, laws: Mapping[str, str], title: str, subtitle: str) -> Figure:
     """Draw RMS error over chattering index on logarithmic axes, 95 % intervals as bars, the best choices ringed.
 
     Args:
         front: What is shown.
         unit: Unit of a thousandth of the error.
+        laws: Controller -> name of its law.
         title, subtitle: Headings.
     """
     fig = new_page(1, 4.6, 4.6)
@@ -79,15 +79,16 @@ def draw_pareto(front: Front, unit: str, title: str, subtitle: str) -> Figure:
     style.fit_scale(ax.xaxis, [end for spot in front.spots for end in spot.chattering[1:3]])
     style.fit_scale(ax.yaxis, [end for spot in front.spots for end in spot.error[1:3]])
     keys = []
-    for place, (family, name) in enumerate(front.families.items()):
-        look = style.spot_look(place) | {"markersize": 4.0, "linewidth": 0.9}
+    owners = {spot.family: spot.law for spot in front.spots}
+    for family, look in style.spot_looks({one: laws[owners.get(one, one)] for one in front.families}).items():
+        look |= {"markersize": 4.0, "linewidth": 0.9}
         look |= {} if front.joined else {"linestyle": "none"}
         own = [spot for spot in front.spots if spot.family == family]
         if own:
             x = np.array([spot.chattering[:3] for spot in own]).T
             y = 1e3 * np.array([spot.error[:3] for spot in own]).T
             ax.errorbar(x[0], y[0], _arms(y), _arms(x), elinewidth=0.9, capsize=1.5, **look)
-        keys.append(Line2D([], [], label=name, **look if own else {"linestyle": "none"}))
+        keys.append(Line2D([], [], label=front.families[family], **look if own else {"linestyle": "none"}))
     best = [spot for spot in front.spots if spot.best]
     ax.plot([spot.chattering.ratio for spot in best], [1e3 * spot.error.ratio for spot in best], **_RING)
     ax.set_xlabel("chattering [% of tau_max]")

@@ -22,6 +22,7 @@ from torquebench.metrics.torque import measure_torques
 from torquebench.report.figures import style
 from torquebench.report.figures.declare import figures_in_order
 from torquebench.report.figures.layout import finish_page, printable, shade_key
+from torquebench.report.looks import looks
 from torquebench.report.tables import number
 from torquebench.sim.trajectory import Trajectory
 
@@ -57,8 +58,8 @@ class RunView:
     """
 
     trajectories: Mapping[str, Trajectory]
-    """Controller -> its run, in the order of the legend, which sets colour and dash. A failed run is drawn up to its
-    end, which is marked with a cross, and does not set the range of an axis."""
+    """Controller -> its run, in the order of the legend. A failed run is drawn up to its end, which is marked with a
+    cross, and does not set the range of an axis."""
     title: str
     """Heading of every page."""
     subtitle: str
@@ -73,6 +74,8 @@ class RunView:
     """Time between control instants [s]."""
     chattering_from_hz: float
     """Frequency from which the torque counts as chattering [Hz]."""
+    laws: Mapping[str, str] = field(default_factory=dict)
+    """Controller -> name of its law, which sets its colour and dash; its own name where it is left out."""
     metrics: Mapping[str, Metrics] = field(default_factory=dict)
     """Controller -> metrics of its run, which legends quote; a run that failed has none."""
     bands: Mapping[str, Array] = field(default_factory=dict)
@@ -96,8 +99,19 @@ class RunView:
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:
-        """Each run with its look, in the order of the legend."""
-        return looks(self.trajectories, self.tau_max, self.control_period)
+        """Each run with its look, in the order of the legend.
+
+        The most restless torque is drawn first and widest, so that calmer lines lie over it and a line that coincides
+        with another shows at its edges or through its gaps.
+        """
+        shown = self.trajectories
+        restless = {name: _restlessness(data.tau, self.tau_max, self.control_period) for name, data in shown.items()}
+        rank = {name: k for k, name in enumerate(sorted(shown, key=lambda name: -restless[name]))}
+        chosen = []
+        for name, look in looks({name: self.laws.get(name, name) for name in shown}).items():
+            layer = {"linewidth": max(0.9, 1.6 - 0.25 * rank[name]), "zorder": 2.0 + 0.01 * rank[name]}
+            chosen.append(Run(name, shown[name], restless[name] >= CHATTERING, style.line_look(look) | layer))
+        return tuple(chosen)
 
     def by_kind(self, hinge: str, slide: str) -> list[str]:
         """Return one of two texts per joint: `hinge` for a joint that turns, `slide` for one that slides."""
@@ -159,22 +173,6 @@ def draw_figures(x: RunView, only: str | None = None) -> dict[str, Figure]:
         if wrong is not None:
             raise ResultError(f"figure '{info.name}' returned {type(wrong).__name__}, wanted a matplotlib Figure")
     return pages
-
-
-def looks(runs: Mapping[str, Trajectory], tau_max: Array, control_period: float) -> tuple[Run, ...]:
-    """Give each run its look: colour and dash by its place in the legend, layer and width by how much it chatters.
-
-    A controller therefore looks the same in every experiment that has the same controllers. The most restless
-    torque is drawn first and widest, so that calmer lines lie over it and a line that coincides with another
-    shows at its edges or through its gaps.
-    """
-    restless = {name: _restlessness(data.tau, tau_max, control_period) for name, data in runs.items()}
-    rank = {name: k for k, name in enumerate(sorted(runs, key=lambda name: -restless[name]))}
-    chosen = []
-    for place, (name, data) in enumerate(runs.items()):
-        layer = {"linewidth": max(0.9, 1.6 - 0.25 * rank[name]), "zorder": 2.0 + 0.01 * rank[name]}
-        chosen.append(Run(name, data, restless[name] >= CHATTERING, style.look(place) | layer))
-    return tuple(chosen)
 
 
 def _restlessness(tau: Array, tau_max: Array, control_period: float) -> float:

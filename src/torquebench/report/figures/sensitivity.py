@@ -8,7 +8,6 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from torquebench.report.figures import style
 from torquebench.report.figures.layout import LIMIT, finish_page, panel_grid, printable
 from torquebench.report.sweep_tables import explained_text
 from torquebench.sweep.effects import strongest
@@ -17,7 +16,7 @@ from torquebench.sweep.sensitivity import Sensitivity
 MOST = 8
 """Effects shown for each law, more where more matter."""
 COLUMNS = 3
-_MATTERS: dict[str, Any] = {"color": style.COLOURS[0]}
+_MATTERS: dict[str, Any] = {"color": "0.1"}
 _OTHER: dict[str, Any] = {"color": "0.6", "markerfacecolor": "white"}
 _SPOT: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linewidth": 1.2}
 

@@ -1,4 +1,4 @@
-"""The look shared by all figures: colours, fonts, units, ranges, peaks, and bytes that do not vary."""
+"""The look shared by all figures: fonts, lines, units, ranges, peaks, and bytes that do not vary."""
 
 from __future__ import annotations
 
@@ -18,11 +18,8 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from torquebench.experiment.run import Progress
 from torquebench.kernel import Array
+from torquebench.report.looks import Look, looks
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#882255")
-"""Okabe-Ito without black, which is the reference's; a wine red stands for its yellow, which is lost on white."""
-DASHES: tuple[Any, ...] = ("-", (0, (5.0, 1.6)), (0, (6.0, 1.4, 1.2, 1.4)), (0, (1.4, 1.2)), (0, (9.0, 2.0)))
-"""Prime to the number of colours in number: both together repeat after 35 controllers only."""
 Format: TypeAlias = Literal["svg", "png"]
 FORMATS: tuple[Format, ...] = ("svg", "png")
 MARKERS = "osD^vP"
@@ -39,19 +36,21 @@ def journal_style() -> Iterator[None]:
         yield
 
 
-def colour(place: int) -> str:
-    """Return the colour of a place of the legend."""
-    return COLOURS[place % len(COLOURS)]
+def line_look(look: Look) -> dict[str, Any]:
+    """Return colour and dash of a controller as matplotlib takes them."""
+    return {"color": look.colour, "linestyle": (0, look.dash) if look.dash else "-"}
 
 
-def look(place: int) -> dict[str, Any]:
-    """Return colour and dash of a place of the legend."""
-    return {"color": colour(place), "linestyle": DASHES[place % len(DASHES)]}
+def spot_looks(laws: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Return colour, dash and marker of each controller, or of each family of a controller's choices.
 
-
-def spot_look(place: int) -> dict[str, Any]:
-    """Return colour, dash and marker of the family, or law, at a place of the legend."""
-    return look(place) | {"marker": MARKERS[place % len(MARKERS)]}
+    Args:
+        laws: Controller or family -> name of its law.
+    """
+    return {
+        name: line_look(look) | {"marker": MARKERS[place % len(MARKERS)]}
+        for place, (name, look) in enumerate(looks(laws).items())
+    }
 
 
 def figure_bytes(fig: Figure, fmt: Format) -> bytes:

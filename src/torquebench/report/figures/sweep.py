@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from matplotlib.figure import Figure
@@ -14,7 +14,7 @@ from torquebench.report.figures.heatmap import draw_heatmap
 from torquebench.report.figures.lines import draw_lines
 from torquebench.report.figures.pareto import draw_pareto, front_of
 from torquebench.report.figures.sensitivity import draw_sensitivity
-from torquebench.report.figures.style import journal_style
+from torquebench.report.figures.style import journal_style, spot_looks
 from torquebench.report.figures.sweep_labels import key_values, metric_axis
 from torquebench.report.figures.violins import draw_violins
 from torquebench.report.sweep_tables import SHOWN
@@ -37,7 +37,12 @@ EFFECTS = "standardised rank regression, the strongest first; 95 % intervals hol
 
 
 def sweep_figures(
-    table: Table, title: str, subtitle: str, found: Sequence[Sensitivity], slides: Sequence[bool]
+    table: Table,
+    title: str,
+    subtitle: str,
+    found: Sequence[Sensitivity],
+    slides: Sequence[bool],
+    laws: Mapping[str, str],
 ) -> dict[str, Figure]:
     """Draw every figure that a sweep's table has the columns for, by file name; its label is its heading on the page.
 
@@ -50,25 +55,27 @@ def sweep_figures(
         title, subtitle: Name of the sweep, and what was run.
         found: What its metrics depend on.
         slides: Of each joint of the arm, whether it slides.
+        laws: Controller -> name of its law, which sets its colour.
 
     Raises:
         ResultError: it is no sweep's table.
     """
     check_table(table)
     axes = {metric: metric_axis(table, metric, slides) for metric in SHOWN if metric in metric_keys(table)}
+    spots = spot_looks(laws)
     keys = [key for key in grid_keys(table) if len(key_values(table, key)) > 1]
     plans: list[tuple[str, str, str, Callable[[str, str], Figure]]] = []
     if axes:
-        plans.append(("spread", "all runs", SPREAD, partial(draw_violins, table, axes)))
+        plans.append(("spread", "all runs", SPREAD, partial(draw_violins, table, axes, spots)))
         for key in keys[:MOST_COURSES]:
-            plans.append((f"over-{slug(key)}", f"over {key}", OVER, partial(draw_lines, table, key, axes)))
+            plans.append((f"over-{slug(key)}", f"over {key}", OVER, partial(draw_lines, table, key, axes, spots)))
     for metric, axis in axes.items() if len(keys) > 1 else ():
         what = f"{METRICS[metric].title} over {keys[0]} and {keys[1]}"
         plans.append((f"map-{metric}", what, MAP, partial(draw_heatmap, table, keys[:2], metric, axis)))
     front = front_of(table)
     if len(front.spots) > 1:
         unit = joint_units("mrad", slides)
-        plans.append(("front", "error against chattering", FRONT, partial(draw_pareto, front, unit)))
+        plans.append(("front", "error against chattering", FRONT, partial(draw_pareto, front, unit, laws)))
     for metric in SHOWN:
         own = [one for one in found if one.metric == metric and one.effects is not None]
         if any(effect.matters for one in own if one.effects for effect in one.effects.effects):

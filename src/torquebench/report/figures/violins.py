@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,7 +30,9 @@ _TURN = 0.6180339887498949
 """Golden ratio: multiples of it fill an interval evenly, so that points are scattered without random numbers."""
 
 
-def draw_violins(table: Table, axes: Mapping[str, Unit], title: str, subtitle: str) -> Figure:
+def draw_violins(
+    table: Table, axes: Mapping[str, Unit], spots: Mapping[str, Mapping[str, Any]], title: str, subtitle: str
+) -> Figure:
     """Draw a panel for each metric: for each law density, quartiles, range and points of all its completed runs.
 
     The density is a Gaussian kernel's with Scott's width, in the logarithm where the axis is logarithmic, cut off at
@@ -38,6 +41,7 @@ def draw_violins(table: Table, axes: Mapping[str, Unit], title: str, subtitle: s
     Args:
         table: The sweep's table.
         axes: Metrics, side by side, with their labels as of `metric_axis`.
+        spots: Looks of the controllers, as of `spot_looks`.
         title, subtitle: Headings.
     """
     laws = rows_by(table, "controller")
@@ -47,8 +51,8 @@ def draw_violins(table: Table, axes: Mapping[str, Unit], title: str, subtitle: s
     for ax, (metric, axis) in zip(panels, axes.items(), strict=True):
         values = [axis.factor * metric_values(table, rows, metric) for rows in laws.values()]
         logarithmic = style.fit_scale(ax.xaxis, np.concatenate(values))
-        for place, own in enumerate(values):
-            _draw(ax, np.sort(own[np.isfinite(own)]), place, logarithmic)
+        for place, (own, (law,)) in enumerate(zip(values, laws, strict=True)):
+            _draw(ax, np.sort(own[np.isfinite(own)]), place, spots[law]["color"], logarithmic)
         ax.set_xlabel(axis.name)
     panels[0].set_yticks(range(len(laws)), [law_name(table, law, rows, "\n") for (law,), rows in laws.items()])
     panels[0].set_ylim(len(laws) - 0.5, -0.5)
@@ -62,13 +66,20 @@ def draw_violins(table: Table, axes: Mapping[str, Unit], title: str, subtitle: s
     return fig
 
 
-def _draw(ax: Axes, values: Array, place: int, logarithmic: bool) -> None:
-    """Draw the values of one law in ascending order: density, points, quartiles and median as a box, and the range."""
+def _draw(ax: Axes, values: Array, place: int, colour: str, logarithmic: bool) -> None:
+    """Draw the values of one law: density, points, quartiles and median as a box, and the range.
+
+    Args:
+        ax: The panel.
+        values: Ascending.
+        place: Where on the panel.
+        colour: Of the law.
+        logarithmic: Whether the axis is.
+    """
     if not len(values):
         beside = ax.get_yaxis_transform()
         ax.text(0.5, place, "no run has it", color="0.4", transform=beside, ha="center", va="center")
         return
-    colour = style.colour(place)
     shown = values[np.unique(np.linspace(0, len(values) - 1, min(len(values), MOST_POINTS)).astype(np.intp))]
     wide: Array = np.full(len(shown), 0.26)
     if len(np.unique(shown)) >= LEAST_VALUES:
