@@ -78,7 +78,7 @@ def test_a_sweep_from_python_is_what_the_command_leaves(tmp_path, monkeypatch):
     monkeypatch.setattr("os.cpu_count", lambda: 1)
     settings = ["--set", "sweep.draws=2", "--set", "run.duration=0.6", "--set", "run.metrics_from=0.1"]
     settings += ["--set", "sweep.grid={plant.payload.mass: [0, 1]}"]
-    how = ["--no-figures", "--executor", "threads", "--workers", "1", "--quiet"]
+    how = ["--executor", "threads", "--workers", "1", "--quiet"]
     assert main(["sweep", "sweep", *settings, *how, "--out", "command"]) == 0
     done = tb.run_sweep(
         "sweep",
@@ -86,7 +86,6 @@ def test_a_sweep_from_python_is_what_the_command_leaves(tmp_path, monkeypatch):
         grid={"plant.payload.mass": [0, 1]},
         changes={"run.duration": 0.6, "run.metrics_from": 0.1},
         folder="python",
-        figures=False,
         **HOW,
     )
     for name in ("results.npz", "results.csv", "summary.json", "sensitivity.json"):
@@ -98,7 +97,7 @@ def test_a_sweep_from_python_is_what_the_command_leaves(tmp_path, monkeypatch):
     assert len(again.figure("spread").axes) >= 1
     with pytest.raises(ResultError, match="did you mean 'spread'"):
         again.figure("spred")
-    assert b"Every law" in again.report(figures=False)
+    assert b"Every law" in again.report()
 
 
 def test_mistakes_are_bad_input(tmp_path):

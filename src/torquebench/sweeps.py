@@ -46,7 +46,6 @@ def run_sweep(
     workers: int | None = None,
     processes: bool = False,
     folder: str | Path | None = None,
-    figures: bool = True,
     plugins: Sequence[str | Path] = (),
     progress: Progress | None = None,
 ) -> Sweep:
@@ -63,7 +62,6 @@ def run_sweep(
             work under ``if __name__ == "__main__":``.
         folder: Where to store it, or where it was stored in part; None for a temporary folder, which is removed when
             Python ends.
-        figures: Whether to draw figures into a given folder, as ``torquebench sweep`` does.
         plugins: Python files that register laws of your own.
         progress: Called with what is being done, how many runs are done, and of how many.
 
@@ -84,7 +82,7 @@ def run_sweep(
         raise ConfigError([Problem("workers", "", f"got {workers}, wanted at least 1")])
 
     def more(stored: StoredSweep) -> Iterator[tuple[str, bytes]]:
-        return report_files(stored, figures, progress) if folder is not None else iter(())
+        return report_files(stored, progress) if folder is not None else iter(())
 
     stored = runs.run_sweep(
         plan,
@@ -287,17 +285,16 @@ class Sweep:
             raise ResultError(f"no figure '{name}' of this sweep{did_you_mean(name, figures)}")
         return figures[name]
 
-    def report(self, path: str | Path | None = None, figures: bool = True) -> bytes:
+    def report(self, path: str | Path | None = None) -> bytes:
         """Return the page of the sweep, HTML that stands alone.
 
         Args:
             path: File to write the page to as well; None for none.
-            figures: Whether to draw.
 
         Raises:
             ResultError: the sweep is too large for one.
         """
-        page = dict(report_files(self.stored, figures)).get(PAGE)
+        page = dict(report_files(self.stored)).get(PAGE)
         if page is None:
             raise ResultError(f"{self.folder}: has too many runs for a page; the table has them")
         if path is not None:

@@ -70,7 +70,7 @@ def report(runs: Sequence[Path], out: Path | None, redraw: bool, plugin: Sequenc
 
 
 def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
-    """Make summary, figures and page of a finished sweep again from its table."""
+    """Make summary and page of a finished sweep again from its table."""
     from torquebench.experiment.store import add_to_run
     from torquebench.report.render import PAGE
     from torquebench.sweep.folder import open_sweep, verify
@@ -82,7 +82,7 @@ def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
         verify(stored)
     except ResultError as error:
         raise ConfigError([Problem("RUN", "", str(error))]) from error
-    add_to_run(folder, dict(report_with_bar(stored, figures=True)))
+    add_to_run(folder, dict(report_with_bar(stored)))
     tell(report=folder / PAGE, directory=folder)
     say(f"report: {folder / PAGE}")
 

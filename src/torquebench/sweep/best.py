@@ -67,13 +67,20 @@ def conditions(summary: Summary) -> tuple[str, ...]:
     return tuple(key for key in summary.grid if key not in chosen) if chosen or len(summary.overall) > 1 else ()
 
 
+def distinct(summary: Summary) -> list[Group]:
+    """Return every law in every case, by case; of those that a law cannot tell apart, lacking their key, the first."""
+    found = dict[tuple[Any, ...], Group]()
+    for group in summary.groups:
+        found.setdefault((group.controller, *group.values.values()), group)
+    return list(found.values())
+
+
 def best_choices(
     summary: Summary, metric: str = "rmse", where: Mapping[str, Any] | None = None, over: Sequence[str] | None = None
 ) -> list[Choice]:
     """Return every law with every choice, the best first; those of which a run failed come after all others.
 
-    A law that does not have some key is the same in several cases, which count as one. Of equal ones, the first case
-    comes first.
+    Cases that a law cannot tell apart count as one. Of equal choices, the one of the first case comes first.
 
     Args:
         summary: The sweep's summary.
@@ -98,12 +105,12 @@ def best_choices(
             (on_metrics if key in summary.metrics else on_keys)[names.get(key, key)] = test
     if problems:
         raise ConfigError(problems)
-    found = dict[tuple[Any, ...], dict[tuple[Any, ...], Group]]()
-    for group in summary.groups:
+    found = dict[tuple[Any, ...], list[Group]]()
+    for group in distinct(summary):
         if all(test(group.values[key]) for key, test in on_keys.items()):
             choice = tuple(value for key, value in group.values.items() if key not in worst_of)
-            found.setdefault((group.controller, choice), {}).setdefault(tuple(group.values.values()), group)
-    choices = [_choice(list(groups.values()), metric, summary.metrics) for groups in found.values()]
+            found.setdefault((group.controller, choice), []).append(group)
+    choices = [_choice(groups, metric, summary.metrics) for groups in found.values()]
     kept = [one for one in choices if all(test(_mean(one, key)) for key, test in on_metrics.items())]
     return sorted(kept, key=partial(_rank, metric=metric))
 
