@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from torquebench.experiment.reference import unit_of
-from torquebench.experiment.sweep_section import in_words
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.looks import looks
@@ -24,6 +23,7 @@ from torquebench.report.sweep_tables import (
     influences,
     ratio_text,
     silent_text,
+    value_text,
 )
 from torquebench.report.tables import headlines, number
 from torquebench.sweep.best import conditions, distinct, short_names
@@ -120,7 +120,7 @@ def best_data(summary: Summary, info: SweepInfo, titles: Titles) -> dict[str, An
                 "key": key,
                 "name": names[key],
                 "unit": "" if unit in (None, "1") else unit,
-                "words": [in_words(value) for value in values],
+                "words": [value_text(value) for value in values],
                 "sets": [_yaml(info.raws.get(key, {}).get(value, value)) for value in values],
                 "worst": key in apart,
             }

@@ -58,7 +58,7 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
     for what, one in said.items():
         figures = ", ".join(figure_text(one, key, titles) for key in SHOWN)
         lines.append(
-            f"{what}: {choice_text(one, summary)} with {figures}{_worst_of(one, summary) if not lines else ''}."
+            f"{what}: {choice_text(one, summary)}; {figures}{_worst_of(one, summary) if not lines else ''}."
         )
     return [*lines, failures]
 
@@ -72,10 +72,15 @@ def round_below(value: float) -> float:
 def choice_text(choice: Choice, summary: Summary) -> str:
     """Return a choice in words: its law, where there are several, and the values that were chosen."""
     names = short_names(summary.grid)
-    values = ", ".join(f"{names[key]} {in_words(value)}" for key, value in _values(choice, summary)[1:])
+    values = ", ".join(f"{names[key]} {value_text(value)}" for key, value in _values(choice, summary)[1:])
     if values and len(summary.overall) == 1:
         return values
     return f"{choice.controller} with {values}" if values else choice.controller
+
+
+def value_text(value: float | str) -> str:
+    """Return a key's value as it is shown: a number to six digits, or a word."""
+    return f"{value:.6g}" if isinstance(value, float) else in_words(value)
 
 
 def _values(choice: Choice, summary: Summary) -> list[Any]:
@@ -88,7 +93,7 @@ def _values(choice: Choice, summary: Summary) -> list[Any]:
 def _worst_of(choice: Choice, summary: Summary) -> str:
     names = short_names(summary.grid)
     where = [
-        f"{names[key]} {in_words(value)}"
+        f"{names[key]} {value_text(value)}"
         for key in conditions(summary)
         if (value := choice.worst.values[key]) is not None
     ]
@@ -137,7 +142,7 @@ def best_table(summary: Summary, titles: Titles) -> Cells:
     rows = list[list[str]]()
     for place, one in enumerate(best_choices(summary, shown[0]) if shown else ()):
         if place < MOST_BEST or all(row[0] != one.controller for row in rows):
-            values = ["-" if value is None else in_words(value) for value in one.worst.values.values()]
+            values = ["-" if value is None else value_text(value) for value in one.worst.values.values()]
             figures = [figure_text(one, key, titles, named=False, ends=key in SHOWN) for key in shown]
             rows.append([one.controller, *values, *figures, f"{one.runs:,}", f"{one.runs - one.completed:,}"])
     return header, rows
@@ -170,7 +175,7 @@ def case_text(group: Group, names: Mapping[str, str]) -> str:
         group: The law in the case.
         names: Names of the keys.
     """
-    values = [f"{names[key]} {in_words(value)}" for key, value in group.values.items() if value is not None]
+    values = [f"{names[key]} {value_text(value)}" for key, value in group.values.items() if value is not None]
     return ", ".join(values) or "the only case"
 
 

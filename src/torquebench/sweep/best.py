@@ -116,6 +116,10 @@ def best_choices(
 
 
 def _choice(groups: Sequence[Group], metric: str, metrics: Sequence[str]) -> Choice:
+    if len(groups) == 1:
+        one = groups[0]
+        return Choice(one, one.figures, 1, one.successes.trials, one.successes.successes)
+
     def worst(key: str) -> Group:
         sign = 1.0 if METRICS[key].better == "lower" else -1.0
         return max(groups, key=lambda group: sign * group.figures[key].mean if key in group.figures else math.inf)

@@ -11,7 +11,7 @@ let hue = laws.length > 1 ? -1 : keys.findIndex((key) => !key.worst && key.words
 
 // --- every law with every choice, each metric from the row in which it is worst; one that is missing is worse than any
 
-const bad = (m, r) => (metrics[m].mean[r] === null ? Infinity : (metrics[m].lower ? 1 : -1) * metrics[m].mean[r]);
+const bad = (m, r) => ((metrics[m]?.mean[r] ?? null) === null ? Infinity : (metrics[m].lower ? 1 : -1) * metrics[m].mean[r]);
 const value = (one, m, end = "mean") => { const x = metrics[m][end]?.[one.at[m]] ?? null; return x === null ? null : x * metrics[m].scale; };
 const missing = (one) => one.failed > 0 || PAIR.some((m) => value(one, m) === null);
 const meets = (one) => PAIR.every((m) => limits[m] === Infinity || (value(one, m) ?? Infinity) <= limits[m]);
@@ -26,13 +26,12 @@ function choices() {
   const all = [...groups.values()].map((own) => {
     const sum = (column) => own.reduce((total, r) => total + column[r], 0), runs = sum(DATA.runs);
     const at = metrics.map((_, m) => own.reduce((a, b) => (bad(m, b) > bad(m, a) ? b : a)));
-    return { at, row: at[by], law: DATA.law[own[0]], runs, failed: runs - sum(DATA.completed), cases: own.length };
+    return { at, row: at[by] ?? own[0], law: DATA.law[own[0]], runs, failed: runs - sum(DATA.completed), cases: own.length };
   });
   const rank = (one) => { const x = bad(by, one.at[by]); return x === Infinity ? x : turned * x; };
   all.sort((a, b) => missing(a) - missing(b) || (rank(a) === rank(b) ? a.row - b.row : rank(a) - rank(b)));
   let least = Infinity; // of those that no other beats in both error and chattering
-  const whole = PAIR.length < 2 ? [] : all.filter((one) => !missing(one) && meets(one));
-  whole.sort((a, b) => value(a, CHATTERING) - value(b, CHATTERING) || value(a, ERROR) - value(b, ERROR));
+  const whole = (PAIR.length < 2 ? [] : all.filter((one) => !missing(one) && meets(one))).sort((a, b) => value(a, CHATTERING) - value(b, CHATTERING) || value(a, ERROR) - value(b, ERROR));
   for (const one of whole) if (value(one, ERROR) < least) [one.front, least] = [true, value(one, ERROR)];
   return all;
 }
@@ -55,7 +54,8 @@ function axisOf(values, from, to) {
     ticks: wide ? log.find((own) => own.length >= 4) ?? log[3] : even };
 }
 function drawFront(all) {
-  const shown = PAIR.length < 2 ? [] : all.filter((one) => PAIR.every((m) => value(one, m) !== null)).slice(0, MOST_POINTS).reverse();
+  const known = PAIR.length < 2 ? [] : all.filter((one) => PAIR.every((m) => value(one, m) !== null)), shown = known.filter((one, i) => i < MOST_POINTS || one.front).reverse();
+  at("drawn").textContent = shown.length < known.length ? `the first ${MOST_POINTS} of the table and the whole front` : "";
   at("legend").replaceChildren(...(hue < 0 ? laws.map(([name, own]) => [name, own, true]) : keys[hue].words.map((own, i) => [`${keys[hue].name} ${own}`, tone(i, keys[hue].words.length)]))
     .slice(0, 40).map(([name, own]) => { const span = made("span", {}, made("span", { class: "swatch" }), name); span.style.setProperty("--own", own); return span; }));
   if (!shown.length) return at("front").replaceChildren("No law has both figures.");
@@ -68,16 +68,14 @@ function drawFront(all) {
   const live = (one) => !missing(one) && meets(one), order = [...shown.keys()].sort((i, j) => live(shown[i]) - live(shown[j]));
   for (const i of order) {
     const one = shown[i], cx = x.at(value(one, CHATTERING)), cy = y.at(value(one, ERROR)), ends = (m, axis) => ["low", "high"].map((end) => value(one, m, end)).map((v) => v === null ? null : axis.at(v));
-    const [[a, b], [c, d]] = [ends(CHATTERING, x), ends(ERROR, y)];
-    if (live(one) && shown.length <= MOST_ENDS && a !== null) lines.push(`<line class="end" x1="${a}" x2="${b}" y1="${cy}" y2="${cy}"/>`);
-    if (live(one) && shown.length <= MOST_ENDS && c !== null) lines.push(`<line class="end" x1="${cx}" x2="${cx}" y1="${c}" y2="${d}"/>`);
+    const [[a, b], [c, d]] = live(one) && shown.length <= MOST_ENDS ? [ends(CHATTERING, x), ends(ERROR, y)] : [[null], [null]];
+    if (a !== null) lines.push(`<line class="end" x1="${a}" x2="${b}" y1="${cy}" y2="${cy}"/>`);
+    if (c !== null) lines.push(`<line class="end" x1="${cx}" x2="${cx}" y1="${c}" y2="${d}"/>`);
     lines.push(`<circle cx="${cx}" cy="${cy}" r="5.5" data-i="${i}" class="${live(one) ? "" : "off"}${one.row === chosen ? " chosen" : ""}" fill="${colour(one)}"/>`);
     if (one.front) lines.push(`<circle cx="${cx}" cy="${cy}" r="9" class="ring"/>`);
   }
   at("front").innerHTML = `<svg viewBox="0 0 ${width} ${height}" width="${width}" height="${height}" role="img" aria-label="error against chattering">${lines.join("")}</svg>`;
-  const of = (event) => shown[event.target.dataset?.i];
-  at("front").firstChild.addEventListener("pointerover", (event) => of(event) && tell(of(event)));
-  at("front").firstChild.addEventListener("click", (event) => of(event) && choose(of(event)));
+  for (const [name, heard] of [["pointerover", tell], ["click", choose]]) at("front").firstChild.addEventListener(name, ({ target }) => shown[target.dataset?.i] && heard(shown[target.dataset.i]));
 }
 const tell = (one) => { at("told").textContent = `${named(one)}: ${PAIR.map((m) => `${metrics[m].title} ${mean(one, m)}`).join(", ")}${one.failed ? `; ${one.failed} of ${one.runs} runs failed` : ""}`; };
 
@@ -108,7 +106,7 @@ const folder = location.protocol === "file:" ? decodeURIComponent(location.pathn
 function choose(one) {
   chosen = one.row;
   const name = laws[one.law][0], index = (draw) => (DATA.case[one.row] * DATA.runs[one.row] + draw) * laws.length + one.law;
-  at("which").textContent = `${named(one)}, draw 0${one.cases > 1 ? `: of ${one.cases} cases that in which ${metrics[by].title.replace(/ \[.*/, "")} is worst` : ""}`;
+  at("which").textContent = `${named(one)}, draw 0${one.cases > 1 ? `: of ${one.cases} cases that in which ${metrics[by]?.title.replace(/ \[.*/, "")} is worst` : ""}`;
   at("rerun").textContent = `torquebench run --from-sweep ${quoted(folder)} --index ${index(0)} -o again`;
   at("sets").textContent = keys.map((key, k) => places[k][one.row] < 0 ? "" : `--set ${quoted(`${key.key.replace("controllers.*.", `controllers.${name}.`)}=${key.sets[places[k][one.row]]}`)}`).filter(Boolean).join(" \\\n") || "(nothing but the draw)";
   document.querySelectorAll("button.copy").forEach((button) => { button.textContent = "copy"; });
