@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -26,6 +27,8 @@ from torquebench.sweep.table import Table, metric_keys, read_table, words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from torquebench.report.figures.files import Wish
 
 MOST_ROWS = 2_000_000
 """Rows up to which the table is looked at as a whole, in memory."""
@@ -58,6 +61,29 @@ def report_files(stored: StoredSweep, progress: Progress | None = None) -> Itera
     yield PAGE, sweep_page(table, summary, info_of(stored), found)
 
 
+def draw_sweep(
+    stored: StoredSweep, only: Sequence[str], wish: Wish, progress: Progress | None = None, place: str = "only"
+) -> dict[str, bytes]:
+    """Draw figures of a sweep; return each file's name and content.
+
+    Args:
+        stored: The sweep, with its final table.
+        only: Names of the figures that are wanted; all if there are none.
+        wish: How they are written.
+        progress: Told each figure when it is drawn.
+        place: What messages call `only`.
+
+    Raises:
+        ConfigError: the sweep has no figure of one of the names.
+    """
+    from torquebench.report.figures.files import check_names, figure_files, wanted
+
+    table = read_table(stored.folder / TABLE)
+    jobs = jobs_of(info_of(stored), table, dependences(stored, table))
+    check_names(only, list(jobs), wanted, place)
+    return dict(figure_files(jobs, wish, progress, only))
+
+
 def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
     """Return what every metric depends on, where constants of the model or keys are drawn."""
     plan = stored.plan
@@ -67,18 +93,18 @@ def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
     return sensitivities(table, plan.experiment, metric_keys(table))
 
 
-def figures_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str, Figure]:
-    """Draw the figures of a sweep, by name.
+def jobs_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str, partial[Figure]]:
+    """Return what draws each figure of a sweep, by name.
 
     Args:
         info: What the page tells of the sweep.
         table: Its table.
         found: What its metrics depend on.
     """
-    from torquebench.report.figures.sweep import sweep_figures
+    from torquebench.report.figures.sweep import sweep_jobs
 
     subtitle = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
-    return sweep_figures(table, info.name, subtitle, found, info.slides, info.laws)
+    return sweep_jobs(table, info.name, subtitle, found, info.slides, info.laws)
 
 
 def info_of(stored: StoredSweep) -> SweepInfo:

@@ -111,7 +111,7 @@ def best_data(summary: Summary, info: SweepInfo, titles: Titles) -> dict[str, An
     for key in summary.grid:
         known = list(dict.fromkeys(value for group in groups if (value := group.values[key]) is not None))
         is_numeric = all(isinstance(value, float) for value in known)
-        values: list[Any] = sorted(known) if is_numeric else known  # type: ignore[type-var]
+        values: list[Any] = sorted(known) if is_numeric else known
         place = {value: i for i, value in enumerate(values)} | {None: -1}
         places.append([place[group.values[key]] for group in groups])
         unit = unit_of(key) if is_numeric else None

@@ -54,7 +54,7 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
         said = {"Least error and least chattering": best}
     elif _values(quiet, summary) == _values(calm, summary):
         said = {"Least error": best, "Least chattering": calm}
-    lines = []
+    lines = list[str]()
     for what, one in said.items():
         figures = ", ".join(figure_text(one, key, titles) for key in SHOWN)
         lines.append(
