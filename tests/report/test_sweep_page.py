@@ -141,7 +141,7 @@ def test_the_page_stands_alone_and_is_the_same_again() -> None:
     assert b"alert(1)</script>" not in page
     assert b"&lt;script&gt;" in page
     assert data_of(page)["laws"][1][0] == evil
-    assert not re.search(rb"(src|href)=|@import|url\(", page)
+    assert not re.search(rb'(src|href)=(?!"data:)|@import|url\(', page)
 
 
 def test_laws_are_compared_over_all_cases() -> None:

@@ -31,6 +31,8 @@ from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import TAIL, Figure, Summary
 from torquebench.sweep.table import Table, metric_values, rows_by
 
+MOST_GROUPS = 20_000
+"""Laws in a case that a page has room for; of more it has the answer, and every law over all cases."""
 SPREAD = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Quantiles of a law's runs that its strip shows."""
 
@@ -85,6 +87,7 @@ def sweep_page(table: Table, summary: Summary, info: SweepInfo, found: Sequence[
         answer=answer(summary, titles),
         laws=law_rows(table, summary, titles, info.laws) if len(summary.overall) > 1 else [],
         shown=[titles[key][0] for key in SHOWN if key in summary.metrics],
+        most=MOST_GROUPS if len(summary.groups) > MOST_GROUPS else 0,
         tail=f"{100 * TAIL:g} %",
         reference=summary.reference,
         failures=failures_table(summary),
@@ -105,6 +108,7 @@ def best_data(summary: Summary, info: SweepInfo, titles: Titles) -> dict[str, An
         titles: Titles and scales of the metrics.
     """
     groups, apart, names = distinct(summary), conditions(summary), short_names(summary.grid)
+    groups = groups if len(groups) <= MOST_GROUPS else []
     metrics = columns_of(summary, titles)
     colours, laws = looks(info.laws), [law.controller for law in summary.overall]
     keys, places = list[dict[str, Any]](), list[list[int]]()
