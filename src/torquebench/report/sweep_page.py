@@ -87,6 +87,7 @@ def sweep_page(table: Table, summary: Summary, info: SweepInfo, found: Sequence[
         answer=answer(summary, titles),
         laws=law_rows(table, summary, titles, info.laws) if len(summary.overall) > 1 else [],
         shown=[titles[key][0] for key in SHOWN if key in summary.metrics],
+        worst=bool(conditions(summary)),
         most=MOST_GROUPS if len(summary.groups) > MOST_GROUPS else 0,
         tail=f"{100 * TAIL:g} %",
         reference=summary.reference,

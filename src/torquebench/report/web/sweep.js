@@ -35,7 +35,7 @@ function choices() {
 const ends = (values) => [values.reduce((a, b) => Math.min(a, b), Infinity), values.reduce((a, b) => Math.max(a, b), -Infinity)];
 const word = (k, r) => (places[k][r] < 0 ? "-" : keys[k].words[places[k][r]]);
 const mean = (one, m) => digits(value(one, m)) + (value(one, m, "low") === null ? "" : ` [${digits(value(one, m, "low"))}, ${digits(value(one, m, "high"))}]`);
-const named = (one) => [laws.length > 1 || !keys.length ? laws[one.law][0] : "", ...keys.map((key, k) => `${key.name} ${word(k, one.row)}`)].filter(Boolean).join(", ");
+const named = (one) => [laws.length > 1 || !keys.length ? laws[one.law][0] : "", ...keys.map((key, k) => places[k][one.row] >= 0 && `${key.name} ${word(k, one.row)}`)].filter(Boolean).join(", ");
 const tone = (place, count) => `hsl(${250 - (215 * place) / Math.max(count - 1, 1)} 75% ${dark.matches && !onPaper ? 64 : 44}%)`;
 const swatch = (own) => made("span", { class: "swatch", style: `--own: ${own}` }), colour = (one) => (hue < 0 ? shade(laws[one.law][1]) : places[hue][one.row] < 0 ? ink("soft") : tone(places[hue][one.row], keys[hue].words.length));
 
