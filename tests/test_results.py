@@ -130,11 +130,11 @@ def test_a_trajectory_is_a_frame_with_names_and_units(result):
 
 
 def test_figures_and_pages(result, tmp_path):
-    """A figure by its name; the nearest name where there is none; a page with the figures in it."""
+    """A figure by its name; the nearest name where there is none; the page of a run in memory."""
     assert len(result.figure("torque").axes) >= 2
     with pytest.raises(ResultError, match="did you mean 'torque'"):
         result.figure("torqe")
-    page = tb.run_experiment(QUICK).report(tmp_path / "page.html", figures=False)
+    page = tb.run_experiment(QUICK).report(tmp_path / "page.html")
     assert (tmp_path / "page.html").read_bytes() == page
     assert b"band" in page
 

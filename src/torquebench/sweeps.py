@@ -20,7 +20,7 @@ from torquebench.experiment.store import atomic_write
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
 from torquebench.report.render import PAGE
-from torquebench.report.sweep import dependences, figures_of, info_of, report_files
+from torquebench.report.sweep import dependences, info_of, jobs_of, report_files
 from torquebench.results import Source as Config
 from torquebench.shipped import find_config
 from torquebench.sweep import run as runs
@@ -268,10 +268,10 @@ class Sweep:
         Raises:
             ResultError: this sweep has no such figure.
         """
-        figures = figures_of(info_of(self.stored), self._table, dependences(self.stored, self._table))
-        if name not in figures:
-            raise ResultError(f"no figure '{name}' of this sweep{did_you_mean(name, figures)}")
-        return figures[name]
+        jobs = jobs_of(info_of(self.stored), self._table, dependences(self.stored, self._table))
+        if name not in jobs:
+            raise ResultError(f"no figure '{name}' of this sweep{did_you_mean(name, jobs)}")
+        return jobs[name]()
 
     def report(self, path: str | Path | None = None, figures: bool = True) -> bytes:
         """Return the page of the sweep, HTML that stands alone.

@@ -8,12 +8,12 @@ from PIL import Image, ImageDraw
 
 from torquebench.errors import VideoError
 from torquebench.laws.law import law_names
+from torquebench.scene.look import Scene
 from torquebench.sim.trajectory import Outcome, Trajectory
 from torquebench.video.job import SEPARATOR, Footage, Shot
 from torquebench.video.layout import layout, timeline
 from torquebench.video.overlay import ALARM, JOINTS, PLAIN, Overlay, layout_for
 from torquebench.video.paint import FINE, band, fill, fit, font, text_width, write
-from torquebench.video.scene import Scene
 
 TAU_MAX = np.array([10.0, 20.0])
 

@@ -97,7 +97,7 @@ def write_files(
         figures: Whether to draw.
         progress: Called with what is done next.
     """
-    from torquebench.report.figures.style import figure_bytes
+    from torquebench.report.figures.files import figure_bytes
     from torquebench.report.render import PAGE, Picture, render
 
     run = {part.condition: f"torquebench sweep {CONDITIONS}/{part.folder}/sweep.yaml" for part in parts}

@@ -37,7 +37,7 @@ BAD_INPUT, INTERNAL, INTERRUPTED, TERMINATED = 2, 3, 130, 143
 
 COMMANDS = {
     "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "audit"},
-    "Look": {"report": "report", "video": "video", "view": "view"},
+    "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
     "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
     "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},

@@ -1,7 +1,8 @@
-"""``torquebench run``: one experiment from its YAML file to numbers, figures and a manifest."""
+"""``torquebench run``: one experiment from its YAML file to numbers, a page and a manifest."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 @out_folder(help="folder for the results, new or empty (default: runs/NAME-UTC)")
 @settings(help="change one key, for example run.duration=2 or controllers.band.gains.phi=0.1")
 @plugins
-@option("--no-figures", is_flag=True, help="write numbers only: no figures, no film")
+@option("--no-figures", is_flag=True, help="draw nothing that the config asks for: no figures, no film")
 @click.pass_obj
 def run(
     gl: str | None,
@@ -48,6 +49,7 @@ def run(
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
+    from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
     from torquebench.report.tables import certificate_table
 
@@ -71,7 +73,7 @@ def run(
             finished=lambda name, trajectory: write_trajectory(directory, name, trajectory),
         )
     with progress_bar(0, "figure", "writing") as bar:
-        write_run(directory, result, plugin, not no_figures, following(bar))
+        write_run(directory, result, plugin, not no_figures, following(bar), os.cpu_count() or 1)
     certificates, fuzzy = result.certified, fuzzy_facts(experiment)
     tell(directory=directory.folder, **result.to_json(), certificates=certificates, fuzzy=fuzzy)
     say(summary(result))
@@ -81,7 +83,7 @@ def run(
     for line in fuzzy_remarks(experiment):
         say(line)
     say()
-    say(f"results: {directory.folder}")
+    say(f"results: {directory.folder}, page: {directory.folder / PAGE}")
     if not no_figures and experiment.video is not None:
         from torquebench.cli.video import film_of_run
 

@@ -246,7 +246,7 @@ def report_with_bar(stored: StoredSweep, figures: bool) -> Iterator[tuple[str, b
     from torquebench.report.sweep import report_files
 
     with progress_bar(0, "figure", "drawing") as bar:
-        yield from report_files(stored, figures, following(bar))
+        yield from report_files(stored, figures, following(bar), os.cpu_count() or 1)
 
 
 def _resume_hint(stored: StoredSweep, options: Options) -> str:

@@ -14,8 +14,9 @@ from torquebench.disturbances import DISTURBANCES
 from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.controllers import controllers
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
-from torquebench.experiment.groups import Many, Named, NameOr, OneOf
+from torquebench.experiment.groups import AllOr, Many, Named, NameOr, OneOf
 from torquebench.experiment.values import Slug
+from torquebench.figures import FIGURES
 from torquebench.keys import Key, Vector
 from torquebench.metrics.chattering import corner_hz
 from torquebench.references import REFERENCES
@@ -186,6 +187,14 @@ class Experiment:
         Many("disturbances", 0, MAX_DISTURBANCES, OneOf(DISTURBANCES, "Form of the disturbance.")),
     ] = ()
     run: Annotated[Run, Key("Length, sampling, start and randomness of the run")]
+    figures: Annotated[
+        Any,
+        Key(
+            "Figures to draw of the run: all, or a list of names; none if left out, and torquebench figures draws them "
+            "when they are wanted"
+        ),
+        AllOr(FIGURES),
+    ] = None
     video: Annotated[Video | None, Key("Film to make of the run; none if left out, {} for one as usual")] = None
 
     @cached_property

@@ -20,7 +20,8 @@ import torquebench
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
 from torquebench.robot.library import model_folder
 
-PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
+PACKAGES = {name: name for name in ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")}
+PACKAGES["mujoco"] = "mujoco-core"  # which brings the module; a package `mujoco` need not be there
 MANIFEST = "manifest.json"
 EXPERIMENT = "experiment.yaml"
 """The experiment of a run, resolved; written before anything is simulated."""
@@ -170,7 +171,7 @@ def json_bytes(value: Any) -> bytes:
 def versions() -> dict[str, str]:
     """Versions of this package, of Python and of the packages that results depend on."""
     found = {"torquebench": torquebench.__version__, "python": platform.python_version()}
-    return found | {name: _installed(name) for name in PACKAGES}
+    return found | {name: _installed(package) for name, package in PACKAGES.items()}
 
 
 _installed = functools.cache(metadata.version)

@@ -162,13 +162,14 @@ def limit_cycle_shares(tau: Array, control_period: float, powers: Array, from_hz
     by_chance = among[some] / lines
     shares[some] = (near[some] / total[some] - by_chance) / (1.0 - by_chance)
     shares[shares < LINE_SHARE] = 0.0
-    if np.any(shares > 0.0):
-        half = n // 2
+    found = np.flatnonzero(shares > 0.0)
+    if len(found):
+        half, tau = n // 2, np.ascontiguousarray(tau[:, found])
         before, after = (
-            powers_near(line_powers(part, control_period), half, control_period, from_hz, peaks)[0]
+            powers_near(line_powers(part, control_period), half, control_period, from_hz, peaks[found])[0]
             for part in (tau[:half], tau[-half:])
         )
-        shares[some & (after < LASTING * before)] = 0.0
+        shares[found[after < LASTING * before]] = 0.0
     return shares
 
 

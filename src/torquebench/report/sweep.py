@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -26,6 +27,8 @@ from torquebench.sweep.table import Table, metric_keys, read_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from torquebench.report.figures.files import Wish
+
 MOST_ROWS = 2_000_000
 """Rows up to which the table is looked at as a whole, in memory."""
 
@@ -35,7 +38,9 @@ Outcomes: TypeAlias = Mapping[str, Mapping[str, int]]
 COMPLETED = Outcome.COMPLETED.name
 
 
-def report_files(stored: StoredSweep, figures: bool, progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
+def report_files(
+    stored: StoredSweep, figures: bool, progress: Progress | None = None, workers: int = 1
+) -> Iterator[tuple[str, bytes]]:
     """Yield name and content of every file about a sweep's table; the same table gives the same bytes.
 
     A table of more than `MOST_ROWS` rows has none.
@@ -43,7 +48,8 @@ def report_files(stored: StoredSweep, figures: bool, progress: Progress | None =
     Args:
         stored: The sweep, with its final table.
         figures: Whether to draw.
-        progress: Told what is being worked out, and each figure's file when it is drawn.
+        progress: Told what is being worked out, and each figure when it is drawn.
+        workers: How many processes draw.
     """
     if stored.plan.rows > MOST_ROWS:
         return
@@ -55,14 +61,37 @@ def report_files(stored: StoredSweep, figures: bool, progress: Progress | None =
     yield "sensitivity.json", json_bytes([one.to_json() for one in found])
     info, pictures = info_of(stored), list[Picture]()
     if figures:
-        from torquebench.report.figures.style import figure_files
+        from torquebench.report.figures.files import Wish, figure_files
 
-        drawn = figures_of(info, table, found)
-        for name, content in figure_files(drawn, progress):
+        jobs = jobs_of(info, table, found)
+        for name, content in figure_files(jobs, Wish(workers=workers), progress):
             yield name, content
             if name.endswith(".svg"):
-                pictures.append(Picture(str(drawn[Path(name).stem].get_label()), content))
+                pictures.append(Picture(jobs[Path(name).stem].keywords["label"], content))
     yield PAGE, sweep_page(table, info, pictures, found)
+
+
+def draw_sweep(
+    stored: StoredSweep, only: Sequence[str], wish: Wish, progress: Progress | None = None, place: str = "only"
+) -> dict[str, bytes]:
+    """Draw figures of a sweep; return each file's name and content.
+
+    Args:
+        stored: The sweep, with its final table.
+        only: Names of the figures that are wanted; all if there are none.
+        wish: How they are written.
+        progress: Told each figure when it is drawn.
+        place: What messages call `only`.
+
+    Raises:
+        ConfigError: the sweep has no figure of one of the names.
+    """
+    from torquebench.report.figures.files import check_names, figure_files, wanted
+
+    table = read_table(stored.folder / TABLE)
+    jobs = jobs_of(info_of(stored), table, dependences(stored, table))
+    check_names(only, list(jobs), wanted, place)
+    return dict(figure_files(jobs, wish, progress, only))
 
 
 def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
@@ -74,18 +103,18 @@ def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
     return sensitivities(table, plan.experiment, metric_keys(table))
 
 
-def figures_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str, Figure]:
-    """Draw the figures of a sweep, by name.
+def jobs_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str, partial[Figure]]:
+    """Return what draws each figure of a sweep, by name.
 
     Args:
         info: What the page tells of the sweep.
         table: Its table.
         found: What its metrics depend on.
     """
-    from torquebench.report.figures.sweep import sweep_figures
+    from torquebench.report.figures.sweep import sweep_jobs
 
     subtitle = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
-    return sweep_figures(table, info.name, subtitle, found, info.slides, info.laws)
+    return sweep_jobs(table, info.name, subtitle, found, info.slides, info.laws)
 
 
 def info_of(stored: StoredSweep) -> SweepInfo:

@@ -278,16 +278,15 @@ class NativeRun:
     Args:
         setup: The run; its law must have no `obstacle`.
         plant: The plant's native form.
-        gains: The table of its law's gains, where there is one already.
     """
 
     longest = 20_000
     """Control instants to ask for at once, so that progress and interruption get their turn."""
 
-    def __init__(self, setup: Setup, plant: NativePlant, gains: Table | None = None) -> None:
+    def __init__(self, setup: Setup, plant: NativePlant) -> None:
         job = setup.job
         self.setup, self._plant = setup, plant
-        self._tables = gains or Table(setup.gains), Table(setup.memory)
+        self._tables = Table(setup.gains), Table(setup.memory)
         self.detail = ""
         """Reason of a failure; empty if there was none."""
         job.call[:] = [

@@ -11,11 +11,11 @@ from PIL import Image, ImageColor, ImageDraw
 from torquebench.kernel import Array
 from torquebench.report.figures import style
 from torquebench.report.looks import SERIES
+from torquebench.scene.look import Scene
 from torquebench.sim.trajectory import Trajectory
 from torquebench.video.job import FPS, SEPARATOR, Footage, Shot
 from torquebench.video.layout import NOTE, Box, Layout, Timeline, layout, spans
 from torquebench.video.paint import FINE, Colour, band, fill, fit, text_width, write
-from torquebench.video.scene import Scene
 
 WINDOW = 1.5
 """Time that a trace shows, in seconds of the film."""

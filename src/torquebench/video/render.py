@@ -11,13 +11,13 @@ import numpy as np
 from PIL import Image
 
 from torquebench.robot.library import camera_names
+from torquebench.scene.look import fit_camera, scene_of_runs, shown_poses, tool_path
 from torquebench.sim.trajectory import load_trajectory
 from torquebench.video.encode import film_writer
 from torquebench.video.job import FPS, Job
 from torquebench.video.layout import timeline
 from torquebench.video.opengl import STICK
 from torquebench.video.overlay import Overlay
-from torquebench.video.scene import fit_camera, scene_of_runs, shown_poses, tool_path
 from torquebench.video.stage import OpenGlStage, StickStage
 
 POINTS = 3

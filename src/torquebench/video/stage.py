@@ -9,9 +9,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from torquebench.kernel import Array
+from torquebench.scene.look import VISIBLE_GROUPS, Scene, joint_points
 from torquebench.video.job import Quality
 from torquebench.video.paint import FINE
-from torquebench.video.scene import VISIBLE_GROUPS, Scene, joint_points
 
 GHOST = np.array([0.30, 0.60, 0.95, 1.0], dtype=np.float32)
 GROWN = 0.008

@@ -15,9 +15,9 @@ from torquebench.errors import ResultError
 from torquebench.fuzzy import Functions, FuzzySystem, Prepared, Variable, builtin_system, prepare
 from torquebench.fuzzy.system import rules_of_table
 from torquebench.kernel import Array
+from torquebench.report.figures.files import figure_bytes
 from torquebench.report.figures.fuzzy import SCALES, system_figures
 from torquebench.report.figures.fuzzy_rules import draw_rules, rule_shares
-from torquebench.report.figures.style import figure_bytes
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 V = Variable.of({"low": 1.0, "mid": 2.0, "high": 3.0}, 1.0, 3.0)

@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figure
 from torquebench.report.figures.layout import LIMIT, SHADE, level_lines, new_page, printable, write_note
 from torquebench.report.figures.run_view import TIME, RunView, draw
 
@@ -21,7 +20,6 @@ ZOOM = 0.060
 _ZOOMED: dict[str, Any] = {"facecolor": "#F0E442", "alpha": 0.6, "linewidth": 0.0, "zorder": 0.6}
 
 
-@figure("torque", title="Torque", order=30)
 def draw_torque(x: RunView) -> Figure:
     """Draw the torque after clipping, with its limits and chattering in the legend."""
     n = len(x.joint_names)
