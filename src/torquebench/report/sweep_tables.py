@@ -57,9 +57,7 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
     lines = list[str]()
     for what, one in said.items():
         figures = ", ".join(figure_text(one, key, titles) for key in SHOWN)
-        lines.append(
-            f"{what}: {choice_text(one, summary)}; {figures}{_worst_of(one, summary) if not lines else ''}."
-        )
+        lines.append(f"{what}: {choice_text(one, summary)}; {figures}{_worst_of(one, summary) if not lines else ''}.")
     return [*lines, failures]
 
 
