@@ -23,19 +23,22 @@ make_environment() {
     wanted=$({ printf '%s\n' "$root"; cat "$lock" "$root/pyproject.toml"; } | cksum)
     [ -x "$python" ] && [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return 0
     say "torquebench: setting up $root/.venv (once; packages as pinned in $1)"
+    # Left alone, Python keeps the bytecode of the sixth of all modules that get imported; forbidden to, it wants all now.
+    compile=${PYTHONDONTWRITEBYTECODE:+yes}
     if command -v uv >/dev/null 2>&1; then
         [ -x "$python" ] || uv venv --quiet --python '>=3.11' "$root/.venv" || return 1
-        uv pip install --quiet --python "$python" --require-hashes -r "$lock" || return 1
-        uv pip install --quiet --python "$python" --no-deps --no-build-isolation -e "$root" || return 1
+        install() { uv pip install --quiet --python "$python" ${compile:+--compile-bytecode} --no-deps "$@"; }
     else
         base=$(find_python) || { say "torquebench: needs Python 3.11 or newer (set PYTHON=/path/to/python3)"; return 1; }
         [ -x "$python" ] || "$base" -m venv "$root/.venv" || {
             say "torquebench: could not make a virtual environment (on Debian or Ubuntu: apt-get install python3-venv)"
             return 1
         }
-        "$python" -m pip install --quiet --disable-pip-version-check --require-hashes -r "$lock" || return 1
-        "$python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e "$root" || return 1
+        bytecode=--no-compile
+        [ -z "$compile" ] || bytecode=--compile
+        install() { "$python" -m pip install --quiet --disable-pip-version-check $bytecode --no-deps "$@"; }
     fi
+    install --require-hashes -r "$lock" && install --no-build-isolation -e "$root" || return 1
     printf '%s' "$wanted" >"$stamp"
 }
 

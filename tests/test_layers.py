@@ -18,7 +18,7 @@ LAYERS = (
     ("errors", "plain"),
     ("shipped",),
     ("registry", "timing"),
-    ("keys",),
+    ("figures", "keys"),
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
@@ -30,7 +30,7 @@ LAYERS = (
     ("check",),
     ("metrics", "statistics"),
     ("certificates",),
-    ("experiment",),
+    ("experiment", "scene"),
     ("sweep",),
     ("report",),
     ("video", "results", "audit"),
@@ -44,7 +44,7 @@ LAYERS = (
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 
 HOMES = {
-    "mujoco": ("robot/mjcf", "sim/plants/", "video/", "view/"),
+    "mujoco": ("robot/mjcf", "scene/", "sim/plants/", "video/", "view/"),
     "glfw": ("video/", "view/"),
     "OpenGL": ("video/",),
     "imageio_ffmpeg": ("video/",),
@@ -54,7 +54,7 @@ HOMES = {
     "jinja2": ("report/",),
     "scipy": ("statistics.py", "sweep/"),
     "skfuzzy": ("fuzzy/",),
-    "pydantic": ("experiment/", "sweep/folder.py"),
+    "pydantic": ("experiment/",),
     "pydantic_core": ("experiment/",),
     "pandas": ("experiment/", "sweep/", "report/", "audit/", "results.py", "sweeps.py", "audits.py"),
     "numba": ("kernel/", "dialect.py", "check.py", "sim/"),

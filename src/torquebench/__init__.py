@@ -21,7 +21,7 @@ _HOMES = {
     "keys": ("Key", "Vector", "as_vector"),
     "metrics": ("JointRecord", "metric"),
     "references": ("Quintic", "Ramp", "Reference", "Sine", "Step", "reference"),
-    "report.figures.declare": ("figure",),
+    "figures": ("figure",),
     "results": ("Result", "compare", "load_experiment", "load_result", "run_experiment"),
     "robot": ("Puma560", "RobotModel", "load_model"),
     "robot.dynamics": ("bias_forces", "gravity", "inverse_dynamics", "mass_matrix"),

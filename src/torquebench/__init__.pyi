@@ -12,6 +12,7 @@ from torquebench.errors import ConfigError as ConfigError
 from torquebench.errors import ResultError as ResultError
 from torquebench.errors import TorquebenchError as TorquebenchError
 from torquebench.experiment.schema import Experiment as Experiment
+from torquebench.figures import figure as figure
 from torquebench.fuzzy.fis import Fis as Fis
 from torquebench.fuzzy.inference import infer as infer
 from torquebench.fuzzy.system import FuzzySystem as FuzzySystem
@@ -37,7 +38,6 @@ from torquebench.references import Reference as Reference
 from torquebench.references import Sine as Sine
 from torquebench.references import Step as Step
 from torquebench.references import reference as reference
-from torquebench.report.figures.declare import figure as figure
 from torquebench.results import Result as Result
 from torquebench.results import compare as compare
 from torquebench.results import load_experiment as load_experiment

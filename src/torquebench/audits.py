@@ -14,8 +14,8 @@ from torquebench.audit.pages import write_files
 from torquebench.audit.run import CONDITIONS, Part, Runs, parts_of, run_parts
 from torquebench.audit.study import Study, take_audit
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
-from torquebench.experiment.run import Progress
 from torquebench.experiment.dump import flat_text
+from torquebench.experiment.run import Progress
 from torquebench.experiment.source import apply_overrides, read_bytes, read_document
 from torquebench.experiment.store import MANIFEST, RunDirectory, claim_folder, json_bytes
 from torquebench.laws.plugin import load_plugin

@@ -19,9 +19,10 @@ from torquebench.experiment.run import ExperimentResult, Joints, Progress
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import document_of, read_bytes, read_document, set_key
 from torquebench.experiment.store import RunDirectory, atomic_write, claim_folder
+from torquebench.figures import FIGURES
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
-from torquebench.report.run import run_figures, run_files, stored_page, write_run
+from torquebench.report.run import add_figures, draw_run, stored_page, view_of, write_run
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table
 from torquebench.shipped import find_config
@@ -75,7 +76,6 @@ def run_experiment(
     experiment: Experiment | Source,
     *,
     folder: str | Path | None = None,
-    figures: bool = True,
     plugins: Sequence[str | Path] = (),
     path: PathName = "auto",
     progress: Progress | None = None,
@@ -86,7 +86,6 @@ def run_experiment(
         experiment: An experiment, or what `load_experiment` takes.
         folder: New or empty folder for the results, the same files as ``torquebench run`` leaves; None to keep them in
             memory, from where `Result.save` can write them.
-        figures: Whether to draw figures into the folder.
         plugins: Python files that register laws of your own.
         path: As for `simulate`.
         progress: Called with what is being done, how many units of it are done, and of how many.
@@ -106,7 +105,7 @@ def run_experiment(
     numbers = runs.run_experiment(
         checked, path=path, progress=progress, finished=lambda name, run: write_trajectory(directory, name, run)
     )
-    write_run(directory, numbers, files, figures, progress)
+    write_run(directory, numbers, files, progress=progress)
     return Result(numbers, files, directory.folder)
 
 
@@ -311,23 +310,60 @@ class Result:
         Raises:
             ResultError: this run has no such figure.
         """
-        figures = run_figures(self.numbers, only=name)
-        if name not in figures:
-            known = run_figures(self.numbers)
-            raise ResultError(f"no figure '{name}' of this run{did_you_mean(name, known)}")
-        return figures[name]
+        from torquebench.report.figures.run_view import draw_figures
 
-    def report(self, path: str | Path | None = None, figures: bool = True) -> bytes:
+        found = draw_figures(view_of(self.numbers), (name,))
+        if name not in found:
+            raise ResultError(f"no figure '{name}' of this run{did_you_mean(name, found or FIGURES)}")
+        return found[name]
+
+    def figures(
+        self,
+        folder: str | Path | None = None,
+        *,
+        only: Sequence[str] = (),
+        pdf: bool = False,
+        paper: bool = False,
+        workers: int = 1,
+        progress: Progress | None = None,
+    ) -> list[Path]:
+        """Draw the figures of the run into files, SVG and PNG, and return their paths.
+
+        Args:
+            folder: Where to put them; None for the folder that the run is stored in, under ``figures``.
+            only: Names of those that are wanted; all if left out.
+            pdf: Write each as PDF too.
+            paper: Draw each for print: for one column of 85 mm and for two, 180 mm, without headings.
+            workers: How many processes draw; a script that asks for more than one needs a main guard.
+            progress: Called with each figure when it is drawn.
+
+        Raises:
+            ResultError: this run has no such figure, or is not stored and no folder is given.
+        """
+        from torquebench.report.figures.files import Wish
+
+        if folder is None and self.folder is None:
+            raise ResultError("this run is not stored: give a folder for the figures, or save it first")
+        files = draw_run(self.numbers, only, Wish(pdf, paper, workers), progress)
+        if folder is None:
+            add_figures(self.folder or Path(), self._as_stored(), files)
+        else:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+            files = {Path(name).name: content for name, content in files.items()}
+            for name, content in files.items():
+                atomic_write(Path(folder) / name, content)
+        return [Path(folder or self.folder or "") / name for name in files]
+
+    def report(self, path: str | Path | None = None) -> bytes:
         """Return the page of the run, HTML that stands alone.
 
         Args:
             path: File to write the page to as well; None for none.
-            figures: Whether to draw; those of a stored run are on the page as they are.
         """
         if self.folder is not None:
             page = stored_page(self.folder, self._as_stored())
         else:
-            page = run_page(self.numbers, dict(run_files(self.numbers)) if figures else {})
+            page = run_page(self.numbers)
         if path is not None:
             atomic_write(Path(path), page)
         return page
@@ -335,13 +371,12 @@ class Result:
     def _as_stored(self) -> ExperimentResult:
         return self.numbers if self.numbers.stored is not None else read_result(Path(self.folder or ""))
 
-    def save(self, folder: str | Path | None = None, *, figures: bool = True, progress: Progress | None = None) -> Path:
+    def save(self, folder: str | Path | None = None, *, progress: Progress | None = None) -> Path:
         """Write the run into a folder, the same bytes as ``torquebench run`` leaves there, and return the folder.
 
         Args:
             folder: New or empty folder; None for ``runs/NAME-UTC``.
-            figures: Whether to draw.
-            progress: Called with each figure's file when it is drawn.
+            progress: Called with each figure when it is drawn.
 
         Raises:
             ConfigError: the folder is not empty or cannot be made.
@@ -353,7 +388,7 @@ class Result:
         write_experiment(directory, self.experiment)
         for name, run in self.trajectories.items():
             write_trajectory(directory, name, run)
-        write_run(directory, self.numbers, self.plugins, figures, progress)
+        write_run(directory, self.numbers, self.plugins, progress=progress)
         self.folder = directory.folder
         return directory.folder
 

@@ -10,7 +10,6 @@ from tests.browser import chromium
 from tests.browser.chromium import WEBGL, Chromium, Page
 from torquebench.cli.app import main
 from torquebench.registry import restored
-from torquebench.report.figures import style
 
 CONFIG = """\
 name: browser-test
@@ -21,8 +20,8 @@ controllers:
 reference: {kind: step, target: 0.6, at: 0.1}
 run: {duration: 1.2, metrics_from: 0.2}
 """
-FIGURES = """\
-name: figures-test
+TWO_LINK = """\
+name: two-link-test
 plant: {engine: mujoco, model: two-link}
 controllers:
   - {name: conventional, law: smc, switching: sign, gains: {lam: 10, k: 0.3}}
@@ -30,7 +29,7 @@ controllers:
 reference: {kind: step, target: 0.6, at: 0.1}
 run: {duration: 1.2, metrics_from: 0.2}
 """
-"""Two joints: its figures are small, and soon drawn."""
+"""Two joints, two controllers that complete."""
 LAW = '''\
 """A law that fails."""
 
@@ -88,15 +87,10 @@ def replayed(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def reported(tmp_path_factory):
-    """Folder with a finished run with figures, as SVG alone, a copy of it, and a page of both side by side."""
+    """Folder with a finished run, a copy of it, and a page of both side by side."""
     folder = tmp_path_factory.mktemp("browser")
-    (folder / "config.yaml").write_text(FIGURES)
-    with pytest.MonkeyPatch.context() as patch:
-        whole = style.figure_bytes  # PNGs take half the time and are not looked at here
-        patch.setattr(
-            "torquebench.report.figures.style.figure_bytes", lambda f, fmt: whole(f, fmt) if fmt == "svg" else b""
-        )
-        assert main(["run", str(folder / "config.yaml"), "--out", str(folder / "one")]) == 0
+    (folder / "config.yaml").write_text(TWO_LINK)
+    assert main(["run", str(folder / "config.yaml"), "--out", str(folder / "one"), "--no-figures"]) == 0
     shutil.copytree(folder / "one", folder / "two")
     runs = [str(folder / "one"), str(folder / "two")]
     assert main(["report", *runs, "--out", str(folder / "comparison.html")]) == 0

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,11 +17,11 @@ import pytest
 
 from tests.cli.conftest import QUICK
 from torquebench.cli.app import main
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import add_to_run, check_run
 from torquebench.video import process
 from torquebench.view import server
 
-ADDRESS = r"view: (http://127\.0\.0\.1:\d+/[\w-]{20,}/)\n"
+ADDRESS = r"view: (http://127\.0\.0\.1:\d+/[\w-]{20,}/)#([^\n]*)\n"
 NOWHERE = "http://127.0.0.1:1/token/"
 
 
@@ -34,20 +35,30 @@ def finished(tmp_path_factory):
 
 
 def test_view_serves_the_run_until_interrupted(finished):
-    """Without a display it prints its address, serves both controllers, and Ctrl-C ends it with 0."""
+    """Without a display it prints address and what to begin with, serves the run's page, and Ctrl-C ends it with 0."""
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    command = [sys.executable, "-m", "torquebench", "view", str(finished), "--speed", "0.5"]
+    command = [
+        sys.executable,
+        "-m",
+        "torquebench",
+        "view",
+        str(finished),
+        "--speed",
+        "0.5",
+        "--controllers",
+        "linear-band",
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         said = process.stdout.readline() + process.stdout.readline()
-        with urllib.request.urlopen(re.search(ADDRESS, said)[1] + "replay.json", timeout=60) as reply:
-            replay = json.loads(reply.read())
+        address, chosen = re.search(ADDRESS, said).groups()
+        with urllib.request.urlopen(address, timeout=60) as reply:
+            page = reply.read()
         process.send_signal(signal.SIGINT)
         said += process.stdout.read()
         assert process.wait(60) == 0
     assert "in the browser, as no window opens here (neither DISPLAY nor WAYLAND_DISPLAY is set)" in said
-    assert replay["speed"] == 0.5
-    assert [c["name"] for c in replay["controllers"]] == ["conventional", "linear-band"]
-    assert [len(c["tool"]) // 3 for c in replay["controllers"]] == [replay["count"]] * 2
+    assert chosen == "play=&speed=0.5&show=linear-band"
+    assert page == (finished / "report.html").read_bytes()
     check_run(finished)  # nothing was written
 
 
@@ -60,14 +71,14 @@ def test_the_address_is_printed_whatever_else_is_not(finished, command, monkeypa
             raise KeyboardInterrupt
 
     monkeypatch.setattr(threading, "Event", Interrupted)
-    monkeypatch.setattr(server, "serve", lambda replay, port: contextlib.nullcontext(NOWHERE))
+    monkeypatch.setattr(server, "serve", lambda page, port: contextlib.nullcontext(NOWHERE))
     status, out, err = command("view", finished, "--no-open", more)
     assert status == 0
     if more == "--json":
-        assert json.loads(out)["address"] == NOWHERE
-        assert err.strip() == f"view: {NOWHERE}"
+        assert json.loads(out)["address"] == f"{NOWHERE}#play="
+        assert err.strip() == f"view: {NOWHERE}#play="
     else:
-        assert (out.strip(), err) == (f"view: {NOWHERE}", "")
+        assert (out.strip(), err) == (f"view: {NOWHERE}#play=", "")
 
 
 @pytest.mark.parametrize(
@@ -96,6 +107,15 @@ def test_a_port_that_is_taken(finished, command):
         status, _, err = command("view", finished, "--no-open", "--port", port)
     assert status == 2
     assert f"--port: 127.0.0.1:{port} cannot be used" in err
+
+
+def test_a_run_without_its_page(finished, command, tmp_path):
+    """Exit status 2, and the command that writes the page."""
+    run = shutil.copytree(finished, tmp_path / "run")
+    add_to_run(run, {"report.html": None})
+    status, _, err = command("view", run, "--no-open")
+    assert status == 2
+    assert f"torquebench report {run} writes it" in err
 
 
 def test_a_window_is_preferred(finished, command, monkeypatch):

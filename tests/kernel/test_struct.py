@@ -16,9 +16,19 @@ from numba import types
 from tests.arms import two_link
 from torquebench import Puma560
 from torquebench.kernel import Array, IntArray, kernel
-from torquebench.kernel.struct import Structure, Table, is_structure, layout, structure, structure_at, vector, words
+from torquebench.kernel.struct import (
+    Structure,
+    Table,
+    is_structure,
+    layout,
+    rewrite,
+    structure,
+    structure_at,
+    vector,
+    words,
+)
 from torquebench.robot.flat_model import Model, own_copy
-from torquebench.sim.native import compile_native
+from torquebench.sim.native import NativeFunction
 
 
 class Inner(NamedTuple):
@@ -226,13 +236,35 @@ def test_a_table_passed_by_its_address() -> None:
             v[i] = -1.0
         return sum_of
 
-    call = compile_native(types.float64(*[types.int64] * 4), total).ctypes
+    call = NativeFunction(types.float64(*[types.int64] * 4), total).call
     deep, x = outer().deep, np.array([2.0, 3.0])
     wanted = -2500.0 - 3.0 + sum(x[i] * deep.last[i] * deep.inner.rows[1, i] for i in range(2))
     tables = Table(deep), Table(deep)
     assert tables[0].address != tables[1].address
     assert call(tables[0].address, tables[1].address, x.ctypes.data, 2) == wanted
     assert x.tolist() == [-1.0, -1.0]
+
+
+def test_tuples_of_one_kind_are_written_over() -> None:
+    """Arrays take the other's values in place, nested ones too; another class, shape or number is told."""
+
+    class Inner(NamedTuple):
+        x: Array
+
+    class Outer(NamedTuple):
+        k: int
+        a: Array
+        inner: Inner
+
+    own = Outer(1, np.zeros(3), Inner(np.zeros((2, 2))))
+    arrays = own.a, own.inner.x
+    assert rewrite(own, Outer(1, np.arange(3.0), Inner(np.ones((2, 2)))))
+    assert arrays[0].tolist() == [0.0, 1.0, 2.0]
+    assert (arrays[1] == 1.0).all()
+    assert not rewrite(own, Outer(2, np.arange(3.0), own.inner))
+    assert not rewrite(own, Outer(1, np.arange(4.0), own.inner))
+    assert not rewrite(own, Outer(1, np.arange(3), own.inner))  # type: ignore[arg-type]
+    assert not rewrite(own, (1, own.a, own.inner))
 
 
 def test_a_table_keeps_its_arrays_alive() -> None:
@@ -243,7 +275,7 @@ def test_a_table_keeps_its_arrays_alive() -> None:
     def last(table: int, i: int) -> float:
         return deep_at(table).last[i]
 
-    call = compile_native(types.float64(types.int64, types.int64), last).ctypes
+    call = NativeFunction(types.float64(types.int64, types.int64), last).call
     table = Table(outer().deep)
     gc.collect()
     others = [np.full(len(wanted), -1.0) for _ in range(1000)]  # would take the place of what was let go

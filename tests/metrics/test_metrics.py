@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,17 @@ from hypothesis import strategies as st
 from tests.source_tree import SOURCE
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
-from torquebench.metrics import METRICS, Metrics, from_joints, per_joint
+from torquebench.metrics import (
+    METRICS,
+    JointRecord,
+    Metrics,
+    from_joints,
+    headlines,
+    headlines_of,
+    measured,
+    per_joint,
+    record_of,
+)
 from torquebench.metrics.chattering import chattering_index
 from torquebench.metrics.torque import measure_torques
 from torquebench.sim.trajectory import Outcome, Trajectory
@@ -319,3 +329,41 @@ def test_angles_are_shown_in_thousandths():
     """Whatever is in rad by itself is shown in mrad, a thousand times its SI value; other units as they are."""
     assert (METRICS["rmse"].shown_unit, METRICS["rmse"].scale) == ("mrad", 1000.0)
     assert (METRICS["rise_time"].shown_unit, METRICS["rise_time"].scale) == ("s", 1.0)
+
+
+def many_runs(rng: np.random.Generator) -> Iterator[JointRecord]:
+    """Runs of several kinds: lengths, joints, windows, boundary layers, steps of some joints, of none, limit cycles."""
+    for i in range(60):
+        t, n = times(1.0 + 0.5 * (i % 2)), 1 + i % 3
+        shape = len(t), n
+        moving = rng.integers(0, 2, n) * (t[:, None] >= 0.2)
+        chatter = 30.0 * rng.integers(0, 2, n) * np.sign(np.sin(2.0 * math.pi * (40.0 + i) * t))[:, None]
+        run = make(
+            t, moving + 0.1 * rng.normal(size=shape), moving, chatter + rng.normal(size=shape), rng.normal(size=shape)
+        )
+        yield record_of(
+            run,
+            tau_max=rng.uniform(20.0, 50.0, n),
+            metrics_from=0.1 * (i % 2),
+            control_period=T,
+            step_like=i % 4 < 2,
+            phi=rng.uniform(0.1, 1.0, n) if i % 5 else None,
+        )
+
+
+def test_runs_side_by_side_have_the_bytes_of_runs_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever stands beside a run, and though its arrays are written over as soon as the next one is asked for."""
+    alone = [headlines(measured(run)) for run in many_runs(np.random.default_rng(5))]
+
+    def written_over() -> Iterator[tuple[int, JointRecord]]:
+        for number, run in enumerate(many_runs(np.random.default_rng(5))):
+            yield number, run
+            for signal in (run.q, run.tau, run.s, run.e):
+                signal.setflags(write=True)
+                signal.fill(np.nan)
+
+    for block in (1, 12_000, 10**6):
+        monkeypatch.setattr("torquebench.metrics.values.BLOCK", block)
+        found = dict(headlines_of(written_over()))
+        assert sorted(found) == list(range(len(alone)))
+        assert all(found[i].tobytes() == alone[i].tobytes() for i in found)

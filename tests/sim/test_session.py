@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -82,6 +85,21 @@ def test_runs_are_equal_in_every_byte_to_runs_in_memory_of_their_own(plant: Mujo
             assert found.digest() == alone.digest()
             assert (found.outcome, found.failed_at, found.detail) == (alone.outcome, alone.failed_at, alone.detail)
     assert ended == {Outcome.COMPLETED, Outcome.DIVERGED}
+
+
+def test_gains_are_written_over_those_of_the_run_before() -> None:
+    """New gains, options and fuzzy systems give the bytes of a session of their own; given gains stay as they are."""
+    plant, session, base = MujocoPlant("puma560", integrator="euler"), Session(overwrite=True), trials(5)[0]
+    packed = [
+        *(pack("smc", 6, lam=lam, k=0.3) for lam in (10.0, 9.0, 11.0)),
+        pack("smc", 6, options={"switching": "saturation"}, lam=10.0, k=0.3, phi=0.2),
+        *(pack("fuzzy-boundary-layer", 6, lam=lam, k=0.3, phi=0.3, gds=10.0) for lam in (10.0, 9.0)),
+    ]
+    before = copy.deepcopy([controller.gains for controller in packed])
+    for controller in (*packed, *packed[::-1]):
+        trial = replace(base, controller=controller)
+        assert session.run(plant, trial).digest() == Session().run(plant, trial).digest()
+    assert str([controller.gains for controller in packed]) == str(before)
 
 
 def test_a_trajectory_stays_as_it_was_returned() -> None:

@@ -10,7 +10,7 @@ import pytest
 from torquebench.errors import ModelError
 from torquebench.robot.library import CAMERAS, camera_names, data_root
 from torquebench.robot.puma560.puma import Puma560
-from torquebench.video.scene import build_scene
+from torquebench.scene.look import build_scene
 
 FOLDER = data_root() / "models" / "puma560"
 ARM, SCENE = FOLDER / "puma560.xml", FOLDER / "scene.xml"

@@ -7,15 +7,15 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from torquebench.view.server import PAGES, serve
+from torquebench.view.server import serve
 
-REPLAY = b'{"title": "some arm"}'
+PAGE = b"<!doctype html><title>some arm</title>"
 
 
 @pytest.fixture
 def server():
     """The address of a server, in its parts."""
-    with serve(REPLAY) as address:
+    with serve(PAGE) as address:
         yield urlsplit(address)
 
 
@@ -74,7 +74,7 @@ def test_no_other_address_reaches_it(server):
 )
 def test_other_names_are_refused(server, host):
     """A name that someone else has resolve to 127.0.0.1 gets nothing, whatever the path: 403."""
-    for path in (server.path, f"{server.path}replay.json", "/"):
+    for path in (server.path, f"{server.path}report.html", "/"):
         status, _, body = ask(server, path, host)
         assert status == 403
         assert b"arm" not in body
@@ -83,26 +83,26 @@ def test_other_names_are_refused(server, host):
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1", "localhost:8123", "127.0.0.1:9"])
 def test_its_own_names_are_answered(server, host):
     """At any port: a tunnel's other end has another one."""
-    assert ask(server, f"{server.path}replay.json", host)[0] == 200
+    assert ask(server, server.path, host)[0] == 200
 
 
 @pytest.mark.parametrize(
     "path",
     [
         "/",
-        "/replay.json",
+        "/report.html",
         "/wrong/",
-        "/wrong/replay.json",
+        "/wrong/report.html",
         "{token}",
         "{token}x/",
         "{token}/../arm.py",
         "{token}/../../errors.py",
-        "{token}/page/view.js",
+        "{token}/report.html",
         "{token}/nothing.js",
     ],
 )
 def test_without_the_token_or_elsewhere_there_is_nothing(server, path):
-    """Neither the page nor the replay, and no file but those of the page."""
+    """Not the page, and no file at all."""
     status, _, body = ask(server, path.format(token=server.path.rstrip("/")))
     assert (status, body) == (404, b"nothing here")
 
@@ -114,25 +114,19 @@ def test_only_reading(server, method):
 
 
 def test_the_page_may_load_nothing_from_elsewhere(server):
-    """Every file comes with a policy that allows its own origin alone, and names no other address itself."""
-    for name in PAGES:
-        status, headers, body = ask(server, f"{server.path}{name}")
-        assert status == 200
-        assert "default-src 'none'" in headers["Content-Security-Policy"]
-        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
-        assert headers["X-Content-Type-Options"] == "nosniff"
-        assert b"://" not in body
-
-
-def test_the_replay_is_one_document(server):
-    """It is served below the token, byte for byte."""
-    status, headers, body = ask(server, f"{server.path}replay.json")
-    assert (status, headers["Content-Type"], body) == (200, "application/json", REPLAY)
+    """It comes as it is, under a policy that allows no connection and no frame."""
+    status, headers, body = ask(server, server.path)
+    assert (status, headers["Content-Type"], body) == (200, "text/html; charset=utf-8", PAGE)
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert "connect-src" not in policy
+    assert headers["X-Content-Type-Options"] == "nosniff"
 
 
 def test_each_server_has_a_token_of_its_own(server):
     """The path begins with at least 20 random characters; another server's are others."""
-    with serve(REPLAY) as other:
+    with serve(PAGE) as other:
         paths = [urlsplit(other).path, server.path]
     assert paths[0] != paths[1]
     assert all(re.fullmatch(r"/[\w-]{20,}/", path) for path in paths)
@@ -140,7 +134,7 @@ def test_each_server_has_a_token_of_its_own(server):
 
 def test_closed_it_is_gone():
     """After the context the port is free again."""
-    with serve(REPLAY) as address:
+    with serve(PAGE) as address:
         port = urlsplit(address).port
     with socket.socket() as again:
         assert again.connect_ex(("127.0.0.1", port)) != 0

@@ -97,7 +97,7 @@ def write_files(
         figures: Whether to draw.
         progress: Called with what is done next.
     """
-    from torquebench.report.figures.style import figure_bytes
+    from torquebench.report.figures.files import figure_bytes
     from torquebench.report.render import PAGE, Picture, render
 
     run = {part.condition: f"torquebench sweep {CONDITIONS}/{part.folder}/sweep.yaml" for part in parts}
@@ -111,7 +111,6 @@ def write_files(
             continue
         svg = figure_bytes(figure, "svg")
         yield f"figures/{name}.svg", svg
-        yield f"figures/{name}.png", figure_bytes(figure, "png")
         pictures[name] = Picture(title, svg)
     commands = {
         part.condition: f"torquebench sweep {folder / CONDITIONS / part.folder / 'sweep.yaml'}" for part in parts

@@ -37,7 +37,7 @@ BAD_INPUT, INTERNAL, INTERRUPTED, TERMINATED = 2, 3, 130, 143
 
 COMMANDS = {
     "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "audit"},
-    "Look": {"report": "report", "video": "video", "view": "view"},
+    "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
     "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
     "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
@@ -46,7 +46,7 @@ COMMANDS = {
 
 SHARED = {
     "quiet": (["-q", "--quiet"], "errors and nothing else; the exit status says the rest"),
-    "verbose": (["-v", "--verbose"], "say more: the traceback of an error"),
+    "verbose": (["-v", "--verbose"], "say more: which path was taken, the traceback of an error"),
     "as_json": (["--json"], "print one JSON document and nothing else"),
 }
 """What every command has, besides ``--help``: field of `Voice` -> option and help."""

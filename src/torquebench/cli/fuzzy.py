@@ -52,8 +52,8 @@ def fuzzy(source: Path, name: str | None, out: Path | None, oracle: bool, plugin
     from torquebench.fuzzy import prepare
     from torquebench.fuzzy.oracle import compare
     from torquebench.laws.plugin import load_plugin
+    from torquebench.report.figures.files import figure_bytes
     from torquebench.report.figures.fuzzy import system_figures
-    from torquebench.report.figures.style import figure_bytes
 
     for file in plugin:
         load_plugin(file)

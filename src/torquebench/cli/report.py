@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import File, argument, check_out, option, out_file, plugins, refuse
+from torquebench.cli.parameters import File, argument, check_out, out_file, plugins, refuse
 from torquebench.cli.run import summary
-from torquebench.cli.run_folder import read_run
+from torquebench.cli.run_folder import read_run, read_sweep
 from torquebench.cli.sweep import report_with_bar
-from torquebench.cli.terminal import following, progress_bar, say, tell, warn
-from torquebench.errors import ConfigError, Problem, ResultError
+from torquebench.cli.terminal import say, tell, warn
+from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
     from torquebench.experiment.run import ExperimentResult
@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 @command(example="torquebench report runs/one runs/two --out both.html")
 @argument("runs", type=File(folders=True), nargs=-1, required=True, metavar="RUN", help="what `run` or `sweep` left")
 @out_file(help="page to write (default: RUN/report.html; comparison.html for several)")
-@option("--redraw", is_flag=True, help="draw the figures again from the trajectories")
 @plugins
-def report(runs: Sequence[Path], out: Path | None, redraw: bool, plugin: Sequence[Path]) -> int:
+def report(runs: Sequence[Path], out: Path | None, plugin: Sequence[Path]) -> int:
     """Write a stored run's page again, or compare several runs.
 
     A sweep has a page too. Nothing is simulated.
@@ -31,7 +30,8 @@ def report(runs: Sequence[Path], out: Path | None, redraw: bool, plugin: Sequenc
     from torquebench.experiment.folder import read_result
     from torquebench.experiment.store import atomic_write
     from torquebench.laws.plugin import load_plugin
-    from torquebench.report.run import compare_page, rewrite_page, stored_page
+    from torquebench.report.compare_page import comparison_page
+    from torquebench.report.run import rewrite_page, stored_page
     from torquebench.sweep.folder import PLAN
 
     for file in plugin:
@@ -48,41 +48,28 @@ def report(runs: Sequence[Path], out: Path | None, redraw: bool, plugin: Sequenc
             problems += error.problems
     if problems:
         raise ConfigError(dict.fromkeys(problems))
-    with progress_bar(0, "figure", "drawing") as bar:
-        if len(stored) == 1 and out is None:
-            page = rewrite_page(runs[0], stored[0], redraw, following(bar))
-        else:
-            page = out or Path("comparison.html")
-            check_out(page)
-            if page.exists():
-                refuse([Problem("--out", text=f"{page} exists", wanted="a new file")])
-            names = [folder.resolve().name for folder in runs]
-            if len(set(names)) < len(names):
-                refuse([("RUN", f"two runs are called {max(names, key=names.count)}")])
-            content = (
-                stored_page(runs[0], stored[0], redraw, following(bar))
-                if len(stored) == 1
-                else compare_page(dict(zip(names, zip(runs, stored, strict=True), strict=True)))
-            )
-            atomic_write(page, content)
+    if len(stored) == 1 and out is None:
+        page = rewrite_page(runs[0], stored[0])
+    else:
+        page = out or Path("comparison.html")
+        check_out(page)
+        if page.exists():
+            refuse([Problem("--out", text=f"{page} exists", wanted="a new file")])
+        names = [folder.resolve().name for folder in runs]
+        if len(set(names)) < len(names):
+            refuse([("RUN", f"two runs are called {max(names, key=names.count)}")])
+        several = dict(zip(names, stored, strict=True))
+        atomic_write(page, stored_page(runs[0], stored[0]) if len(stored) == 1 else comparison_page(several))
     _print_page(page, dict(zip(runs, stored, strict=True)))
     return 0
 
 
 def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
-    """Make summary, figures and page of a finished sweep again from its table."""
+    """Make summary and page of a finished sweep again from its table."""
     from torquebench.experiment.store import add_to_run
     from torquebench.report.render import PAGE
-    from torquebench.sweep.folder import open_sweep, verify
 
-    stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN", to_read=True)
-    if not stored.finished:
-        refuse([("RUN", f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it")])
-    try:
-        verify(stored)
-    except ResultError as error:
-        raise ConfigError([Problem("RUN", "", str(error))]) from error
-    add_to_run(folder, dict(report_with_bar(stored, figures=True)))
+    add_to_run(folder, dict(report_with_bar(read_sweep(folder, plugins))))
     tell(report=folder / PAGE, directory=folder)
     say(f"report: {folder / PAGE}")
 

@@ -1,7 +1,8 @@
-"""``torquebench run``: one experiment from its YAML file to numbers, figures and a manifest."""
+"""``torquebench run``: one experiment from its YAML file to numbers, a page and a manifest."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ import click
 
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Config, File, Number, argument, option, out_folder, plugins, refuse, settings
-from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, warn
+from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, voice, warn
 from torquebench.errors import Problem
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 @out_folder(help="folder for the results, new or empty (default: runs/NAME-UTC)")
 @settings(help="change one key, for example run.duration=2 or controllers.band.gains.phi=0.1")
 @plugins
-@option("--no-figures", is_flag=True, help="write numbers only: no figures, no film")
+@option("--no-figures", is_flag=True, help="draw nothing that the config asks for: no figures, no film")
 @click.pass_obj
 def run(
     gl: str | None,
@@ -48,6 +49,7 @@ def run(
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
+    from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
     from torquebench.report.tables import certificate_table
 
@@ -63,7 +65,7 @@ def run(
     directory = RunDirectory(claim_folder(out, experiment.name))
     write_experiment(directory, experiment)
     steps = experiment.n_steps * len(experiment.controllers)
-    with progress_bar(steps, "step", "starting (compiles on first use)") as bar:
+    with progress_bar(steps, "step", "starting") as bar:
         result = run_experiment(
             experiment,
             loop,
@@ -71,7 +73,7 @@ def run(
             finished=lambda name, trajectory: write_trajectory(directory, name, trajectory),
         )
     with progress_bar(0, "figure", "writing") as bar:
-        write_run(directory, result, plugin, not no_figures, following(bar))
+        write_run(directory, result, plugin, not no_figures, following(bar), os.cpu_count() or 1)
     certificates, fuzzy = result.certified, fuzzy_facts(experiment)
     tell(directory=directory.folder, **result.to_json(), certificates=certificates, fuzzy=fuzzy)
     say(summary(result))
@@ -81,7 +83,7 @@ def run(
     for line in fuzzy_remarks(experiment):
         say(line)
     say()
-    say(f"results: {directory.folder}")
+    say(f"results: {directory.folder}, page: {directory.folder / PAGE}")
     if not no_figures and experiment.video is not None:
         from torquebench.cli.video import film_of_run
 
@@ -116,9 +118,13 @@ def _row_of_sweep(folder: Path, index: int, plugin: Sequence[Path]) -> Experimen
 def _print_failures(result: ExperimentResult) -> int:
     """Say which runs were interpreted, and which ended otherwise than expected; return the exit status."""
     from torquebench.report.tables import outcome_text
+    from torquebench.sim.native import QUICKER
 
-    for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
-        warn(f"torquebench: interpreted, which is slower: {reason}")
+    for path, reason in dict.fromkeys((run.path, run.path_reason) for run in result.runs.values()):
+        if reason not in ("", QUICKER):
+            warn(f"torquebench: interpreted, which is slower: {reason}")
+        elif voice().verbose:
+            warn(f"torquebench: {f'interpreted: {reason}' if reason else f'path {path}'}")
     for name in result.unexpected:
         detail = f" ({result.runs[name].detail})" if result.runs[name].detail else ""
         wanted = next(keys.expect for keys in result.experiment.controllers if keys.name == name)

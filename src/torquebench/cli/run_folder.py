@@ -1,14 +1,18 @@
-"""The folders of runs that ``report``, ``video`` and ``view`` are given: what is wrong with one, and what to do."""
+"""The folders that ``report``, ``figures``, ``video`` and ``view`` are given: what is wrong with one, what to do."""
 
 from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
+from torquebench.cli.parameters import refuse
 from torquebench.errors import ConfigError, Problem, ResultError
+
+if TYPE_CHECKING:
+    from torquebench.sweep.folder import StoredSweep
 
 T = TypeVar("T")
 
@@ -31,6 +35,28 @@ def read_run(folder: Path, command: str, read: Callable[[Path], T]) -> T:
     except ResultError as error:
         text = sweep_text(folder, command) if os.path.isfile(folder / PLAN) else str(error)
         raise ConfigError([Problem("RUN", "", text)]) from error
+
+
+def read_sweep(folder: Path, plugins: Sequence[Path]) -> StoredSweep:
+    """Return a finished sweep.
+
+    Args:
+        folder: What the user gave, a sweep's folder.
+        plugins: Files that are loaded for it.
+
+    Raises:
+        ConfigError: it is not finished, or altered; says which and what to do.
+    """
+    from torquebench.sweep.folder import open_sweep, verify
+
+    stored = open_sweep(folder, tuple(path.absolute() for path in plugins), "RUN", to_read=True)
+    if not stored.finished:
+        refuse([("RUN", f"{folder} is not a finished sweep: torquebench sweep --resume {folder} goes on with it")])
+    try:
+        verify(stored)
+    except ResultError as error:
+        raise ConfigError([Problem("RUN", "", str(error))]) from error
+    return stored
 
 
 def sweep_text(folder: Path, command: str) -> str:

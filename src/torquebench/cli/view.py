@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import urlencode
 
 from torquebench.cli.app import command
 from torquebench.cli.parameters import File, Number, Words, argument, option, refuse
@@ -41,19 +42,26 @@ def view(
 ) -> int:
     """Replay a stored run, to look at it from all sides.
 
-    MuJoCo's viewer is used where a window opens, else a page in the browser, served to this machine alone until Ctrl-C.
+    MuJoCo's viewer is used where a window opens, else the run's page in the browser, served to this machine alone until
+    Ctrl-C.
     """
     from torquebench.experiment.store import check_run
+    from torquebench.report.render import PAGE
     from torquebench.video.film import model_changed, read_footage
 
     manifest = read_run(run, "view", check_run)
     footage = read_run(run, "view", lambda folder: read_footage(folder, controllers or ()))
-    if model_changed(footage, manifest):
+    if not (run / PAGE).is_file():
+        refuse([("RUN", f"{run} has no {PAGE}: torquebench report {run} writes it")])
+    window = not (browser or no_open or port)
+    if window and model_changed(footage, manifest):
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; it is shown as it is now")
+    chosen = {"play": "", "speed": speed and f"{speed:g}", "show": controllers and ",".join(controllers)}
+    asked = urlencode({key: value for key, value in chosen.items() if value is not None}, safe=",")
     try:
-        if not (browser or no_open or port) and _show_window(footage, speed or 1.0):
+        if window and _show_window(footage, speed or 1.0):
             return 0
-        _serve_page(footage, speed or 1.0, port or 0, open_browser=not no_open)
+        _serve_page((run / PAGE).read_bytes(), asked, port or 0, open_browser=not no_open)
     except KeyboardInterrupt:
         say()
     return 0
@@ -61,10 +69,11 @@ def view(
 
 def _show_window(footage: Footage, speed: float) -> bool:
     """Replay a run in MuJoCo's viewer until it is closed; return whether that worked, and say why if it did not."""
-    from torquebench.video.job import Job, Settings
+    from torquebench.experiment.schema import Video
+    from torquebench.video.job import Job
     from torquebench.video.process import CrashedError, answers
 
-    shown = answers("torquebench.view.window", Job(footage, Settings(speed=speed)), "glfw", SILENCE)
+    shown = answers("torquebench.view.window", Job(footage, Video(speed=speed)), "glfw", SILENCE)
     try:
         next(shown, None)
         say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")
@@ -77,18 +86,13 @@ def _show_window(footage: Footage, speed: float) -> bool:
     return True
 
 
-def _serve_page(footage: Footage, speed: float, port: int, open_browser: bool) -> None:
-    """Serve the replay page, print its address, open the browser, and wait for an interrupt."""
-    from torquebench.report.looks import SERIES
-    from torquebench.sim.trajectory import load_trajectory
-    from torquebench.view.replay import replay_json
+def _serve_page(page: bytes, chosen: str, port: int, open_browser: bool) -> None:
+    """Serve a run's page, print its address, open the browser, and wait for an interrupt."""
     from torquebench.view.server import HOST, serve
 
-    runs = [load_trajectory(shot.trajectory) for shot in footage.shots]
-    replay = replay_json(footage, runs, SERIES, speed)
     with ExitStack() as stack:
         try:
-            address = stack.enter_context(serve(replay, port))
+            address = f"{stack.enter_context(serve(page, port))}#{chosen}"
         except OSError as error:
             refuse([("--port", f"{HOST}:{port} cannot be used ({error.strerror})")])
         tell(address=address)

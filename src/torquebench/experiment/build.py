@@ -24,6 +24,8 @@ from torquebench.sim.signals import control_instants, total_torque
 
 PLANTS = 8
 """Plants that a `Builder` keeps: each has MuJoCo's working memory, about 1 MB."""
+BELIEFS, SIGNALS = 1000, 16 << 20
+"""Draws of a belief, and bytes of drawn signals, that a `Builder` keeps: each case of a sweep has the same draws."""
 
 
 class Loop(NamedTuple):
@@ -59,6 +61,7 @@ class Builder:
 
     def __init__(self) -> None:
         self._last: dict[str, list[tuple[tuple[Any, ...], Any]]] = {}
+        self._draws: dict[str, dict[int, tuple[tuple[Any, ...], Any]]] = {}
 
     def __call__(self, experiment: schema.Experiment) -> Loop:
         """Make the objects of an experiment; all randomness is drawn here, from its seed and draw.
@@ -71,7 +74,7 @@ class Builder:
         plant, model, redraws, controllers, reference = self.fixed(experiment)
         n, steps, run = experiment.n, experiment.n_steps, experiment.run
         chain, acting = experiment.chain, experiment.disturbances
-        drawn = n, steps, run.control_period, run.seed, run.draw
+        drawn, most = (n, steps, run.control_period, run.seed, run.draw), max(1, SIGNALS // (8 * n * steps))
         return Loop(
             plant,
             model.joint_names,
@@ -79,8 +82,8 @@ class Builder:
             redraws,
             controllers,
             reference,
-            self._kept("noise", 1, lambda: chain.noise(n, steps, run.seed, run.draw), chain, *drawn),
-            self._kept("torque", 1, lambda: total_disturbance(acting, *drawn), acting, *drawn),
+            self._drawn("noise", most, lambda: chain.noise(n, steps, run.seed, run.draw), chain, *drawn),
+            self._drawn("torque", most, lambda: total_disturbance(acting, *drawn), acting, *drawn),
             np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
         )
 
@@ -92,13 +95,24 @@ class Builder:
         reference: Reference = self._kept("reference", 4, lambda: sampled(*sampling), *sampling)
         structure, constants = experiment.model.structure, experiment.model.constants
         right = self._kept("model", 4, lambda: load_model(arm, structure, constants), arm, structure, constants)
-        model, redraws = self._kept("belief", 1, lambda: build_belief(experiment, right), experiment.model, arm, *drawn)
+        keys, most = (experiment.model, arm, *drawn), 1 if experiment.model.mismatch is None else BELIEFS
+        model, redraws = self._drawn("belief", most, lambda: build_belief(experiment, right), *keys)
         controllers: tuple[Controller, ...] = self._kept(
-            "controllers", 4, lambda: build_controllers(experiment), experiment.controllers, experiment.fuzzy, n
+            "controllers", 1, lambda: build_controllers(experiment), experiment.controllers, experiment.fuzzy, n
         )
         own = drawn if experiment.plant.perturb is not None else ()
         plant: Plant = self._kept("plant", PLANTS, lambda: build_plant(experiment), experiment.plant, *own)
         return Fixed(plant, model, redraws, controllers, reference)
+
+    def _drawn(self, what: str, most: int, make: Callable[[], Any], *key: Any) -> Any:
+        """Return what was made in the draw that ends a key, for an equal key, or make it; see `_kept`."""
+        kept = self._draws.setdefault(what, {})
+        found = kept.get(key[-1])
+        if found is None or found[0] != key:
+            while len(kept) >= most:
+                del kept[next(iter(kept))]
+            found = kept[key[-1]] = key, make()
+        return found[1]
 
     def _kept(self, what: str, most: int, make: Callable[[], Any], *key: Any) -> Any:
         """Return what was made for an equal key, or make it; at most `most` of a kind are kept."""

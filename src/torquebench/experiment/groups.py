@@ -418,6 +418,26 @@ class NameOr(Node):
         return names if self._group is None else Union[names, self._group.type()]  # noqa: UP007  (computed types)
 
 
+class AllOr(Node):
+    """The word ``all``, or a list of names of things registered.
+
+    Args:
+        registry: What is registered.
+    """
+
+    def __init__(self, registry: Any) -> None:
+        self._names = Many("names", 1, 100, NameOr(registry), "all, or a list of names")
+        self.wanted = self._names.wanted
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the word, or the names, a tuple."""
+        return raw if raw == "all" else self._names.read(raw, here)
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        return Literal["all"] | self._names.type()
+
+
 def node_of(declared: Declared) -> Node:
     """Return what may stand at a key."""
     plain, notes, key = declared.type, list[Any](), declared.key

@@ -19,7 +19,7 @@ from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import machine, model_checksums, versions
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
-from torquebench.metrics import Metrics, PerJoint, from_joints, per_joint
+from torquebench.metrics import JointRecord, Metrics, from_joints, measured, record_of
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.perturbation import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
@@ -205,9 +205,9 @@ def run_experiment(
         ModelError: a model cannot be used.
     """
     loop = build(experiment) if loop is None else loop
-    session, runs = Session(), dict[str, Trajectory]()
-    metrics: dict[str, Metrics] = {}
     whole = experiment.n_steps * len(experiment.controllers)
+    session, runs = Session(steps=whole), dict[str, Trajectory]()
+    metrics: dict[str, Metrics] = {}
     for before, (keys, controller) in enumerate(zip(experiment.controllers, loop.controllers, strict=True)):
         name = controller.name
         step = None if progress is None else _counted(progress, name, before * experiment.n_steps, whole)
@@ -224,12 +224,12 @@ def _counted(progress: Progress, name: str, before: int, whole: int) -> Callable
 
 
 def metrics_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Trajectory) -> Metrics:
-    """Return the metrics of one controller's completed run; arguments as of `joints_of`."""
-    return from_joints(joints_of(experiment, loop, keys, run))
+    """Return the metrics of one controller's completed run; arguments as of `recorded`."""
+    return from_joints(measured(recorded(experiment, loop, keys, run)))
 
 
-def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Trajectory) -> PerJoint:
-    """Return the metrics of one controller's completed run, joint by joint.
+def recorded(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Trajectory) -> JointRecord:
+    """Return one controller's completed run as metrics see it.
 
     Args:
         experiment: What was run.
@@ -238,7 +238,7 @@ def joints_of(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Tra
         run: Its run.
     """
     band = band_of(keys.law, keys.gains)
-    return per_joint(
+    return record_of(
         run,
         tau_max=loop.plant.tau_max,
         metrics_from=experiment.run.metrics_from,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import functools
 import hashlib
 import json
 import os
@@ -170,7 +171,11 @@ def json_bytes(value: Any) -> bytes:
 def versions() -> dict[str, str]:
     """Versions of this package, of Python and of the packages that results depend on."""
     found = {"torquebench": torquebench.__version__, "python": platform.python_version()}
-    return found | {name: metadata.version(name) for name in PACKAGES}
+    return found | {name: _installed(name) for name in PACKAGES}
+
+
+_installed = functools.cache(metadata.version)
+"""Version of a package; looking it up parses a page of text, and a sweep of many conditions asks each time."""
 
 
 def machine() -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, TypeAdapter, ValidationError
 
@@ -19,9 +19,20 @@ if TYPE_CHECKING:
     from torquebench.experiment.groups import Group, OneOf
 
 Slug: TypeAlias = Annotated[str, Field(pattern=r"^[a-z0-9]([a-z0-9-]{0,62}[a-z0-9])?$")]
+Count: TypeAlias = Annotated[int, Field(gt=0)]
+T = TypeVar("T")
 _STRICT = ConfigDict(strict=True, allow_inf_nan=False)
 _SHAPES = frozenset(("too_short", "too_long", "tuple_type"))
 """Errors that say of a list that it is none, or has not so many items."""
+
+
+def from_json(kind: type[T], content: bytes) -> T:
+    """Return what JSON says as an object of a dataclass.
+
+    Raises:
+        ValueError: it is no JSON, or says something else.
+    """
+    return TypeAdapter(kind).validate_json(content, strict=True)
 
 
 class Here(NamedTuple):

@@ -157,6 +157,22 @@ class Table:
         self.address = int(self._words.ctypes.data)
 
 
+def rewrite(own: Any, new: Any) -> bool:
+    """Write the arrays of a tuple of arrays, numbers and such tuples over those of another one.
+
+    Returns:
+        False where they differ in class, shape or number: then some arrays may have been written.
+    """
+    if isinstance(own, np.ndarray):
+        fits = isinstance(new, np.ndarray) and own.shape == new.shape and own.dtype == new.dtype
+        if fits:
+            own[...] = new
+        return fits
+    if isinstance(own, tuple):
+        return type(own) is type(new) and all(map(rewrite, own, new))
+    return bool(own == new)
+
+
 @dataclass(frozen=True, eq=False)
 class Structure:
     """Base of structures that Python code hands to kernels; a subclass is a frozen dataclass.

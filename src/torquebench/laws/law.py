@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -90,11 +91,11 @@ class Law:
                     problems.append(f"gain '{name}' is {values[name]!r}, wanted a number or {n} numbers")
                 elif array.shape not in ((), (n,)):
                     problems.append(f"gain '{name}' has shape {array.shape}, wanted a number or {n} numbers")
-                elif not np.all(np.isfinite(array)) or np.any(array < 0) or (gain.positive and np.any(array == 0)):
+                elif not _in_range(array.ravel().tolist(), gain.positive):
                     low = "positive" if gain.positive else "zero or positive"
                     problems.append(f"gain '{name}' is {values[name]!r}, wanted finite and {low} [{gain.unit}]")
                 else:
-                    packed[name] = np.array(np.broadcast_to(array, (n,)))
+                    packed[name] = np.full(n, array)
             else:
                 packed[name] = np.ones(n)  # without effect under these options; never read by the law
         systems = {name: builtin_system(own.system) for name, own in self.fixed.items()}
@@ -127,6 +128,11 @@ def _numbers(value: Any) -> Array | None:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         return None
+
+
+def _in_range(numbers: list[float], positive: bool) -> bool:
+    least = min(numbers)
+    return all(map(math.isfinite, numbers)) and (least > 0.0 or (least == 0.0 and not positive))
 
 
 LAWS: Registry[Law] = Registry("law", error=ControllerError)

@@ -16,7 +16,10 @@ from torquebench.metrics.values import (
     PerJoint,
     from_joints,
     headlines,
+    headlines_of,
+    measured,
     per_joint,
+    record_of,
 )
 
 __all__ = [
@@ -31,8 +34,11 @@ __all__ = [
     "errors",
     "from_joints",
     "headlines",
+    "headlines_of",
+    "measured",
     "metric",
     "per_joint",
+    "record_of",
     "shared",
     "step_response",
     "torque",

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+import numpy as np
+
 from torquebench.kernel import Array
 from torquebench.sim.trajectory import Trajectory
 
@@ -19,8 +21,18 @@ class JointRecord:
 
     trajectory: Trajectory
     """Every signal of the run."""
+    t: Array
+    """Control instants, (N,) [s]."""
+    q: Array
+    """True position, (N, n) [rad]."""
+    q_ref: Array
+    """Desired position, (N, n) [rad]."""
     e: Array
     """Tracking error q_ref - q of the true position, (N, n) [rad]."""
+    tau: Array
+    """Torque after clipping, (N, n) [N m]."""
+    s: Array
+    """Sliding variable of the law, (N, n) [rad/s]; NaN for a law without one."""
     tau_max: Array
     """Torque limit of each joint, (n,) [N m]."""
     control_period: float
@@ -31,32 +43,9 @@ class JointRecord:
     """Half-width of the law's boundary layer, (n,) [rad/s]; None for a law without one."""
     chattering_from_hz: float
     """Frequency from which the torque counts as chattering [Hz]."""
+    step_like: bool
+    """Whether the reference goes from one position to another and stays there."""
     _shared: dict[Callable[..., Any], Any] = field(default_factory=dict)
-
-    @property
-    def t(self) -> Array:
-        """Control instants, (N,) [s]."""
-        return self.trajectory.t
-
-    @property
-    def q(self) -> Array:
-        """True position, (N, n) [rad]."""
-        return self.trajectory.q
-
-    @property
-    def q_ref(self) -> Array:
-        """Desired position, (N, n) [rad]."""
-        return self.trajectory.q_ref
-
-    @property
-    def tau(self) -> Array:
-        """Torque after clipping, (N, n) [N m]."""
-        return self.trajectory.tau
-
-    @property
-    def s(self) -> Array:
-        """Sliding variable of the law, (N, n) [rad/s]; NaN for a law without one."""
-        return self.trajectory.s
 
 
 def shared(compute: Callable[[JointRecord], T]) -> Callable[[JointRecord], T]:
@@ -71,3 +60,10 @@ def shared(compute: Callable[[JointRecord], T]) -> Callable[[JointRecord], T]:
         return result
 
     return cached
+
+
+def total(x: Array) -> Array:
+    """Return the sum of each column of x (N, n), added up from the first row to the last, (n,); 0 of no rows."""
+    if x.shape[1] > 1:  # numpy then adds row to row; one column it would add up in pairs
+        return np.asarray(np.add.reduce(x, axis=0))
+    return np.cumsum(x, axis=0)[-1] if len(x) else np.zeros(1)

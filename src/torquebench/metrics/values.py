@@ -7,8 +7,8 @@ visible, and reduces each metric to its headline. Errors are those of the true p
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -16,12 +16,15 @@ import numpy as np
 import numpy.typing as npt
 
 from torquebench.errors import ResultError
-from torquebench.kernel import Array
+from torquebench.kernel import Array, is_foreign
 from torquebench.metrics.chattering import LEAST_CORNER_HZ
 from torquebench.metrics.declare import IN_WORDS, METRICS, MetricInfo, reduce_joints
 from torquebench.metrics.record import JointRecord
 from torquebench.metrics.step_response import response_of
 from torquebench.sim.trajectory import Trajectory
+
+BLOCK = 50_000
+"""Samples of a signal, of all joints of all runs, that are taken side by side: some that a processor's cache holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,27 +90,34 @@ class Metrics:
 
 
 class PerJoint(NamedTuple):
-    """Every metric of every joint, before it is reduced to its headline."""
+    """Every metric of every joint, before it is reduced to its headline; of runs side by side, R runs."""
 
     values: Array
-    """A row for each of `METRICS`, (len(METRICS), n); NaN where undefined."""
+    """A row for each of `METRICS`, (len(METRICS), n) or (len(METRICS), R, n); NaN where undefined."""
     stepped: npt.NDArray[np.bool_]
-    """Joints that have a step, (n,): only these count in metrics that only a step has."""
+    """Joints that have a step, (n,) or (R, n): only these count in metrics that only a step has."""
 
 
 def headlines(joints: PerJoint) -> Array:
-    """Return the headline of each of `METRICS`, (len(METRICS),); NaN where a joint that counts has no value.
+    """Return the headline of each of `METRICS`, (len(METRICS),) or (len(METRICS), R).
 
     Args:
         joints: The metrics of the joints.
+
+    Returns:
+        NaN where a joint that counts has no value.
     """
     values, stepped = joints
     reduced = reduce_joints(values, "mean", "lower")
     some = bool(stepped.any()) and not stepped.all()
+    if some and values.ndim > 2:  # other joints may count in each run
+        runs = zip(values.swapaxes(0, 1), stepped, strict=True)
+        return np.stack([headlines(PerJoint(own, counted)) for own, counted in runs], axis=1)
     for (over_joints, better, steps_only), rows in _rows_alike(METRICS.values(), some).items():
         if over_joints not in IN_WORDS:
             other = values[METRICS.names().index(over_joints)]
-            reduced[rows] = values[rows, np.argmax(other if METRICS[over_joints].better == "lower" else -other)]
+            worst = np.argmax(other if METRICS[over_joints].better == "lower" else -other, axis=-1)
+            reduced[rows] = np.take_along_axis(values[rows], worst[None, ..., None], axis=-1)[..., 0]
         elif steps_only:
             reduced[rows] = reduce_joints(np.ascontiguousarray(values[rows][:, stepped]), over_joints, better)
         elif over_joints != "mean":
@@ -146,7 +156,69 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def per_joint(
+def headlines_of(runs: Iterable[tuple[int, JointRecord]]) -> Iterator[tuple[int, Array]]:
+    """Yield the headlines of many runs, each with its number, in any order; the bytes are those of each run alone.
+
+    Runs of one length are taken side by side, as one run of an arm with all their joints: one pass over the samples,
+    and one Fourier transform, serves all. A signal may be written over as soon as the next run is asked for.
+
+    Args:
+        runs: Number and record of each.
+    """
+    blocks: dict[tuple[Any, ...], _Block] = {}
+    own = not any(is_foreign(info.formula) for info in METRICS.values())  # a user's metric may join joints
+    for number, run in runs:
+        # of a single joint numpy adds up the lines of a spectrum in another order
+        if not own or run.e.shape[1] == 1 or 2 * run.e.size > BLOCK:
+            yield number, headlines(measured(run))
+            continue
+        steps = run.step_like, run.step_like and bool(np.any(run.q_ref != run.q_ref[0]))
+        kind = run.e.shape, run.control_period, run.window.start, run.chattering_from_hz, run.phi is None, *steps
+        if kind not in blocks:
+            blocks[kind] = _Block(run)
+        if blocks[kind].add(number, run):
+            yield from blocks[kind].headlines()
+    for block in blocks.values():
+        yield from block.headlines()
+
+
+class _Block:
+    """Runs side by side, for `headlines_of`.
+
+    Args:
+        run: One of them, not yet added.
+    """
+
+    def __init__(self, run: JointRecord) -> None:
+        self._like, self._numbers, self._most = run, list[int](), BLOCK // run.e.size
+        seen = ["e", "tau", "tau_max", *["q", "q_ref"] * run.step_like, *["s", "phi"] * (run.phi is not None)]
+        shapes = {name: getattr(run, name).shape for name in seen}
+        self._wide = {name: np.empty((*shape[:-1], self._most, shape[-1])) for name, shape in shapes.items()}
+
+    def add(self, number: int, run: JointRecord) -> bool:
+        """Add a run; true if there is no room for another one."""
+        for name, wide in self._wide.items():
+            wide[..., len(self._numbers), :] = getattr(run, name)
+        self._numbers.append(number)
+        return len(self._numbers) == self._most
+
+    def headlines(self) -> Iterator[tuple[int, Array]]:
+        """Yield number and headlines of each run, and forget them."""
+        numbers, self._numbers = self._numbers, []
+        if numbers:
+            parts = {name: np.ascontiguousarray(wide[..., : len(numbers), :]) for name, wide in self._wide.items()}
+            wide: dict[str, Any] = {name: part.reshape(*part.shape[:-2], -1) for name, part in parts.items()}
+            values, stepped = measured(replace(self._like, **wide, _shared={}))
+            joints = PerJoint(values.reshape(len(values), len(numbers), -1), stepped.reshape(len(numbers), -1))
+            yield from zip(numbers, headlines(joints).T, strict=True)
+
+
+def per_joint(trajectory: Trajectory, **conditions: Any) -> PerJoint:
+    """Compute every metric of a completed run, joint by joint; arguments and errors as of `record_of`, `measured`."""
+    return measured(record_of(trajectory, **conditions))
+
+
+def record_of(
     trajectory: Trajectory,
     *,
     tau_max: Array,
@@ -155,8 +227,8 @@ def per_joint(
     step_like: bool,
     phi: Array | float | None = None,
     chattering_from_hz: float = LEAST_CORNER_HZ,
-) -> PerJoint:
-    """Compute every metric of a completed run, joint by joint.
+) -> JointRecord:
+    """Return a completed run as metrics see it.
 
     RMSE, maximum error, torque metrics and time in band use the samples with t >= `metrics_from`; the
     steady-state error the last 0.5 s; IAE, ITAE and the step response the whole run.
@@ -173,7 +245,7 @@ def per_joint(
 
     Raises:
         ResultError: the run did not complete, or its window holds fewer than two samples, or a limit is not
-            a positive number, or a metric of a plug-in does not return one number for each joint.
+            a positive number.
     """
     if not trajectory.completed:
         raise ResultError(f"a run that did not complete has no metrics ({trajectory.outcome.value})")
@@ -186,19 +258,33 @@ def per_joint(
     if len(t) - first < 2:
         raise ResultError(f"the metrics' window from {metrics_from:g} s holds fewer than two samples")
     width = phi if phi is None or np.shape(phi) == (n,) else np.full(n, phi)
-    run = JointRecord(
+    return JointRecord(
         trajectory,
+        t,
+        trajectory.q,
+        trajectory.q_ref,
         e=trajectory.q_ref - trajectory.q,
+        tau=trajectory.tau,
+        s=trajectory.s,
         tau_max=limit,
         control_period=control_period,
         window=slice(first, len(t)),
         phi=None if width is None else np.asarray(width, dtype=np.float64),
         chattering_from_hz=chattering_from_hz,
+        step_like=step_like,
     )
-    metrics, shape = METRICS.values(), (n,)
-    values = np.full((len(metrics), n), np.nan)
+
+
+def measured(run: JointRecord) -> PerJoint:
+    """Compute every metric of a run, joint by joint.
+
+    Raises:
+        ResultError: a metric of a plug-in does not return one number for each joint.
+    """
+    metrics, shape = METRICS.values(), run.tau_max.shape
+    values = np.full((len(metrics), *shape), np.nan)
     for row, info in enumerate(metrics):
-        if step_like or not info.steps_only:
+        if run.step_like or not info.steps_only:
             try:
                 found = np.asarray(info.formula(run))
                 if found.shape != shape:
@@ -207,4 +293,4 @@ def per_joint(
             except Exception as error:  # a user's function may raise anything
                 said = str(error) if isinstance(error, ResultError) else f"{type(error).__name__}: {error}"
                 raise ResultError(f"metric '{info.key}': {said}") from error
-    return PerJoint(values, response_of(run).counted if step_like else np.zeros(n, dtype=bool))
+    return PerJoint(values, response_of(run).counted if run.step_like else np.zeros(shape, dtype=bool))

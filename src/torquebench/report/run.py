@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,14 +11,14 @@ from torquebench.experiment.describe import fuzzy_in_use
 from torquebench.experiment.folder import manifest_of, write_numbers
 from torquebench.experiment.run import ExperimentResult, Progress, band_of
 from torquebench.experiment.store import RunDirectory, add_to_run
+from torquebench.figures import FIGURES
 from torquebench.keys import as_vector
-from torquebench.report.render import PAGE, Picture
-from torquebench.report.run_page import comparison_page, run_page
+from torquebench.report.render import PAGE
+from torquebench.report.run_page import run_page
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from torquebench.report.figures.run_view import FiredRules
+    from torquebench.report.figures.files import Wish
+    from torquebench.report.figures.run_view import FiredRules, RunView
 
 FILM = "video.mp4"
 
@@ -29,6 +29,7 @@ def write_run(
     plugins: Sequence[Path] = (),
     figures: bool = True,
     progress: Progress | None = None,
+    workers: int = 1,
 ) -> None:
     """Write numbers, figures, page and, last, the manifest of a run whose trajectories are written.
 
@@ -36,40 +37,77 @@ def write_run(
         directory: The run's folder.
         result: The run.
         plugins: Files that were loaded for it, for the manifest.
-        figures: Whether to draw.
-        progress: Told each figure's file when it is drawn.
+        figures: Whether to draw the figures that the experiment asks for.
+        progress: Told each figure when it is drawn.
+        workers: How many processes draw.
     """
     write_numbers(directory, result)
-    drawn = dict(run_files(result, progress)) if figures else {}
+    asked, drawn = result.experiment.figures if figures else (), {}
+    if asked:
+        from torquebench.report.figures.files import Wish
+
+        drawn = dict(run_files(result, () if asked == "all" else asked, Wish(workers=workers), progress))
     for name, content in drawn.items():
         directory.write(name, content)
-    directory.write(PAGE, run_page(result, drawn))
+    directory.write(PAGE, run_page(result, figures=sorted(drawn)))
     directory.finish(manifest_of(result, plugins))
 
 
-def run_files(result: ExperimentResult, progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
-    """Draw every figure of a run; yield each file's name and content.
+def run_files(
+    result: ExperimentResult, only: Sequence[str], wish: Wish, progress: Progress | None = None
+) -> Iterator[tuple[str, bytes]]:
+    """Draw figures of a run from its trajectories; yield each file's name and content.
 
     Args:
         result: The run.
-        progress: Told each file when it is drawn.
+        only: Names of the figures that are wanted; all if there are none.
+        wish: How they are written.
+        progress: Told each figure when it is drawn.
     """
-    from torquebench.report.figures.style import figure_files
+    from torquebench.report.figures.files import figure_files
+    from torquebench.report.figures.run_view import draw_jobs
 
-    yield from figure_files(run_figures(result), progress)
+    return figure_files(draw_jobs(view_of(result)), wish, progress, only)
 
 
-def run_figures(result: ExperimentResult, only: str | None = None) -> dict[str, Figure]:
-    """Draw the figures of a run, by name, from its trajectories; with `only`, that one at most.
+def draw_run(
+    result: ExperimentResult,
+    only: Sequence[str],
+    wish: Wish,
+    progress: Progress | None = None,
+    place: str = "only",
+) -> dict[str, bytes]:
+    """Draw figures of a run as `run_files` does; return each file's name and content.
 
-    Those of the stability certificates need the arm that was run, and are left out where its files have changed.
+    Args:
+        result: The run.
+        only: Names of the figures that are wanted; all if there are none.
+        wish: How they are written.
+        progress: Told each figure when it is drawn.
+        place: What messages call `only`.
+
+    Raises:
+        ConfigError: the run has no figure of one of the names.
     """
-    from torquebench.report.figures.run_view import RunView, draw_figures
+    from torquebench.report.figures.files import check_names, may_draw, names_of, wanted
+
+    check_names(only, FIGURES.names(), may_draw, place)
+    files = dict(run_files(result, only, wish, progress))
+    check_names(only, names_of(files, wish), wanted, place)
+    return files
+
+
+def view_of(result: ExperimentResult) -> RunView:
+    """Return what the figures of a run show.
+
+    The stability certificates need the arm that was run, and are left out where its files have changed.
+    """
+    from torquebench.report.figures.run_view import RunView
 
     experiment = result.experiment
     bands = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
     n = len(result.joints.names)
-    view = RunView(
+    return RunView(
         result.runs,
         title=experiment.name,
         subtitle=result.conditions,
@@ -86,7 +124,6 @@ def run_figures(result: ExperimentResult, only: str | None = None) -> dict[str, 
         fuzzy=fuzzy_in_use(experiment),
         fired=fired_rules(result),
     )
-    return draw_figures(view, only)
 
 
 def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
@@ -103,50 +140,37 @@ def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
     return fired
 
 
-def stored_page(
-    folder: Path, result: ExperimentResult, redraw: bool = False, progress: Progress | None = None
-) -> bytes:
-    """Return the page of a stored run, with its film if there is one.
+def stored_page(folder: Path, result: ExperimentResult, drawn: Iterable[str] = ()) -> bytes:
+    """Return the page of a stored run, with its film and links to its figures if there are any.
 
     Args:
         folder: The run's folder.
         result: What was read from it.
-        redraw: Draw the figures from the trajectories; one that cannot be drawn any more is taken as it was stored.
-        progress: Told each file when it is drawn.
+        drawn: Names of figures' files that are about to be written there.
     """
-    figures = stored_figures(folder, result)
-    if redraw:
-        figures |= dict(run_files(result, progress))
     film = folder / FILM
-    return run_page(result, figures, film.read_bytes() if film.is_file() else None)
+    figures = sorted({*stored_figures(result), *drawn})
+    return run_page(result, film.read_bytes() if film.is_file() else None, figures)
 
 
-def rewrite_page(
-    folder: Path, result: ExperimentResult, redraw: bool = False, progress: Progress | None = None
-) -> Path:
+def rewrite_page(folder: Path, result: ExperimentResult) -> Path:
     """Write the page of a stored run into its folder again and return its path; arguments as of `stored_page`."""
-    add_to_run(folder, {PAGE: stored_page(folder, result, redraw, progress)})
+    add_to_run(folder, {PAGE: stored_page(folder, result)})
     return folder / PAGE
 
 
-def stored_figures(folder: Path, result: ExperimentResult) -> dict[str, bytes]:
-    """Return the SVG files of a run's folder, in the order in which they were drawn.
+def add_figures(folder: Path, result: ExperimentResult, files: Mapping[str, bytes]) -> None:
+    """Write figures into the folder of a stored run, and its page again, which links them.
 
     Args:
         folder: The run's folder.
         result: What was read from it.
+        files: Name and content of each figure's file.
     """
+    add_to_run(folder, {**files, PAGE: stored_page(folder, result, files)})
+
+
+def stored_figures(result: ExperimentResult) -> list[str]:
+    """Return the names of the figures' files in the folder of a stored run, in the order in which they were drawn."""
     files: Mapping[str, str] = (result.stored or {}).get("files", {})
-    names = [name for name in files if name.startswith("figures/") and name.endswith(".svg")]
-    return {name: (folder / name).read_bytes() for name in names}
-
-
-def compare_page(runs: Mapping[str, tuple[Path, ExperimentResult]]) -> bytes:
-    """Return a page with several stored runs side by side, and each one's errors drawn.
-
-    Args:
-        runs: Name of a run -> its folder, and what was read from it.
-    """
-    drawn = {name: stored_figures(folder, result).get("figures/error.svg") for name, (folder, result) in runs.items()}
-    pictures = [Picture(f"Tracking error: {name}", svg) for name, svg in drawn.items() if svg is not None]
-    return comparison_page({name: result for name, (_, result) in runs.items()}, pictures)
+    return sorted(name for name in files if name.startswith("figures/"))

@@ -1,48 +1,200 @@
-"""The page of one run: film, result, certificates, figures, what was asked, software and machine."""
+"""The page of one run: the answer, controllers beside each other, signals and arm over time, what was run."""
 
 from __future__ import annotations
 
 import base64
 import json
+import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from typing import Any, NamedTuple
 
-from torquebench.experiment.dump import dump_experiment, plain
+from torquebench.experiment.dump import dump_experiment
+from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
-from torquebench.report.figures.declare import figure_title
-from torquebench.report.render import Picture, render
-from torquebench.report.tables import by_joint, certificate_table, gain_table, headline_table
-from torquebench.sweep.plan import flattened
+from torquebench.metrics import METRICS
+from torquebench.report.answer import answer
+from torquebench.report.looks import looks
+from torquebench.report.render import THREE, UPLOT, render
+from torquebench.report.replay import replay_data
+from torquebench.report.scatter import Point, scatter
+from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text
+
+LEAST = 1e-3
+"""Smaller figures of the table are written as ``<0.001``; the stored one is told under the pointer."""
 
 
-def run_page(result: ExperimentResult, figures: Mapping[str, bytes], film: bytes | None = None) -> bytes:
+class Cell(NamedTuple):
+    """A number of a table, with what it is sorted by and told under the pointer."""
+
+    text: str
+    value: float | None
+    kind: str = ""
+
+
+def run_page(result: ExperimentResult, film: bytes | None = None, figures: Sequence[str] = ()) -> bytes:
     """Return the page of one run; the same arguments give the same bytes.
 
     Args:
         result: The run.
-        figures: Name of a figure's file -> its content, in order.
         film: An MP4, or None.
+        figures: Names of figures' files in the run's folder, which the page links.
     """
     experiment = result.experiment
-    what_for = {"what for": experiment.description} if experiment.description else {}
     first, _, second = result.conditions.partition("\n")
+    colours = {name: look.colour for name, look in looks(experiment.laws).items()}
+    data = replay_data(result, colours)
     return render(
         "run",
+        scripts=[UPLOT, THREE, "page", "run"],
+        data=data,
+        every=data["every"],
+        slides=any(shown["sliding"] for shown in data["controllers"]),
         title=experiment.name,
         lead=experiment.description or first,
+        answer=answer(result),
         result=result,
-        headlines=headline_table(result),
-        bad=[place for place, keys in enumerate(experiment.controllers) if keys.name in result.unexpected],
+        titles=[heading(info, (slides,)) for info, slides, _ in headline_columns(result)],
+        rows=controller_rows(result),
+        failed=any(not run.completed for run in result.runs.values()) or bool(result.unexpected),
+        colours=colours,
+        scatter=scatter_of(result, colours),
+        heat=heat_rows(result),
+        joints=result.joints.names,
+        unit=joint_units(METRICS["rmse"].shown_unit, result.slides),
         by_joint=by_joint(result),
-        certificates=certificate_table(result),
+        certificates=certificate_words(result),
         flags=[*result.flags, *changed_arm(result)],
-        asked={"experiment": experiment.name} | what_for | {"what was run": first, "under which conditions": second},
+        conditions=[first, second],
         gains=gain_table(result),
         config=dump_experiment(experiment),
         facts=json.dumps(result.facts, indent=2),
         video=None if film is None else base64.b64encode(film).decode(),
-        figures=[Picture(figure_title(Path(name).stem), svg) for name, svg in figures.items() if name.endswith(".svg")],
+        drawn=figures,
+        commands={
+            "run it again": "torquebench run RUN/experiment.yaml",
+            "this page, playing": "torquebench view RUN",
+            "a film of it": "torquebench video RUN",
+            "figures for print": "torquebench figures RUN",
+        },
     )
+
+
+def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
+    """Return a row for each controller with its headline metrics, by error; failed ones come last."""
+    names = [keys.name for keys in result.experiment.controllers]
+    columns = []
+    for info, _, values in headline_columns(result):
+        known = [values[name] for name in names]
+        cells = aligned([None if x is None else x * info.scale for x in known])
+        some = [x for x in known if x is not None]
+        best = {
+            cell.text
+            for cell, x in zip(cells, known, strict=True)
+            if some and x == (min if info.better == "lower" else max)(some)
+        }
+        ranked = (
+            info.unit != "Hz" and len({cell.text for cell, x in zip(cells, known, strict=True) if x is not None}) > 1
+        )
+        columns.append([cell._replace(kind="best" if ranked and cell.text in best else "") for cell in cells])
+    rows = [
+        {
+            "name": keys.name,
+            "law": keys.law,
+            "outcome": outcome_text(result, keys.name),
+            "bad": keys.name in result.unexpected,
+            "cells": [column[i] for column in columns],
+        }
+        for i, keys in enumerate(result.experiment.controllers)
+    ]
+    return sorted(rows, key=lambda row: math.inf if row["cells"][0].value is None else row["cells"][0].value)
+
+
+def aligned(values: Sequence[float | None]) -> list[Cell]:
+    """Return numbers of a column with four digits, padded so that their decimal points are below each other.
+
+    Args:
+        values: As shown, in the column's unit; None for none.
+    """
+    texts = [number(x) if x is None or x == 0.0 or abs(x) >= LEAST else f"<{LEAST:g}" for x in values]
+    after = [len(text.partition(".")[2]) + ("." in text) if "e" not in text and text != "-" else 0 for text in texts]
+    widest = max(after, default=0)
+    figure, point = "\u2007", "\u2008"
+    pads = [(figure * (widest - n) if n else point + figure * (widest - 1)) if widest > n else "" for n in after]
+    return [Cell(text if text == "-" else text + pad, x) for text, pad, x in zip(texts, pads, values, strict=True)]
+
+
+def scatter_of(result: ExperimentResult, colours: Mapping[str, str]) -> str:
+    """Return error against chattering of the controllers that have both.
+
+    Args:
+        result: The run.
+        colours: Colour of each controller.
+    """
+    error, chattering = METRICS["rmse"], METRICS["chattering"]
+    points = [
+        Point(name, x * chattering.scale, y * error.scale, colours[name])
+        for name, metrics in result.metrics.items()
+        for x, y in [(metrics["chattering"].value, metrics["rmse"].value)]
+        if x is not None and y is not None
+    ]
+    unit = joint_units(error.shown_unit, result.slides)
+    return scatter(points, "chattering [% of the torque limit]", f"RMS error [{unit}]")
+
+
+def heat_rows(result: ExperimentResult) -> list[dict[str, Any]]:
+    """Return a row for each controller with metrics: each joint's RMS error and its heat, 0 to 1.
+
+    Heat is the logarithm of the error over the least one of any controller in that joint, over the largest such.
+    """
+    info, table = METRICS["rmse"], {name: metrics["rmse"].per_joint for name, metrics in result.metrics.items()}
+    if not table:
+        return []
+    columns = list(zip(*table.values(), strict=True))
+    least = [min((x for x in column if x), default=1.0) for column in columns]
+    ratios = {
+        name: [math.log(x / low) if x else 0.0 for x, low in zip(row, least, strict=True)]
+        for name, row in table.items()
+    }
+    largest = max(max(row) for row in ratios.values()) or 1.0
+    order = sorted(table, key=lambda name: result.metrics[name]["rmse"].value or 0.0)
+    return [
+        {
+            "name": name,
+            "cells": [
+                (_short(x, info.scale), x, round(ratio / largest, 3), f"{math.exp(ratio):.3g} times the least")
+                for x, ratio in zip(table[name], ratios[name], strict=True)
+            ],
+        }
+        for name in order
+    ]
+
+
+def _short(value: float | None, scale: float) -> str:
+    return "-" if value is None else f"{value * scale:.3g}"
+
+
+def certificate_words(result: ExperimentResult) -> list[tuple[str, list[tuple[bool, str]]]]:
+    """Return for each controller with certificates what they say of K, s and V: whether that is good, and in words."""
+    found = []
+    for name, facts in result.certified.items():
+        worst, outside = facts["worst_margin"], facts["share_outside"]
+        joint, force = result.joints.names[worst["joint"] - 1], "N" if result.slides[worst["joint"] - 1] else "N m"
+        enough, where = worst["value"] >= 0.0, f"{joint}, t = {worst['t']:.4g} s"
+        gain = f"{'large enough, by' if enough else 'too small, by'} {number(abs(worst['value']))} {force} ({where})"
+        set_point = facts.get("set_point")
+        after = f"; V of (142): {set_point['says']}" if set_point else ""
+        if not outside:
+            found.append((name, [(enough, gain), (True, "never outside"), (True, f"nothing to certify{after}")]))
+            continue
+        time, bound, rising = facts["reaching_time"], facts["reaching_bound"], facts["share_rising_outside"]
+        bounded = facts.get("no_bound") or ("none" if bound is None else f"{number(bound)} s")
+        reached = "not reached" if time is None else f"reached after {number(time)} s"
+        layer = f"{reached} (bound: {bounded}); outside {number(outside, 100.0)} % of the time"
+        falls = (
+            f"grew in {number(rising, 100.0)} % of the instants outside" if rising else "fell at every instant outside"
+        )
+        found.append((name, [(enough, gain), (time is not None, layer), (not rising, falls + after)]))
+    return found
 
 
 def changed_arm(result: ExperimentResult) -> list[str]:
@@ -51,47 +203,3 @@ def changed_arm(result: ExperimentResult) -> list[str]:
     if not result.arm_changed:
         return []
     return [f"the files of the arm '{model}' have changed since the run: all figures are those of the arm as it was"]
-
-
-def comparison_page(results: Mapping[str, ExperimentResult], figures: Sequence[Picture]) -> bytes:
-    """Return a page with several runs side by side, and the keys in which their experiments differ.
-
-    Args:
-        results: Name of a run, such as its folder's -> the run.
-        figures: Figures to show, in order.
-    """
-    tables = {name: headline_table(result) for name, result in results.items()}
-    titles = list(dict.fromkeys(title for header, _ in tables.values() for title in header[3:]))
-    rows: list[list[str]] = []
-    bad = []
-    for name, (header, own) in tables.items():
-        for row in own:
-            if row[0] in results[name].unexpected:
-                bad.append(len(rows))
-            cells = dict(zip(header, row, strict=True))
-            rows.append([name, row[0], row[2], *(cells.get(title, "-") for title in titles)])
-    keys = {
-        name: {key: json.dumps(value) for key, value in flattened(plain(result.experiment))}
-        for name, result in results.items()
-    }
-    return render(
-        "comparison",
-        figures=figures,
-        title=" against ".join(results),
-        lead="Runs of different experiments are comparable where their keys are the same.",
-        headlines=(["run", "controller", "outcome", *titles], rows),
-        bad=bad,
-        changed=[f"{name}: {line}" for name, result in results.items() for line in changed_arm(result)],
-        differences=(["key", *results], differences(keys)),
-    )
-
-
-def differences(configs: Mapping[str, Mapping[str, str]]) -> list[list[str]]:
-    """Return a row for each key whose value is not the same in all configs: the key, and each config's value.
-
-    Args:
-        configs: Name of a run -> its keys and values.
-    """
-    keys = dict.fromkeys(key for config in configs.values() for key in config)
-    rows = [[key, *(config.get(key, "-") for config in configs.values())] for key in keys]
-    return [row for row in rows if len(set(row[1:])) > 1]

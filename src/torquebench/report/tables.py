@@ -57,26 +57,41 @@ def outcome_text(result: ExperimentResult, name: str) -> str:
     return result.runs[name].ending or "completed"
 
 
-def headline_table(result: ExperimentResult) -> Cells:
-    """Return a row for each controller: name, law, outcome, headline metrics.
+def headline_columns(result: ExperimentResult) -> list[tuple[MetricInfo, bool, dict[str, float | None]]]:
+    """Return the columns of a table of headlines: metric, whether of joints that slide, each controller's value.
 
     Errors have a column in mrad for the joints that turn, and one in mm for those that slide.
     """
     both = sorted(set(result.slides))
-    shown = [
-        (info, slides)
+    return [
+        (
+            info,
+            slides,
+            {
+                keys.name: joined(info, result.metrics[keys.name][info.key], result.slides, slides)
+                if keys.name in result.metrics
+                else None
+                for keys in result.experiment.controllers
+            },
+        )
         for info in columns(result.experiment.reference.is_step_like)
         for slides in (both if info.is_angle else both[:1])
     ]
-    rows = []
-    for keys in result.experiment.controllers:
-        cells = [keys.name, keys.law, outcome_text(result, keys.name)]
-        metrics = result.metrics.get(keys.name)
-        for info, slides in shown:
-            value = None if metrics is None else joined(info, metrics[info.key], result.slides, slides)
-            cells.append(number(value, info.scale))
-        rows.append(cells)
-    return ["controller", "law", "outcome", *(heading(info, (slides,)) for info, slides in shown)], rows
+
+
+def headline_table(result: ExperimentResult) -> Cells:
+    """Return a row for each controller: name, law, outcome, headline metrics."""
+    shown = headline_columns(result)
+    rows = [
+        [
+            keys.name,
+            keys.law,
+            outcome_text(result, keys.name),
+            *(number(values[keys.name], info.scale) for info, _, values in shown),
+        ]
+        for keys in result.experiment.controllers
+    ]
+    return ["controller", "law", "outcome", *(heading(info, (slides,)) for info, slides, _ in shown)], rows
 
 
 def joined(info: MetricInfo, metric: Metric, kinds: Sequence[bool], slides: bool) -> float | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import operator
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args
@@ -16,7 +15,7 @@ from torquebench.chain import IDEAL, Chain
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import FuzzySystem
 from torquebench.kernel import Array
-from torquebench.kernel.struct import Table
+from torquebench.kernel.struct import rewrite
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model, own_copy
@@ -24,7 +23,7 @@ from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import PythonRun
 from torquebench.sim.job import Setup, is_fixed, set_up
-from torquebench.sim.native import NativeRun, obstacle
+from torquebench.sim.native import QUICKER, NativeRun, obstacle, reason_to_interpret
 from torquebench.sim.plants import NativePlant, Plant, attached_at
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory, trajectory_of
@@ -90,6 +89,20 @@ class SampledTrial:
     """Position at rest at t = 0, (n,) [rad]; None for zero."""
 
 
+class _Spent(threading.local):
+    """Steps interpreted so far because that was quicker than compiling."""
+
+    steps = 0
+
+
+_spent = _Spent()
+
+
+def _burden(plant: Plant, substeps: int) -> int:
+    """Return how many control steps of a law one of a run takes, interpreted."""
+    return 1 + substeps * getattr(plant, "burden", 0)
+
+
 class Session:
     """Runs closed loops, one after another, and keeps what the next one can use again.
 
@@ -98,15 +111,16 @@ class Session:
     Args:
         overwrite: Let a run write its trajectory over the one of the run before, where both are of one kind: the same
             controller, plant and motion, and signals of the same shape. For thousands of runs of which none is kept.
+        steps: Control steps that will be asked of it and of others like it, as far as known; see `reason_to_interpret`.
     """
 
-    def __init__(self, *, overwrite: bool = False) -> None:
+    def __init__(self, *, overwrite: bool = False, steps: int = 0) -> None:
         self._overwrite = overwrite
+        self._asked = _spent.steps + steps
         self._busy = threading.Lock()
         self._checked: tuple[Array | None, ...] = (None, None, None)
         """The last desired motion found finite; None in place of an array that can be written to."""
         self._belief: _Belief | None = None
-        self._tables: deque[tuple[Any, Table]] = deque(maxlen=16)
         self._last: _Last | None = None
 
     def run(
@@ -152,7 +166,7 @@ class Session:
         start = np.zeros(n) if trial.initial_q is None else np.array(trial.initial_q, dtype=np.float64)
         self._check(n, n_steps, trial, desired, start)
         attach = attached_at(plant, control_period, n_steps)
-        reason = "" if path == "python" else obstacle(plant, controller.law)
+        reason = self._reason(plant, controller.law, path, n_steps * _burden(plant, substeps))
         if path == "native" and reason:
             raise ControllerError(f"controller '{controller.name}' cannot run on the native path: {reason}")
         native = None if path == "python" or reason else plant.native()  # type: ignore[attr-defined]
@@ -174,6 +188,17 @@ class Session:
         if native is None:
             return trajectory_of(run.setup, t, status, run.detail, "python", reason)
         return self._trajectory(run.setup, t, status, run.detail)
+
+    def _reason(self, plant: Plant, law: Law, path: PathName, steps: int) -> str:
+        """Return why a run that may be compiled is not; arguments as of `reason_to_interpret`."""
+        if path == "python":
+            return ""
+        if path == "native":
+            return obstacle(plant, law)
+        reason = reason_to_interpret(plant, law, max(self._asked, _spent.steps + steps))
+        if reason == QUICKER:
+            _spent.steps += steps
+        return reason
 
     def _check(self, n: int, n_steps: int, trial: SampledTrial, desired: Reference, start: Array) -> None:
         model, controller = trial.model, trial.controller
@@ -198,7 +223,7 @@ class Session:
             raise ValueError(f"initial_q is {start}, wanted {n} finite numbers")
         for name in ("disturbance", "position_noise"):
             signal = getattr(trial, name)
-            if signal is not None and (signal.shape != (n_steps, n) or not np.all(np.isfinite(signal))):
+            if signal is not None and (signal.shape != (n_steps, n) or not np.isfinite(signal).all()):
                 raise ValueError(f"{name} has shape {signal.shape}, wanted {(n_steps, n)}, all finite")
 
     def _interpreted(self, plant: Plant, trial: SampledTrial, desired: Reference, substeps: int) -> PythonRun:
@@ -224,15 +249,14 @@ class Session:
         """Return a compiled run, ready to start; the last one again if it is of the same kind."""
         belief = self._belief_of(trial.model.flat, trial.control_period)
         kind = _kind_of(plant, trial, desired, substeps, native, belief)
-        if self._last is not None and self._last.kind.fits(kind):
-            self._last.restart(trial, native)
+        if self._last is not None and self._last.restart(kind, trial, native):
             return self._last.run
-        signals = [trial.position_noise, trial.disturbance]
-        if self._overwrite:
-            signals = [None if x is None else np.array(x, dtype=np.float64) for x in signals]
+        gains, signals = trial.controller.gains, [trial.position_noise, trial.disturbance]
+        if self._overwrite:  # copies, which the next run may write over
+            gains, signals = copy.deepcopy(gains), [None if x is None else np.array(x, np.float64) for x in signals]
         setup = set_up(
             trial.controller.law,
-            trial.controller.gains,
+            gains,
             belief,
             plant,
             desired,
@@ -243,7 +267,7 @@ class Session:
             disturbance=signals[1],
             native=native,
         )
-        run = NativeRun(setup, native, self._table_of(trial.controller.gains))
+        run = NativeRun(setup, native)
         keep = self._overwrite and all(is_fixed(x) for x in desired)
         self._last = _Last(kind, run) if keep else None
         return run
@@ -282,14 +306,6 @@ class Session:
             array.fill(0.0)  # a law may have left something there
         return last.copy
 
-    def _table_of(self, gains: Any) -> Table:
-        """Return the table of a law's gains: one of the last ones, for the same gains."""
-        for known, table in self._tables:
-            if known is gains:
-                return table
-        self._tables.append((gains, Table(gains)))
-        return self._tables[-1][1]
-
 
 @dataclass(slots=True)
 class _Belief:
@@ -319,7 +335,7 @@ def _kind_of(
 ) -> _Kind:
     missing = trial.position_noise is None, trial.disturbance is None
     return _Kind(
-        (trial.controller.law, trial.controller.gains, plant, native.structure, belief, *desired),
+        (trial.controller.law, plant, native.structure, belief, *desired),
         (trial.chain, trial.control_period, substeps, *missing),
     )
 
@@ -333,8 +349,10 @@ class _Last:
     whole: Trajectory | None = None
     """The trajectory of the last run, if it completed."""
 
-    def restart(self, trial: SampledTrial, native: NativePlant) -> None:
-        """Reset the run, with the signals of another trial."""
+    def restart(self, kind: _Kind, trial: SampledTrial, native: NativePlant) -> bool:
+        """Reset the run, with gains and signals of another trial; False if that is of another kind."""
+        if not self.kind.fits(kind) or not rewrite(self.run.setup.gains, trial.controller.gains):
+            return False
         job = self.run.setup.job
         if trial.position_noise is not None:
             job.position_noise[...] = trial.position_noise
@@ -345,6 +363,7 @@ class _Last:
             if array is not job.qd:
                 array.fill(0)
         self.run.restart(native)
+        return True
 
 
 _SHARED = operator.attrgetter(

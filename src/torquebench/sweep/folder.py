@@ -15,7 +15,6 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import PositiveInt, TypeAdapter
 
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
 from torquebench.experiment.dump import plain
@@ -33,6 +32,7 @@ from torquebench.experiment.store import (
     replaced,
     versions,
 )
+from torquebench.experiment.values import Count, from_json
 from torquebench.sweep.plan import Plan, Source, flattened, pairs_of
 from torquebench.sweep.table import OUTCOMES, Table, empty_columns
 
@@ -64,13 +64,13 @@ class Facts:
     plugins: dict[str, str]
     """Name of each file -> its SHA-256; so are those of the arm in `model_files`."""
     model_files: dict[str, str]
-    format: PositiveInt
+    format: Count
     name: str
-    cases: PositiveInt
-    draws: PositiveInt
-    rows: PositiveInt
+    cases: Count
+    draws: Count
+    rows: Count
     controllers: list[str]
-    shard_size: PositiveInt
+    shard_size: Count
     """Number of (case, draw) pairs in a shard."""
     digest: str
     """SHA-256 of everything that decides results."""
@@ -161,7 +161,7 @@ def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str, to_read: bo
     if not folder.is_dir():
         raise ConfigError([Problem(option, "", f"{folder}: there is no such folder{did_you_mean_path(folder)}")])
     try:
-        facts = TypeAdapter(Facts).validate_json((folder / PLAN).read_bytes(), strict=True)
+        facts = from_json(Facts, (folder / PLAN).read_bytes())
         text = (folder / CONFIG).read_bytes()
     except (OSError, ValueError) as error:
         why = f"{PLAN} or {CONFIG} is missing or damaged"

@@ -33,8 +33,8 @@ from torquebench.keys import altered
 Combination: TypeAlias = tuple[int, ...]
 """For each random key with choices, the number of its choice."""
 
-REMEMBERED = 64
-"""Checked experiments that are kept for reuse."""
+REMEMBERED, DRAWS_REMEMBERED = 64, 4096
+"""Checked experiments, and draws of the random keys, that are kept for reuse."""
 
 
 class Source(NamedTuple):
@@ -95,6 +95,7 @@ class Plan:
         self.cases = math.prod(len(axis.values) for axis in axes)
         self.draws = self.keys.draws
         self._fixed = functools.lru_cache(maxsize=REMEMBERED)(self._checked)
+        self._draw = functools.lru_cache(maxsize=DRAWS_REMEMBERED)(self._drawn)
         self.pairs = self.cases * self.draws
 
     @functools.cached_property
@@ -132,6 +133,12 @@ class Plan:
 
     def drawn(self, random: Random, draw: int) -> float:
         """Return a random key's value in a draw, or the number of its choice; depends on seed, draw and key alone."""
+        return self._draw(draw)[random.key]
+
+    def _drawn(self, draw: int) -> Mapping[str, float]:
+        return {random.key: self._number(random, draw) for random in self.keys.random}
+
+    def _number(self, random: Random, draw: int) -> float:
         name = int.from_bytes(hashlib.sha256(random.key.encode()).digest()[:4], "little")
         rng = generator(self.seed, draw, Stream.SWEEP, name)
         match random.kind:

@@ -16,11 +16,10 @@ from torquebench.errors import ConfigError, ModelError
 from torquebench.experiment.build import Builder, Loop
 from torquebench.experiment.certify import certificate_of
 from torquebench.experiment.controllers import Controller
-from torquebench.experiment.run import joints_of, trial_of
+from torquebench.experiment.run import recorded, trial_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import atomic_write
-from torquebench.kernel import Array
-from torquebench.metrics import METRICS, headlines
+from torquebench.metrics import METRICS, JointRecord, headlines_of
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import Plan, Source, pairs_of
@@ -33,10 +32,10 @@ class Ended(NamedTuple):
     outcome: str
     failed_at: float
     """Control instant at which it failed; NaN when it did not."""
-    metrics: Array
-    """Headline of each of `METRICS`; NaN where undefined."""
     run: Trajectory | None
     """None of a run that could not be built."""
+    record: JointRecord | None = None
+    """The run as metrics see it, if it completed."""
     certified: Mapping[str, float] = MappingProxyType({})
     """Figures of its certificates, where the sweep asks for them and the law has them."""
 
@@ -79,26 +78,32 @@ class Worker:
         """
         plan, pairs = self._plan, pairs_of(task.shard_size, self._plan.pairs, shard)
         count = len(plan.controllers)
-        columns, metrics = empty_columns(plan, len(pairs) * count), np.empty((len(pairs) * count, len(METRICS)))
+        columns = empty_columns(plan, len(pairs) * count)
+        metrics = np.full((len(pairs) * count, len(METRICS)), math.nan)
         outcome, failed_at = columns["outcome"], columns["failed_at"]
         columns["index"][:] = np.arange(pairs.start * count, pairs.stop * count)
         columns["case"][:], columns["draw"][:] = np.divmod(columns["index"] // count, plan.draws)
         columns["controller"][:] = np.tile(plan.controllers, len(pairs))
-        at = 0
-        for pair in pairs:
-            if stop():
-                raise Stopped
-            case, draw = divmod(pair, plan.draws)
-            for key, values in key_values(plan, case, draw).items():
-                columns[key][at : at + count] = values
-            for ended in self.pair(case, draw):
-                outcome[at], failed_at[at], metrics[at] = ended.outcome, ended.failed_at, ended.metrics
-                for key in FIGURES if plan.keys.certificates else ():
-                    columns[key][at] = ended.certified.get(key, math.nan)
-                if task.trajectories is not None and ended.run is not None:
-                    index, name = pair * count + at % count, plan.controllers[at % count]
-                    write_trajectory(task.trajectories, index, name, ended.run)
-                at += 1
+
+        def completed() -> Iterator[tuple[int, JointRecord]]:
+            for first, pair in zip(range(0, len(metrics), count), pairs, strict=True):
+                if stop():
+                    raise Stopped
+                case, draw = divmod(pair, plan.draws)
+                for key, values in key_values(plan, case, draw).items():
+                    columns[key][first : first + count] = values
+                for at, ended in enumerate(self.pair(case, draw), first):
+                    outcome[at], failed_at[at] = ended.outcome, ended.failed_at
+                    for key in FIGURES if plan.keys.certificates else ():
+                        columns[key][at] = ended.certified.get(key, math.nan)
+                    if task.trajectories is not None and ended.run is not None:
+                        row, name = int(columns["index"][at]), plan.controllers[at - first]
+                        write_trajectory(task.trajectories, row, name, ended.run)
+                    if ended.record is not None:
+                        yield at, ended.record
+
+        for at, found in headlines_of(completed()):
+            metrics[at] = found
         columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names())}
         return columns
 
@@ -109,20 +114,20 @@ class Worker:
             case: The case.
             draw: The draw.
         """
-        experiment, undefined = self._plan.experiment(case, draw), np.full(len(METRICS), math.nan)
+        experiment = self._plan.experiment(case, draw)
         try:
             loop = self._build(experiment)
         except (ConfigError, ModelError):
             # the draw is at fault, not the file: every case has been built before
-            yield from (Ended(REFUSED, 0.0, undefined, None) for _ in experiment.controllers)
+            yield from (Ended(REFUSED, 0.0, None) for _ in experiment.controllers)
             return
         for keys, controller, session in zip(experiment.controllers, loop.controllers, self._sessions, strict=True):
             run = session.run(loop.plant, trial_of(experiment, loop, controller))
             if run.completed:
-                metrics = headlines(joints_of(experiment, loop, keys, run))
-                yield Ended(run.outcome.name, math.nan, metrics, run, self._certify(experiment, loop, keys, run))
+                record, certified = recorded(experiment, loop, keys, run), self._certify(experiment, loop, keys, run)
+                yield Ended(run.outcome.name, math.nan, run, record, certified)
             else:
-                yield Ended(run.outcome.name, float(run.failed_at or 0), undefined, run)
+                yield Ended(run.outcome.name, float(run.failed_at or 0), run)
 
     def _certify(self, experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory) -> Mapping[str, float]:
         """Return the figures of a run's certificates, where the sweep asks for them and the law has them."""

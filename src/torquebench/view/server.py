@@ -1,33 +1,23 @@
-"""The local web server of the replay page: it answers this machine alone, under its own names, below a secret path."""
+"""The local web server of a run's page: it answers this machine alone, under its own names, below a secret path."""
 
 from __future__ import annotations
 
 import re
 import secrets
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib import resources
 from typing import Any
 
 HOST = "127.0.0.1"
 NAMES = ("127.0.0.1", "localhost")
 """Host names that are answered; any other one was made to resolve to this machine by a page elsewhere."""
-PAGES = {
-    "": ("index.html", "text/html; charset=utf-8"),
-    "view.css": ("view.css", "text/css; charset=utf-8"),
-    "geometry.js": ("geometry.js", "text/javascript; charset=utf-8"),
-    "drawing.js": ("drawing.js", "text/javascript; charset=utf-8"),
-    "view.js": ("view.js", "text/javascript; charset=utf-8"),
-}
-"""Path below the token -> file in ``page`` and its type."""
-REPLAY = "replay.json"
 HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data:; media-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
@@ -36,23 +26,20 @@ HEADERS = {
 
 
 @contextmanager
-def serve(replay: bytes, port: int = 0) -> Iterator[str]:
-    """Serve the page and a replay while this context lasts; yield the page's address.
+def serve(page: bytes, port: int = 0) -> Iterator[str]:
+    """Serve a page while this context lasts; yield its address.
 
     Every user of this machine can reach 127.0.0.1, so the path begins with a random token that only the caller knows.
 
     Args:
-        replay: The document of `replay_json`.
+        page: The page of a run, whose own policy names the scripts that may run.
         port: Port to listen on; 0 for a free one.
 
     Raises:
         OSError: the port is taken.
     """
     token = secrets.token_urlsafe(16)
-    folder = resources.files("torquebench.view") / "page"
-    files = {name: (kind, (folder / file).read_bytes()) for name, (file, kind) in PAGES.items()}
-    files[REPLAY] = ("application/json", replay)
-    server = _Server((HOST, port), partial(_Handler, {f"/{token}/{name}": file for name, file in files.items()}))
+    server = _Server((HOST, port), partial(_Handler, f"/{token}/", page))
     thread = threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True)
     thread.start()
     try:
@@ -73,16 +60,16 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     timeout = 60.0
 
-    def __init__(self, files: Mapping[str, tuple[str, bytes]], *rest: Any) -> None:
-        self._files = files
+    def __init__(self, path: str, page: bytes, *rest: Any) -> None:
+        self._path, self._page = path, page
         super().__init__(*rest)  # answers the request
 
     def do_GET(self) -> None:
         if re.sub(r":\d+$", "", self.headers.get("Host", "")) not in NAMES:
             return self._answer(HTTPStatus.FORBIDDEN, "text/plain", b"this server answers to 127.0.0.1 and localhost")
-        if self.path not in self._files:
+        if self.path != self._path:
             return self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"nothing here")
-        return self._answer(HTTPStatus.OK, *self._files[self.path])
+        return self._answer(HTTPStatus.OK, "text/html; charset=utf-8", self._page)
 
     def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
         self.send_response(status)

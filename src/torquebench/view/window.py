@@ -15,9 +15,9 @@ import mujoco.viewer
 import numpy as np
 
 from torquebench.errors import VideoError
+from torquebench.scene.look import scene_of_runs, shown_poses, tool_path
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 from torquebench.video.job import Job
-from torquebench.video.scene import scene_of_runs, shown_poses, tool_path
 from torquebench.video.stage import GROWN, add_ghost, add_trail
 
 RATE = 60.0

@@ -24,7 +24,7 @@ from torquebench.report.figures.layout import PAGE_WIDTH
 from torquebench.report.figures.pareto import Front, Spot, draw_pareto
 from torquebench.report.figures.run_view import FiredRules, RunView, draw_figures
 from torquebench.report.figures.style import journal_style
-from torquebench.report.figures.sweep import sweep_figures
+from torquebench.report.figures.sweep import sweep_jobs
 from torquebench.statistics import Ratio
 from torquebench.sweep.sensitivity import Sensitivity
 
@@ -116,8 +116,9 @@ def swept() -> dict[str, Figure]:
     """Every kind of a sweep's figures."""
     told = [Sensitivity("a", "rmse", (0,), 40, 2, effects(np.array([0.8, -0.5, 0.1])), "")]
     lone = made(["a"], 2, lambda law, draw, values: {"rmse": 1.0 + draw}, metrics=["rmse"])
-    effect = sweep_figures(lone, "t", "s", told, (False,), {"a": "smc"})["effects-rmse"]
-    return sweep_figures(TABLE, "t", "s", (), (False,), dict.fromkeys(LAWS, "smc")) | {"effects": effect}
+    effect = sweep_jobs(lone, "t", "s", told, (False,), {"a": "smc"})["effects-rmse"]
+    jobs = sweep_jobs(TABLE, "t", "s", (), (False,), dict.fromkeys(LAWS, "smc"))
+    return {name: job() for name, job in (jobs | {"effects": effect}).items()}
 
 
 def test_every_kind_is_here() -> None:

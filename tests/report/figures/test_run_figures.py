@@ -13,8 +13,8 @@ from matplotlib.text import Text
 
 from torquebench.errors import ResultError
 from torquebench.metrics import from_joints, per_joint
+from torquebench.report.figures.files import figure_bytes
 from torquebench.report.figures.run_view import RunView, draw_figures
-from torquebench.report.figures.style import figure_bytes
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 T = 0.001

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from tests.report.figures.test_run_figures import PAGES, T, diverged, draw, legend_texts, make, panel
 from torquebench.errors import ResultError
 from torquebench.metrics import Metrics, from_joints, per_joint
-from torquebench.report.figures.style import figure_bytes
+from torquebench.report.figures.files import figure_bytes
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 

@@ -13,10 +13,11 @@ from matplotlib.patches import Rectangle
 
 from tests.sweep.tables import made
 from torquebench.kernel import Array
+from torquebench.report.figures.files import figure_bytes
 from torquebench.report.figures.pareto import front_of
 from torquebench.report.figures.sensitivity import draw_sensitivity
-from torquebench.report.figures.style import figure_bytes, fit_scale
-from torquebench.report.figures.sweep import slug, sweep_figures
+from torquebench.report.figures.style import fit_scale
+from torquebench.report.figures.sweep import slug, sweep_jobs
 from torquebench.report.looks import looks
 from torquebench.statistics import paired_ratio
 from torquebench.sweep.effects import Effect, Effects
@@ -44,7 +45,8 @@ TABLE = made(LAWS, DRAWS, run, GRID)
 
 def drawn(table: Table, found: Sequence[Sensitivity] = ()) -> dict[str, Figure]:
     """Draw all figures of a table of an arm that turns."""
-    return sweep_figures(table, "study", "what was run", found, (False,), OF_LAW)
+    jobs = sweep_jobs(table, "study", "what was run", found, (False,), OF_LAW)
+    return {name: job() for name, job in jobs.items()}
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figure
 from torquebench.report.figures.layout import LIMIT, finish_page, new_page, printable
 from torquebench.report.figures.run_view import RunView
 
@@ -15,7 +14,6 @@ FLOOR = 1e-12
 """Lowest V shown [J]."""
 
 
-@figure("certificates", title="Stability certificates over time", order=60)
 def draw_certificates(x: RunView) -> Figure | None:
     """Draw V, dV/dt and the least margin of K over the joints; None where no controller has certificates."""
     if not x.certificates:

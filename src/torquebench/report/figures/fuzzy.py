@@ -13,10 +13,7 @@ from torquebench.fuzzy import Functions, Prepared, Variable
 from torquebench.fuzzy.inference import fill_memberships
 from torquebench.kernel import Array
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figure
-from torquebench.report.figures.fuzzy_rules import draw_rules
 from torquebench.report.figures.layout import REFERENCE, SHADE, finish_page, new_page, shade_key
-from torquebench.report.figures.run_view import RunView
 from torquebench.report.looks import series_colour
 
 DIVERGING = LinearSegmentedColormap.from_list("output", ["#0072B2", "#FFFFFF", "#D55E00"])
@@ -24,16 +21,6 @@ SCALES = {"too small": 0.25, "right": 1.0, "too large": 4.0}
 """What the paper's Fig 6 compares: the input's scale over the largest input that occurs."""
 
 _SAMPLES = 6401
-
-
-@figure("fuzzy", title="Fuzzy systems", order=70)
-def draw_fuzzy(x: RunView) -> dict[str, Figure]:
-    """Draw the fuzzy systems in use, and which of their rules fired in each run."""
-    pages = {f"{name}-{rest}": page for name, one in x.fuzzy.items() for rest, page in system_figures(one).items()}
-    for name, fired in x.fired.items():
-        title = f"{x.title}: rules of {fired.system} that fired under {name}"
-        pages[f"{name}-rules"] = draw_rules(x.fuzzy[fired.system], fired.shares, x.joint_names, title, x.subtitle)
-    return pages
 
 
 def system_figures(prepared: Prepared) -> dict[str, Figure]:

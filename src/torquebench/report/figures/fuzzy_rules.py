@@ -16,6 +16,7 @@ from torquebench.fuzzy import Fis, FuzzySystem, Prepared
 from torquebench.fuzzy.inference import fill_activations
 from torquebench.kernel import Array
 from torquebench.report.figures.layout import finish_page, panel_grid
+from torquebench.report.figures.run_view import RunView
 from torquebench.sim.trajectory import Trajectory
 
 SEQUENTIAL = LinearSegmentedColormap.from_list("share", ["#FFFFFF", "#0072B2", "#00263D"])
@@ -51,7 +52,21 @@ def rule_shares(gains: Any, fis: Fis, inputs: Callable[..., tuple[float, float]]
     return shares
 
 
-def draw_rules(prepared: Prepared, shares: Array, joint_names: Sequence[str], title: str, subtitle: str) -> Figure:
+def draw_rules(x: RunView) -> dict[str, Figure]:
+    """Draw which rules of its fuzzy system fired in the run of each controller that has one."""
+    return {
+        name: rule_tables(
+            x.fuzzy[fired.system],
+            fired.shares,
+            x.joint_names,
+            f"{x.title}: rules of {fired.system} that fired under {name}",
+            x.subtitle,
+        )
+        for name, fired in x.fired.items()
+    }
+
+
+def rule_tables(prepared: Prepared, shares: Array, joint_names: Sequence[str], title: str, subtitle: str) -> Figure:
     """Draw how much each rule took part in a run: a panel with the rule table for each joint.
 
     Args:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, NamedTuple
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -12,9 +14,31 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.patches import Patch
+from matplotlib.text import Text
 
 PAGE_WIDTH = 7.2
-"""Width of every figure [in]: 183 mm, two columns of a journal, so that nothing is scaled down in print."""
+"""Width of a figure that is not for one journal [in]: 183 mm, so that nothing is scaled down in print."""
+
+
+class Sheet(NamedTuple):
+    """What a figure is drawn on."""
+
+    width: float
+    """[in]."""
+    suffix: str = ""
+    """Of the names of its files."""
+    headings: bool = True
+    """Whether title and subtitle stand above it; in a paper the caption says what they say."""
+    least_font: float = 0.0
+    """[pt]."""
+
+
+SCREEN = Sheet(PAGE_WIDTH)
+PAPER = (Sheet(85.0 / 25.4, "-85mm", False, 7.0), Sheet(180.0 / 25.4, "-180mm", False, 7.0))
+"""One column of a journal, and two."""
+NARROW = 5.0
+"""Width below which panels stand one below the other, and are lower [in]."""
+_sheet = ContextVar("_sheet", default=SCREEN)
 BODY_HEIGHT = 6.4
 """Height of the panels together, while they are few enough to be higher than the least height [in]."""
 LEFT, GAP = 0.012, 0.08
@@ -24,10 +48,26 @@ REFERENCE: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": (0
 LIMIT: dict[str, Any] = {"color": "0.4", "linewidth": 0.8, "linestyle": (0, (1.5, 1.5))}
 
 
+@contextmanager
+def on_sheet(sheet: Sheet) -> Iterator[None]:
+    """Draw on a sheet for as long as this context lasts."""
+    token = _sheet.set(sheet)
+    try:
+        yield
+    finally:
+        _sheet.reset(token)
+
+
+def least_font(size: float) -> float:
+    """Return a size of text [pt], or that of the smallest text of the sheet."""
+    return max(size, _sheet.get().least_font)
+
+
 def new_page(rows: int, least: float, most: float) -> Figure:
     """Return an empty page with room for `rows` rows of panels, each `least` to `most` inches high."""
-    height = rows * min(most, max(least, BODY_HEIGHT / rows))
-    fig = Figure(figsize=(PAGE_WIDTH, height), layout="constrained")
+    width = _sheet.get().width
+    height = rows * min(most, max(least, BODY_HEIGHT / rows)) * (0.75 if width < NARROW else 1.0)
+    fig = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(fig)
     return fig
 
@@ -52,7 +92,7 @@ def panel_grid(
         heights: Least and greatest height of a panel [in].
     """
     n = len(names)
-    columns = min(n, columns or (2 if n <= 8 else 3))
+    columns = 1 if _sheet.get().width < NARROW else min(n, columns or (2 if n <= 8 else 3))
     rows = -(-n // columns)
     fig = new_page(rows, *heights)
     places = list(fig.subplots(rows, columns, squeeze=False).flat)
@@ -76,6 +116,10 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
     rows = [(line, 10.0, "bold", "black") for line in textwrap.wrap(printable(title), 78)]
     for part in subtitle.splitlines():
         rows += [(line, 7.5, "normal", "0.3") for line in textwrap.wrap(printable(part), 116)]
+    rows = rows if _sheet.get().headings else []
+    for written in fig.findobj(Text):
+        if isinstance(written, Text):
+            written.set_fontsize(least_font(float(written.get_fontsize())))
     legend = _legend(fig, handles)
     header = 2.2 * GAP + sum(size * 1.45 / 72.0 for _, size, _, _ in rows) + legend.get_window_extent().height / fig.dpi
     height = fig.get_figheight() + header
@@ -87,11 +131,21 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
         top -= size * 1.45 / 72.0 / height
     legend.set_bbox_to_anchor((LEFT, top - 0.5 * GAP / height))
     fig.set_layout_engine("constrained", rect=(0.004, 0.004, 0.99, 1.0 - header / height - 0.004))
-    fig.draw_without_rendering()
-    fig.set_layout_engine("none")  # solved again, panels would move by round-off, and bytes with them
+    _solve(fig)
     for ax in fig.axes:  # the solver's round-off follows memory addresses: not the same in every run
         x, y, width, height = (round(float(edge), 6) for edge in ax.get_position().bounds)
         ax.set_position((x, y, width, height))
+
+
+def _solve(fig: Figure) -> None:
+    """Lay the page out once, for good, without the drawing that matplotlib's own way of laying out does as well."""
+    engine, renderer = fig.get_layout_engine(), fig.canvas.get_renderer()  # type: ignore[attr-defined]
+    with renderer._draw_disabled():
+        engine.execute(fig)  # type: ignore[union-attr]
+    for ax in fig.axes:
+        locator: Any = ax.get_axes_locator()
+        ax.apply_aspect(locator(ax, renderer) if locator else None)
+    fig.set_layout_engine(None)  # solved again, panels would move by round-off; a placeholder, "none", draws twice
 
 
 def printable(text: str) -> str:
@@ -130,6 +184,8 @@ def write_note(ax: Axes, text: str) -> None:
 
 def _legend(fig: Figure, handles: Sequence[Artist]) -> Legend:
     """Set the legend in as few rows as fit the page's width."""
+    for handle in handles:
+        handle.set_label("\n".join(textwrap.wrap(str(handle.get_label()), int(16.0 * fig.get_figwidth()))))
     for columns in range(len(handles), 0, -1):
         legend = fig.legend(handles=handles, loc="upper left", ncols=columns)
         legend.set_in_layout(False)

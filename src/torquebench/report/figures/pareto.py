@@ -13,7 +13,7 @@ from matplotlib.transforms import Bbox
 
 from torquebench.kernel import Array
 from torquebench.report.figures import style
-from torquebench.report.figures.layout import finish_page, new_page
+from torquebench.report.figures.layout import finish_page, least_font, new_page
 from torquebench.report.figures.sweep_labels import key_label, key_values, law_name, value_text
 from torquebench.statistics import Ratio, undominated
 from torquebench.sweep.summary import level
@@ -110,7 +110,9 @@ def _label(ax: Axes, spots: Sequence[Spot]) -> None:
     taken: list[Bbox] = []
     for spot in sorted(spots, key=lambda spot: spot.chattering.ratio):
         at = (spot.chattering.ratio, 1e3 * spot.error.ratio)
-        label = ax.annotate(spot.label, at, BESIDE[0], textcoords="offset points", fontsize=6.5, color="0.25")
+        label = ax.annotate(
+            spot.label, at, BESIDE[0], textcoords="offset points", fontsize=least_font(6.5), color="0.25"
+        )
         for x, y in (*BESIDE, BESIDE[1]):  # at the left, if it meets another one everywhere
             label.set_position((x, y))
             label.set_horizontalalignment("left" if x > 0.0 else "right")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,12 +16,13 @@ from matplotlib.lines import Line2D
 
 from torquebench.certificates import Certificate
 from torquebench.errors import ResultError
+from torquebench.figures import Drawing, FigureInfo, figures_in_order
 from torquebench.fuzzy import Prepared
 from torquebench.kernel import Array
 from torquebench.metrics import Metrics
 from torquebench.metrics.torque import measure_torques
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figures_in_order
+from torquebench.report.figures.files import Drawn, Job, may_draw, named, wanted
 from torquebench.report.figures.layout import finish_page, printable, shade_key
 from torquebench.report.looks import looks
 from torquebench.report.tables import number
@@ -144,35 +146,55 @@ class RunView:
         return [shade_key(label)] if self.metrics_from > 0.0 else []
 
 
-def draw_figures(x: RunView, only: str | None = None) -> dict[str, Figure]:
-    """Draw every registered figure that has something to show, by the name of its file, in page order.
+def draw_jobs(x: RunView) -> dict[str, Job]:
+    """Return what draws each registered figure, by name, in order; one of a user's own may raise ResultError."""
+    return {
+        info.name: partial(_draw_built_in, info, x) if isinstance(info.draw, str) else _foreign(info, info.draw, x)
+        for info in figures_in_order()
+    }
+
+
+def draw_figures(x: RunView, only: Sequence[str] = ()) -> dict[str, Figure]:
+    """Draw every figure that has something to show, by the name of its file, in order.
 
     Args:
         x: The runs.
-        only: Name of the one file that is wanted; figures that cannot be it are not drawn.
+        only: Names of those that are wanted; figures that cannot be among them are not drawn.
 
     Raises:
         ResultError: a figure of a plug-in cannot be drawn.
     """
-    pages: dict[str, Figure] = {}
-    for info in figures_in_order():
-        if only is not None and only != info.name and not only.startswith(f"{info.name}-"):
-            continue
+    return {
+        each: fig
+        for name, job in draw_jobs(x).items()
+        if may_draw(name, only)
+        for each, fig in named(name, job()).items()
+        if wanted(each, only)
+    }
+
+
+def _draw_built_in(info: FigureInfo, x: RunView) -> Drawn:
+    module = import_module(f"torquebench.report.figures.{info.draw}")
+    with style.journal_style():
+        drawn: Drawn = getattr(module, f"draw_{info.name}")(x)
+    return drawn
+
+
+def _foreign(info: FigureInfo, draw: Drawing, x: RunView) -> Job:
+    """Return what draws a figure of a plug-in."""
+
+    def job() -> Drawn:
         try:
             with style.journal_style():
-                drawn = info.draw(x)
+                drawn: Drawn = draw(x)
         except Exception as error:  # a user's function may raise anything
-            if info.draw.__module__.startswith("torquebench."):
-                raise
             raise ResultError(f"figure '{info.name}': {type(error).__name__}: {error}") from error
-        if isinstance(drawn, Mapping):
-            pages |= {f"{info.name}-{rest}": page for rest, page in drawn.items()}
-        elif drawn is not None:
-            pages[info.name] = drawn
-        wrong = next((page for page in pages.values() if not isinstance(page, Figure)), None)
-        if wrong is not None:
-            raise ResultError(f"figure '{info.name}' returned {type(wrong).__name__}, wanted a matplotlib Figure")
-    return pages
+        for page in drawn.values() if isinstance(drawn, Mapping) else [drawn]:
+            if page is not None and not isinstance(page, Figure):
+                raise ResultError(f"figure '{info.name}' returned {type(page).__name__}, wanted a matplotlib Figure")
+        return drawn
+
+    return job
 
 
 def _restlessness(tau: Array, tau_max: Array, control_period: float) -> float:

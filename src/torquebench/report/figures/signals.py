@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figure
 from torquebench.report.figures.layout import REFERENCE, SHADE, level_lines, panel_grid, printable, write_note
 from torquebench.report.figures.run_view import TIME, Run, RunView, draw
 from torquebench.report.tables import joined, number
@@ -50,21 +49,18 @@ def _time_panels(
     return fig, units
 
 
-@figure("position", title="Position", order=10)
 def draw_position(x: RunView) -> Figure:
     """Draw positions with their reference."""
     fig, _ = _time_panels(x, "position", "", lambda data: data.q, thin=False, reference=True)
     return x.finish(fig, lambda _: "", Line2D([], [], label="reference", **REFERENCE), *x.shade())
 
 
-@figure("error", title="Tracking error", order=20)
 def draw_error(x: RunView) -> Figure:
     """Draw tracking errors, with RMSE in the legend."""
     fig, _ = _time_panels(x, "error e", "", lambda data: data.q_ref - data.q, thin=False, reference=False)
     return x.finish(fig, lambda run: rmse_note(x, run), *x.shade())
 
 
-@figure("sliding", title="Sliding variable", order=40)
 def draw_sliding(x: RunView) -> Figure | None:
     """Draw sliding variables with their bands; None where no law has one."""
     has = {run.name: bool(np.isfinite(run.data.s).any()) for run in x.runs}

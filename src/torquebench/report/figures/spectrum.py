@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from torquebench.kernel import Array
 from torquebench.metrics.chattering import hann_spectrum
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figure
 from torquebench.report.figures.layout import LIMIT, SHADE, panel_grid, shade_key
 from torquebench.report.figures.run_view import Run, RunView
 from torquebench.sim.trajectory import Trajectory
@@ -26,7 +25,6 @@ _BANDS = 24  # per octave, in the spectrum
 _PEAK: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4.0, "markeredgewidth": 0.0}
 
 
-@figure("spectrum", title="Spectrum of the torque", order=50)
 def draw_spectrum(x: RunView) -> Figure | None:
     """Draw amplitudes over frequency; None where no run completed."""
     lines = {run.name: fa for run in x.runs if (fa := amplitudes(x, run.data)) is not None}

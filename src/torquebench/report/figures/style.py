@@ -1,27 +1,22 @@
-"""The look shared by all figures: fonts, lines, units, ranges, peaks, and bytes that do not vary."""
+"""The look shared by all figures: fonts, lines, units, ranges, peaks."""
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import matplotlib.style
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axis import Axis, XAxis
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from torquebench.experiment.run import Progress
 from torquebench.kernel import Array
 from torquebench.report.looks import Look, looks
 
-Format: TypeAlias = Literal["svg", "png"]
-FORMATS: tuple[Format, ...] = ("svg", "png")
 MARKERS = "osD^vP"
 SHEET = Path(__file__).with_name("style.mplstyle")
 
@@ -51,29 +46,6 @@ def spot_looks(laws: Mapping[str, str]) -> dict[str, dict[str, Any]]:
         name: line_look(look) | {"marker": MARKERS[place % len(MARKERS)]}
         for place, (name, look) in enumerate(looks(laws).items())
     }
-
-
-def figure_bytes(fig: Figure, fmt: Format) -> bytes:
-    """Return the figure as a file's bytes; the same figure gives the same bytes (PNG at 150 dpi)."""
-    buffer = io.BytesIO()
-    metadata = {"Date": None, "Creator": "torquebench"} if fmt == "svg" else {"Software": "torquebench"}
-    with journal_style():
-        fig.savefig(buffer, format=fmt, metadata=metadata)
-    return buffer.getvalue()
-
-
-def figure_files(figures: Mapping[str, Figure], progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
-    """Yield name and content of the files of figures.
-
-    Args:
-        figures: Name -> figure.
-        progress: Told each file when it is drawn.
-    """
-    files = [(f"figures/{name}.{fmt}", figure, fmt) for name, figure in figures.items() for fmt in FORMATS]
-    for done, (path, figure, fmt) in enumerate(files, 1):
-        yield path, figure_bytes(figure, fmt)
-        if progress is not None:
-            progress(path, done, len(files))
 
 
 def band_maxima(f: Array, a: Array, per_octave: int) -> tuple[Array, Array]:

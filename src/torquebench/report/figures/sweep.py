@@ -36,15 +36,15 @@ FRONT = (
 EFFECTS = "standardised rank regression, the strongest first; 95 % intervals hold for all laws and constants at once"
 
 
-def sweep_figures(
+def sweep_jobs(
     table: Table,
     title: str,
     subtitle: str,
     found: Sequence[Sensitivity],
     slides: Sequence[bool],
     laws: Mapping[str, str],
-) -> dict[str, Figure]:
-    """Draw every figure that a sweep's table has the columns for, by file name; its label is its heading on the page.
+) -> dict[str, partial[Figure]]:
+    """Return what draws every figure that a sweep's table has the columns for, by file name.
 
     ``spread``: metrics by law; ``over-KEY``: over each key of the grid; ``map-METRIC``: over the first two keys of the
     grid; ``front``: error against chattering of every law and choice of gains; ``effects-METRIC``: what matters, where
@@ -81,12 +81,24 @@ def sweep_figures(
         if any(effect.matters for one in own if one.effects for effect in one.effects.effects):
             what = f"what the {METRICS[metric].title} depends on"
             plans.append((f"effects-{metric}", what, EFFECTS, partial(draw_sensitivity, own)))
-    figures = {}
+    return {
+        name: partial(_draw, draw, f"{title}: {what}", f"{subtitle}\n{note}", label=what[0].upper() + what[1:])
+        for name, what, note, draw in plans
+    }
+
+
+def _draw(draw: Callable[[str, str], Figure], title: str, subtitle: str, *, label: str) -> Figure:
+    """Draw a figure; its label is its heading on the page.
+
+    Args:
+        draw: Draws it under a title and a subtitle.
+        title, subtitle: Headings.
+        label: The label.
+    """
     with journal_style():
-        for name, what, note, draw in plans:
-            figures[name] = draw(f"{title}: {what}", f"{subtitle}\n{note}")
-            figures[name].set_label(what[0].upper() + what[1:])
-    return figures
+        figure = draw(title, subtitle)
+    figure.set_label(label)
+    return figure
 
 
 def slug(key: str) -> str:

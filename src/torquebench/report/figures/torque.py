@@ -12,16 +12,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from torquebench.report.figures import style
-from torquebench.report.figures.declare import figure
 from torquebench.report.figures.layout import LIMIT, SHADE, level_lines, new_page, printable, write_note
 from torquebench.report.figures.run_view import TIME, RunView, draw
 
 ZOOM = 0.060
 """Length of the torque figure's zoomed window [s]; at least 20 control periods."""
+ZOOM_FLOOR = 0.01
+"""Least half-height of the zoomed window [limit]: calm torques that agree look alike."""
 _ZOOMED: dict[str, Any] = {"facecolor": "#F0E442", "alpha": 0.6, "linewidth": 0.0, "zorder": 0.6}
 
 
-@figure("torque", title="Torque", order=30)
 def draw_torque(x: RunView) -> Figure:
     """Draw the torque after clipping, with its limits and chattering in the legend."""
     n = len(x.joint_names)
@@ -81,5 +81,5 @@ def draw_zoom(ax: Axes, x: RunView, joint: int, zoom: tuple[float, float]) -> No
         look = run.look | {"linewidth": 0.7 * run.look["linewidth"], "linestyle": "-"}
         ax.plot(t[inside], tau[inside], drawstyle="steps-post", **look)
     ax.set_xlim(*zoom)
-    ax.set_ylim(*style.limits(shown, floor=1e-3 * float(x.tau_max[joint])))
+    ax.set_ylim(*style.limits(shown, floor=ZOOM_FLOOR * float(x.tau_max[joint])))
     ax.locator_params(axis="x", nbins=3)

@@ -83,7 +83,7 @@ function chart(parent, { x, label, lines, height = 220, width, more = {}, told }
     width: width ?? parent.clientWidth, height, legend: { show: false },
     cursor: { sync: { key: "all" }, drag: { x: true, y: false }, points: { size: 5 } },
     scales: { x: { time: false } },
-    axes: [{ ...axis, size: 34, label: x[1] }, { ...axis, size: 60, label }],
+    axes: [{ ...axis, size: 34, label: x[1] }, { ...axis, size: 60, space: 24, label }],
     series: [{}, ...lines.map((line) => ({
       label: line.name, stroke: () => line.colour(), width: line.width ?? 1.25, dash: line.dash, auto: !line.fixed,
       points: { show: line.points ?? false }, paths: line.stepped ? uPlot.paths.stepped({ align: 1 }) : undefined,

@@ -1,0 +1,121 @@
+"""The answer of a run in a few sentences: who follows best, who chatters, at what cost, who failed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from markupsafe import Markup
+
+from torquebench.experiment.reference import joint_units
+from torquebench.experiment.run import ExperimentResult
+from torquebench.metrics import METRICS
+from torquebench.report.tables import number
+
+STILL = 0.1
+"""Chattering below this is none worth the name [% of the torque limit]."""
+
+
+def answer(result: ExperimentResult) -> Markup:
+    """Return the answer as HTML, names in bold.
+
+    Args:
+        result: The run; controllers without metrics failed.
+    """
+    sentences = [*_following(result), *_chattering(result), *_costs(result), *_failures(result)]
+    return Markup(" ").join(sentences)
+
+
+def values_of(result: ExperimentResult, key: str) -> dict[str, float]:
+    """Return the stored headline of a metric for each controller that has one, the best first.
+
+    Args:
+        result: The run.
+        key: The metric.
+    """
+    found = {name: metrics[key].value for name, metrics in result.metrics.items()}
+    known = {name: value for name, value in found.items() if value is not None}
+    return dict(sorted(known.items(), key=lambda item: item[1]))
+
+
+def _bold(names: Sequence[str]) -> Markup:
+    parts = [Markup("<b>{}</b>").format(name) for name in names]
+    return Markup(" and ").join([Markup(", ").join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+
+
+def times(a: float, b: float) -> str:
+    """Return `a` over `b` in words: so many times, or a share of it in %."""
+    ratio = a / b if b > 0.0 else float("inf")
+    if ratio == float("inf"):
+        return "many times"
+    if ratio < 0.995:
+        return f"{100.0 * ratio:.2g} % of"
+    return f"{ratio:.2g} times" if ratio < 9.95 else f"{float(f'{ratio:.3g}'):,.0f} times"
+
+
+def _following(result: ExperimentResult) -> list[Markup]:
+    errors, info = values_of(result, "rmse"), METRICS["rmse"]
+    if not errors:
+        return []
+    unit, names = joint_units(info.shown_unit, result.slides), list(errors)
+    best, worst = names[0], names[-1]
+    text = Markup("{} {}: RMS error {} {}").format(
+        _bold([best]), "follows best" if len(names) > 1 else "follows", number(errors[best], info.scale), unit
+    )
+    if len(names) > 1:
+        text += Markup("; {} worst, {} {}.").format(_bold([worst]), number(errors[worst], info.scale), unit)
+        return [text]
+    return [text + "."]
+
+
+def _chattering(result: ExperimentResult) -> list[Markup]:
+    values = values_of(result, "chattering")
+    if not values:
+        return []
+    names, limit = list(values), "of the torque limit"
+    quiet = [name for name in names if values[name] < STILL]
+    loud = Markup("{} {} ({} % {})").format(
+        _bold(names[-1:]), "chatters most" if len(names) > 1 else "chatters", number(values[names[-1]]), limit
+    )
+    if len(quiet) == len(names):
+        who = "None chatters" if len(names) > 1 else "It does not chatter"
+        return [Markup("{}: at most {} % {}.").format(who, number(values[names[-1]]), limit)]
+    if quiet:
+        who = _bold(quiet) if len(quiet) <= 4 else Markup("{} of {}").format(len(quiet), len(names))
+        verb = "does not chatter" if len(quiet) == 1 else "do not chatter"
+        return [Markup("{} {} (below {:g} %), {}.").format(who, verb, STILL, loud)]
+    if len(names) == 1:
+        return [loud + "."]
+    return [Markup("{} chatters least ({} %), {}.").format(_bold(names[:1]), number(values[names[0]]), loud)]
+
+
+def _costs(result: ExperimentResult) -> list[Markup]:
+    """Return what the best in error pays in chattering and torque, and what the calmest pays in error."""
+    errors, chattering, effort = (values_of(result, key) for key in ("rmse", "chattering", "effort"))
+    if len(errors) < 2 or set(errors) != set(chattering) or set(errors) != set(effort):
+        return []
+    best, calm, weak = (next(iter(values)) for values in (errors, chattering, effort))
+    if chattering[best] < STILL or best == calm:
+        other = list(effort)[-1] if best != list(effort)[-1] else weak
+        return [
+            Markup("{} takes {} the torque effort of {}.").format(
+                _bold([best]), times(effort[best], effort[other]), _bold([other])
+            )
+        ]
+    return [
+        Markup("Following best costs {} the chattering and {} the torque effort of {}, which has {} the error.").format(
+            times(chattering[best], chattering[calm]),
+            times(effort[best], effort[calm]),
+            _bold([calm]),
+            times(errors[calm], errors[best]),
+        )
+    ]
+
+
+def _failures(result: ExperimentResult) -> list[Markup]:
+    return [
+        Markup('<span class="fails">{} failed: {}{}.</span>').format(
+            _bold([name]), run.ending, "" if name in result.unexpected else ", as expected"
+        )
+        for name, run in result.runs.items()
+        if not run.completed
+    ]

@@ -1,0 +1,134 @@
+"""A scatter of two metrics as inline SVG in the page's own colours: logarithmic axes, every point with its name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from markupsafe import Markup
+
+WIDTH, HEIGHT = 560, 330
+LEFT, RIGHT, TOP, BOTTOM = 66, 14, 14, 46
+LINE = 14
+"""Height of a line of text."""
+LETTER = 7.2
+"""Width of a letter at most."""
+
+
+class Point(NamedTuple):
+    """A point of the scatter."""
+
+    name: str
+    x: float
+    y: float
+    colour: str
+
+
+class Axis(NamedTuple):
+    """A logarithmic axis: its range, and where its ends are on the picture."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    def at(self, value: float) -> float:
+        """Return the place of a value."""
+        part = math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
+        return round(self.start + part * (self.end - self.start), 1)
+
+    def ticks(self) -> list[float]:
+        """Return round values: 1, 2 and 5 of each decade, or powers of ten where that would be many."""
+        decades = math.log10(self.high / self.low)
+        steps = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+        skip = max(1, round(decades / 6))
+        powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
+        found = [step * 10.0**p for p in powers if p % skip == 0 for step in steps]
+        return [value for value in found if self.low <= value <= self.high]
+
+
+def axis(values: Sequence[float], start: float, end: float) -> Axis:
+    """Return the axis on which all values have room; zeros are at its start.
+
+    Args:
+        values: What is shown.
+        start, end: Where the axis begins and ends on the picture.
+    """
+    some = [value for value in values if value > 0.0] or [1.0]
+    low, high = min(some), max(some)
+    room = max((high / low) ** 0.08, 1.5)
+    return Axis(low / room, high * room, start, end)
+
+
+def scatter(points: Sequence[Point], across: str, up: str) -> Markup:
+    """Return the picture; with fewer than two points nothing.
+
+    Args:
+        points: What is shown.
+        across, up: Labels of the axes, with units.
+    """
+    if len(points) < 2:
+        return Markup("")
+    x = axis([point.x for point in points], LEFT, WIDTH - RIGHT)
+    y = axis([point.y for point in points], HEIGHT - BOTTOM, TOP)
+    parts = [
+        Markup('<svg class="scatter" viewBox="0 0 {} {}" role="img" aria-label="{} against {}">').format(
+            WIDTH, HEIGHT, up, across
+        )
+    ]
+    for value in x.ticks():
+        parts.append(
+            Markup('<path d="M{0} {1}V{2}"/><text x="{0}" y="{3}" text-anchor="middle">{4:g}</text>').format(
+                x.at(value), TOP, HEIGHT - BOTTOM, HEIGHT - BOTTOM + LINE + 2, value
+            )
+        )
+    for value in y.ticks():
+        parts.append(
+            Markup('<path d="M{0} {2}H{1}"/><text x="{3}" y="{4}" text-anchor="end">{5:g}</text>').format(
+                LEFT, WIDTH - RIGHT, y.at(value), LEFT - 6, y.at(value) + 4, value
+            )
+        )
+    middle = (TOP + HEIGHT - BOTTOM) / 2
+    parts.append(
+        Markup(
+            '<text x="{}" y="{}" text-anchor="middle">{}</text><text transform="translate(14 {}) rotate(-90)" '
+            'text-anchor="middle">{}</text>'
+        ).format((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 6, across, middle, up)
+    )
+    taken: list[tuple[float, float, float]] = []
+    for point in sorted(points, key=lambda point: point.y):
+        parts.append(_labelled(point, x.at(point.x), y.at(point.y), taken))
+    return Markup("").join([*parts, Markup("</svg>")])
+
+
+def _labelled(point: Point, x: float, y: float, taken: list[tuple[float, float, float]]) -> Markup:
+    """Return a point with its name where no other name is; `taken` holds left, right and base of those there are."""
+    size = LETTER * len(point.name)
+    right = x + 10 + size < WIDTH
+    low, high = (x + 10, x + 10 + size) if right else (x - 10 - size, x - 10)
+    steps = sorted(range(-12, 13), key=lambda k: (abs(k), k))
+    places = [y + 5 + k * LINE for k in steps if TOP + LINE <= y + 5 + k * LINE <= HEIGHT - BOTTOM - 3]
+    free = [b for b in places if all(high < a or low > c or abs(b - other) >= LINE for a, c, other in taken)]
+    base = round((free or places or [y])[0], 1)
+    taken.append((low, high, base))
+    line = (
+        Markup("")
+        if abs(base - y - 5) < LINE
+        else Markup('<path class="lead" d="M{} {}L{} {}"/>').format(x, y, low if right else high, base - 4)
+    )
+    return line + Markup(
+        '<circle cx="{}" cy="{}" r="6" style="--own: {}"><title>{}: {:.4g}, {:.4g}</title></circle>'
+        '<text x="{}" y="{}" text-anchor="{}">{}</text>'
+    ).format(
+        x,
+        y,
+        point.colour,
+        point.name,
+        point.x,
+        point.y,
+        low if right else high,
+        base,
+        "start" if right else "end",
+        point.name,
+    )

@@ -1,0 +1,60 @@
+"""The scatter of a page: points where logarithms have them, names beside them that can be read."""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+
+from torquebench.report.scatter import BOTTOM, HEIGHT, LEFT, LINE, RIGHT, TOP, WIDTH, Point, scatter
+
+POINTS = [
+    Point("conventional", 30.1, 0.53, "#000000"),
+    Point("band", 4e-4, 0.052, "#111111"),
+    Point("b<c", 1.0, 0.2, "#222222"),
+]
+
+
+def places(svg):
+    """Centre of each point by its name."""
+    found = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)"[^>]*><title>([^:]*):', svg)
+    return {name: (float(x), float(y)) for x, y, name in found}
+
+
+def test_points_are_at_their_logarithms():
+    """Equal ratios are equal distances, right is more, up is more, all within the frame; a name is no markup."""
+    svg = str(scatter(POINTS, "x [%]", "y [mrad]"))
+    at = places(svg)
+    assert set(at) == {"conventional", "band", "b&lt;c"}
+    logs = np.log([[p.x, p.y] for p in POINTS])
+    seen = np.array([at[p.name.replace("<", "&lt;")] for p in POINTS])
+    for axis, sign in ((0, 1), (1, -1)):
+        slopes = np.diff(seen[:, axis]) / np.diff(logs[:, axis])
+        assert np.ptp(slopes) < 0.01 * abs(slopes[0])
+        assert np.all(sign * slopes > 0)
+    assert np.all(
+        (seen[:, 0] > LEFT) & (seen[:, 0] < WIDTH - RIGHT) & (seen[:, 1] > TOP) & (seen[:, 1] < HEIGHT - BOTTOM)
+    )
+
+
+def test_names_do_not_cover_each_other():
+    """Twelve points at almost one place have names a line apart, inside the picture."""
+    points = [Point(f"controller-{k}", 1.0 + 0.001 * k, 1.0 + 0.001 * k, "#000000") for k in range(12)]
+    svg = str(scatter(points, "x", "y"))
+    bases = [float(y) for y in re.findall(r'<text x="[\d.]+" y="([\d.]+)" text-anchor="(?:start|end)">controller', svg)]
+    assert len(bases) == 12
+    assert all(abs(a - b) >= LINE - 0.1 for a, b in itertools.combinations(bases, 2))
+    assert all(TOP < base < HEIGHT for base in bases)
+
+
+@pytest.mark.parametrize("points", [[], POINTS[:1]])
+def test_there_is_nothing_to_compare(points):
+    """Fewer than two points make no picture."""
+    assert scatter(points, "x", "y") == ""
+
+
+def test_zero_is_at_the_edge():
+    """No chattering at all has no logarithm: the point is at the left end, and the axis is made by the others."""
+    at = places(str(scatter([Point("none", 0.0, 1.0, "#000000"), *POINTS], "x", "y")))
+    assert at["none"][0] == LEFT
+    assert at["band"][0] > LEFT
