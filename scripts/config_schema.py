@@ -25,11 +25,16 @@ as well, and replaces that of the file: `--set run.duration=2`, `--set controlle
 """
 
 EXTENDING = """\
-`extends` takes over the keys of another config: of a shipped one by its name, or of a `.yaml` file by its path from the
-folder of this one. `name` and `description` are a file's own. Mappings merge, key by key, unless `kind`, `law`, `engine`
-or `method` is another one; lists and other values replace; `null` takes a key away. In `controllers` a name stands for
-the parent's controller of that name, and `{extends: NAME, ...}` for one like it, or like one earlier in the list, but
-for the keys that are given. A mistake is told where it was written. What a run stores, `experiment.yaml`, is whole.
+`extends` takes over the keys of another config: of a shipped one by its name, or of a `.yaml` file by its path from
+the folder of this one. `name` and `description` are a file's own. Mappings merge, key by key, unless `kind`, `law` or
+`engine` is another one; lists and other values replace; `null` takes a key away. In `controllers` a name
+stands for the parent's controller of that name, and `{extends: NAME, ...}` for one like it, or like one earlier in the
+list, but for the keys that are given. A mistake is told where it was written. What a run stores, `experiment.yaml`, is
+whole.
+
+An arm's folder may name motions and gains, in `presets.yaml`: `reference: puma560/sine`, `gains: puma560/l`. With more
+keys, which count before the preset's: `gains: {from: puma560/l, k: 0.6}`. Of a set of gains a law takes those that it
+has, with the options that are chosen.
 
 ```yaml
 extends: paper/sine

@@ -69,11 +69,9 @@ UNKNOWN_KEYS = [
 ]
 
 MISSING_KEYS = [
-    Bad("name: good\n", "", "name", "missing", "description"),
     Bad("  engine: mujoco\n", "", "plant.engine", "missing", "plant:"),
     Bad("  model: puma560\n", "", "plant.model", "missing", "plant:"),
     Bad("relative: 0.3", "{}", "model.mismatch", "missing: one of relative, tolerance, constants", "mismatch:"),
-    Bad("  - name: conventional\n    law: smc", "  - law: smc", "controllers[0].name", "missing", "- law: smc"),
     Bad("    law: smc\n", "", "controllers[0].law", "missing", FIRST),
     Bad(
         "      k: 0.3\n",
@@ -120,14 +118,16 @@ WRONG_TYPES = [
     Bad("timestep: 0.001", "timestep: [0.001]", "plant.timestep", "a list of 1"),
     Bad("duration: 4", "duration: 010", "run.duration", "leading zeros"),
     Bad("duration: 4", "duration: 1:30", "run.duration", "90 rather than 1:30"),
-    Bad("duration: 4", "duration: 4 s", "run.duration", "unit is fixed"),
+    Bad("duration: 4", "duration: 4 m", "run.duration", "one of the units s, ms, us, min"),
+    Bad("duration: 4", "duration: 4 %", "run.duration", "one of the units s, ms, us, min"),
     Bad("duration: 4", "duration: 4_000", "run.duration", "without _"),
     Bad("duration: 4", "duration: 4,5", "run.duration", "decimal sign is a point"),
     Bad("duration: 4", "duration: 0x10", "run.duration", "write it in decimal"),
     Bad("duration: 4", "duration: 2 * 2", "run.duration", "no formulas"),
     Bad("duration: 4", "duration: ~", "run.duration", "nothing"),
     Bad("duration: 4", "duration: inf", "run.duration", "finite"),
-    Bad("relative: 0.3", "relative: 30%", "model.mismatch.relative", "0.3 rather than 30%"),
+    Bad("relative: 0.3", "relative: 130%", "model.mismatch.relative", "less than 1"),
+    Bad("relative: 0.3", "relative: 30 deg", "model.mismatch.relative", "one of the units %"),
     Bad("seed: 7", "seed: 7.0", "run.seed", "whole number"),
     Bad("seed: 7", "seed: '7'", "run.seed", "remove the quotes"),
     Bad("seed: 7", "seed: true", "run.seed", "whole number"),

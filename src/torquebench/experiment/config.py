@@ -79,8 +79,8 @@ def is_sized(document: Document) -> bool:
 def motion_torque(experiment: Experiment) -> Array:
     """Return the RMS torque that the motion takes, (n,) [N m].
 
-    It is that of the exact inverse dynamics of the arm, without load and friction, along the reference, each millisecond
-    whatever the control period is.
+    It is that of the exact inverse dynamics of the arm, without load and friction, along the reference: each
+    millisecond, whatever the control period is.
     """
     instants = control_instants(max(round(experiment.run.duration / MILLISECOND), 2), MILLISECOND)
     motion = experiment.reference.sample(instants, experiment.n)

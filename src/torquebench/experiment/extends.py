@@ -15,7 +15,7 @@ FROM = "from"
 """Key that names a preset whose keys are taken over."""
 PRESET = ("reference", "gains")
 """Keys whose value may be the name of a preset, or a mapping with `FROM` and other keys."""
-TAGS = ("engine", "kind", "law", "method")
+TAGS = ("engine", "kind", "law")
 """Keys that decide which other keys there are: where they differ, a mapping replaces the other one."""
 MAX_PARENTS = 8
 
@@ -30,7 +30,8 @@ class Text(NamedTuple):
 class Report(Protocol):
     """Records a mistake at a key; `parts` are those of a `Problem`."""
 
-    def __call__(self, path: KeyPath, text: str = "", *, place: Place, **parts: Any) -> None: ...
+    def __call__(self, path: KeyPath, text: str = "", *, place: Place, **parts: Any) -> None:
+        """Take the offending key, what is wrong, and where."""
 
 
 def merged(own: Map, parent: Map) -> Map:

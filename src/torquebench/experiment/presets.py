@@ -24,7 +24,7 @@ def presets(section: str) -> dict[str, Map]:
     Args:
         section: `MOTION` or `GAINS`.
     """
-    found = {}
+    found = dict[str, Map]()
     for arm in model_names():
         file = model_folder(arm) / PRESETS
         if file.is_file():

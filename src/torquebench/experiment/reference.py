@@ -16,8 +16,8 @@ from torquebench.laws import find_law
 from torquebench.laws.law import law_names
 
 PARENT = (
-    "Config whose keys are taken over: the name of a shipped one, or a .yaml file beside this one. Mappings merge, lists "
-    "and other values replace, null takes a key away; controllers may be named."
+    "Config whose keys are taken over: the name of a shipped one, or a .yaml file beside this one. Mappings merge, "
+    "lists and other values replace, null takes a key away; controllers may be named."
 )
 ANOTHER = {
     "type": "object",
@@ -38,8 +38,12 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
 
     top, sweep = group_of(Experiment), Key("What `torquebench sweep` varies; not for other commands")
     name = top.fields["name"]._replace(default=None)
-    described = top.fields["controllers"]._replace(type=controllers(laws))
-    fields = top.fields | {"name": name, "controllers": described, "sweep": declare("sweep", sweep, group_of(Sweep), None)}
+    compared = top.fields["controllers"]._replace(type=controllers(laws))
+    fields = top.fields | {
+        "name": name,
+        "controllers": compared,
+        "sweep": declare("sweep", sweep, group_of(Sweep), None),
+    }
     whole = Group("Experiment", top.doc, fields.values(), dict).type().model_json_schema()
     groups = whole.pop("$defs")
     groups |= {"Experiment": whole, "Another": ANOTHER}
