@@ -41,6 +41,16 @@ def test_models_and_configs_are_in_the_wheel(installed):
                 assert copy.read_bytes() == file.read_bytes(), file
 
 
+def test_the_pages_parts_are_in_the_wheel_with_their_licences(installed):
+    """Every file of the pages: templates, scripts, the bundled libraries and the texts of their licences."""
+    for folder in ("templates", "web"):
+        for file in (CHECKOUT / "src" / "torquebench" / "report" / folder).rglob("*"):
+            if file.is_file():
+                copy = installed / "torquebench" / file.relative_to(CHECKOUT / "src" / "torquebench")
+                assert copy.read_bytes() == file.read_bytes(), file
+    assert (installed / "torquebench" / "report" / "web" / "libraries" / "three.LICENSE").is_file()
+
+
 def test_an_installation_finds_its_own_data(installed):
     """Outside the checkout the wheel's own models are used, and a config that names one loads."""
     code = (

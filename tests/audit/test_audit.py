@@ -91,7 +91,7 @@ def test_claims_json(done):
 def test_the_command_of_a_row_runs_it_again(done, tmp_path, capsys):
     """The condition's config is there as a file, and gives the same table."""
     config = done.folder / "conditions" / "03-fast" / "sweep.yaml"
-    assert main(["sweep", str(config), "--out", str(tmp_path / "again"), "--no-figures", "-q"]) == 0
+    assert main(["sweep", str(config), "--out", str(tmp_path / "again"), "-q"]) == 0
     assert (tmp_path / "again" / "results.csv").read_bytes() == (config.parent / "results.csv").read_bytes()
 
 

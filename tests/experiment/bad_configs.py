@@ -441,6 +441,10 @@ FILMS = [
     Bad("  size: [320, 240]", "  size: [320]", "video.size", "width and height, as [640, 480]"),
     Bad("  speed: 0.5", "  speed: 0", "video.speed", "at least 0.001"),
     Bad("  camera: side", "  camera: sied", "video.camera", "no camera 'sied' (did you mean 'side'?)"),
+    Bad("  exaggerate: 20", "  exaggerate: 0", "video.exaggerate", "at least 1"),
+    Bad("  ears: [conventional,", "  ears: [convential,", "video.ears", "(did you mean 'conventional'?)"),
+    Bad("  ears: [conventional, conventional]", "  ears: conventional", "video.ears", "two names of controllers"),
+    Bad("  speed: 0.5\n", "  speed: 0.1\n", "video.speed", "wanted 0.25 to 4 with sound"),
     Bad("  camera: side", "  camera: 2", "video.camera", "wanted text"),
     Bad(
         "chain: ideal",

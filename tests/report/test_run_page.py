@@ -183,8 +183,9 @@ def test_a_long_run_is_thinned_and_says_so(result, monkeypatch):
 
 
 def test_the_same_run_gives_the_same_page(result):
-    """Byte for byte, and with a film another."""
+    """Byte for byte, and with a film another; figures of the folder are linked."""
     assert run_page(result) == run_page(result) != run_page(result, b"film")
+    assert b'href="figures/torque.svg"' in run_page(result, figures=["figures/torque.svg"])
 
 
 def test_every_script_is_named_in_the_policy(result):

@@ -27,7 +27,7 @@ from torquebench.metrics import METRICS
 from torquebench.references import Reference
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import own_copy
-from torquebench.sim.interpreted import call_law
+from torquebench.sim.interpreted import Call
 from torquebench.sweep.executors import Threads
 from torquebench.sweep.folder import TABLE
 from torquebench.sweep.plan import Plan, Source
@@ -198,9 +198,8 @@ def feedforward(experiment: Experiment, controller: str) -> float | None:
     for k in instants:
         ref = Reference(*(x[k].copy() for x in loop.reference))
         t = float(k * experiment.run.control_period)
-        tau, _, detail = call_law(
-            own.law, own.gains, belief, t, ref.q.copy(), ref.qd.copy(), ref, own.law.new_memory(experiment.n)
-        )
+        law = Call(own.law, own.gains, belief, own.law.new_memory(experiment.n))
+        tau, _, detail = law(t, ref.q.copy(), ref.qd.copy(), ref)
         if detail:
             return None
         given.append(np.clip(tau, -limit, limit))

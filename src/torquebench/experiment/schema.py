@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal, TypeAlias
@@ -11,11 +11,13 @@ from pydantic import Field
 
 from torquebench.chain import CHAINS, Chain
 from torquebench.disturbances import DISTURBANCES
+from torquebench.errors import Fault, nearest
 from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.controllers import controllers
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import AllOr, Many, Named, NameOr, OneOf
 from torquebench.experiment.values import Slug
+from torquebench.experiment.yaml_tree import shortened
 from torquebench.figures import FIGURES
 from torquebench.keys import Key, Vector
 from torquebench.metrics.chattering import corner_hz
@@ -24,6 +26,7 @@ from torquebench.references.reference import highest_frequency
 from torquebench.registry import SLUG
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.library import camera_names
 from torquebench.robot.puma560.mismatch import Mismatch
 from torquebench.sim.plants.kinds import PLANTS, ConstantsName, PlantKeys, StructureName
 from torquebench.sim.signals import control_instants
@@ -33,6 +36,8 @@ MAX_DISTURBANCES = 64
 LEAST_SIDE, LARGEST_SIDE = 160, 3840
 """Sides of a film's frame [px]; its format takes even ones only."""
 Side: TypeAlias = Annotated[int, Field(ge=LEAST_SIDE, le=LARGEST_SIDE, multiple_of=2)]
+SLOWEST_SOUND = 0.25
+"""Least speed of a film with sound [1]: two octaves lower most of what chatters is still heard."""
 MAX_SEED = 2**63 - 1
 
 
@@ -146,6 +151,42 @@ class Video:
         str | None,
         Key("Name of a camera of the arm: of its scene.xml, else overview or side; the first if left out"),
     ] = None
+    exaggerate: Annotated[
+        float,
+        Key("The arm is drawn at q_ref - exaggerate e, at most 1 rad from q_ref", "1", at_least=1, at_most=1e6),
+    ] = 1.0
+    sound: Annotated[
+        bool, Key("Whether the torque above run.chattering_from_hz of two controllers is heard, one in each ear")
+    ] = False
+    ears: Annotated[
+        tuple[Slug, Slug] | None,
+        Key(
+            "Controllers heard in the left and the right ear, whatever sound is; the first two if left out",
+            wanted="two names of controllers, left and right",
+        ),
+    ] = None
+
+    @property
+    def has_sound(self) -> bool:
+        """Whether something is heard."""
+        return self.sound or self.ears is not None
+
+    def mistakes(self, model: str, names: Sequence[str]) -> Iterator[Fault]:
+        """Yield what cannot be filmed of a run of the arm `model` with the controllers `names`."""
+        cameras = camera_names(model)
+        if self.camera is not None and self.camera not in cameras:
+            yield _none_such("camera", f"'{model}' has no camera {shortened(self.camera)}", self.camera, cameras)
+        for ear in self.ears or ():
+            if ear not in names:
+                yield _none_such("ears", f"no controller is called '{ear}'", ear, names)
+        if self.has_sound and not SLOWEST_SOUND <= self.speed <= 1.0 / SLOWEST_SOUND:
+            wanted = f"{SLOWEST_SOUND:g} to {1.0 / SLOWEST_SOUND:g} with sound, which is slowed with the picture"
+            yield Fault(("speed",), got=f"{self.speed:g}", wanted=wanted)
+
+
+def _none_such(key: str, text: str, name: str, valid: Sequence[str]) -> Fault:
+    near = nearest(name, valid) or ""
+    return Fault((key,), text, nearest=near, wanted="" if near else f"one of {', '.join(valid)}")
 
 
 @dataclass(frozen=True, kw_only=True)
