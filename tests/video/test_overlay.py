@@ -170,7 +170,6 @@ def test_each_line_of_a_note_is_seen():
     title = part(frame(over, where, 0), where.panels[0].title)
     ink = (title.min(axis=2) < 240).any(axis=1)
     assert np.count_nonzero(np.diff(ink.astype(int)) == 1) == 4
-    assert painted(title[: len(title) // 8], (128, 128, 128), 12).any(axis=1).sum() >= 1
     assert not ink[-1]
 
 

@@ -110,7 +110,7 @@ def view_of(result: ExperimentResult) -> RunView:
     return RunView(
         result.runs,
         title=experiment.name,
-        subtitle=result.conditions,
+        subtitle=result.conditions.partition("\n")[0],  # the rest is on the page, once
         joint_names=result.joints.names,
         tau_max=as_vector(result.joints.tau_max, n),
         metrics_from=experiment.run.metrics_from,
