@@ -69,7 +69,6 @@ UNKNOWN_KEYS = [
 ]
 
 MISSING_KEYS = [
-    Bad("  engine: mujoco\n", "", "plant.engine", "missing", "plant:"),
     Bad("  model: puma560\n", "", "plant.model", "missing", "plant:"),
     Bad("relative: 0.3", "{}", "model.mismatch", "missing: one of relative, tolerance, constants", "mismatch:"),
     Bad("    law: smc\n", "", "controllers[0].law", "missing", FIRST),
@@ -93,7 +92,6 @@ MISSING_KEYS = [
     Bad("  frequency_hz: 0.75\n", "", "reference.frequency_hz", "missing", "reference:"),
     Bad("  at: 0.2\n", "", "reference.at", "missing", "reference:", STEP),
     Bad("  rise_time: 2\n", "", "reference.rise_time", "missing", "reference:", QUINTIC),
-    Bad("    channel: torque\n", "", "disturbances[0].channel", "missing", NOISE),
     Bad("    sigma: 0.5\n", "", "disturbances[0].sigma", "missing", NOISE),
     Bad("  duration: 4\n", "", "run.duration", "missing", "run:"),
     Bad(

@@ -34,7 +34,10 @@ if TYPE_CHECKING:
 @workers(help="how many processes draw (default: one per core)")
 @plugins
 def figures(folder: Path, only: Sequence[str], pdf: bool, use: str, workers: int | None, plugin: Sequence[Path]) -> int:
-    """Draw the figures of what is stored in a folder, into its folder `figures`; nothing is simulated."""
+    """Draw the figures of a stored run or sweep.
+
+    They go into its folder `figures`. Nothing is simulated.
+    """
     from torquebench.laws.plugin import load_plugin
     from torquebench.report.figures.files import Wish, names_of
     from torquebench.sweep.folder import PLAN

@@ -65,7 +65,7 @@ class BandLimitedNoise:
     def check(self, timing: Timing) -> Iterator[Fault]:
         """Yield what does not fit: two sizes, none, or a value that does not last whole control periods."""
         if self.sigma is None and self.relative is None:
-            yield Fault((), "missing: sigma [N m], or relative (a share of the motion's torque)")
+            yield Fault(("sigma",), "missing", wanted="a value [N m], or relative, a share of the motion's", at="key")
         elif self.sigma is not None and self.relative is not None:
             yield Fault(("relative",), "sigma is given already", wanted="one of the two", at="key")
         if timing.whole:

@@ -261,7 +261,7 @@ class OneOf(Node):
 
     def read(self, raw: Any, here: Here) -> Any:
         """Return the object of the kind that is named."""
-        name = raw.get(self.tag, self._usual) if isinstance(raw, dict) else None
+        name = raw.get(self.tag, self._if_left_out(raw)) if isinstance(raw, dict) else None
         if isinstance(raw, dict) and name in self.names():
             return self.group(name).read(raw, here._replace(chosen=(*here.chosen, (self, name, len(here.path)))))
         if isinstance(raw, dict):
@@ -269,6 +269,10 @@ class OneOf(Node):
         else:
             here.add(got=shown(raw), wanted=self.wanted)
         return BROKEN
+
+    def _if_left_out(self, raw: dict[str, Any]) -> str:
+        """Return the kind of a mapping without the tag; none where a key looks like the tag, mistyped."""
+        return "" if nearest(self.tag, raw.keys(), TYPO) else self._usual
 
     def _unknown(self) -> Group:
         """Return the group of a kind that could not be told: what all have is checked, what some have is accepted."""

@@ -50,7 +50,10 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     for group in groups.values():
         for node in group["properties"].values():
             _accept_units(node, _unit_in(node))
-    whole["properties"]["controllers"]["items"]["oneOf"] += [{"$ref": "#/$defs/Another"}, {"type": "string"}]
+    listed = whole["properties"]["controllers"]
+    if "oneOf" not in listed["items"]:
+        listed["items"] = {"oneOf": [listed["items"]]}
+    listed["items"]["oneOf"] += [{"$ref": "#/$defs/Another"}, {"type": "string"}]
     noise = whole["properties"]["disturbances"]
     noise["type"], noise["pattern"] = ["array", "string"], "%$"
     described = {key: {"description": node["description"]} for key, node in whole["properties"].items()}
