@@ -17,7 +17,7 @@ def test_the_examples_run_in_order(tmp_path, monkeypatch):
     with mpl.rc_context({"backend": "agg"}):
         for block in re.findall(r"^```python\n(.*?)^```$", PAGE, flags=re.DOTALL | re.MULTILINE):
             exec(compile(block, "docs/python.md", "exec"), names)
-    assert Path("torque.pdf").is_file()
+    assert Path("drawn/torque.pdf").is_file()
     assert Path("runs/mine/manifest.json").is_file()
     assert names["run"].q.shape == (500, 6)
     assert not names["comparison"]["agrees"].all()

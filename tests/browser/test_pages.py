@@ -15,6 +15,8 @@ from torquebench.view.server import serve
 
 CLIPPED = """[...document.querySelectorAll('body *')].filter((x) => !x.closest('.scroll, pre, svg, details')
     && x.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5).map((x) => x.outerHTML)"""
+FOVY = 32.0
+"""Of the cameras in scene.xml, from top to bottom [deg]."""
 SOFTWARE = "GPU stall due to ReadPixels"
 """What a machine without a graphics card says of itself; nothing that a page could do about."""
 
@@ -271,13 +273,15 @@ def test_the_arm_is_where_the_camera_must_have_it(browse, served, replayed, keep
     arm = Puma560("exact", "fitted")
     q = load_trajectory(replayed / "conventional" / "trajectory.npz").q[300]
     camera = camera_of_scene("overview")
+    up = np.tan(np.radians(FOVY / 2.0))
+    seen = (-up * width / height, up * width / height, -up, up)
     mark = tool_mark(view)
     assert mark is not None
-    assert np.linalg.norm(mark - pixel(arm.forward_kinematics(q)[:3, 3], camera, width, height)) < 3.0
+    assert np.linalg.norm(mark - pixel(arm.forward_kinematics(q)[:3, 3], camera, seen, width, height)) < 3.0
     c1, s1, c2, s2 = np.cos(q[0]), np.sin(q[0]), np.cos(q[1]), np.sin(q[1])
     along, across = 0.2 * c2, 0.14909 + 0.097  # links.yaml: the upper arm stands beside the waist's axis
     middle = [c1 * along - s1 * across, s1 * along + c1 * across, -0.2 * s2]
-    column, row = np.round(pixel(middle, camera, width, height)).astype(int)
+    column, row = np.round(pixel(middle, camera, seen, width, height)).astype(int)
     assert np.abs(view[row, column] - view[5, -5]).sum() > 30
     page.close()
 

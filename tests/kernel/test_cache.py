@@ -21,7 +21,14 @@ from torquebench.robot.library import data_root
 
 KERNELS = "from torquebench.kernel import clip, sat; print(sat(2.0), clip(-7.0, 3.0))"
 
-GRAVITY = "import torquebench; print(torquebench.Puma560('corrected').gravity([0, 0.5, 0.5, 0, 0, 0])[2])"
+GRAVITY = """
+import numpy as np
+from torquebench import Puma560
+from torquebench.robot.dynamics import fill_gravity
+tau = np.zeros(6)
+fill_gravity(Puma560("corrected").flat.constants, np.array([0, 0.5, 0.5, 0, 0, 0]), tau)
+print(tau[2])
+"""
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-import yaml
 
 from tests.arms import pendulum, still, two_link, two_link_terms
 from tests.fuzzy.independent import exact_output
 from tests.laws.family_equations import EQUATIONS, NINE, TWENTY_FIVE, Joints, Rules, State, rules_of, sat
+from torquebench.experiment import load_experiment
 from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, Sine
@@ -295,8 +295,7 @@ PUMA: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 def test_the_gains_are_those_of_the_config() -> None:
     """What is held to its equation in the loop below is what the config runs."""
-    text = (data_root() / "configs/paper/families.yaml").read_text(encoding="utf-8")
-    listed = {c["law"]: c["gains"] for c in yaml.safe_load(text)["controllers"]}
+    listed = {keys.law: keys.gains for keys in load_experiment(data_root() / "configs/paper/families.yaml").controllers}
     assert list(listed) == list(EQUATIONS)
     assert {law: listed[law] for law in EQUATIONS if law != LAYER} == {
         law: gains for law, (gains, _) in PUMA.items() if law != LAYER

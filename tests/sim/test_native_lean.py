@@ -23,7 +23,7 @@ SUBSTEPS = (1, 1, 2, 1, 5)
 
 def stepper(native: NativePlant) -> Callable[[Array, int, int], int]:
     """Return the native step (torque (3, n), substeps, varying), called by its address as the compiled loop does."""
-    call = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 4)(native.step)
+    call = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 4)(native.step.address)
     return lambda torque, substeps, varying: call(native.structure.address, torque.ctypes.data, substeps, varying)
 
 

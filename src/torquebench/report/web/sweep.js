@@ -67,7 +67,8 @@ function drawFront(all) {
     if (known(ERROR)) lines.push(`<line class="end" x1="${cx}" x2="${cx}" y1="${y.at(value(one, ERROR, "low"))}" y2="${y.at(value(one, ERROR, "high"))}"/>`);
     lines.push(`<circle cx="${cx}" cy="${cy}" r="5.5" data-i="${i}" class="${live(one) ? "" : "off"}${one.row === chosen ? " chosen" : ""}" fill="${colour(one)}"/>`, one.front ? `<circle cx="${cx}" cy="${cy}" r="9" class="ring"/>` : "");
   }
-  at("front").innerHTML = `<svg viewBox="0 0 ${width} ${height}" width="${width}" height="${height}" role="img" aria-label="error against chattering">${lines.join("")}</svg>`;
+  const svg = `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${width} ${height}" width="${width}" height="${height}" role="img" aria-label="error against chattering">${lines.join("")}</svg>`;
+  at("front").replaceChildren(new DOMParser().parseFromString(svg, "image/svg+xml").documentElement);
   for (const [name, heard] of [["pointerover", tell], ["click", choose]]) at("front").firstChild.addEventListener(name, ({ target }) => shown[target.dataset?.i] && heard(shown[target.dataset.i]));
 }
 const tell = (one) => { at("told").textContent = `${named(one)}: ${PAIR.map((m) => `${metrics[m].title} ${mean(one, m)}`).join(", ")}${one.failed ? `; ${one.failed} of ${one.runs} runs failed` : ""}`; };
