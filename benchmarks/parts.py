@@ -12,7 +12,7 @@ from benchmarks.timing import Case
 from torquebench import Array, Fis, MujocoPlant, infer
 from torquebench.errors import ResultError
 from torquebench.kernel.struct import Structure
-from torquebench.sim.plants.mujoco_native import Stepped, compiled_step
+from torquebench.sim.plants.mujoco_native import STEP, Stepped
 
 STEPS = 10_000
 CALLS = 20_000
@@ -43,7 +43,7 @@ def parts() -> list[Case]:
         if not (isinstance(lean, Stepped) and lean.lean):
             raise ResultError("the lean step is not in use here, so there is nothing to compare")
         whole = dataclasses.replace(lean, lean=False)
-        step, torque = compiled_step().ctypes, np.zeros((3, 6))
+        step, torque = STEP.call, np.zeros((3, 6))
         for name, arm, against in (
             (f"mj-step-{integrator}", whole, ""),
             (f"lean-step-{integrator}", lean, f"mj-step-{integrator}"),

@@ -21,7 +21,26 @@ Units are SI and stand in brackets, `[1]` for a pure number. A **vector** is one
 with one number for each: `0.5` or `[0.5, 0.4, 0.3, 0.2, 0.1, 0.1]`. A **slug** is 1 to 64 of `a-z`, `0-9` and `-`
 with a letter or digit at both ends. Keys not listed here are refused. Any key can be given on the command line
 as well, and replaces that of the file: `--set run.duration=2`, `--set controllers.NAME.gains.k=0.5`,
-`--set disturbances[0].sigma=1`.
+`--set disturbances[0].sigma=1`. A number may have a unit of the right dimension: `1 ms`, `10 deg`, `30 %`.
+"""
+
+EXTENDING = """\
+`extends` takes over the keys of another config: of a shipped one by its name, or of a `.yaml` file by its path from
+the folder of this one. `name` and `description` are a file's own. Mappings merge, key by key, unless `kind`, `law` or
+`engine` is another one; lists and other values replace; `null` takes a key away. In `controllers` a name
+stands for the parent's controller of that name, and `{extends: NAME, ...}` for one like it, or like one earlier in the
+list, but for the keys that are given. A mistake is told where it was written. What a run stores, `experiment.yaml`, is
+whole.
+
+An arm's folder may name motions and gains, in `presets.yaml`: `reference: puma560/sine`, `gains: puma560/l`. With more
+keys, which count before the preset's: `gains: {from: puma560/l, k: 0.6}`. Of a set of gains a law takes those that it
+has, with the options that are chosen.
+
+```yaml
+extends: paper/sine
+controllers: [conventional, {extends: linear-band, name: narrow, gains: {phi: 0.1}}]
+run: {duration: 2 s}
+```
 """
 
 Node = Mapping[str, Any]
@@ -33,8 +52,12 @@ def reference(schema: Node) -> str:
     Args:
         schema: What `experiment_json_schema` returns.
     """
-    definitions, sections = schema["$defs"], {k: v for k, v in schema["properties"].items() if _groups(v)}
-    parts = [HEADER, "## Top level\n", _table(schema, definitions)]
+    definitions = schema["$defs"]
+    top = definitions["Experiment"]
+    sections = {key: node for key, node in top["properties"].items() if _groups(node)}
+    extends = {key: node for key, node in schema["properties"].items() if key not in top["properties"]}
+    keys = {**top, "properties": {**extends, **top["properties"]}}
+    parts = [HEADER, "## Top level\n", _table(keys, definitions), EXTENDING]
     for name, node in sections.items():
         each = " A list; each item has these keys:" if "items" in node else ""
         each = " A mapping of names; each has these keys:" if "patternProperties" in node else each
@@ -107,7 +130,8 @@ def _table(group: Node, definitions: Node) -> str:
 def _groups(node: Node) -> list[str]:
     """Return the names of the groups of keys that may stand at a key, or in the list there."""
     choices = [choice for n in (node, *_inner(node)) for choice in (n, *n.get("oneOf", ()), *n.get("anyOf", ()))]
-    return [choice["$ref"].rpartition("/")[2] for choice in choices if "$ref" in choice]
+    names = [choice["$ref"].rpartition("/")[2] for choice in choices if "$ref" in choice]
+    return [name for name in names if name != "Another"]
 
 
 def _inner(node: Node) -> list[Node]:
@@ -143,10 +167,11 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
         return f"vector{_limits(node['oneOf'][0])}{''.join(words)}"
     if "enum" in node or "const" in node:
         return _code(node.get("enum", [node.get("const")]))
-    if "pattern" in node:
+    if "pattern" in node and node["type"] == "string":
         return "slug"
     names = {"number": "number", "integer": "whole number", "string": "text", "boolean": "`true` or `false`"}
-    return names[node["type"]] + _limits(node)
+    kind = node["type"][0] if isinstance(node["type"], list) else node["type"]
+    return names[kind] + _limits(node)
 
 
 def _limits(node: Node) -> str:

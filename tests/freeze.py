@@ -72,9 +72,7 @@ def digests_of(name: str) -> dict[str, str]:
         out = Path(folder) / "out"
         if name in SWEEPS:
             settings = [word for change in SWEEPS[name] for word in ("--set", change)]
-            command(
-                "sweep", config, *settings, "--workers", "1", "--executor", "threads", "--no-figures", "--out", str(out)
-            )
+            command("sweep", config, *settings, "--workers", "1", "--executor", "threads", "--out", str(out))
             return {"results.npz": digest_of_arrays(out / "results.npz")}
         command("run", config, "--no-figures", "--out", str(out))
         found = {str(path.relative_to(out)): digest_of_arrays(path) for path in sorted(out.glob("*/trajectory.npz"))}

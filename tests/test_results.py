@@ -54,7 +54,7 @@ def failed(tmp_path_factory):
     with restored():
         broken = {"name": "broken", "law": "fails-at", "gains": {"at": 0.2}}
         result = tb.run_experiment(QUICK | {"controllers": [*QUICK["controllers"], broken]}, plugins=[file])
-        result.save(file.parent / "saved", figures=False)
+        result.save(file.parent / "saved")
         yield result
 
 
@@ -64,7 +64,7 @@ def test_a_result_saved_from_python_is_what_the_command_leaves(result, tmp_path,
     Path("quick.yaml").write_text(json.dumps(QUICK))
     assert main(["run", "quick.yaml", "--out", "command", "--quiet"]) == 0
     assert result.save("saved") == Path("saved")
-    stored = tb.run_experiment(QUICK, folder="stored", figures=False)
+    stored = tb.run_experiment(QUICK, folder="stored")
     files = check_run(Path("command"))["files"]
     assert check_run(Path("saved"))["files"] == files
     assert Path("saved/manifest.json").read_bytes() == Path("command/manifest.json").read_bytes()
@@ -130,10 +130,16 @@ def test_a_trajectory_is_a_frame_with_names_and_units(result):
 
 
 def test_figures_and_pages(result, tmp_path):
-    """A figure by its name; the nearest name where there is none; the page of a run in memory."""
+    """A figure by its name, files of some; the nearest name where there is none; a page."""
     assert len(result.figure("torque").axes) >= 2
     with pytest.raises(ResultError, match="did you mean 'torque'"):
         result.figure("torqe")
+    paths = result.figures(tmp_path / "drawn", only=["error"], pdf=True)
+    assert [path.name for path in paths] == ["error.svg", "error.png", "error.pdf"]
+    assert all(path.stat().st_size > 1000 for path in paths)
+    with pytest.raises(ConfigError, match=r"only: got 'errors' .did you mean 'error'"):
+        result.figures(tmp_path / "other", only=["errors"])
+    assert not (tmp_path / "other").exists()
     page = tb.run_experiment(QUICK).report(tmp_path / "page.html")
     assert (tmp_path / "page.html").read_bytes() == page
     assert b"band" in page

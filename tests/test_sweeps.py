@@ -11,6 +11,7 @@ import torquebench as tb
 from tests.test_results import QUICK
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
+from torquebench.statistics import mean_interval
 
 NOISE = [{"kind": "band-limited-noise", "channel": "torque", "sigma": 0.1}]
 GRID = {"controllers.band.gains.phi": np.geomspace(0.1, 0.4, 3)}
@@ -54,15 +55,21 @@ def test_the_summary_and_the_best(sweep):
     means = table.groupby(["case", "controller"], sort=False)["rmse"].mean()
     assert np.allclose(summary["rmse"], means.loc[summary.index], rtol=1e-12)
     assert (summary["completed"] == 2).all()
-    assert sweep.best("rmse").name == means.idxmin()
-    calm = sweep.best("rmse", where="hf < 5 and `controllers.band.gains.phi` > 0.15")
-    assert calm["hf"] < 5
-    assert calm["rmse"] == summary[summary["controllers.band.gains.phi"].gt(0.15) & summary["hf"].lt(5)]["rmse"].min()
-    with pytest.raises(ResultError, match="did you mean 'rmse'"):
+    best = sweep.best("rmse", over=())
+    assert best.index[0] == means.idxmin()
+    assert best["rmse"].is_monotonic_increasing
+    calm = sweep.best("rmse", where={"hf": "< 5", "phi": "> 0.15"})
+    fits = summary["controllers.band.gains.phi"].gt(0.15) & summary["hf"].lt(5)
+    assert calm["rmse"].tolist() == sorted(summary["rmse"][fits])
+    values = table.set_index(["case", "controller"])["rmse"].loc[calm.index[0]]
+    mean, half = mean_interval(values.tolist())
+    assert calm.iloc[0][["rmse", "low", "high"]].tolist() == pytest.approx([mean, mean - half, mean + half], rel=1e-12)
+    with pytest.raises(ConfigError, match="did you mean 'rmse'"):
         sweep.best("rsme")
-    for condition in ("hf <", "hff < 1", "hf < -1", "@__import__('os').getcwd()"):
-        with pytest.raises(ResultError):
-            sweep.best("rmse", where=condition)
+    with pytest.raises(ConfigError, match="hff"):
+        sweep.best("rmse", where={"hff": "< 1"})
+    with pytest.raises(ResultError, match="no law completes every run and meets"):
+        sweep.best("rmse", where={"hf": "< -1"})
 
 
 def test_a_sweep_from_python_is_what_the_command_leaves(tmp_path, monkeypatch):
@@ -71,7 +78,7 @@ def test_a_sweep_from_python_is_what_the_command_leaves(tmp_path, monkeypatch):
     monkeypatch.setattr("os.cpu_count", lambda: 1)
     settings = ["--set", "sweep.draws=2", "--set", "run.duration=0.6", "--set", "run.metrics_from=0.1"]
     settings += ["--set", "sweep.grid={plant.payload.mass: [0, 1]}"]
-    how = ["--no-figures", "--executor", "threads", "--workers", "1", "--quiet"]
+    how = ["--executor", "threads", "--workers", "1", "--quiet"]
     assert main(["sweep", "sweep", *settings, *how, "--out", "command"]) == 0
     done = tb.run_sweep(
         "sweep",
@@ -79,7 +86,6 @@ def test_a_sweep_from_python_is_what_the_command_leaves(tmp_path, monkeypatch):
         grid={"plant.payload.mass": [0, 1]},
         changes={"run.duration": 0.6, "run.metrics_from": 0.1},
         folder="python",
-        figures=False,
         **HOW,
     )
     for name in ("results.npz", "results.csv", "summary.json", "sensitivity.json"):
@@ -91,7 +97,7 @@ def test_a_sweep_from_python_is_what_the_command_leaves(tmp_path, monkeypatch):
     assert len(again.figure("spread").axes) >= 1
     with pytest.raises(ResultError, match="did you mean 'spread'"):
         again.figure("spred")
-    assert b"Every law" in again.report(figures=False)
+    assert b"Every law" in again.report()
 
 
 def test_mistakes_are_bad_input(tmp_path):

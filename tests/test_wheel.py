@@ -41,6 +41,16 @@ def test_models_and_configs_are_in_the_wheel(installed):
                 assert copy.read_bytes() == file.read_bytes(), file
 
 
+def test_the_pages_parts_are_in_the_wheel_with_their_licences(installed):
+    """Every file of the pages: templates, scripts, the bundled libraries and the texts of their licences."""
+    for folder in ("templates", "web"):
+        for file in (CHECKOUT / "src" / "torquebench" / "report" / folder).rglob("*"):
+            if file.is_file():
+                copy = installed / "torquebench" / file.relative_to(CHECKOUT / "src" / "torquebench")
+                assert copy.read_bytes() == file.read_bytes(), file
+    assert (installed / "torquebench" / "report" / "web" / "libraries" / "three.LICENSE").is_file()
+
+
 def test_an_installation_finds_its_own_data(installed):
     """Outside the checkout the wheel's own models are used, and a config that names one loads."""
     code = (
@@ -56,6 +66,26 @@ def test_an_installation_finds_its_own_data(installed):
     assert where.startswith(str(installed))
     assert "puma560" in where
     assert count == "6"
+
+
+@pytest.mark.slow  # where its kernels are not compiled yet, that takes a minute
+def test_an_installation_runs_a_shipped_config_elsewhere(installed):
+    """From a folder that holds nothing, the wheel's own config is run by name, page included."""
+    words = ["run", "two-link", "--no-figures", "--set", "run.duration=2", "--out", "r"]
+    done = python(installed, f"import sys; from torquebench.cli.app import main; sys.exit(main({words!r}))")
+    assert done.returncode == 0, done.stderr
+    assert {"manifest.json", "metrics.json"} <= {file.name for file in (installed.parent / "r").iterdir()}
+
+
+def test_the_wheel_is_for_every_system_and_names_its_licences(installed):
+    """It is tagged py3-none-any, and each vendored library lies beside the licence it is given under."""
+    facts = next(installed.glob("*.dist-info"))
+    assert "Tag: py3-none-any" in (facts / "WHEEL").read_text()
+    assert (facts / "licenses" / "LICENSE").read_bytes() == (CHECKOUT / "LICENSE").read_bytes()
+    libraries = list((installed / "torquebench" / "report" / "web" / "libraries").glob("*.js"))
+    assert libraries
+    for library in libraries:
+        assert library.with_suffix(".LICENSE").is_file(), library
 
 
 def test_the_checkout_wins(installed):

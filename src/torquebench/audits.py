@@ -14,6 +14,7 @@ from torquebench.audit.pages import write_files
 from torquebench.audit.run import CONDITIONS, Part, Runs, parts_of, run_parts
 from torquebench.audit.study import Study, take_audit
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
+from torquebench.experiment.dump import flat_text
 from torquebench.experiment.run import Progress
 from torquebench.experiment.source import apply_overrides, read_bytes, read_document
 from torquebench.experiment.store import MANIFEST, RunDirectory, claim_folder, json_bytes
@@ -65,6 +66,7 @@ def run_audit(
     text = read_bytes(path)
     edits = edits_of(changes) if isinstance(changes, Mapping) else list(changes)
     document = read_document(text, str(path))
+    text = flat_text(document, text)
     apply_overrides(document, edits)
     asked = take_audit(document)
     parts = parts_of(asked, draws)

@@ -40,9 +40,9 @@ from torquebench.kernel import Array
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference, Sine
 from torquebench.robot.flat_model import own_copy
-from torquebench.sim.interpreted import call_law
+from torquebench.sim.interpreted import Call
 from torquebench.sim.job import set_up
-from torquebench.sim.native import RUN_SIGNATURE, NativeRun, compile_native, job_at, law_of, obstacle
+from torquebench.sim.native import RUN_SIGNATURE, NativeFunction, NativeRun, job_at, law_of, obstacle
 from torquebench.sim.plants import Plant
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant
@@ -228,7 +228,7 @@ def _remembers(law: Law, tried: Case, here: Motion, there: Motion) -> bool:
     drivers = Driver(law, tried), Driver(law, other)
     for k in range(len(here.t)):
         for driver, motion in zip(drivers, (here, there), strict=True):
-            driver.memory = type(driver.memory)(*(x.copy() for x in driver.memory))
+            driver.move_memory()
             driver.call(motion, k)
     return any(a.bytes() != b.answer.bytes() for a, b in zip(alone, drivers, strict=True))
 
@@ -397,28 +397,28 @@ def check_cost(law: Law, report: Report) -> str:
     job.measured_q[:] = desired.q[0] - 0.01
     refs = [Reference(*(x[k] for x in desired)) for k in range(CALLS)]
 
+    call = Call(law, setup.gains, setup.belief, setup.memory)
+
     def interpreted() -> None:
         for time, ref in zip(t.tolist(), refs, strict=True):
-            call_law(law, setup.gains, setup.belief, time, job.measured_q, job.measured_qd, ref, setup.memory)
+            call(time, job.measured_q, job.measured_qd, ref)
 
     def microseconds(calls: Callable[[], object]) -> float:
         return 1e6 * statistics.median(timeit.repeat(calls, number=1, repeat=ROUNDS)) / CALLS
 
     run = NativeRun(setup, compiled) if compiled else None  # holds what the job's addresses point to
-    native = microseconds(lambda: _calls()(job.address, 0, CALLS)) if run else None
+    native = microseconds(lambda: CALLS_OF_LAW.call(job.address, 0, CALLS)) if run else None
     report.cost = Cost(microseconds(interpreted), native)
     costs = [f"{cost:.3g} us, {100.0 * cost / PERIOD:.2g} % of 1 ms" for cost in report.cost if cost is not None]
     return "a call on six joints: " + ", ".join(map(" ".join, zip(("interpreted", "compiled"), costs, strict=False)))
 
 
-@cache
-def _calls() -> Any:
-    """Return a native function (job, first, last) -> 0 that calls a job's law and nothing else."""
+def _repeat(address: int, first: int, last: int) -> int:
+    job = job_at(address)
+    for k in range(first, last):
+        law_of(job, k)
+    return 0
 
-    def repeat(address: int, first: int, last: int) -> int:
-        job = job_at(address)
-        for k in range(first, last):
-            law_of(job, k)
-        return 0
 
-    return compile_native(RUN_SIGNATURE, repeat).ctypes
+CALLS_OF_LAW = NativeFunction(RUN_SIGNATURE, _repeat)
+"""(job, first, last) -> 0: calls a job's law and nothing else."""

@@ -18,7 +18,7 @@ from torquebench.references import Reference
 from torquebench.robot import Puma560, RobotModel, load_model
 from torquebench.robot.flat_model import own_copy
 from torquebench.sim.closed_loop import COMPLETED, RAISED
-from torquebench.sim.interpreted import call_law
+from torquebench.sim.interpreted import Call
 
 Options = Mapping[str, str | bool]
 ARMS = ("puma560", "two-link")
@@ -143,8 +143,14 @@ class Driver:
         self.belief = replace(own_copy(arm(case.arm).flat), control_period=CONTROL_PERIOD)
         self.gains = law.pack_gains(n, case.gains, case.options)
         self.memory = law.new_memory(n)
+        self._call = Call(law, self.gains, self.belief, self.memory)
         self.answer = Answer(np.full((LENGTH, n), np.nan), np.zeros((LENGTH, len(self.memory), n)))
         """What it did so far."""
+
+    def move_memory(self) -> None:
+        """Put the law's memory into other arrays."""
+        self.memory = type(self.memory)(*(x.copy() for x in self.memory))
+        self._call = Call(self.law, self.gains, self.belief, self.memory)
 
     def call(self, motion: Motion, k: int) -> None:
         """Call the law at instant k of a stretch and write down what it did."""
@@ -153,7 +159,7 @@ class Driver:
         ref = Reference(*desired)
         inputs = {"gains": self.gains, "model": self.belief, "q": q, "qd": qd, "ref": ref}
         before = {name: x.tobytes() for name, x in _arrays(inputs)}
-        tau, status, detail = call_law(self.law, self.gains, self.belief, float(motion.t[k]), q, qd, ref, self.memory)
+        tau, status, detail = self._call(float(motion.t[k]), q, qd, ref)
         answer.changed += [name for name, x in _arrays(inputs) if before[name] != x.tobytes()]
         if status == COMPLETED:
             answer.tau[k] = tau

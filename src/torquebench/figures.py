@@ -37,7 +37,7 @@ for _name, _title, _module in (
     ("certificates", "Stability certificates over time", "certificates"),
     ("rules", "Fuzzy rules that fired", "fuzzy_rules"),
 ):
-    FIGURES.register(_name, FigureInfo(_name, _title, 10.0 * (len(FIGURES) + 1), _module))
+    FIGURES.register(_name, FigureInfo(_name, _title, 10.0 * (len(FIGURES) + 1), _module), maker=FigureInfo)
 
 
 def figure(name: str, *, title: str, order: float = 100.0) -> Callable[[_F], _F]:

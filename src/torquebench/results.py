@@ -18,11 +18,11 @@ from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult, Joints, Progress
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import document_of, read_bytes, read_document, set_key
-from torquebench.experiment.store import RunDirectory, add_to_run, atomic_write, claim_folder
+from torquebench.experiment.store import RunDirectory, atomic_write, claim_folder
 from torquebench.figures import FIGURES
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
-from torquebench.report.run import draw_run, stored_page, view_of, write_run
+from torquebench.report.run import add_figures, draw_run, stored_page, view_of, write_run
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table
 from torquebench.shipped import find_config
@@ -346,7 +346,7 @@ class Result:
             raise ResultError("this run is not stored: give a folder for the figures, or save it first")
         files = draw_run(self.numbers, only, Wish(pdf, paper, workers), progress)
         if folder is None:
-            add_to_run(self.folder or Path(), files)
+            add_figures(self.folder or Path(), self._as_stored(), files)
         else:
             Path(folder).mkdir(parents=True, exist_ok=True)
             files = {Path(name).name: content for name, content in files.items()}

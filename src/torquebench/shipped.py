@@ -59,17 +59,23 @@ def find_config(text: str, others: Iterable[str] = ()) -> Path:
             return path
     except (OSError, ValueError):
         return path  # whoever opens it says what is wrong with the name
-    root, known = data_root() / "configs", configs()
-    if text in known:
-        return known[text]
-    inside = root / (text.removeprefix("configs/") if text.startswith("configs/") else f"{text}.yaml")
-    if inside in known.values():
-        return inside
+    if found := shipped_config(text):
+        return found
+    known = configs()
     begun = [name for name in known if text and name.startswith(text)]
     near = "" if begun else nearest_path(path, YAML) or nearest(text, [*others, *known]) or ""
     wanted = f"one of: {', '.join(begun)}" if begun else ""
     shown = text if text.isprintable() else ascii(text)
     raise ConfigError([Problem(shown, text="does not exist", wanted=wanted, nearest=near)])
+
+
+def shipped_config(text: str) -> Path | None:
+    """Return the shipped config of a name, one of the forms that `find_config` tells, or None."""
+    root, known = data_root() / "configs", configs()
+    if text in known:
+        return known[text]
+    inside = root / (text.removeprefix("configs/") if text.startswith("configs/") else f"{text}.yaml")
+    return inside if inside in known.values() else None
 
 
 def first_line(config: Path) -> str:
@@ -83,7 +89,7 @@ def config_keys() -> tuple[str, ...]:
     """Return the dotted keys of every section of a config that is not a list: ``run.duration``, ``plant.payload``."""
     schema = json.loads((data_root() / "configs" / "schema.json").read_text(encoding="utf-8"))
     found: list[str] = []
-    for section, rule in schema["properties"].items():
+    for section, rule in schema["$defs"]["Experiment"]["properties"].items():
         keys = dict.fromkeys(key for part in _alternatives(schema, rule) for key in part.get("properties", ()))
         found += [f"{section}.{key}" for key in keys] or [section]
     return tuple(found)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from torquebench.errors import ResultError
+
+Array: TypeAlias = NDArray[np.float64]
 
 
 class Ratio(NamedTuple):
@@ -51,6 +54,22 @@ def mean_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[fl
         return float(values[0]), 0.0
     half = special.stdtrit(n - 1, 0.5 + 0.5 * confidence) * np.std(values, ddof=1) / math.sqrt(n)
     return float(np.mean(values)), float(half)
+
+
+def mean_intervals(values: Array, confidence: float = 0.95) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return size, mean and half-width of Student's interval of each sample along the last axis.
+
+    Args:
+        values: The samples, (..., N); NaN is no value. A sample of none has the mean NaN; of one, the half-width NaN.
+        confidence: Probability content of the intervals [1].
+    """
+    known = np.isfinite(values)
+    count = np.sum(known, axis=-1)
+    size = np.where(count > 0, count, np.nan)
+    mean = np.sum(np.where(known, values, 0.0), axis=-1) / size
+    squares = np.sum(np.where(known, values - mean[..., None], 0.0) ** 2, axis=-1)
+    free = np.where(count > 1, size - 1.0, np.nan)
+    return count, mean, special.stdtrit(free, 0.5 + 0.5 * confidence) * np.sqrt(squares / free / size)
 
 
 def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidence: float = 0.95) -> Ratio:
@@ -113,7 +132,7 @@ def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> Sh
     return Share(successes, trials, low, high)
 
 
-def cvar(values: Sequence[float], share: float, higher_is_worse: bool = True) -> float:
+def cvar(values: ArrayLike, share: float, higher_is_worse: bool = True) -> Array:
     """Return the conditional value at risk: the mean of the worst `share` of a sample.
 
     Where share n is not whole, the value at the edge counts with the fraction that is left: of 30 values the worst
@@ -121,19 +140,27 @@ def cvar(values: Sequence[float], share: float, higher_is_worse: bool = True) ->
     Banking & Finance 26 (2002), 1443, for a sample of equally likely values.
 
     Args:
-        values: At least one.
+        values: Samples along the last axis, (..., N), N at least 1; NaN is no value, and a sample of none has no tail.
         share: Fraction of the sample [1], above 0, at most 1.
         higher_is_worse: Whether the worst are the largest.
+
+    Returns:
+        (...,).
 
     Raises:
         ResultError: there is no value, or the share is not one.
     """
-    if not len(values) or not 0.0 < share <= 1.0:
-        raise ResultError(f"the worst {share:g} of {len(values)} values has no mean")
-    worst = np.sort(np.asarray(values, dtype=np.float64))
-    worst = worst[::-1] if higher_is_worse else worst
-    weights = np.clip(share * len(worst) - np.arange(len(worst)), 0.0, 1.0)
-    return float(np.dot(weights, worst) / np.sum(weights))
+    sample = np.asarray(values, dtype=np.float64)
+    if not sample.size or not 0.0 < share <= 1.0:
+        raise ResultError(f"the worst {share:g} of {sample.size} values has no mean")
+    worst = -np.sort(-sample, axis=-1) if higher_is_worse else np.sort(sample, axis=-1)  # NaN last
+    count = np.sum(np.isfinite(sample), axis=-1, keepdims=True)
+    weights = np.clip(share * count - np.arange(sample.shape[-1]), 0.0, 1.0)
+    tail: Array = (
+        np.sum(weights * np.nan_to_num(worst), axis=-1)
+        / np.where(count > 0, weights.sum(axis=-1, keepdims=True), np.nan)[..., 0]
+    )
+    return tail
 
 
 def undominated(points: Sequence[tuple[float, float]]) -> list[int]:

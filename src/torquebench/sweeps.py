@@ -24,6 +24,7 @@ from torquebench.report.sweep import dependences, info_of, jobs_of, report_files
 from torquebench.results import Source as Config
 from torquebench.shipped import find_config
 from torquebench.sweep import run as runs
+from torquebench.sweep.best import best_choices
 from torquebench.sweep.executors import Processes, Threads
 from torquebench.sweep.folder import TABLE, StoredSweep, open_sweep, verify
 from torquebench.sweep.plan import Plan, Source
@@ -45,7 +46,6 @@ def run_sweep(
     workers: int | None = None,
     processes: bool = False,
     folder: str | Path | None = None,
-    figures: bool = True,
     plugins: Sequence[str | Path] = (),
     progress: Progress | None = None,
 ) -> Sweep:
@@ -62,7 +62,6 @@ def run_sweep(
             work under ``if __name__ == "__main__":``.
         folder: Where to store it, or where it was stored in part; None for a temporary folder, which is removed when
             Python ends.
-        figures: Whether to draw figures into a given folder, as ``torquebench sweep`` does.
         plugins: Python files that register laws of your own.
         progress: Called with what is being done, how many runs are done, and of how many.
 
@@ -83,7 +82,7 @@ def run_sweep(
         raise ConfigError([Problem("workers", "", f"got {workers}, wanted at least 1")])
 
     def more(stored: StoredSweep) -> Iterator[tuple[str, bytes]]:
-        return report_files(stored, figures, progress) if folder is not None else iter(())
+        return report_files(stored, progress) if folder is not None else iter(())
 
     stored = runs.run_sweep(
         plan,
@@ -221,29 +220,42 @@ class Sweep:
         table.attrs["units"] = {key: METRICS[key].unit for key in columns if key in METRICS}
         return table
 
-    def best(self, metric: str, where: str | None = None) -> pd.Series:
-        """Return the row of `summary` with the best mean of a metric, of those in which every run completed.
+    def best(
+        self, metric: str = "rmse", where: Mapping[str, Any] | None = None, over: Sequence[str] | None = None
+    ) -> pd.DataFrame:
+        """Return every law with every choice of gains that completed all runs, the best mean of a metric first.
+
+        Where the grid has conditions besides, such as a payload, a law counts as in the worst of them, each metric in
+        its own worst; ``case`` and keys are those in which `metric` is worst. Columns: the grid's keys, ``cases`` and
+        ``runs`` behind the row, the metric with the ``low`` and ``high`` end of its 95 % interval, the other metrics.
 
         Args:
             metric: Key of the metric, such as ``rmse``.
-            where: Condition on the columns of `summary`, such as ``hf < 1``, as of `pandas.DataFrame.query`; keys
-                with dots in backticks.
+            where: Metric or key, by its full or its short name -> what it has to be, a text or a value:
+                ``{"chattering": "<= 1", "phi": "> 0.1", "chain": "ideal"}``; metrics in SI units.
+            over: Keys in whose worst value a law counts; None for those that are no controller's, ``()`` for none.
 
         Raises:
-            ResultError: there is no such metric, or no row that meets the condition.
+            ConfigError: there is no such metric or key, or a condition is none.
+            ResultError: no law completes every run and meets the conditions.
         """
-        table = self.summary
-        if metric not in METRICS or metric not in table:
-            raise ResultError(f"no metric '{metric}' in this sweep{did_you_mean(metric, metric_keys(self._table))}")
-        try:
-            chosen = table if where is None else table.query(where, engine="python")
-        except Exception as error:  # whatever pandas makes of the text of a user
-            raise ResultError(f"where: got {where!r}, wanted a condition on columns of `summary` ({error})") from error
-        chosen = chosen[(chosen["completed"] == chosen["runs"]) & chosen[metric].notna()]
-        if chosen.empty:
-            raise ResultError(f"no controller in any case completes every run{f' and has {where}' if where else ''}")
-        place = chosen[metric].argmin() if METRICS[metric].better == "lower" else chosen[metric].argmax()
-        return chosen.iloc[int(place)]
+        import pandas as pd
+
+        summary = self.statistics
+        best = [one for one in best_choices(summary, metric, where, over) if one.completed == one.runs]
+        best = [one for one in best if metric in one.figures]
+        if not best:
+            raise ResultError(f"no law completes every run{f' and meets {dict(where)}' if where else ''}")
+        rows = []
+        for one in best:
+            own, figure = {"cases": one.cases, "runs": one.runs}, one.figures[metric]
+            ends = {metric: figure.mean, "low": figure.low, "high": figure.high}
+            rows.append({**one.worst.values, **own, **ends, **{key: x.mean for key, x in one.figures.items()}})
+        keys = [(one.worst.case, one.controller) for one in best]
+        columns = dict.fromkeys([*summary.grid, "cases", "runs", metric, "low", "high", *summary.metrics])
+        return pd.DataFrame(
+            rows, columns=list(columns), index=pd.MultiIndex.from_tuples(keys, names=["case", "controller"])
+        )
 
     def experiment(self, row: int) -> Experiment:
         """Return the experiment of one row of the table, with its controller alone, to run it again.
@@ -273,17 +285,16 @@ class Sweep:
             raise ResultError(f"no figure '{name}' of this sweep{did_you_mean(name, jobs)}")
         return jobs[name]()
 
-    def report(self, path: str | Path | None = None, figures: bool = True) -> bytes:
+    def report(self, path: str | Path | None = None) -> bytes:
         """Return the page of the sweep, HTML that stands alone.
 
         Args:
             path: File to write the page to as well; None for none.
-            figures: Whether to draw.
 
         Raises:
             ResultError: the sweep is too large for one.
         """
-        page = dict(report_files(self.stored, figures)).get(PAGE)
+        page = dict(report_files(self.stored)).get(PAGE)
         if page is None:
             raise ResultError(f"{self.folder}: has too many runs for a page; the table has them")
         if path is not None:

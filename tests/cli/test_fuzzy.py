@@ -33,7 +33,6 @@ fuzzy:
 reference: {kind: sine, amplitude: 0.5, frequency_hz: 1.0}
 run: {duration: 0.6, metrics_from: 0.1}
 """
-PAGES = ("membership", "surface", "scaling")
 
 
 @pytest.fixture
@@ -46,14 +45,12 @@ def small(tmp_path, monkeypatch):
 
 
 def test_run_draws_and_describes_the_systems_in_use(small, command):
-    """Pages of each system and of each controller's rules; method, bound and warnings in the terminal and manifest."""
-    status, out, err = command("run", small, "--out", "result")
+    """Each controller's rules where they are asked for; method, bound and warnings in terminal and manifest."""
+    status, out, err = command("run", small, "--out", "result", "--set", "figures=[rules]")
     assert (status, err) == (0, "")
     manifest = check_run(small.parent / "result")
-    drawn = {name for name in manifest["files"] if name.startswith("figures/fuzzy-")}
-    wanted = {f"fuzzy-{system}-{page}" for system in ("pd-49", "lopsided") for page in PAGES}
-    wanted |= {"fuzzy-proposed-rules", "fuzzy-odd-rules"}
-    assert drawn == {f"figures/{name}.{fmt}" for name in wanted for fmt in ("svg", "png")}
+    drawn = {name for name in manifest["files"] if name.startswith("figures/")}
+    assert drawn == {f"figures/rules-{name}.{fmt}" for name in ("proposed", "odd") for fmt in ("svg", "png")}
     assert manifest["fuzzy"]["pd-49"] == {"method": "exact (closed form, stairs)", "error_bound": 0.0}
     assert manifest["fuzzy"]["lopsided"]["method"].startswith("table of ")
     assert 0.0 < manifest["fuzzy"]["lopsided"]["error_bound"]
@@ -81,7 +78,8 @@ def test_a_built_in_system(tmp_path, monkeypatch, command):
     assert "fuzzy system pd-9: 9 rules on 3 x 3 terms" in out
     assert "evaluated: exact (closed form, stairs)\nlint:\n  nothing to remark" in out
     (folder,) = (tmp_path / "runs").glob("fuzzy-pd-9-*")
-    assert {p.name for p in folder.iterdir()} == {f"pd-9-{page}.{fmt}" for page in PAGES for fmt in ("svg", "png")}
+    pages = ("membership", "surface", "scaling")
+    assert {p.name for p in folder.iterdir()} == {f"pd-9-{page}.{fmt}" for page in pages for fmt in ("svg", "png")}
 
 
 def test_the_systems_of_a_file(small, command):
@@ -162,12 +160,12 @@ def test_a_law_of_ones_own_with_a_fuzzy_system(small, command):
         )
     )
     with restored():
-        status, out, _ = command("run", small, "--plugin", "mine.py", "--out", "result")
+        status, out, _ = command("run", small, "--plugin", "mine.py", "--out", "result", "--set", "figures=all")
     assert status == 0
     assert "fuzzy system pd-9: exact" in out
     files = check_run(small.parent / "result")["files"]
-    assert "figures/fuzzy-pd-9-surface.svg" in files
-    assert "figures/fuzzy-mine-rules.svg" not in files
+    assert "figures/torque.svg" in files
+    assert "figures/rules-mine.svg" not in files
     metrics = json.loads((small.parent / "result" / "metrics.json").read_text())["controllers"]
     assert metrics["mine"]["rmse"]["value"] < 0.05
     with restored():

@@ -27,7 +27,7 @@ def results(tmp_path_factory):
         Path("half/manifest.json").unlink()
         Path("half/unfinished").touch()
         Path("empty").mkdir()
-        how = ("--set", "sweep.draws=1", "--executor", "threads", "--workers", "1", "--no-figures", "--quiet")
+        how = ("--set", "sweep.draws=1", "--executor", "threads", "--workers", "1", "--quiet")
         assert main(["sweep", "small.yaml", "--out", "swept", *how]) == 0
         shutil.copytree("swept", "half-swept")
         Path("half-swept/manifest.json").unlink()

@@ -76,6 +76,21 @@ def test_a_run_makes_the_film_that_its_config_asks_for(quick, command, monkeypat
     assert (folder / "video.mp4").read_bytes() == film
 
 
+def test_a_config_asks_for_sound(quick, command, monkeypatch):
+    """video: {sound: true, ears: [...]} tells what is heard where and how loud it is; the film has a sound."""
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    ears = "sound: true, ears: [linear-band, conventional], exaggerate: 50"
+    quick.write_text(quick.read_text() + f"video: {{size: [320, 240], {ears}}}\n")
+    status, out, err = command("run", quick, "--out", "run")
+    assert (status, err) == (0, "")
+    facts = check_run(quick.parent / "run")["video"]
+    assert (facts["sound"]["left"], facts["sound"]["right"], facts["exaggerate"]) == ("linear-band", "conventional", 50)
+    left, right = facts["sound"]["rms_over_limit"]
+    assert left < right
+    assert f"sound: left linear-band {100 * left:.3g} %, right conventional {100 * right:.3g} % of the torque" in out
+    assert b"mp4a" in (quick.parent / "run" / "video.mp4").read_bytes()
+
+
 def test_no_figures_means_no_film(quick, command):
     """--no-figures writes numbers only."""
     quick.write_text(quick.read_text() + "video: {}\n")
@@ -146,19 +161,26 @@ def test_without_imageio_ffmpeg_it_says_what_to_install(run, command, monkeypatc
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--quality", "best"], "wanted fast or pretty"),
-        (["--size", "641x480"], "wanted even numbers from 160 to 3840"),
-        (["--size", "100x100"], "wanted even numbers from 160 to 3840"),
-        (["--speed", "0"], "wanted 0.001 to 1000"),
-        (["--speed", "nan"], "wanted 0.001 to 1000"),
+        (["--quality", "best"], "wanted one of fast, pretty"),
+        (["--size", "641x480"], "--size: got 641, wanted an even number"),
+        (["--size", "100x100"], "--size: got 100, wanted at least 160"),
+        (["--speed", "0"], "--speed: got 0.0, wanted at least 0.001"),
+        (["--speed", "nan"], "wanted a finite number"),
         (["--camera", "overveiw"], "did you mean 'overview'?"),
+        (["--exaggerate", "0.5"], "--exaggerate: got 0.5, wanted at least 1"),
+        (["--ears", "conventional"], "wanted two names of controllers, left and right"),
+        (["--sound", "--ears", "conventional,linear-bnd"], "did you mean 'linear-band'?"),
+        (["--sound", "--controllers", "conventional", "--ears", "conventional,linear-band"], "no controller is called"),
+        (["--sound", "--speed", "0.02"], "got 0.02, wanted 0.25 to 4 with sound"),
+        (["--sound", "--out", "x.webp"], "--sound: .webp is silent"),
+        (["--sound", "--still", "0.1", "--out", "x.png"], "--sound: .png is silent"),
         (["--controllers", "linear-bnd"], "did you mean 'linear-band'?"),
         (["--still", "0.1"], "wanted --out FILE"),
         (["--still", "-1", "--out", "a.png"], "wanted a time of the run"),
         (["--still", "99", "--out", "a.png"], "got 99, wanted a time of the run, 0 to "),
         (["--out", "nowhere/a.mp4"], "nowhere is not a folder"),
         (["--out", "."], ". is a folder, wanted a file"),
-        (["--out", "x.gif"], "got x.gif, wanted a name that ends in .mp4"),
+        (["--out", "x.gif"], "got x.gif, wanted a name that ends in .mp4 or .webp"),
         (["--out", "film"], "got film, wanted a name that ends in .mp4"),
         (["--out", "x.png"], "one picture: --still SECONDS --out FILE.png"),
         (["--out", "x.jpg", "--still", "0.1"], "got x.jpg, wanted a name that ends in .png"),
@@ -175,9 +197,10 @@ def test_bad_arguments_are_refused(run, command, arguments, said):
 
 
 def test_all_mistakes_are_told_at_once(run, command):
-    """Three wrong options give three lines."""
-    _, _, err = command("video", run, "--quality", "best", "--speed", "-1", "--camera", "top")
-    assert len(err.splitlines()) == 3
+    """Four wrong options give four lines."""
+    wrong = "--quality", "best", "--speed", "-1", "--camera", "top", "--sound", "--ears", "left,right"
+    _, _, err = command("video", run, *wrong)
+    assert len(err.splitlines()) == 5  # neither ear has a controller
 
 
 def test_what_is_no_run_is_refused(run, command):

@@ -69,11 +69,8 @@ UNKNOWN_KEYS = [
 ]
 
 MISSING_KEYS = [
-    Bad("name: good\n", "", "name", "missing", "description"),
-    Bad("  engine: mujoco\n", "", "plant.engine", "missing", "plant:"),
     Bad("  model: puma560\n", "", "plant.model", "missing", "plant:"),
     Bad("relative: 0.3", "{}", "model.mismatch", "missing: one of relative, tolerance, constants", "mismatch:"),
-    Bad("  - name: conventional\n    law: smc", "  - law: smc", "controllers[0].name", "missing", "- law: smc"),
     Bad("    law: smc\n", "", "controllers[0].law", "missing", FIRST),
     Bad(
         "      k: 0.3\n",
@@ -95,7 +92,6 @@ MISSING_KEYS = [
     Bad("  frequency_hz: 0.75\n", "", "reference.frequency_hz", "missing", "reference:"),
     Bad("  at: 0.2\n", "", "reference.at", "missing", "reference:", STEP),
     Bad("  rise_time: 2\n", "", "reference.rise_time", "missing", "reference:", QUINTIC),
-    Bad("    channel: torque\n", "", "disturbances[0].channel", "missing", NOISE),
     Bad("    sigma: 0.5\n", "", "disturbances[0].sigma", "missing", NOISE),
     Bad("  duration: 4\n", "", "run.duration", "missing", "run:"),
     Bad(
@@ -120,14 +116,16 @@ WRONG_TYPES = [
     Bad("timestep: 0.001", "timestep: [0.001]", "plant.timestep", "a list of 1"),
     Bad("duration: 4", "duration: 010", "run.duration", "leading zeros"),
     Bad("duration: 4", "duration: 1:30", "run.duration", "90 rather than 1:30"),
-    Bad("duration: 4", "duration: 4 s", "run.duration", "unit is fixed"),
+    Bad("duration: 4", "duration: 4 m", "run.duration", "one of the units s, ms, us, min"),
+    Bad("duration: 4", "duration: 4 %", "run.duration", "one of the units s, ms, us, min"),
     Bad("duration: 4", "duration: 4_000", "run.duration", "without _"),
     Bad("duration: 4", "duration: 4,5", "run.duration", "decimal sign is a point"),
     Bad("duration: 4", "duration: 0x10", "run.duration", "write it in decimal"),
     Bad("duration: 4", "duration: 2 * 2", "run.duration", "no formulas"),
     Bad("duration: 4", "duration: ~", "run.duration", "nothing"),
     Bad("duration: 4", "duration: inf", "run.duration", "finite"),
-    Bad("relative: 0.3", "relative: 30%", "model.mismatch.relative", "0.3 rather than 30%"),
+    Bad("relative: 0.3", "relative: 130%", "model.mismatch.relative", "less than 1"),
+    Bad("relative: 0.3", "relative: 30 deg", "model.mismatch.relative", "one of the units %"),
     Bad("seed: 7", "seed: 7.0", "run.seed", "whole number"),
     Bad("seed: 7", "seed: '7'", "run.seed", "remove the quotes"),
     Bad("seed: 7", "seed: true", "run.seed", "whole number"),
@@ -441,6 +439,10 @@ FILMS = [
     Bad("  size: [320, 240]", "  size: [320]", "video.size", "width and height, as [640, 480]"),
     Bad("  speed: 0.5", "  speed: 0", "video.speed", "at least 0.001"),
     Bad("  camera: side", "  camera: sied", "video.camera", "no camera 'sied' (did you mean 'side'?)"),
+    Bad("  exaggerate: 20", "  exaggerate: 0", "video.exaggerate", "at least 1"),
+    Bad("  ears: [conventional,", "  ears: [convential,", "video.ears", "(did you mean 'conventional'?)"),
+    Bad("  ears: [conventional, conventional]", "  ears: conventional", "video.ears", "two names of controllers"),
+    Bad("  speed: 0.5\n", "  speed: 0.1\n", "video.speed", "wanted 0.25 to 4 with sound"),
     Bad("  camera: side", "  camera: 2", "video.camera", "wanted text"),
     Bad(
         "chain: ideal",

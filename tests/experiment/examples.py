@@ -61,6 +61,9 @@ video:
   size: [320, 240]
   speed: 0.5
   camera: side
+  exaggerate: 20
+  sound: true
+  ears: [conventional, conventional]
 """
 
 _SINE = """\

@@ -174,7 +174,8 @@ def test_too_many_controllers_and_disturbances_are_refused() -> None:
                 items = [f"{{{key}{i}, law: pd, gains: {{lam: 1, kv: 1}}}}" for i in range(count)]
             else:
                 items = ["{kind: band-limited-noise, channel: torque, sigma: 1}"] * count
-            problems = problems_of(GOOD, f"{section}=[{', '.join(items)}]")
+            ears = ["video.ears=[c0, c1]"] if section == "controllers" else []
+            problems = problems_of(GOOD, f"{section}=[{', '.join(items)}]", *ears)
             assert [p.key for p in problems] == ([] if count == most else [section])
 
 

@@ -52,7 +52,7 @@ FACTS = [
     ("amplitude", " for slide joints"),
     ("target", "[rad], in m for slide joints"),
     ("integrator", "euler is semi-implicit"),
-    ("relative", "| number, >= 0, < 1 | "),
+    ("relative", " [1]"),
     ("timestep", "| number, > 0 | `0.001` |"),
     ("equivalent_control", "`true`"),
     ("surface", "Sliding variable: "),
@@ -95,5 +95,5 @@ def test_schema_and_loader_know_the_same_keys() -> None:
         for line in text.splitlines()
         if not line.strip().startswith("- [")
     }
-    # the names of the fuzzy systems, and the keys that the sweep varies
-    assert written == described | {"three", "list"} | VARIED
+    # the names of the fuzzy systems, and the keys that the sweep varies; what extends another needs another file
+    assert written == described - {"extends", "figures"} | {"three", "list"} | VARIED

@@ -59,7 +59,7 @@ def test_an_edited_callee_is_not_hidden_by_the_cache(copy):
 def test_the_state_of_the_source_covers_every_kernel():
     """Every file of the package that marks or compiles kernels is in the digest that names the folder."""
     covered = set(kernel_sources(SOURCE))
-    marks = ("\n@kernel", "register_jitable(", "compile_native(")
+    marks = ("\n@kernel", "register_jitable(", "NativeFunction(")
     missing = [
         name for name, path in FILES.items() if path not in covered and any(m in path.read_text() for m in marks)
     ]

@@ -28,7 +28,7 @@ from torquebench.kernel.struct import (
     words,
 )
 from torquebench.robot.flat_model import Model, own_copy
-from torquebench.sim.native import compile_native
+from torquebench.sim.native import NativeFunction
 
 
 class Inner(NamedTuple):
@@ -236,7 +236,7 @@ def test_a_table_passed_by_its_address() -> None:
             v[i] = -1.0
         return sum_of
 
-    call = compile_native(types.float64(*[types.int64] * 4), total).ctypes
+    call = NativeFunction(types.float64(*[types.int64] * 4), total).call
     deep, x = outer().deep, np.array([2.0, 3.0])
     wanted = -2500.0 - 3.0 + sum(x[i] * deep.last[i] * deep.inner.rows[1, i] for i in range(2))
     tables = Table(deep), Table(deep)
@@ -275,7 +275,7 @@ def test_a_table_keeps_its_arrays_alive() -> None:
     def last(table: int, i: int) -> float:
         return deep_at(table).last[i]
 
-    call = compile_native(types.float64(types.int64, types.int64), last).ctypes
+    call = NativeFunction(types.float64(types.int64, types.int64), last).call
     table = Table(outer().deep)
     gc.collect()
     others = [np.full(len(wanted), -1.0) for _ in range(1000)]  # would take the place of what was let go

@@ -60,7 +60,7 @@ def test_a_plugin_metric_is_in_files_table_and_page_of_a_run(folder: Path) -> No
 
 def test_a_plugin_metric_is_in_the_table_of_a_sweep_and_chooses_what_is_kept(folder: Path) -> None:
     """A column of results.npz, a mean on the terminal and on the page, and `sweep.keep.by` takes it."""
-    words = ("--plugin", "mine.py", "--executor", "threads", "--workers", "1", "--no-figures", "--out", "out")
+    words = ("--plugin", "mine.py", "--executor", "threads", "--workers", "1", "--out", "out")
     done = torquebench(folder, "sweep", "sweep.yaml", *words)
     assert done.returncode == 0, done.stderr
     assert "p99 [mrad]" in done.stdout

@@ -1,19 +1,18 @@
-"""A figure of a user's own: one function in a plug-in file, drawn, written and on the page like the others."""
+"""A figure of a user's own: one function in a plug-in file, drawn and written like the others."""
 
 import json
 from pathlib import Path
 
 import pytest
-from torquebench.report.figures.declare import figures_in_order
 
 from tests.cli.conftest import QUICK
 from tests.metrics.test_plugin_metric import torquebench
 from torquebench.errors import RegistryError
-from torquebench.report.figures import FIGURES, figure
+from torquebench.figures import FIGURES, figure, figures_in_order
 
 PLUGIN = '''\
 """A figure of a user."""
-from torquebench.report.figures import figure
+from torquebench import figure
 from torquebench.report.figures.layout import new_page
 
 @figure("phase", title="Phase plane", order=35)
@@ -35,14 +34,14 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_plugin_figure_is_among_the_files_and_on_the_page(folder: Path) -> None:
-    """Both formats are written, the manifest has them, and the page links them."""
-    done = torquebench(folder, "run", "quick.yaml", "--plugin", "mine.py", "--out", "out")
+def test_a_plugin_figure_is_drawn_like_the_others(folder: Path) -> None:
+    """A config may ask for it; both formats are written, and the manifest has them."""
+    more = ("--plugin", "mine.py", "--set", "figures=[phase, torque]", "--out", "out")
+    done = torquebench(folder, "run", "quick.yaml", *more)
     assert done.returncode == 0, done.stderr
     files = json.loads((folder / "out" / "manifest.json").read_text())["files"]
-    assert {"figures/phase.svg", "figures/phase.png"} <= set(files)
-    page = (folder / "out" / "report.html").read_text()
-    assert 'href="figures/phase.svg"' in page
+    drawn = {name for name in files if name.startswith("figures/")}
+    assert drawn == {f"figures/{name}.{fmt}" for name in ("phase", "torque") for fmt in ("svg", "png")}
 
 
 @pytest.mark.parametrize(
@@ -55,15 +54,15 @@ def test_a_plugin_figure_is_among_the_files_and_on_the_page(folder: Path) -> Non
 def test_a_figure_that_cannot_be_drawn_is_named(folder: Path, body: str, message: str) -> None:
     """A figure that raises, or is none, ends the command and says so."""
     (folder / "mine.py").write_text(PLUGIN.replace("page = new_page(1, 3.0, 3.0)", body))
-    done = torquebench(folder, "run", "quick.yaml", "--plugin", "mine.py", "--out", "out")
+    done = torquebench(folder, "run", "quick.yaml", "--plugin", "mine.py", "--set", "figures=[phase]", "--out", "out")
     assert done.returncode == 3
     assert message in done.stderr
     assert "Traceback" not in done.stderr
 
 
 def test_the_order_of_figures_and_names_that_are_taken() -> None:
-    """The built-in figures come as on the page; a name that one of them has, or that is no slug, is refused."""
-    built_in = ["position", "error", "torque", "sliding", "spectrum", "certificates", "fuzzy"]
+    """The built-in figures come in this order; a name that one of them has, or that is no slug, is refused."""
+    built_in = ["position", "error", "torque", "sliding", "spectrum", "certificates", "rules"]
     assert [info.name for info in figures_in_order()] == built_in
     for name, message in (("torque", "already registered"), ("Phase plane", "lower-case letters, digits and '-'")):
         with pytest.raises(RegistryError, match=message):

@@ -1,47 +1,58 @@
-"""The page of a sweep stands alone and tells what the table says: counts, intervals, worst rows, what matters."""
+"""The page of a sweep stands alone and says what the summary does: the best, every number, failures, influences."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tests.sweep.tables import made
-from torquebench.report.render import Picture
 from torquebench.report.sweep_page import SweepInfo, sweep_page
-from torquebench.report.sweep_tables import effects_table, failures_table, law_table, silent_text
-from torquebench.report.tables import Cells, headlines
-from torquebench.statistics import clopper_pearson
+from torquebench.report.sweep_tables import (
+    answer,
+    best_table,
+    failures_table,
+    influences,
+    round_below,
+    silent_text,
+)
+from torquebench.report.tables import headlines
+from torquebench.sweep.best import best_choices
 from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import summarise
 from torquebench.sweep.table import Table
 
+LAM, MASS = "controllers.*.gains.lam", "plant.payload.mass"
 INFO = SweepInfo(
     "study",
     "<script>alert(1)</script>",
     "plant and model\nchain and noise",
-    "2 cases x 8 draws x 2 laws",
+    "4 cases x 8 draws x 2 laws",
     "name: study\n",
     {"seed": 7},
     (False,),
     {"a": "smc", "b": "pid"},
+    {LAM: {10.0: 10, 20.0: 20}, MASS: {0.0: 0, 2.0: 2}},
 )
-GRID = {"plant.payload.mass": (0.0, 2.0)}
+GRID = {LAM: (10.0, 20.0), MASS: (0.0, 2.0)}
 TITLES = headlines((False,), steps=True)
 
 
 def run(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float] | None:
-    """Law b is three times as far off, and fails in draw 5 under 2 kg."""
-    if law == "b" and draw == 5 and values["plant.payload.mass"] == 2.0:
+    """Law b errs thrice as much, hardly chatters, fails in draw 5 under 2 kg with lam 20; a load doubles errors."""
+    if law == "b" and draw == 5 and values[MASS] == 2.0 and values[LAM] == 20.0:
         return None
-    noise = float(np.random.default_rng(draw).lognormal())
-    return {"rmse": (1e-3 if law == "a" else 3e-3) * noise, "chattering": 30.0 if law == "a" else 1.0}
+    size = float(np.random.default_rng(draw).lognormal()) * (1.0 + values[MASS] / 2.0) * 10.0 / values[LAM]
+    return {"rmse": (1e-3 if law == "a" else 3e-3) * size, "chattering": 30.0 if law == "a" else 1.0}
 
 
 TABLE = made("ab", 8, run, GRID)
+SUMMARY = summarise(TABLE)
 FOUND = [
     Sensitivity(
         "a",
@@ -54,8 +65,8 @@ FOUND = [
             0.25,
             6,
             (
-                Effect(("g1", "Im2"), 0.67, 0.43, 0.90),
                 Effect(("I2",), -0.4, -0.6, -0.2),
+                Effect(("g1", "Im2"), 0.67, 0.43, 0.90),
                 Effect(("I3",), 0.1, -0.2, 0.4),
             ),
         ),
@@ -66,10 +77,16 @@ FOUND = [
 ]
 
 
-def over_all(table: Table, reference: str | None = None) -> Cells:
-    """Return the table of errors over all cases."""
-    summary = summarise(table, reference)
-    return law_table(summary, summary.overall, "rmse", TITLES)
+def page_of(table: Table, info: SweepInfo = INFO, found: list[Sensitivity] = FOUND) -> bytes:
+    """Return the page of a table."""
+    return sweep_page(table, summarise(table), info, found)
+
+
+def data_of(page: bytes) -> Any:
+    """Return the data that the page's script reads."""
+    found = re.search(rb'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert found
+    return json.loads(found[1])
 
 
 def text_of(page: bytes) -> str:
@@ -77,44 +94,70 @@ def text_of(page: bytes) -> str:
     return " ".join(re.sub(r"<[^>]+>", " ", page.decode()).split())
 
 
-def test_the_page_tells_what_the_table_says() -> None:
-    """Completed runs with their exact interval, the worst run's index, the ratio, the failure, and how to replay."""
-    page = sweep_page(TABLE, INFO, [Picture("All runs", b'<?xml version="1.0"?>\n<svg><path/></svg>')], FOUND)
-    text = text_of(page)
-    share = clopper_pearson(7, 8)
-    assert f"7 of 8 [{100 * share.low:.3g}, {100 * share.high:.3g}] %" in text
-    assert "15 of 16" in text
-    figures = summarise(TABLE).overall[1].figures["rmse"]
-    assert f"{1e3 * figures.worst:.4g} {figures.worst_row} 3 [3, 3], 1 left out" in text
-    assert "plant.payload.mass = 2 " in text
-    assert "1 diverged" in text
-    assert "torquebench run --from-sweep DIR --index INDEX" in text
-    assert "All runs" in text
+def test_the_answer_is_the_best_that_completed() -> None:
+    """Law a follows best in every load; b chatters least, of its gains the one without a failed run; one run failed."""
+    mean = 2e3 * float(np.mean([TABLE["rmse"][draw * 2] for draw in range(8)]))
+    best, calm, failed = answer(SUMMARY, TITLES)
+    assert best.startswith(f"Least error: a with lam 20; RMSE {mean / 2:.3g} mrad [")
+    assert best.endswith("each in the worst of 2 cases (error: payload.mass 2).")
+    assert calm.startswith(f"Least chattering: b with lam 10; RMSE {3 * mean:.3g} mrad [")
+    assert "chattering 1 %" in calm
+    assert failed == "1 of 64 runs failed: b 1."
+
+
+@pytest.mark.parametrize(("value", "wanted"), [(14.9, 10.0), (3.0, 3.0), (2.9, 1.0), (0.31, 0.3), (0.01, 0.01)])
+def test_a_limit_is_the_round_number_below(value: float, wanted: float) -> None:
+    """Powers of ten and three times these."""
+    assert round_below(value) == wanted
+
+
+def test_the_numbers_of_the_page_are_those_of_the_summary() -> None:
+    """Means and ends of intervals to the last bit, with their law, case, key values, runs and completed ones."""
+    data = data_of(page_of(TABLE))
+    assert [name for name, _ in data["laws"]] == ["a", "b"]
+    metrics = {metric["key"]: metric for metric in data["metrics"]}
+    groups = {(group.case, group.controller): group for group in SUMMARY.groups}
+    assert len(data["case"]) == len(groups) == 8
+    for i, (case, law) in enumerate(zip(data["case"], data["law"], strict=True)):
+        group = groups[case, "ab"[law]]
+        for key in ("rmse", "chattering"):
+            figure = group.figures[key]
+            ends = [None if np.isnan(end) else end for end in figure[1:4]]
+            assert [metrics[key][end][i] for end in ("mean", "low", "high")] == ends
+        assert (data["runs"][i], data["completed"][i]) == (group.successes.trials, group.successes.successes)
+        words = [key["words"][place[i]] for key, place in zip(data["keys"], data["places"], strict=True)]
+        assert words == [f"{value:g}" for value in group.values.values()]
+    assert [key["sets"] for key in data["keys"]] == [["10", "20"], ["0", "2"]]
+    assert [key["worst"] for key in data["keys"]] == [False, True]
 
 
 def test_the_page_stands_alone_and_is_the_same_again() -> None:
-    """No script, no link, no image from outside; text is text; the same arguments give the same bytes."""
-    page = sweep_page(TABLE, INFO, (), FOUND)
-    assert page == sweep_page(TABLE, INFO, (), FOUND)
-    assert b"<script" not in page
+    """Nothing from outside; what a user wrote is text, in the page and in its data; the same bytes again."""
+    evil = "</script><script>alert(1)</script>"
+    named = dict(TABLE) | {"controller": np.where(TABLE["controller"] == "b", evil, "a")}
+    info = INFO._replace(name=evil, laws={"a": "smc", evil: "pid"})
+    page = page_of(named, info)
+    assert page == page_of(named, info)
+    assert b"alert(1)</script>" not in page
     assert b"&lt;script&gt;" in page
-    assert not re.search(rb"(src|href)=|@import|url\(", page)
+    assert data_of(page)["laws"][1][0] == evil
+    assert not re.search(rb'(src|href)=(?!"data:)|@import|url\(', page)
+
+
+def test_laws_are_compared_over_all_cases() -> None:
+    """Completed runs and the paired ratio: 3, one draw left out; the median by which they are sorted."""
+    text = text_of(page_of(TABLE))
+    median = 1e3 * float(np.median(TABLE["rmse"][TABLE["controller"] == "a"]))
+    assert f"a 32 of 32 {median:.4g}" in text
+    assert "b 31 of 32" in text
+    assert "3 [3, 3], 1 left out" in text
 
 
 def test_what_matters_is_named_as_it_does() -> None:
-    """A product is a product, ranked constants come first, and what does not show is said with its reason."""
-    _, rows = effects_table(FOUND)
-    assert rows == [
-        [
-            "a",
-            "RMSE",
-            "0, 1",
-            "8",
-            "g1, Im2, I2",
-            "g1 x Im2 +0.67 [0.43, 0.90]; I2 -0.40 [-0.60, -0.20]",
-            "25 % explained",
-        ]
-    ]
+    """A product is a product, the strongest comes first, and what does not show is said with its reason."""
+    (found,) = influences(FOUND)
+    assert [text for text, _, _ in found.effects] == ["g1 x Im2 +0.67 [0.43, 0.90]", "I2 -0.40 [-0.60, -0.20]"]
+    assert [bar for _, *bar in found.effects] == [pytest.approx([50.0, 33.5]), pytest.approx([30.0, 20.0])]
     text = silent_text(FOUND)
     assert "RMSE of b: none of 1 and of their 3 products shows in 7 draws" in text
     assert "chattering of b: it is the same in every draw" in text
@@ -122,22 +165,29 @@ def test_what_matters_is_named_as_it_does() -> None:
 
 
 def test_failures_are_listed_with_the_first_of_them() -> None:
-    """Law, case, how often which outcome, and the row that replays it: case 1, draw 5, law 1 of 8 draws and 2 laws."""
-    _, rows = failures_table(summarise(TABLE))
-    assert rows == [["b", "plant.payload.mass = 2", "7 completed, 1 diverged", str((8 + 5) * 2 + 1), "5"]]
+    """Law, case, how often which outcome, and the row that replays it: case 3, draw 5, law 1 of 8 draws and 2 laws."""
+    _, rows = failures_table(SUMMARY)
+    assert rows == [["b", "lam 20, payload.mass 2", "7 completed, 1 diverged", str((3 * 8 + 5) * 2 + 1), "5"]]
 
 
-def test_a_reference_can_be_named() -> None:
-    """Ratios to b are the inverse of those to a."""
-    header, rows = over_all(TABLE, "b")
-    assert header[-1] == "over b's [95 %]"
-    assert rows[0][-1].startswith("0.333 [0.333, 0.333]")
-    assert rows[1][-1].startswith("1 [1, 1]")
+def test_the_terminal_tells_the_best_and_the_best_of_each_law() -> None:
+    """Every law has a row however far behind it is; the means are those of the choices."""
+    grid = {LAM: tuple(float(x) for x in range(10, 20)), MASS: (0.0,)}
+    summary = summarise(made("ab", 8, run, grid))
+    _, rows = best_table(summary, TITLES)
+    assert [row[0] for row in rows] == ["a"] * 5 + ["b"]
+    errors = [one.figures["rmse"] for one in best_choices(summary)]
+    assert [row[3] for row in rows[:5]] == [
+        f"{1e3 * figure.mean:.3g} [{1e3 * figure.low:.3g}, {1e3 * figure.high:.3g}]" for figure in errors[:5]
+    ]
 
 
-def test_a_law_without_a_completed_run_has_dashes() -> None:
-    """Nothing is averaged over nothing."""
-    table = made("ab", 3, lambda law, draw, values: run(law, draw, {"plant.payload.mass": 0.0}) if law == "a" else None)
-    _, rows = over_all(table)
-    assert rows[1] == ["b", *["-"] * 5]
-    assert b"0 of 3" in sweep_page(table, INFO)
+@pytest.mark.parametrize("broken", ["b", "ab"])
+def test_what_never_completes_has_no_figure(broken: str) -> None:
+    """Nothing is averaged over nothing: a law without a completed run, and a sweep without one, have a page."""
+    table = made("ab", 3, lambda law, draw, values: None if law in broken else run(law, draw, values), GRID)
+    page = page_of(table, found=[])
+    runs = 12 * len(broken)
+    assert f"{runs} of 24 runs failed" in text_of(page)
+    assert b"0 of 12" in page
+    assert ("rmse" in [metric["key"] for metric in data_of(page)["metrics"]]) == (broken == "b")

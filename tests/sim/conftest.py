@@ -5,6 +5,14 @@ from typing import Any
 
 import pytest
 
+from torquebench.sim import native
+
+
+@pytest.fixture(autouse=True)
+def short_runs_are_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile the runs of these tests, short as they are: the loop is what they are about, not when it is compiled."""
+    monkeypatch.setattr(native, "WORTH", 0)
+
 
 @pytest.fixture(params=[pytest.param(False, id="small"), pytest.param(True, id="large", marks=pytest.mark.slow)])
 def large(request: pytest.FixtureRequest) -> bool:

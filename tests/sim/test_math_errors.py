@@ -18,11 +18,11 @@ from tests.sim.loops import PLANTS, TARGET, arm, plant_of
 from tests.user_files import load
 from torquebench import Controller, Outcome, find_law, simulate
 from torquebench.dialect import MATH, complaints
+from torquebench.kernel.twin import Matrix, Vector, python_numbers
 from torquebench.laws.law import Law
 from torquebench.registry import restored
 from torquebench.sim import checked_math, interpreted
 from torquebench.sim.closed_loop import CONTROLLER_ERROR, RAISED
-from torquebench.sim.interpreted import Matrix, Vector, python_numbers
 from torquebench.sim.job import set_up
 from torquebench.sim.native import NativeRun, native_law
 
@@ -368,7 +368,7 @@ def edited(gains, model, t, q, qd, ref, memory, tau):
         with restored():
             load(tmp_path, text.replace(old, new), "edited_file")
             law = find_law("edited")
-        names.add(native_law(law)._pyfunc.__qualname__)
+        names.add(native_law(law).name)
         controller = Controller("edited", law, law.pack_gains(2, {"k": 0.0}, {}))
         run = simulate(plant_of("analytic"), controller, arm(), TARGET, duration=0.002, path="native", throw=False)
         assert run.tau_law[0, 0] == torque
@@ -392,9 +392,7 @@ def test_a_number_that_a_kernel_names_is_read_anew(tmp_path: Path) -> None:
 
 def test_a_controller_error_is_told_apart_from_arithmetic(risky: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """The interpreted call decides which of the two a compiled law that raised has met."""
-    monkeypatch.setattr(
-        interpreted, "call_law", lambda *arguments: (np.zeros(2), CONTROLLER_ERROR, "IndexError: beyond")
-    )
+    monkeypatch.setattr(interpreted.Call, "at", lambda *arguments: (CONTROLLER_ERROR, "IndexError: beyond"))
     job = SimpleNamespace(
         at=[3],
         memory=np.ones((1, 2)),

@@ -61,14 +61,9 @@ def test_a_run_that_can_be_compiled_is_and_says_nothing() -> None:
 @pytest.fixture
 def fresh_library() -> Iterator[None]:
     """Look the library up anew in a test, and again after it."""
-    caches = (mujoco_native.library, mujoco_native.compiled_step)
-    kept = [cache() for cache in caches]  # numba's functions stay alive
-    for cache in caches:
-        cache.cache_clear()
+    mujoco_native.library.cache_clear()
     yield
-    for cache in caches:
-        cache.cache_clear()
-    del kept
+    mujoco_native.library.cache_clear()
 
 
 def test_a_library_that_lacks_a_function(monkeypatch: pytest.MonkeyPatch, fresh_library: None) -> None:

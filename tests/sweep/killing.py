@@ -26,7 +26,6 @@ from torquebench.cli.app import main
 from torquebench.sweep.folder import PLAN, open_sweep
 from torquebench.sweep.run import state_of
 
-QUICK = "--no-figures"
 DRAWS = ["--set", "sweep.draws=24"]
 MOST_TRIES = 40
 """Kills that come too early or too late before one counts."""
@@ -85,11 +84,11 @@ class Bench:
     """
 
     def __init__(self, folder: Path, how: list[str]) -> None:
-        self.folder, self.how, self.count = folder, [*how, QUICK], 0
+        self.folder, self.how, self.count = folder, list(how), 0
         self.config = folder / "small.yaml"
         self.config.write_text(SMALL)
         # here, not in a fork, so that the forks have what is compiled and loaded
-        arguments = ["sweep", str(self.config), "--out", str(folder / "whole"), *DRAWS, "--workers", "1", QUICK]
+        arguments = ["sweep", str(self.config), "--out", str(folder / "whole"), *DRAWS, "--workers", "1"]
         status = command([*arguments, "--executor", "threads"], folder / "output.txt")()
         again, child = self.begin()
         self.first_shard(again, child)

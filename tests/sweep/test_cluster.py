@@ -63,7 +63,7 @@ def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str,
     """Run ``torquebench sweep``: (exit status, standard output, standard error)."""
 
     def run(*arguments: object) -> tuple[int, str, str]:
-        status = main(["sweep", *map(str, arguments), "--no-figures"])
+        status = main(["sweep", *map(str, arguments)])
         captured = capsys.readouterr()
         return status, captured.out, captured.err
 

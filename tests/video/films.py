@@ -23,24 +23,29 @@ def frames_of(path, width, height):
 
 
 def camera_of_scene(name):
-    """Position (3,), axes (right, up) and vertical opening [rad] of a camera, from the text of the PUMA's scene.xml."""
+    """Position (3,) and axes (right, up) of a camera, from the text of the PUMA's scene.xml."""
     root = ElementTree.parse(data_root() / "models" / "puma560" / "scene.xml").getroot()
     camera = next(c for c in root.iter("camera") if c.get("name") == name)
     position = np.array([float(x) for x in camera.get("pos").split()])
     axes = np.array([float(x) for x in camera.get("xyaxes").split()]).reshape(2, 3)
-    return position, axes, np.deg2rad(float(camera.get("fovy")))
+    return position, axes
 
 
-def pixel(point, camera, width, height):
-    """Where a pinhole camera shows a point, right and down from the upper left corner of a frame wider than high.
-
-    A plane at distance z is seen h = 2 z tan(opening/2) high, over `height` pixels.
-    """
-    position, (right, up), opening = camera
+def slopes(point, camera):
+    """Tangents of the angles, to the right and up, at which a pinhole camera sees a point."""
+    position, (right, up) = camera
     away = np.asarray(point) - position
-    z = away @ -np.cross(right, up)
-    size = height / (2.0 * z * np.tan(opening / 2.0))
-    return np.array([width / 2.0 + size * (away @ right), height / 2.0 - size * (away @ up)])
+    return np.array([away @ right, away @ up]) / (away @ -np.cross(right, up))
+
+
+def pixel(point, camera, part, width, height):
+    """Where a picture of a part of what a camera sees has a point, right and down from its upper left corner.
+
+    The part is given by its left, right, lower and upper edge, as tangents.
+    """
+    left, right, bottom, top = part
+    x, y = slopes(point, camera)
+    return np.array([width * (x - left) / (right - left), height * (top - y) / (top - bottom)])
 
 
 def tool_mark(picture):

@@ -7,9 +7,10 @@ import textwrap
 import pytest
 
 from torquebench.errors import VideoError
+from torquebench.experiment.schema import Video
 from torquebench.video import film
 from torquebench.video.film import make_film
-from torquebench.video.job import Footage, Settings
+from torquebench.video.job import Footage
 from torquebench.video.opengl import Backend, candidates, probe
 from torquebench.video.process import CrashedError, answers
 
@@ -62,7 +63,7 @@ def draws(monkeypatch):
 
 def made(gl):
     """A film by whatever draws."""
-    return make_film(Footage("title", "puma560", 0.001, 1.0, ()), Settings(), gl)
+    return make_film(Footage("title", "puma560", 0.001, 1.0, ()), Video(), gl)
 
 
 def test_the_first_that_draws_is_taken_and_no_more_are_tried(draws):

@@ -7,13 +7,14 @@ import pytest
 from PIL import Image, ImageDraw
 
 from torquebench.errors import VideoError
+from torquebench.experiment.schema import Video
 from torquebench.laws.law import law_names
 from torquebench.scene.look import Scene
 from torquebench.sim.trajectory import Outcome, Trajectory
 from torquebench.video.job import SEPARATOR, Footage, Shot
 from torquebench.video.layout import layout, timeline
-from torquebench.video.overlay import ALARM, JOINTS, PLAIN, Overlay, layout_for
-from torquebench.video.paint import FINE, band, fill, fit, font, text_width, write
+from torquebench.video.overlay import ALARM, JOINTS, LARGE, PLAIN, Overlay, layout_for, titles
+from torquebench.video.paint import FINE, band, fill, font, text_width, wrap, write
 
 TAU_MAX = np.array([10.0, 20.0])
 
@@ -44,7 +45,7 @@ def overlay(*runs, notes=("note",), size=(640, 480)):
     """An overlay of half a second of runs, and its layout."""
     shots = tuple(Shot(f"law-{i}", SEPARATOR.join(notes), "") for i in range(len(runs)))
     arm = Scene(None, (), 1.0, ["a", "b"], "rad", TAU_MAX)
-    over = Overlay(Footage("title", "arm", 0.001, 0.5, shots), runs, size, timeline(0.5, 1.0, 0.001), arm)
+    over = Overlay(Footage("title", "arm", 0.001, 0.5, shots), runs, Video(size=size), timeline(0.5, 1.0, 0.001), arm)
     return over, over.where
 
 
@@ -65,19 +66,25 @@ def painted(pixels, colour, tolerance=40):
     return np.abs(pixels - np.array(colour)).max(axis=2) < tolerance
 
 
-@pytest.mark.parametrize("size", [(640, 480), (1280, 720), (320, 240), (1920, 1080)])
-@pytest.mark.parametrize("count", [1, 2, 3, 4])
-@pytest.mark.parametrize("notes", [1, 3])
-def test_panels_share_the_frame_without_overlap(count, size, notes):
+def boxes(panel):
+    """All parts of a panel."""
+    return [panel.title, panel.view, panel.bars, *panel.traces]
+
+
+@pytest.mark.parametrize("size", [(640, 480), (1280, 720), (320, 240), (1920, 1080), (480, 960)])
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 6, 9, 12])
+@pytest.mark.parametrize("lines", [2, 5])
+def test_panels_share_the_frame_without_overlap(count, size, lines):
     """Views, bars and traces of all panels lie inside the frame, below the header, and no two of them overlap."""
-    if size == (320, 240) and count > 2:
+    title = 6.0 + 14.0 * lines
+    if count > {(320, 240): 2}.get(size, 12):
         with pytest.raises(VideoError, match="do not fit"):
-            layout(count, *size, notes)
+            layout(count, size, 6, lambda width, unit: title)
         return
-    where = layout(count, *size, notes)
+    where = layout(count, size, 6, lambda width, unit: title)
     taken = np.zeros((size[1], size[0]), int)
     for panel in where.panels:
-        for box in panel:
+        for box in boxes(panel):
             assert min(box.width, box.height) > 0
             assert box.x + box.width <= size[0]
             assert box.y + box.height <= size[1]
@@ -87,11 +94,16 @@ def test_panels_share_the_frame_without_overlap(count, size, notes):
     assert len({(panel.view.width, panel.view.height) for panel in where.panels}) == 1
 
 
-def test_two_controllers_are_side_by_side():
-    """In a frame of 640 x 480 two panels are next to each other, at the same height."""
-    a, b = layout(2, 640, 480).panels
-    assert a.view.y == b.view.y
-    assert a.view.x + a.view.width <= b.view.x
+@pytest.mark.parametrize(
+    ("count", "columns", "rows"), [(1, 1, 1), (2, 2, 1), (3, 3, 1), (4, 2, 2), (6, 3, 2), (9, 3, 3)]
+)
+def test_panels_form_a_grid(count, columns, rows):
+    """In 1280 x 720 the usual numbers of controllers stand in the grid that one expects, with readable letters."""
+    where = layout(count, (1280, 720), 6, lambda width, unit: 34.0)
+    assert len({panel.view.x for panel in where.panels}) == columns
+    assert len({panel.view.y for panel in where.panels}) == rows
+    assert where.unit > 1.0
+    assert all(len(panel.traces) == 2 for panel in where.panels)
 
 
 def painted_on(width, height, paint, colour=(0, 0, 0)):
@@ -109,8 +121,8 @@ def test_filled_boxes_have_their_area_to_half_a_pixel():
             assert picture[:, :, 0].sum() / 200.0 * 255 / alpha == pytest.approx(area, abs=0.1)
 
 
-def test_text_is_aligned_and_shortened_to_fit():
-    """Left, centred and right text is where it must be; a text too long ends in an ellipsis and fits."""
+def test_text_is_aligned():
+    """Left, centred and right text is where it must be."""
     width = font(12).getlength("RMSE 0.5 mrad") / FINE
     for align, left in (("left", 100), ("middle", 100 - width / 2), ("right", 100 - width)):
         text = partial(write, x=100, y=20, text="RMSE 0.5 mrad", size=12, colour=(0, 0, 0), align=align)
@@ -118,35 +130,46 @@ def test_text_is_aligned_and_shortened_to_fit():
         columns = np.flatnonzero((picture < 128).any(axis=(0, 2)))
         assert abs(columns[0] - left) < 3
         assert abs(columns[-1] - (left + width)) < 3
-    shorter = fit("a-controller-with-a-long-name", 12, 80)
-    assert shorter.endswith("…")
-    assert font(12).getlength(shorter) <= 80 * FINE
-    assert fit("short", 12, 80) == "short"
 
 
-@pytest.mark.parametrize(("count", "size"), [(1, (640, 480)), (3, (640, 480)), (4, (640, 480)), (6, (1280, 720))])
-def test_every_law_is_named_whole(count, size):
-    """Figures and law are cut nowhere, whatever law of the package it is; they take one line where there is room."""
-    widest = "RMSE 0.00123 mrad", "HF 0.00123 %"
+@pytest.mark.parametrize("width", [60, 110, 400])
+def test_text_that_is_wrapped_is_whole(width):
+    """Every letter is there, each line fits, and lines end at spaces or hyphens where that is possible."""
+    name = "a-controller-with-a-long-name"
+    lines = wrap(name, 12, width)
+    assert "".join(lines) == name
+    assert all(font(12).getlength(line) <= FINE * width for line in lines)
+    assert all(line.endswith("-") for line in lines[:-1]) or width == 60
+    assert wrap("one-two three-four", 12, text_width("three-four", 12) + 1) == ["one-two", "three-four"]
+    assert "".join(wrap("x" * 64, 12, width)) == "x" * 64
+
+
+@pytest.mark.parametrize(
+    ("count", "size"),
+    [(1, (640, 480)), (3, (640, 480)), (4, (640, 480)), (6, (1280, 720)), (9, (1280, 720)), (9, (640, 480))],
+)
+def test_every_controller_and_its_law_are_named_whole(count, size):
+    """Name, figures and law are cut nowhere, whatever law of the package it is; figures stay with their units."""
+    figures = "RMSE 0.00123 mrad", "chattering 0.00123 %"
     for law in law_names():
-        note = SEPARATOR.join([*widest, law])
-        where, notes = layout_for([Shot("name", note, "")] * count, size)
-        assert where == layout(count, *size, len(notes.lines[0]))
-        width, height = where.panels[0].title.width, PLAIN * where.unit
-        assert 0.79 * height < notes.height <= height
-        for lines in notes.lines:
-            assert SEPARATOR.join(lines) == note
-            assert all(fit(line, notes.height, width) == line for line in lines)
-            assert len(lines) == 1 or text_width(note, height) > width
-        assert count > 1 or where == layout(1, *size)
+        shots = [Shot(f"{law}-variant", SEPARATOR.join([*figures, law]), "")] * count
+        where = layout_for(shots, size, 6)
+        width = where.panels[0].title.width
+        for name, note in titles(shots, width, where.unit):
+            assert "".join(name) == f"{law}-variant"
+            text = " ".join(note).replace("\xa0", " ")
+            assert all(part in text for part in figures)
+            assert law in text.replace("- ", "-")
+            assert all(text_width(line, LARGE * where.unit, bold=True) <= width for line in name)
+            assert all(text_width(line, PLAIN * where.unit) <= width for line in note)
 
 
 def test_each_line_of_a_note_is_seen():
-    """In three panels the law has a line of its own: in the first panel's title are three rows of ink, apart."""
-    over, where = overlay(*[run()] * 3, notes=("RMSE 0.123 mrad", "HF 30.1 %", "fuzzy-linear-band-smc"))
+    """In three panels the law has a line of its own: below the stripe of its colour are three rows of ink, apart."""
+    over, where = overlay(*[run()] * 3, notes=("RMSE 0.123 mrad", "chattering 30.1 %", "fuzzy-linear-band-smc"))
     title = part(frame(over, where, 0), where.panels[0].title)
     ink = (title.min(axis=2) < 240).any(axis=1)
-    assert np.count_nonzero(np.diff(ink.astype(int)) == 1) == 3
+    assert np.count_nonzero(np.diff(ink.astype(int)) == 1) == 4
     assert not ink[-1]
 
 
@@ -161,8 +184,7 @@ def test_a_curve_covers_its_band():
 def test_a_curve_that_jumps_has_no_gap():
     """Where neighbouring columns lie apart, every row between them is covered."""
     over, where = overlay(run(error=np.where(np.arange(500)[:, None] < 80, 1e-3, -1e-3) * [0, 1]))
-    box = where.panels[0].traces
-    upper = part(frame(over, where, 11), box._replace(height=box.height // 2))[13:]
+    upper = part(frame(over, where, 11), where.panels[0].traces[0])
     hit = upper[:, :, 1] - upper[:, :, 2] > 20  # the second joint's colour has no blue
     rows = np.flatnonzero(hit.any(axis=1))
     assert np.ptp(rows) > 20
@@ -176,7 +198,7 @@ def test_bars_are_as_long_as_torque_over_limit():
         over, where = overlay(run(tau=tau))
         pixels = part(frame(over, where, 3), where.panels[0].bars)
         for joint in range(2):
-            hit = painted(pixels, JOINTS[joint])[:, 80:]  # right of the joints' names
+            hit = painted(pixels, JOINTS[joint])[:, 12:]  # right of the joints' names
             columns = np.flatnonzero(hit.sum(axis=0) > 4)
             lengths[joint, tau[joint]] = (columns[0], columns[-1] + 1)
     middle = lengths[0, 5.0][0]
@@ -202,16 +224,13 @@ def test_traces_share_one_scale_and_grow_with_time():
     for i in (4, 8):
         pixels = frame(over, where, i)
         for panel in where.panels:
-            box = panel.traces
-            upper = part(pixels, box._replace(height=box.height // 2))
-            upper[:13] = 255  # without the label
+            upper = part(pixels, panel.traces[0])
             hit = upper[:, :, 2] < 150  # the curve's colour has little blue
             rows, columns = np.nonzero(hit)
             offsets.append(rows.mean())
             widths.append(np.ptp(columns) + 1)
-    label = where.panels[0].traces.height // 2
     middle = (offsets[1] - offsets[0]) * 2 + offsets[0]  # where zero must be
-    assert offsets[0] < offsets[1] < middle < label
+    assert offsets[0] < offsets[1] < middle == pytest.approx(where.panels[0].traces[0].height / 2, abs=2)
     assert widths[2] == pytest.approx(2 * widths[0], abs=1)
     assert widths[0] == widths[1]
 
@@ -222,19 +241,6 @@ def test_a_failed_run_says_so_from_its_end_on():
     red = [painted(part(frame(over, where, i), where.panels[0].view), ALARM).any() for i in (0, 4, 5, 11)]
     assert red == [False, False, True, True]
     assert not painted(part(frame(over, where, 11), where.panels[1].view), ALARM).any()
-
-
-def test_a_law_without_sliding_variable_has_no_curve():
-    """NaN all the way draws no curve but says that there is none; frames with and without differ there only."""
-    over, where = overlay(run(s=0.1), run())
-    box = where.panels[0].traces
-    lower = box._replace(y=box.y + box.height // 2, height=box.height // 2)
-    other = lower._replace(x=lower.x + where.panels[1].traces.x - box.x)
-    pixels = frame(over, where, 8)
-    r, b = (part(pixels, lower)[:, :, i] for i in (0, 2))
-    assert (r - b > 60).any()
-    r, b = (part(pixels, other)[:, :, i] for i in (0, 2))
-    assert not (r - b > 60).any()
 
 
 def test_time_is_written_and_moves():

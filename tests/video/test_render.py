@@ -10,9 +10,14 @@ import pytest
 from tests.video.films import camera_of_scene, frames_of, pixel, tool_mark
 from torquebench import load_trajectory
 from torquebench.cli.app import main
+from torquebench.experiment.schema import Video
 from torquebench.experiment.store import check_run
 from torquebench.robot.puma560.puma import Puma560
-from torquebench.video.layout import layout
+from torquebench.video.film import read_footage
+from torquebench.video.job import Job
+from torquebench.video.opengl import STICK
+from torquebench.video.overlay import layout_for
+from torquebench.video.render import FilmRenderer
 
 SIZE = (640, 480)
 NEAR = 3.0
@@ -32,14 +37,20 @@ def film(folder, monkeypatch, gl, *options):
     return check_run(folder)["video"]
 
 
-def away(picture, panel, q, camera, size=SIZE):
+def drawn(folder, *controllers, **settings):
+    """Panels of a film of a run, and the part of the camera's picture that it shows."""
+    footage = read_footage(folder, controllers)
+    return layout_for(footage.shots, SIZE, 6).panels, FilmRenderer(Job(footage, Video(**settings), STICK)).part
+
+
+def away(picture, panel, part, q, camera):
     """Distance of the tool's mark in a panel's view from where the analytic arm has the tool at `q` [px]."""
     box = panel.view
     view = picture[box.y : box.y + box.height, box.x : box.x + box.width]
     point = Puma560("exact", "fitted").forward_kinematics(q)[:3, 3]
     mark = tool_mark(view)
     assert mark is not None, "the tool is not marked"
-    return np.linalg.norm(mark - pixel(point, camera_of_scene(camera), box.width, box.height))
+    return np.linalg.norm(mark - pixel(point, camera_of_scene(camera), part, box.width, box.height))
 
 
 @pytest.mark.parametrize(("gl", "backend"), [("egl", "egl"), ("osmesa", "osmesa"), ("off", "stick")])
@@ -59,12 +70,11 @@ def test_every_frame_shows_the_stored_pose(copy, monkeypatch, must_draw, figure,
     assert seconds == pytest.approx(1.2, abs=1e-9)
     assert facts["seconds"] == pytest.approx(1.2)
     worst = 0.0
-    for name, panel in zip(
-        facts["controllers"], layout(2, *SIZE, 2).panels, strict=True
-    ):  # figures and law take two lines
+    panels, part = drawn(copy)
+    for name, panel in zip(facts["controllers"], panels, strict=True):
         run = load_trajectory(copy / name / "trajectory.npz")
         for i in (0, 15, 29):
-            worst = max(worst, away(frames[i], panel, run.q[40 * i], "overview"))
+            worst = max(worst, away(frames[i], panel, part, run.q[40 * i], "overview"))
     figure(f"film by {backend}: tool's pixel from its projection [px]", worst, "< 3")
     assert worst < NEAR
 
@@ -81,8 +91,8 @@ def test_pictures_of_both_cameras(stored, tmp_path, monkeypatch, must_draw, gl, 
     assert main(["video", str(stored), *options]) == 0
     picture = np.round(255 * matplotlib.image.imread(out)).astype(np.uint8)
     run = load_trajectory(stored / "linear-band" / "trajectory.npz")
-    panel = layout(1, *SIZE).panels[0]
-    assert away(picture, panel, run.q[800], camera) < NEAR
+    (panel,), part = drawn(stored, "linear-band", camera=camera)
+    assert away(picture, panel, part, run.q[800], camera) < NEAR
     box = panel.view
     r, b = (picture[box.y : box.y + box.height, box.x : box.x + box.width, i].astype(int) for i in (0, 2))
     assert np.count_nonzero(b - r > 45) > 100  # the ghost's blue edge
@@ -105,10 +115,11 @@ def test_the_ghost_shows_the_reference(stored, tmp_path, monkeypatch, must_draw)
     out = tmp_path / "still.png"
     assert main(["video", str(folder), "--still", "0.4", "--controllers", "linear-band", "--out", str(out)]) == 0
     picture = np.round(255 * matplotlib.image.imread(out)).astype(int)
-    box = layout(1, *SIZE).panels[0].view
+    (panel,), part = drawn(folder, "linear-band")
+    box = panel.view
     view = picture[box.y : box.y + box.height, box.x : box.x + box.width]
     point = Puma560("exact", "fitted").forward_kinematics(arrays["q_ref"][400])[:3, 3]
-    x, y = pixel(point, camera_of_scene("overview"), box.width, box.height)
+    x, y = pixel(point, camera_of_scene("overview"), part, box.width, box.height)
     around = view[round(y) - 6 : round(y) + 7, round(x) - 6 : round(x) + 7]
     assert np.count_nonzero(around[:, :, 2] - around[:, :, 0] > 45) > 20
 
@@ -133,15 +144,15 @@ def test_pretty_has_shadows_and_the_same_pose(stored, tmp_path, monkeypatch, mus
     """Quality pretty darkens the floor where the arm's shadow falls, and shows the same arm within 3 px."""
     must_draw("egl")
     monkeypatch.setenv("MUJOCO_GL", "egl")
-    pictures = {}
+    pictures, ((panel,), part) = {}, drawn(stored, "linear-band")
     for quality in ("fast", "pretty"):
         out = tmp_path / f"{quality}.png"
         options = ["--still", "0.4", "--quality", quality, "--controllers", "linear-band", "--out", str(out)]
         assert main(["video", str(stored), *options]) == 0
         pictures[quality] = np.round(255 * matplotlib.image.imread(out)).astype(np.uint8)
         run = load_trajectory(stored / "linear-band" / "trajectory.npz")
-        assert away(pictures[quality], layout(1, *SIZE).panels[0], run.q[400], "overview") < NEAR
-    box = layout(1, *SIZE).panels[0].view
+        assert away(pictures[quality], panel, part, run.q[400], "overview") < NEAR
+    box = panel.view
     fast, pretty = (p[box.y : box.y + box.height, box.x : box.x + box.width].mean(axis=2) for p in pictures.values())
     assert np.count_nonzero(fast - pretty > 40) > 1000
 
@@ -160,9 +171,37 @@ def test_an_arm_without_a_look_has_a_film(stored_two_link, tmp_path, monkeypatch
         elbow = np.array([np.cos(q[0]), -np.sin(q[0])])
         return elbow + 0.8 * np.array([np.cos(q.sum()), -np.sin(q.sum())])
 
-    box = layout(1, *SIZE).panels[0].view
+    box = layout_for(read_footage(folder).shots, SIZE, 2).panels[0].view
     marks = [tool_mark(frames[i][box.y : box.y + box.height]) for i in (0, 10, 19)]
     tools = [tool(q[40 * i]) for i in (0, 10, 19)]
     seen = [np.linalg.norm(marks[i] - marks[0]) for i in (1, 2)]
     gone = [np.linalg.norm(tools[i] - tools[0]) for i in (1, 2)]
     assert seen[0] / seen[1] == pytest.approx(gone[0] / gone[1], rel=0.1)
+
+
+def test_an_exaggerated_error_is_where_it_says(stored, tmp_path, monkeypatch):
+    """The tool is where the analytic arm has it at q_ref - factor e, within 3 px, and a sign says so."""
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    run = load_trajectory(stored / "linear-band" / "trajectory.npz")
+    error = run.q_ref[800] - run.q[800]
+    factor = 0.5 / np.abs(error).max()
+    pictures = []
+    for value in (factor, 1.0):
+        out = tmp_path / f"{value:g}.png"
+        options = [
+            "--still",
+            "0.8",
+            "--exaggerate",
+            repr(float(value)),
+            "--controllers",
+            "linear-band",
+            "--out",
+            str(out),
+        ]
+        assert main(["video", str(stored), *options]) == 0
+        pictures.append(np.round(255 * matplotlib.image.imread(out)).astype(int))
+    (panel,), part = drawn(stored, "linear-band", exaggerate=factor)
+    assert away(pictures[0], panel, part, run.q_ref[800] - factor * error, "overview") < NEAR
+    signs = [np.abs(picture - [38, 44, 54]).max(axis=2)[panel.view.y :] < 60 for picture in pictures]
+    wide = [sign[:, panel.view.x : panel.view.x + panel.view.width].mean(axis=1).max() for sign in signs]
+    assert wide[0] > 0.9 > 0.5 > wide[1]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from torquebench.errors import VideoError
-from torquebench.video.job import Footage, Job, Settings, Shot
+from torquebench.experiment.schema import Video
+from torquebench.video.job import Footage, Job, Shot
 from torquebench.video.process import answers
 from torquebench.view.window import ENTER, LEFT, RIGHT, SPACE, Replay
 
@@ -16,7 +17,7 @@ def replay(tmp_path, result):
     for path in paths:
         path.write_bytes(result.runs[path.stem].to_bytes())
     shots = tuple(Shot(path.stem, "", str(path)) for path in paths)
-    return Replay(Job(Footage("title", "puma560", 0.001, 1.004, shots), Settings(speed=0.5)))
+    return Replay(Job(Footage("title", "puma560", 0.001, 1.004, shots), Video(speed=0.5)))
 
 
 def test_time_goes_by_at_the_chosen_speed(replay):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -50,7 +51,7 @@ def overview(study: Study, judged: Sequence[Judged]) -> Figure:
         for i, text in enumerate(title):
             ax.text(LEFT, 0.2 + 0.19 * i, text, fontsize=10.0, fontweight="bold", va="center")
         _key(ax)
-        y = top
+        y, drawn = top, defaultdict[Verdict, list[tuple[float, float]]](list)
         for claim, lines, height in zip(judged, blocks, heights, strict=True):
             ax.plot((LEFT, PAGE_WIDTH - LEFT), (y, y), color="0.85", linewidth=0.5)
             verdict = ax.text(LEFT, y + 0.8 * LINE, str(claim.verdict).upper(), fontsize=8.0, va="center")
@@ -60,9 +61,11 @@ def overview(study: Study, judged: Sequence[Judged]) -> Figure:
                 for x, label, cases in groups:
                     ax.text(x, y + (1.8 + k) * LINE, label, fontsize=6.5, color="0.3", va="center")
                     for i, case in enumerate(cases):
-                        _dot(ax, x + _label_width(label) + DOT * i, y + (1.8 + k) * LINE, case.verdict, 4.6)
+                        drawn[case.verdict].append((x + _label_width(label) + DOT * i, y + (1.8 + k) * LINE))
             ax.text(INDENT, y + height - 0.55 * LINE, claim.sentence, fontsize=6.5, color="0.4", va="center")
             y += height
+        for own, places in drawn.items():
+            _dots(ax, places, own, 4.6)
     return fig
 
 
@@ -91,12 +94,13 @@ def _dot_lines(study: Study, claim: Judged) -> list[list[tuple[float, str, list[
     return lines
 
 
-def _dot(ax: Axes, x: float, y: float, verdict: Verdict, size: float = 5.2, series: Series | None = None) -> None:
-    """Draw a dot: full where something holds, half full where it is undecided, empty where it fails."""
+def _dots(
+    ax: Axes, places: Sequence[tuple[float, float]], verdict: Verdict, size: float, series: Series | None = None
+) -> None:
+    """Draw dots of one kind: full where something holds, half full where it is undecided, empty where it fails."""
     colour, like = (COLOURS[verdict], True) if series is None else (series.colour, series.like)
     ax.plot(
-        [x],
-        [y],
+        *zip(*places, strict=True),
         marker="o" if like else "D",
         markersize=size if like else 0.75 * size,
         color=colour,
@@ -113,7 +117,7 @@ def _dot(ax: Axes, x: float, y: float, verdict: Verdict, size: float = 5.2, seri
 def _key(ax: Axes) -> None:
     x = PAGE_WIDTH - 2.2
     for verdict in KEY:
-        _dot(ax, x, 0.22, verdict)
+        _dots(ax, [(x, 0.22)], verdict, 5.2)
         ax.text(x + 0.09, 0.22, str(verdict), fontsize=7.5, va="center")
         x += 0.22 + 0.066 * len(verdict)
 
@@ -157,22 +161,23 @@ def _dot_plot(title: str, subtitle: str, points: Sequence[Point], place: Callabl
         ax = fig.add_axes((left, 0.44 / height, (0.74 if numbers else 0.98) - left, step * len(rows) / height))
         for y in range(1, len(rows), 2):
             ax.axhspan(y - 0.5, y + 0.5, color="0.965", zorder=-1.0)
+        lines_of = defaultdict[Series, list[tuple[float, float]]](list)
+        dots_of = defaultdict[tuple[Verdict, Series], list[tuple[float, float]]](list)
         for point in points:
             middle = rows.index(point.row)
             at = middle + (series.index(point.series) - 0.5 * (len(series) - 1)) * PITCH / step
             if not math.isnan(point.interval.value):
-                known = math.isfinite(point.interval.low)  # of one draw that is left of several there are no ends
-                ax.plot(
-                    point.interval[1:3] if known else [point.interval.value] * 2,
-                    [at, at],
-                    color=point.series.colour,
-                    linewidth=1.1,
-                    zorder=2.5,
-                )
-                _dot(ax, point.interval.value, at, point.verdict, 4.6, point.series)
+                dots_of[point.verdict, point.series].append((point.interval.value, at))
+                if math.isfinite(point.interval.low):  # of one draw that is left of several there are no ends
+                    low, high = point.interval[1:3]
+                    lines_of[point.series] += [(low, at), (high, at), (math.nan, math.nan)]
             if numbers:
                 words = {"fontsize": 6.5, "va": "center", "color": "0.25", "annotation_clip": False}
                 ax.annotate(_numbers(point.interval), (1.02, at), xycoords=("axes fraction", "data"), **words)  # type: ignore[arg-type]
+        for own, ends in lines_of.items():
+            ax.plot(*zip(*ends, strict=True), color=own.colour, linewidth=1.1, zorder=2.5)
+        for (verdict, own), places in dots_of.items():
+            _dots(ax, places, verdict, 4.6, own)
         place(ax)
         ax.set_ylim(len(rows) - 0.5, -0.5)
         ax.set_yticks(range(len(rows)), rows, fontsize=7.0)

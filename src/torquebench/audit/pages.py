@@ -111,7 +111,6 @@ def write_files(
             continue
         svg = figure_bytes(figure, "svg")
         yield f"figures/{name}.svg", svg
-        yield f"figures/{name}.png", figure_bytes(figure, "png")
         pictures[name] = Picture(title, svg)
     commands = {
         part.condition: f"torquebench sweep {folder / CONDITIONS / part.folder / 'sweep.yaml'}" for part in parts

@@ -8,11 +8,11 @@ import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from torquebench.audit.study import FEEDFORWARD, Condition, Study
 from torquebench.certificates import FIGURES
@@ -27,12 +27,12 @@ from torquebench.metrics import METRICS
 from torquebench.references import Reference
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import own_copy
-from torquebench.sim.interpreted import call_law
+from torquebench.sim.interpreted import Call
 from torquebench.sweep.executors import Threads
 from torquebench.sweep.folder import TABLE
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.run import run_sweep
-from torquebench.sweep.table import read_table
+from torquebench.sweep.table import Table, completed, read_table
 
 CONDITIONS = "conditions"
 """Folder of a study's sweeps, one for each condition."""
@@ -43,7 +43,7 @@ SAMPLES = 100
 class Runs:
     """What came out of a study: the figures of each controller under each condition, by draw."""
 
-    def __init__(self, experiments: dict[Condition, Experiment], tables: dict[Condition, pd.DataFrame]) -> None:
+    def __init__(self, experiments: dict[Condition, Experiment], tables: dict[Condition, Table]) -> None:
         self.experiments, self.tables = experiments, tables
 
     def values(self, figure: str, controller: str, condition: Condition, draws: int) -> list[float | None]:
@@ -59,15 +59,15 @@ class Runs:
             draws: How many draws, at most.
         """
         table, experiment = self.tables[condition], self.experiments[condition]
-        rows = table[(table["controller"] == controller) & (table["draw"] < draws)].sort_values("draw")
-        completed = rows["outcome"] == "COMPLETED"
+        rows = np.flatnonzero((table["controller"] == controller) & (table["draw"] < draws))
+        ended = completed(table, rows)
         if figure == FEEDFORWARD:
             share = feedforward(experiment, controller)
-            return [share if ended else None for ended in completed]
+            return [share if own else None for own in ended]
         must = figure in METRICS and METRICS[figure].steps_only and experiment.reference.is_step_like
         return [
-            None if not ended or (must and math.isnan(x)) else float(x)
-            for x, ended in zip(rows[figure], completed, strict=True)
+            None if not own or (must and math.isnan(x)) else x
+            for x, own in zip(table[figure][rows].tolist(), ended, strict=True)
         ]
 
 
@@ -82,7 +82,7 @@ class Part:
     text: str
     """Its config, which can be run by itself."""
 
-    @property
+    @cached_property
     def plan(self) -> Plan:
         """The sweep's rows."""
         return Plan(Source(self.text.encode(), f"{self.folder}/sweep.yaml"))
@@ -158,7 +158,7 @@ def run_parts(
     """
     folder.mkdir(parents=True, exist_ok=True)
 
-    def run(part: Part) -> pd.DataFrame:
+    def run(part: Part) -> Table:
         done = 0
 
         def report(rows: int, _all: int) -> None:
@@ -167,7 +167,7 @@ def run_parts(
             done = rows
 
         stored = run_sweep(part.plan, folder / part.folder, Threads(1), progress=report)
-        return pd.DataFrame(dict(read_table(stored.folder / TABLE)))
+        return read_table(stored.folder / TABLE)
 
     with ThreadPoolExecutor(workers) as pool:
         tables = list(pool.map(run, parts))
@@ -198,9 +198,8 @@ def feedforward(experiment: Experiment, controller: str) -> float | None:
     for k in instants:
         ref = Reference(*(x[k].copy() for x in loop.reference))
         t = float(k * experiment.run.control_period)
-        tau, _, detail = call_law(
-            own.law, own.gains, belief, t, ref.q.copy(), ref.qd.copy(), ref, own.law.new_memory(experiment.n)
-        )
+        law = Call(own.law, own.gains, belief, own.law.new_memory(experiment.n))
+        tau, _, detail = law(t, ref.q.copy(), ref.qd.copy(), ref)
         if detail:
             return None
         given.append(np.clip(tau, -limit, limit))

@@ -46,7 +46,7 @@ COMMANDS = {
 
 SHARED = {
     "quiet": (["-q", "--quiet"], "errors and nothing else; the exit status says the rest"),
-    "verbose": (["-v", "--verbose"], "say more: the traceback of an error"),
+    "verbose": (["-v", "--verbose"], "say more: which path was taken, the traceback of an error"),
     "as_json": (["--json"], "print one JSON document and nothing else"),
 }
 """What every command has, besides ``--help``: field of `Voice` -> option and help."""

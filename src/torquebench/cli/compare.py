@@ -98,9 +98,7 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
     """
     from torquebench import comparison
 
-    with progress_bar(
-        comparison.LOOPS + 1 if rollout > 0 else 1, "comparison", "starting (compiles on first use)"
-    ) as bar:
+    with progress_bar(comparison.LOOPS + 1 if rollout > 0 else 1, "comparison", "starting") as bar:
         first, second = comparison.parse_sides(a, b, ("A", "B"))
         n = first.dynamics.n
         if second.dynamics.n != n:

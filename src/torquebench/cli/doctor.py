@@ -75,7 +75,7 @@ def findings(gl: str | None) -> dict[str, Any]:
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
         "software": {"torquebench": torquebench.__version__, "python": platform.python_version()}
-        | {name: _version(PACKAGES.get(name, name)) for name in (*PACKAGES, *MORE_PACKAGES)},
+        | {name: _version(name) for name in (*PACKAGES, *MORE_PACKAGES)},
         "machine": machine(),
         "threads": {"cores": os.cpu_count(), "usable": usable},
         "kernel_cache": str(cache_folder()),

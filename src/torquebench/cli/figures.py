@@ -34,8 +34,10 @@ if TYPE_CHECKING:
 @workers(help="how many processes draw (default: one per core)")
 @plugins
 def figures(folder: Path, only: Sequence[str], pdf: bool, use: str, workers: int | None, plugin: Sequence[Path]) -> int:
-    """Draw the figures of what is stored in a folder, into its folder `figures`; nothing is simulated."""
-    from torquebench.experiment.store import add_to_run
+    """Draw the figures of a stored run or sweep.
+
+    They go into its folder `figures`. Nothing is simulated.
+    """
     from torquebench.laws.plugin import load_plugin
     from torquebench.report.figures.files import Wish, names_of
     from torquebench.sweep.folder import PLAN
@@ -46,7 +48,6 @@ def figures(folder: Path, only: Sequence[str], pdf: bool, use: str, workers: int
     draw = _of_sweep if (folder / PLAN).is_file() else _of_run
     with progress_bar(0, "figure", "drawing") as bar:
         files = draw(folder, plugin, only, wish, following(bar))
-    add_to_run(folder, files)
     tell(directory=folder, figures=list(files))
     for name in names_of(files, wish):
         say(name)
@@ -58,14 +59,20 @@ def _of_run(
     folder: Path, _plugins: Sequence[Path], only: Sequence[str], wish: Wish, progress: Progress
 ) -> dict[str, bytes]:
     from torquebench.experiment.folder import read_result
-    from torquebench.report.run import draw_run
+    from torquebench.report.run import add_figures, draw_run
 
-    return draw_run(read_run(folder, "figures", read_result), only, wish, progress, "--only")
+    result = read_run(folder, "figures", read_result)
+    files = draw_run(result, only, wish, progress, "--only")
+    add_figures(folder, result, files)
+    return files
 
 
 def _of_sweep(
     folder: Path, plugins: Sequence[Path], only: Sequence[str], wish: Wish, progress: Progress
 ) -> dict[str, bytes]:
+    from torquebench.experiment.store import add_to_run
     from torquebench.report.sweep import draw_sweep
 
-    return draw_sweep(read_sweep(folder, plugins), only, wish, progress, "--only")
+    files = draw_sweep(read_sweep(folder, plugins), only, wish, progress, "--only")
+    add_to_run(folder, files)
+    return files

@@ -65,11 +65,11 @@ def report(runs: Sequence[Path], out: Path | None, plugin: Sequence[Path]) -> in
 
 
 def _report_sweep(folder: Path, plugins: Sequence[Path]) -> None:
-    """Make summary, figures and page of a finished sweep again from its table."""
+    """Make summary and page of a finished sweep again from its table."""
     from torquebench.experiment.store import add_to_run
     from torquebench.report.render import PAGE
 
-    add_to_run(folder, dict(report_with_bar(read_sweep(folder, plugins), figures=True)))
+    add_to_run(folder, dict(report_with_bar(read_sweep(folder, plugins))))
     tell(report=folder / PAGE, directory=folder)
     say(f"report: {folder / PAGE}")
 

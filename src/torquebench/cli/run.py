@@ -11,7 +11,7 @@ import click
 
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Config, File, Number, argument, option, out_folder, plugins, refuse, settings
-from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, warn
+from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, voice, warn
 from torquebench.errors import Problem
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def run(
     directory = RunDirectory(claim_folder(out, experiment.name))
     write_experiment(directory, experiment)
     steps = experiment.n_steps * len(experiment.controllers)
-    with progress_bar(steps, "step", "starting (compiles on first use)") as bar:
+    with progress_bar(steps, "step", "starting") as bar:
         result = run_experiment(
             experiment,
             loop,
@@ -118,9 +118,13 @@ def _row_of_sweep(folder: Path, index: int, plugin: Sequence[Path]) -> Experimen
 def _print_failures(result: ExperimentResult) -> int:
     """Say which runs were interpreted, and which ended otherwise than expected; return the exit status."""
     from torquebench.report.tables import outcome_text
+    from torquebench.sim.native import QUICKER
 
-    for reason in dict.fromkeys(run.path_reason for run in result.runs.values() if run.path_reason):
-        warn(f"torquebench: interpreted, which is slower: {reason}")
+    for path, reason in dict.fromkeys((run.path, run.path_reason) for run in result.runs.values()):
+        if reason not in ("", QUICKER):
+            warn(f"torquebench: interpreted, which is slower: {reason}")
+        elif voice().verbose:
+            warn(f"torquebench: {f'interpreted: {reason}' if reason else f'path {path}'}")
     for name in result.unexpected:
         detail = f" ({result.runs[name].detail})" if result.runs[name].detail else ""
         wanted = next(keys.expect for keys in result.experiment.controllers if keys.name == name)

@@ -6,7 +6,7 @@ import contextlib
 import os
 import shlex
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from torquebench.sweep.folder import StoredSweep
     from torquebench.sweep.plan import Plan, Source
     from torquebench.sweep.run import State
+    from torquebench.sweep.summary import Summary
 
 FAR_TOO_MANY = 3
 """How many times the cap is refused before anything is checked: to check so many draws takes long too."""
@@ -43,7 +44,6 @@ class Options:
     plugin: Sequence[Path]
     no_cap: bool
     dry_run: bool
-    no_figures: bool
 
     def check(self) -> None:
         """Refuse what does not go together."""
@@ -77,7 +77,6 @@ class Options:
 @plugins
 @option("--no-cap", is_flag=True, help="start whatever it takes")
 @option("--dry-run", is_flag=True, help="check and estimate only")
-@option("--no-figures", is_flag=True, help="tables, summary and page only: no figures")
 def sweep(**given: Any) -> int:
     """Run grids and random draws over any keys of an experiment.
 
@@ -88,7 +87,7 @@ def sweep(**given: Any) -> int:
     options.check()
     from torquebench.experiment.store import check_run
     from torquebench.laws.plugin import load_plugin
-    from torquebench.report.sweep import sweep_facts, unexpected_outcomes
+    from torquebench.report.sweep import summary_of, sweep_facts, unexpected_outcomes
 
     for file in options.plugin:
         load_plugin(file)
@@ -96,10 +95,10 @@ def sweep(**given: Any) -> int:
     if stored is None:
         return 0
     outcomes = check_run(stored.folder)["outcomes"]
-    facts = sweep_facts(stored, outcomes)
-    tell(directory=stored.folder, **facts)
-    say(_summary(stored, facts))
-    say()
+    summary = summary_of(stored)
+    tell(directory=stored.folder, **sweep_facts(stored, outcomes, summary))
+    if summary is not None:
+        _say_best(stored, summary)
     say(f"results: {stored.folder}")
     wrong = unexpected_outcomes(stored, outcomes)
     for name, text in wrong.items():
@@ -227,8 +226,8 @@ def _run_rest(stored: StoredSweep, state: State, executor: Executor, options: Op
 
     def more(done: StoredSweep) -> Iterator[tuple[str, bytes]]:
         if done.plan.rows > MOST_ROWS:
-            warn(f"torquebench: no summary, figures and page of more than {MOST_ROWS:,} runs; the tables are there")
-        return report_with_bar(done, not options.no_figures)
+            warn(f"torquebench: no summary and page of more than {MOST_ROWS:,} runs; the tables are there")
+        return report_with_bar(done)
 
     try:
         with progress_bar(stored.plan.rows, "run", "running", state.rows) as bar:
@@ -240,17 +239,12 @@ def _run_rest(stored: StoredSweep, state: State, executor: Executor, options: Op
     say(f"{len(state.missing)} shards run, {len(state.complete)} were there")
 
 
-def report_with_bar(stored: StoredSweep, figures: bool) -> Iterator[tuple[str, bytes]]:
-    """Yield name and content of the files about a sweep's table, with a progress bar.
-
-    Args:
-        stored: The sweep, with its final table.
-        figures: Whether to draw.
-    """
+def report_with_bar(stored: StoredSweep) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of the files about a sweep's table, with a progress bar."""
     from torquebench.report.sweep import report_files
 
-    with progress_bar(0, "figure", "drawing") as bar:
-        yield from report_files(stored, figures, following(bar), os.cpu_count() or 1)
+    with progress_bar(0, "file", "summing up") as bar:
+        yield from report_files(stored, following(bar))
 
 
 def _resume_hint(stored: StoredSweep, options: Options) -> str:
@@ -260,15 +254,21 @@ def _resume_hint(stored: StoredSweep, options: Options) -> str:
     return f"what is stored is kept, go on with: {shlex.join(words)}"
 
 
-def _summary(stored: StoredSweep, facts: Mapping[str, Any]) -> str:
-    """Return the table of what came out: of each controller the runs that completed, and means of its metrics."""
+def _say_best(stored: StoredSweep, summary: Summary) -> None:
+    """Say what came out, in sentences and as a table of the best choices, and where the page is."""
     from torquebench.experiment.schema import slide_joints
-    from torquebench.report.tables import headlines, number
+    from torquebench.report.render import PAGE
+    from torquebench.report.sweep_tables import answer, best_table
+    from torquebench.report.tables import headlines
+    from torquebench.sweep.best import conditions, short_names
 
-    columns, rows = headlines(slide_joints(stored.plan.first.plant.model)), []
-    for name, law in facts["controllers"].items():
-        means = [number(law["means"][key], scale) for key, (_, scale) in columns.items()]
-        last = "-" if law["worst_row"] is None else str(law["worst_row"])
-        rows.append([name, f"{law['runs']:,}", f"{law['completed']:,}", *means, last])
-    header = ["controller", "runs", "completed", *(title for title, _ in columns.values()), "worst RMSE: run"]
-    return f"{stored.plan.first.name}: means of the runs that completed\n\n{table(header, rows)}"
+    titles = headlines(slide_joints(stored.plan.first.plant.model))
+    for sentence in answer(summary, titles):
+        say(sentence)
+    header, rows = best_table(summary, titles)
+    if rows:
+        say(f"\n{table(header, rows, keys=1 + len(summary.grid))}\n")
+    apart = [short_names(summary.grid)[key] for key in conditions(summary)]
+    if apart:
+        say(f"each figure in the worst of all values of {', '.join(apart)}; those shown are the worst for the error")
+    say(f"all cases, with constraints: {stored.folder / PAGE}")

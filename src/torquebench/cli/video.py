@@ -16,9 +16,11 @@ from torquebench.errors import Problem, TorquebenchError
 
 if TYPE_CHECKING:
     from torquebench.experiment.run import ExperimentResult
+    from torquebench.experiment.schema import Video
     from torquebench.video.film import Film
-    from torquebench.video.job import Footage, Settings
+    from torquebench.video.job import Footage
 
+FILMS = (".mp4", ".webp")
 COLUMNS = ("backend", "quality", "size", "camera", "speed", "frames", "seconds", "at")
 """Facts of a film or a picture that the table shows."""
 
@@ -40,30 +42,27 @@ class Size(click.ParamType[tuple[int, int]]):
 @argument("run", type=File(folders=True), metavar="RUN", help="folder that `run` left")
 @option(
     "--quality",
-    default="fast",
     shell_complete=lambda context, parameter, typed: [word for word in ("fast", "pretty") if word.startswith(typed)],
-    help="fast, or pretty: with shadows, many times as slow",
+    help="fast, or pretty: with shadows, many times as slow (default fast)",
 )
-@option(
-    "--size", type=Size(), default="640x480", metavar="WIDTHxHEIGHT", help="of a frame, even numbers (default 640x480)"
-)
-@option("--speed", type=Number(float), default=1.0, help="simulated seconds in one second (default 1)")
+@option("--size", type=Size(), metavar="WIDTHxHEIGHT", help="of a frame, even numbers (default 640x480)")
+@option("--speed", type=Number(float), help="simulated seconds in one second (default 1)")
 @option("--camera", help="a camera of the arm, by name (default: its first)")
 @option("--controllers", type=Words(), metavar="NAME,NAME", help="those to show, in this order (default: all)")
+@option("--exaggerate", type=Number(float), metavar="FACTOR", help="draw the position error this many times as large")
+@option("--sound", is_flag=True, help="play the torque that chatters, of one controller in each ear")
+@option("--ears", type=Words(), metavar="NAME,NAME", help="those to hear, left and right (default: the first two)")
 @option("--still", type=Number(float), metavar="SECONDS", help="one picture of this time, PNG; needs --out")
-@out_file(help="file to write, .mp4, or .png of a picture (default: RUN/video.mp4)")
+@out_file(help="file to write: .mp4, .webp (loops, silent), or .png of a picture (default: RUN/video.mp4)")
 @click.pass_obj
 def video(
     gl: str | None,
     /,
     run: Path,
-    quality: Any,
-    size: tuple[int, int],
-    speed: float,
-    camera: str | None,
     controllers: Sequence[str] | None,
     still: float | None,
     out: Path | None,
+    **settings: Any,
 ) -> int:
     """Make the film of a stored run.
 
@@ -74,10 +73,10 @@ def video(
     if still is not None and not still >= 0.0:
         refuse([Problem("--still", got=f"{still:g}", wanted="a time of the run [s]")])
     check_out(out)
-    _check_suffix(out, still is not None)
+    _check_suffix(out, still is not None, bool(settings["sound"] or settings["ears"]))
     from torquebench.experiment.store import atomic_write, check_run
     from torquebench.video.film import FILM, keep_film, model_changed, read_footage
-    from torquebench.video.job import Settings
+    from torquebench.video.job import check_settings
 
     manifest = read_run(run, "video", lambda folder: check_run(folder, leave_out=(FILM,)))
     footage = read_run(run, "video", lambda folder: read_footage(folder, controllers or ()))
@@ -86,7 +85,8 @@ def video(
         refuse([Problem("--still", got=f"{still:g}", wanted=wanted)])
     if model_changed(footage, manifest):
         warn(f"torquebench: the file of '{footage.model}' has changed since the run; the film shows it as it is now")
-    film = _draw(footage, Settings(quality, size, speed, camera), gl, still)
+    chosen = check_settings({key: value for key, value in settings.items() if value is not None}, footage)
+    film = _draw(footage, chosen, gl, "" if out is None else out.suffix.lower(), still)
     if out is None:
         path = keep_film(run, film)
     else:
@@ -99,16 +99,19 @@ def video(
     return 0
 
 
-def _check_suffix(out: Path | None, picture: bool) -> None:
-    """Refuse a file whose name promises another format than is written."""
-    wanted, what = (".png", "a picture of --still is PNG") if picture else (".mp4", "a film is MP4")
-    if out is not None and out.suffix.lower() != wanted:
+def _check_suffix(out: Path | None, picture: bool, sound: bool) -> None:
+    """Refuse a file whose name promises another format than is written, and sound for what is silent."""
+    endings, what = ((".png",), "a picture of --still is PNG") if picture else (FILMS, "a film is MP4 or WebP")
+    suffix = ".mp4" if out is None else out.suffix.lower()
+    if suffix not in endings:
         other = "" if picture else " (one picture: --still SECONDS --out FILE.png)"
-        ending = f"a name that ends in {wanted}: {what} and nothing else{other}"
+        ending = f"a name that ends in {' or '.join(endings)}: {what} and nothing else{other}"
         refuse([Problem("--out", got=str(out), wanted=ending)])
+    if sound and suffix != ".mp4":
+        refuse([Problem("--sound", text=f"{suffix} is silent", wanted="a film, .mp4")])
 
 
-def _draw(footage: Footage, settings: Settings, gl: str | None, still: float | None = None) -> Film:
+def _draw(footage: Footage, settings: Video, gl: str | None, suffix: str = "", still: float | None = None) -> Film:
     """Make a film, or one picture, with a progress bar."""
     from torquebench.video.film import make_film
 
@@ -119,7 +122,7 @@ def _draw(footage: Footage, settings: Settings, gl: str | None, still: float | N
             bar.describe("film")
             bar.update(1)
 
-        return make_film(footage, settings, gl, still=still, progress=report)
+        return make_film(footage, settings, gl, suffix=suffix or ".mp4", still=still, progress=report)
 
 
 def _announce(path: Path, film: Film) -> None:
@@ -129,6 +132,10 @@ def _announce(path: Path, film: Film) -> None:
     is_film = "frames" in facts
     size = f"{facts['frames']} frames, {facts['seconds']:g} s" if is_film else f"t = {facts['at']:g} s"
     say(f"{'film' if is_film else 'picture'}: {path} ({size}; drawn by {facts['backend']}: {facts['reason']})")
+    if sound := facts.get("sound"):
+        ears = zip(("left", "right"), sound["rms_over_limit"], strict=True)
+        heard = ", ".join(f"{side} {sound[side]} {100.0 * rms:.3g} %" for side, rms in ears)
+        say(f"sound: {heard} of the torque limit, RMS above {sound['from_hz']:g} Hz")
     if film.advice:
         warn(f"torquebench: drawn as a stick figure; for the whole arm: {film.advice}")
 
@@ -144,13 +151,12 @@ def film_of_run(result: ExperimentResult, folder: Path, gl: str | None) -> None:
     from torquebench.experiment.folder import read_result
     from torquebench.report.run import rewrite_page
     from torquebench.video.film import keep_failure, keep_film, read_footage
-    from torquebench.video.job import Settings
 
     keys = result.experiment.video
     if keys is None:
         return
     try:
-        film = _draw(read_footage(folder), Settings(keys.quality, keys.size, keys.speed, keys.camera), gl)
+        film = _draw(read_footage(folder), keys, gl)
         _announce(keep_film(folder, film), film)
         rewrite_page(folder, read_result(folder))
     except Exception as error:  # noqa: BLE001  whatever it is, the run is complete without its film

@@ -69,10 +69,11 @@ def view(
 
 def _show_window(footage: Footage, speed: float) -> bool:
     """Replay a run in MuJoCo's viewer until it is closed; return whether that worked, and say why if it did not."""
-    from torquebench.video.job import Job, Settings
+    from torquebench.experiment.schema import Video
+    from torquebench.video.job import Job
     from torquebench.video.process import CrashedError, answers
 
-    shown = answers("torquebench.view.window", Job(footage, Settings(speed=speed)), "glfw", SILENCE)
+    shown = answers("torquebench.view.window", Job(footage, Video(speed=speed)), "glfw", SILENCE)
     try:
         next(shown, None)
         say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")

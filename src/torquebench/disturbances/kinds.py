@@ -5,7 +5,8 @@ A kind is a frozen dataclass whose fields are its keys (see `Key`), with two met
     sample(n, t, control_period, rng) -> torque at each control instant, (N, n) [N m]
     describe(units) -> what it is in one line, as it stands beside every result
 
-and, if it likes, ``check(timing)``, which yields a `Fault` for each key that does not fit the run or another key. One
+and, if it likes, ``check(timing)``, which yields a `Fault` for each key that does not fit the run or another key, and
+``sized(rms)``, which returns it with torques in place of shares of the motion's RMS torque, (n,) [N m]. One
 that draws from `rng` says so by ``is_random = True``, so that seed and draw stand beside its results.
 """
 

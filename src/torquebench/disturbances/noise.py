@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -47,15 +47,41 @@ class BandLimitedNoise:
     """
 
     is_random: ClassVar[bool] = True
-    sigma: Annotated[Vector, Key("Standard deviation before clipping", "N m", at_least=0)]
+    sigma: Annotated[
+        Vector | None, Key("Standard deviation before clipping, unless relative gives it", "N m", at_least=0)
+    ] = None
     hold: Annotated[float, Key("Time each value lasts, a whole multiple of run.control_period", "s", above=0)] = 0.01
     clip_sigma: Annotated[float, Key("Values are clipped at this many standard deviations", "1", above=0)] = 3.0
+    relative: Annotated[
+        float | None,
+        Key(
+            "Standard deviation as a share of the RMS torque of the motion: of the exact inverse dynamics of the arm, "
+            "without load and friction, along the reference; stored as sigma, to four digits",
+            "1",
+            above=0,
+        ),
+    ] = None
 
     def check(self, timing: Timing) -> Iterator[Fault]:
-        """Yield a fault where a value does not last whole control periods."""
+        """Yield what does not fit: two sizes, none, or a value that does not last whole control periods."""
+        if self.sigma is None and self.relative is None:
+            yield Fault(("sigma",), "missing", wanted="a value [N m], or relative, a share of the motion's", at="key")
+        elif self.sigma is not None and self.relative is not None:
+            yield Fault(("relative",), "sigma is given already", wanted="one of the two", at="key")
         if timing.whole:
             period = ("run", "control_period")
             yield from multiple_of(("hold",), self.hold, "run.control_period", timing.control_period, period)
+
+    def sized(self, rms: Array) -> BandLimitedNoise:
+        """Return the noise with `sigma` in place of `relative`.
+
+        Args:
+            rms: RMS torque of the motion, (n,) [N m].
+        """
+        if self.relative is None:
+            return self
+        sigma = tuple(float(f"{self.relative * x:.4g}") for x in rms)
+        return replace(self, sigma=sigma, relative=None)
 
     def hold_steps(self, n_steps: int, control_period: float) -> int:
         """Return for how many control periods [s] one value lasts, at most the whole run of `n_steps`.
@@ -75,12 +101,17 @@ class BandLimitedNoise:
             t: Control instants, (N,) [s].
             control_period: Time between them [s].
             rng: Source of all randomness.
+
+        Raises:
+            ValueError: its size is relative still.
         """
+        if self.sigma is None:
+            raise ValueError("relative noise has no size before `sized` gives it one, as the check of a config does")
         hold = self.hold_steps(len(t), control_period)
         return band_limited_noise(as_vector(self.sigma, n), hold, len(t), rng, self.clip_sigma)
 
     def describe(self, units: Units) -> str:
         """Return what it is in one line."""
         held = f"{units.what} noise held {1e3 * self.hold:g} ms"
-        size = f"sigma {in_words(self.sigma)} {units.torque}, clipped at {self.clip_sigma:g} sigma"
+        size = f"sigma {in_words(self.sigma or 0.0)} {units.torque}, clipped at {self.clip_sigma:g} sigma"
         return f"{held}, Gaussian, {size}"

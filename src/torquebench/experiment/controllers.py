@@ -23,7 +23,8 @@ class Controller:
     """One controller: a law, the choices that set its form, and its gains."""
 
     name: Annotated[
-        Slug, Key("Name of the controller, unique in the file; also the name of its folder, so not figures")
+        Slug,
+        Key("Name of the controller, unique in the file; also of its folder, so not figures; if left out, its law's"),
     ]
     law: Annotated[str, Key("Name of the torque law")]
     options: dict[str, str | bool]
@@ -74,6 +75,7 @@ def controllers(only: Iterable[str] | None = None) -> Many:
 def _group(law: Law) -> Group:
     fields = {declared.name: declared for declared in declared_keys(Controller)}
     key = Key(f"Name of the torque law. {law.summary.removesuffix('.')}")
+    fields["name"] = fields["name"]._replace(default=None)
     fields["law"] = declare("law", key, Word((law.name,)))
     names = ", ".join(f"{key} [{gain.unit}]" for key, gain in law.gains.items())
     gains = [_gain(name, gain) for name, gain in law.gains.items()]
@@ -90,7 +92,7 @@ def _group(law: Law) -> Group:
     def make(values: dict[str, Any]) -> Controller:
         options = {key: value for key, value in values.items() if key not in RESERVED}
         fuzzy = values.get("fuzzy") if law.fuzzy_problem(options) is None else None
-        return Controller(values["name"], law.name, options, values["gains"], values["expect"], fuzzy)
+        return Controller(values["name"] or law.name, law.name, options, values["gains"], values["expect"], fuzzy)
 
     return Group(law.name, law.summary, fields.values(), make, noun="key or option")
 

@@ -13,7 +13,8 @@ import yaml
 from torquebench.chain import CHAINS, Chain
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.yaml_tree import NUMBER
+from torquebench.experiment.source import Document
+from torquebench.experiment.yaml_tree import NUMBER, Map, Seq
 from torquebench.keys import values_of
 
 
@@ -25,6 +26,8 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
+_Dumper.add_representer(Map, yaml.SafeDumper.represent_dict)
+_Dumper.add_representer(Seq, yaml.SafeDumper.represent_list)
 # YAML 1.1, which PyYAML writes for, takes 1e-3 for text.
 _Dumper.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0123456789"))
 
@@ -66,6 +69,18 @@ def dump_experiment(experiment: Experiment) -> str:
 def dump_tree(tree: Any) -> str:
     """Return plain values as YAML that reads back equal."""
     return yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
+
+
+def flat_text(document: Document, text: str | bytes) -> bytes:
+    """Return a config's own text, or, where it extends others, one text of them all.
+
+    Args:
+        document: The config.
+        text: Its own text.
+    """
+    if document.parents:
+        return dump_tree(document.root).encode()
+    return text.encode() if isinstance(text, str) else text
 
 
 def config_hash(experiment: Experiment) -> str:

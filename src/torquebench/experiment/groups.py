@@ -190,16 +190,21 @@ def is_broken(value: Any) -> bool:
 
 
 @functools.cache
-def group_of(kind: Any, tag: tuple[str, str, str] | None = None) -> Group:
+def group_of(kind: Any, tag: tuple[str, str, str] | None = None, is_usual: bool = False) -> Group:
     """Return the group of a class that declares its keys.
 
     Args:
         kind: The class, a dataclass.
         tag: Key, value and meaning of what tells it from others, where there are any.
+        is_usual: Whether the tag may be left out.
     """
-    fixed = [] if tag is None else [tag]
-    fixed += [(name, getattr(kind, name), meaning) for name, meaning in getattr(kind, "also", {}).items()]
-    constants = [declare(name, Key(meaning.removesuffix(".")), Word((value,))) for name, value, meaning in fixed]
+    fixed = [(name, getattr(kind, name), meaning, True) for name, meaning in getattr(kind, "also", {}).items()]
+    if tag is not None:
+        fixed.insert(0, (*tag, is_usual))
+    constants = [
+        declare(name, Key(meaning.removesuffix(".")), Word((value,)), value if usual else dataclasses.MISSING)
+        for name, value, meaning, usual in fixed
+    ]
     keys = declared_keys(kind)
 
     def make(values: dict[str, Any]) -> Any:
@@ -229,10 +234,11 @@ class OneOf(Node):
         meaning: What the tag is.
         tag: The key; that of the registry if left out.
         closed: Whether plug-ins add no kinds; where they do, the message about an unknown one says how.
+        usual: The kind if the tag is left out; none if there is no such.
     """
 
-    def __init__(self, registry: Any, meaning: str, tag: str = "", closed: bool = False) -> None:
-        self.tag, self._registry, self._meaning = tag or registry.tag, registry, meaning
+    def __init__(self, registry: Any, meaning: str, tag: str = "", closed: bool = False, usual: str = "") -> None:
+        self.tag, self._registry, self._meaning, self._usual = tag or registry.tag, registry, meaning, usual
         self.wanted = f"a mapping with the key '{self.tag}'"
         more = f"a {registry.noun} of your own needs --plugin FILE, the file that registers it"
         self._more = "" if closed else more
@@ -243,7 +249,7 @@ class OneOf(Node):
 
     def group(self, name: str) -> Group:
         """Return the group of one kind."""
-        return group_of(self._registry.find(name), (self.tag, name, self._meaning))
+        return group_of(self._registry.find(name), (self.tag, name, self._meaning), is_usual=name == self._usual)
 
     def kinds(self) -> dict[str, Group]:
         """Return the group of every kind by name."""
@@ -255,7 +261,7 @@ class OneOf(Node):
 
     def read(self, raw: Any, here: Here) -> Any:
         """Return the object of the kind that is named."""
-        name = raw.get(self.tag) if isinstance(raw, dict) else None
+        name = raw.get(self.tag, self._if_left_out(raw)) if isinstance(raw, dict) else None
         if isinstance(raw, dict) and name in self.names():
             return self.group(name).read(raw, here._replace(chosen=(*here.chosen, (self, name, len(here.path)))))
         if isinstance(raw, dict):
@@ -263,6 +269,10 @@ class OneOf(Node):
         else:
             here.add(got=shown(raw), wanted=self.wanted)
         return BROKEN
+
+    def _if_left_out(self, raw: dict[str, Any]) -> str:
+        """Return the kind of a mapping without the tag; none where a key looks like the tag, mistyped."""
+        return "" if nearest(self.tag, raw.keys(), TYPO) else self._usual
 
     def _unknown(self) -> Group:
         """Return the group of a kind that could not be told: what all have is checked, what some have is accepted."""

@@ -7,11 +7,25 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from torquebench.experiment.controllers import controllers
+from torquebench.experiment.extends import EXTENDS
 from torquebench.experiment.groups import Group, declare, group_of
 from torquebench.experiment.schema import Experiment
+from torquebench.experiment.units import units_of
 from torquebench.keys import Declared, Key
 from torquebench.laws import find_law
 from torquebench.laws.law import law_names
+
+PARENT = (
+    "Config whose keys are taken over: the name of a shipped one, or a .yaml file beside this one. Mappings merge, "
+    "lists and other values replace, null takes a key away; controllers may be named."
+)
+ANOTHER = {
+    "type": "object",
+    "title": "Another",
+    "description": "A controller like another one of the file, or of the one that it extends, but for the given keys.",
+    "properties": {EXTENDS: {"type": "string", "description": "Name of the controller whose keys are taken over."}},
+    "required": [EXTENDS],
+}
 
 
 def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
@@ -23,10 +37,53 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     from torquebench.experiment.sweep_section import Sweep
 
     top, sweep = group_of(Experiment), Key("What `torquebench sweep` varies; not for other commands")
-    described = top.fields["controllers"]._replace(type=controllers(laws))
-    fields = top.fields | {"controllers": described, "sweep": declare("sweep", sweep, group_of(Sweep), None)}
-    schema = Group("Experiment", top.doc, fields.values(), dict).type().model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    name = top.fields["name"]._replace(default=None)
+    compared = top.fields["controllers"]._replace(type=controllers(laws))
+    fields = top.fields | {
+        "name": name,
+        "controllers": compared,
+        "sweep": declare("sweep", sweep, group_of(Sweep), None),
+    }
+    whole = Group("Experiment", top.doc, fields.values(), dict).type().model_json_schema()
+    groups = whole.pop("$defs")
+    groups |= {"Experiment": whole, "Another": ANOTHER}
+    for group in groups.values():
+        for node in group["properties"].values():
+            _accept_units(node, _unit_in(node))
+    listed = whole["properties"]["controllers"]
+    if "oneOf" not in listed["items"]:
+        listed["items"] = {"oneOf": [listed["items"]]}
+    listed["items"]["oneOf"] += [{"$ref": "#/$defs/Another"}, {"type": "string"}]
+    noise = whole["properties"]["disturbances"]
+    noise["type"], noise["pattern"] = ["array", "string"], "%$"
+    described = {key: {"description": node["description"]} for key, node in whole["properties"].items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "type": "object",
+        "properties": {EXTENDS: {"type": "string", "description": PARENT}} | described,
+        "additionalProperties": False,
+        "if": {"not": {"required": [EXTENDS]}},
+        "then": {"$ref": "#/$defs/Experiment"},
+        "$defs": groups,
+    }
+
+
+def _unit_in(node: dict[str, Any]) -> str:
+    """Return the unit that a key's description names; nothing where it names none."""
+    found = re.search(r"\[([^\]]+)\]", node.get("description", ""))
+    return found[1] if found else ""
+
+
+def _accept_units(node: dict[str, Any], unit: str) -> None:
+    """Let numbers have a unit, wherever they stand in a key's values."""
+    units = units_of(unit)
+    if node.get("type") == "number" and units:
+        node["type"], node["pattern"] = ["number", "string"], f"[0-9.] *({'|'.join(map(re.escape, units))})$"
+    for inner in (node.get("items"), node.get("additionalProperties"), *node.get("oneOf", ()), *node.get("anyOf", ())):
+        if isinstance(inner, dict):
+            _accept_units(inner, unit)
+    for inner in node.get("prefixItems", ()):
+        _accept_units(inner, unit)
 
 
 def unit_of(key: str) -> str | None:

@@ -13,13 +13,13 @@ from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Belief, Run, Video, joint_count
 from torquebench.experiment.source import Document
 from torquebench.experiment.words import shown
-from torquebench.experiment.yaml_tree import BROKEN, KeyPath, shortened
+from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.fuzzy import BUILTIN
 from torquebench.keys import declared_keys, values_of
 from torquebench.laws.law import find_law
 from torquebench.metrics.chattering import COARSEST
 from torquebench.robot import load_model
-from torquebench.robot.library import camera_names, model_folder
+from torquebench.robot.library import model_folder
 from torquebench.sim.plants.kinds import PlantKeys
 from torquebench.timing import FAR_OFF, RELATIVE, Timing, multiple_of
 
@@ -309,12 +309,10 @@ def work(plant: PlantKeys, run: Run, n: int, controllers: Items) -> Iterator[Fau
 
 
 @rule
-def cameras(plant: PlantKeys, video: Video) -> Iterator[Fault]:
-    """A film is taken by a camera that there is."""
-    names = camera_names(plant.model)
-    if video.camera is not None and video.camera not in names:
-        near = nearest(video.camera, names) or ""
-        others = "" if near else f"one of {', '.join(names)}"
-        yield Fault(
-            ("video", "camera"), f"'{plant.model}' has no camera {shortened(video.camera)}", nearest=near, wanted=others
-        )
+def films(plant: PlantKeys, video: Video, controllers: Items, document: Document) -> Iterator[Fault]:
+    """A film is taken by a camera of the `plant`, and in a `video` with sound `controllers` of the `document` play."""
+    names = [controller.name for controller in controllers.values()]
+    listed = document.root.get("controllers")
+    if not (isinstance(listed, list) and 0 < len(listed) == len(names)):  # those not valid may have these names
+        names += video.ears or ()
+    yield from (fault.below(("video",)) for fault in video.mistakes(plant.model, names))

@@ -205,9 +205,9 @@ def run_experiment(
         ModelError: a model cannot be used.
     """
     loop = build(experiment) if loop is None else loop
-    session, runs = Session(), dict[str, Trajectory]()
-    metrics: dict[str, Metrics] = {}
     whole = experiment.n_steps * len(experiment.controllers)
+    session, runs = Session(steps=whole), dict[str, Trajectory]()
+    metrics: dict[str, Metrics] = {}
     for before, (keys, controller) in enumerate(zip(experiment.controllers, loop.controllers, strict=True)):
         name = controller.name
         step = None if progress is None else _counted(progress, name, before * experiment.n_steps, whole)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal, TypeAlias
@@ -10,12 +11,15 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field
 
 from torquebench.chain import CHAINS, Chain
-from torquebench.disturbances import DISTURBANCES
+from torquebench.disturbances import DISTURBANCES, BandLimitedNoise
+from torquebench.errors import Fault, nearest
 from torquebench.experiment.controllers import Controller as Controller
 from torquebench.experiment.controllers import controllers
 from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import AllOr, Many, Named, NameOr, OneOf
-from torquebench.experiment.values import Slug
+from torquebench.experiment.units import without_unit
+from torquebench.experiment.values import Here, Slug
+from torquebench.experiment.yaml_tree import shortened
 from torquebench.figures import FIGURES
 from torquebench.keys import Key, Vector
 from torquebench.metrics.chattering import corner_hz
@@ -24,6 +28,7 @@ from torquebench.references.reference import highest_frequency
 from torquebench.registry import SLUG
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.library import camera_names
 from torquebench.robot.puma560.mismatch import Mismatch
 from torquebench.sim.plants.kinds import PLANTS, ConstantsName, PlantKeys, StructureName
 from torquebench.sim.signals import control_instants
@@ -33,6 +38,8 @@ MAX_DISTURBANCES = 64
 LEAST_SIDE, LARGEST_SIDE = 160, 3840
 """Sides of a film's frame [px]; its format takes even ones only."""
 Side: TypeAlias = Annotated[int, Field(ge=LEAST_SIDE, le=LARGEST_SIDE, multiple_of=2)]
+SLOWEST_SOUND = 0.25
+"""Least speed of a film with sound [1]: two octaves lower most of what chatters is still heard."""
 MAX_SEED = 2**63 - 1
 
 
@@ -52,6 +59,17 @@ def slide_joints(model_name: str) -> tuple[bool, ...]:
         ModelError: there is no such model, or it is malformed.
     """
     return tuple(kind == SLIDE for kind in load_model(model_name).flat.kind)
+
+
+class Disturbances(Many):
+    """A list of disturbances, or the size of torque noise in per cent."""
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the disturbances, a tuple."""
+        share = without_unit(raw, "1")
+        if isinstance(raw, str) and isinstance(share, float) and 0.0 < share < math.inf:
+            return (BandLimitedNoise(relative=share),)
+        return super().read(raw, here)
 
 
 @dataclass(frozen=True)
@@ -146,15 +164,53 @@ class Video:
         str | None,
         Key("Name of a camera of the arm: of its scene.xml, else overview or side; the first if left out"),
     ] = None
+    exaggerate: Annotated[
+        float,
+        Key("The arm is drawn at q_ref - exaggerate e, at most 1 rad from q_ref", "1", at_least=1, at_most=1e6),
+    ] = 1.0
+    sound: Annotated[
+        bool, Key("Whether the torque above run.chattering_from_hz of two controllers is heard, one in each ear")
+    ] = False
+    ears: Annotated[
+        tuple[Slug, Slug] | None,
+        Key(
+            "Controllers heard in the left and the right ear, whatever sound is; the first two if left out",
+            wanted="two names of controllers, left and right",
+        ),
+    ] = None
+
+    @property
+    def has_sound(self) -> bool:
+        """Whether something is heard."""
+        return self.sound or self.ears is not None
+
+    def mistakes(self, model: str, names: Sequence[str]) -> Iterator[Fault]:
+        """Yield what cannot be filmed of a run of the arm `model` with the controllers `names`."""
+        cameras = camera_names(model)
+        if self.camera is not None and self.camera not in cameras:
+            yield _none_such("camera", f"'{model}' has no camera {shortened(self.camera)}", self.camera, cameras)
+        for ear in self.ears or ():
+            if ear not in names:
+                yield _none_such("ears", f"no controller is called '{ear}'", ear, names)
+        if self.has_sound and not SLOWEST_SOUND <= self.speed <= 1.0 / SLOWEST_SOUND:
+            wanted = f"{SLOWEST_SOUND:g} to {1.0 / SLOWEST_SOUND:g} with sound, which is slowed with the picture"
+            yield Fault(("speed",), got=f"{self.speed:g}", wanted=wanted)
+
+
+def _none_such(key: str, text: str, name: str, valid: Sequence[str]) -> Fault:
+    near = nearest(name, valid) or ""
+    return Fault((key,), text, nearest=near, wanted="" if near else f"one of {', '.join(valid)}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
     """One experiment: a plant, the belief about it, a motion to follow, and the controllers to compare."""
 
-    name: Annotated[Slug, Key("Name of the experiment; also the start of its folder's name")]
+    name: Annotated[
+        Slug, Key("Name of the experiment, and the start of its folder's name; that of its file if left out")
+    ]
     description: Annotated[str | None, Key("What the experiment is for, in words"), Field(max_length=4000)] = None
-    plant: Annotated[PlantKeys, Key("The arm as it is"), OneOf(PLANTS, "What simulates the arm.")]
+    plant: Annotated[PlantKeys, Key("The arm as it is"), OneOf(PLANTS, "What simulates the arm.", usual="mujoco")]
     model: Annotated[Belief, Key("The arm as the laws believe it to be")] = Belief()
     controllers: Annotated[tuple[Controller, ...], Key("What is compared"), controllers()]
     fuzzy: Annotated[
@@ -183,8 +239,11 @@ class Experiment:
     ] = CHAINS["ideal"]
     disturbances: Annotated[
         tuple[Any, ...],
-        Key("What acts on the joints besides the law"),
-        Many("disturbances", 0, MAX_DISTURBANCES, OneOf(DISTURBANCES, "Form of the disturbance.")),
+        Key(
+            "What acts on the joints besides the law; 30 % stands for torque noise held 10 ms with a standard "
+            "deviation of 0.3 times the RMS torque of the motion"
+        ),
+        Disturbances("disturbances", 0, MAX_DISTURBANCES, OneOf(DISTURBANCES, "Form of the disturbance.")),
     ] = ()
     run: Annotated[Run, Key("Length, sampling, start and randomness of the run")]
     figures: Annotated[

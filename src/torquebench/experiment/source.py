@@ -8,7 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
-from torquebench.errors import ConfigError, Fault, Problem, did_you_mean_path, nearest
+from torquebench.errors import ConfigError, Fault, Problem, did_you_mean_path, nearest, nearest_path
+from torquebench.experiment.extends import EXTENDS, MAX_PARENTS, Text, extended, with_names
+from torquebench.experiment.presets import GAINS, MOTION, write_presets
 from torquebench.experiment.yaml_tree import (
     BROKEN,
     MAX_DEPTH,
@@ -21,13 +23,13 @@ from torquebench.experiment.yaml_tree import (
     shortened,
     value_at,
 )
+from torquebench.registry import SLUG
+from torquebench.shipped import YAML, configs, shipped_config
 
 MAX_BYTES = 1 << 20
 MAX_PROBLEMS = 100
 MAX_OVERRIDE = 65_536
 """Longest ``--set`` [characters]."""
-YAML = r"\.ya?ml"
-"""What a config's name ends in, a regular expression; any other is read too."""
 _PLAIN_KEY = re.compile(r"[A-Za-z0-9_-]{1,64}")
 _PART = re.compile(r"([A-Za-z0-9_-]{1,64})((?:\[[0-9]{1,6}\])*)")
 _FORM = "KEY=VALUE, such as run.duration=2 or controllers[0].gains.k=0.5"
@@ -52,7 +54,10 @@ class Document:
     """
 
     def __init__(self, filename: str) -> None:
-        self.filename = filename if filename.isprintable() else ascii(filename)
+        self.files = [_printable(filename)]
+        """What to call the file, that which it extends, and so on; see `Place.file`."""
+        self.parents: tuple[Text, ...] = ()
+        """The files that it extends, nearest first."""
         self.root: Any = None
         self.start = Place(0, 1, 1)
         """Where the root was written."""
@@ -62,9 +67,15 @@ class Document:
         self.full = False
         """Whether so many mistakes were found that looking for more is no help."""
 
+    @property
+    def filename(self) -> str:
+        """Name of the file in messages."""
+        return self.files[0]
+
     def copy(self) -> Document:
         """Return another document of the same content and places, without mistakes so far."""
         other = Document(self.filename)
+        other.files, other.parents = list(self.files), self.parents
         other.root, other.start, other.overrides = copied(self.root), self.start, list(self.overrides)
         return other
 
@@ -100,9 +111,10 @@ class Document:
         """Return a mistake at a place; `parts` are those of a `Problem`."""
         if place.override:
             return Problem(f"--set {self.overrides[place.override - 1]}", **parts)
-        if not self.filename or not place.line:
-            return Problem(self.filename, **parts)
-        return Problem(self.filename, **parts, line=place.line, column=place.column)
+        file = self.files[place.file]
+        if not file or not place.line:
+            return Problem(file, **parts)
+        return Problem(file, **parts, line=place.line, column=place.column)
 
     def add(
         self,
@@ -144,7 +156,7 @@ class Document:
             ConfigError: always.
         """
         self.add((), text, place=place, wanted=wanted)
-        raise ConfigError(self._sorted())
+        raise ConfigError(self.problems())
 
     def raise_problems(self) -> None:
         """Raise every mistake found so far, in reading order.
@@ -153,13 +165,18 @@ class Document:
             ConfigError: there is at least one.
         """
         if self.found:
-            raise ConfigError(self._sorted())
+            raise ConfigError(self.problems())
 
-    def _sorted(self) -> list[Problem]:
-        problems = [problem for _, problem in sorted(self.found, key=lambda found: found[0])]
+    def problems(self) -> list[Problem]:
+        """Return the mistakes found so far, in reading order."""
+        problems = [problem for _, problem in sorted(self.found, key=lambda found: found[0].order)]
         if self.full:
             problems.append(Problem(self.filename, "", f"there are more mistakes than these {MAX_PROBLEMS}"))
         return problems
+
+
+def _printable(text: str) -> str:
+    return text if text.isprintable() else ascii(text)
 
 
 def read_bytes(path: Path | str) -> bytes:
@@ -168,8 +185,7 @@ def read_bytes(path: Path | str) -> bytes:
     Raises:
         ConfigError: it is missing, not a regular file, unreadable, or larger than 1 MiB.
     """
-    shown = str(path) if str(path).isprintable() else ascii(str(path))
-    path = Path(path)
+    shown, path = _printable(str(path)), Path(path)
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
@@ -187,28 +203,102 @@ def read_bytes(path: Path | str) -> bytes:
         raise ConfigError([Problem(shown, "", f"cannot be read ({reason})")]) from error
 
 
-def read_document(source: str | bytes, filename: str) -> Document:
-    """Return the tree of a config whose top level is a mapping; mistakes in it are recorded, not yet raised.
+def read_document(source: str | bytes, filename: str, parents: Sequence[Text] | None = None) -> Document:
+    """Return the tree of a config, with the keys of what it extends; mistakes in it are recorded, not yet raised.
+
+    Args:
+        source: Its text.
+        filename: What to call it in messages; files that it extends are looked for beside it.
+        parents: The texts of these files, nearest first; read from the disk if left out.
 
     Raises:
-        ConfigError: there is no such tree: not UTF-8, too large, not YAML, empty, or not a mapping.
+        ConfigError: there is no such tree: not UTF-8, too large, not YAML, empty, not a mapping, or there is not what
+            it extends.
     """
     document = Document(filename)
+    root, document.start = _parsed(document, source, 0)
+    _inherit(document, root, Path(filename).parent if filename else Path(), parents)
+    stem = Path(filename).stem.lower().replace("_", "-")
+    if "name" not in document.root and SLUG.fullmatch(stem):
+        document.root.put("name", stem, document.start, document.start)
+    return document
+
+
+def _parsed(document: Document, source: str | bytes, file: int) -> tuple[Map, Place]:
+    """Return the tree of a file's text, and where it starts.
+
+    Raises:
+        ConfigError: there is none.
+    """
     size = len(source.encode("utf-8", "surrogatepass")) if isinstance(source, str) else len(source)
+    whole = Place(0, file=file)
     if size > MAX_BYTES:
-        document.fail(f"is {size} bytes, at most {MAX_BYTES} are read", Place(0))
+        document.fail(f"is {size} bytes, at most {MAX_BYTES} are read", whole)
     try:
         text = source if isinstance(source, str) else source.decode("utf-8")
     except UnicodeDecodeError as error:
-        document.fail(f"is not UTF-8 text (byte offset {error.start})", Place(0))
-    document.root, document.start = parse_value(text.removeprefix("\ufeff"), document.add)
-    if document.root is BROKEN:
+        document.fail(f"is not UTF-8 text (byte offset {error.start})", whole)
+    root, start = parse_value(text.removeprefix("\ufeff"), document.add, file=file)
+    if root is BROKEN:
         document.raise_problems()
-    if document.root is None:
-        document.fail("is empty", Place(0), "a mapping with name, plant, controllers ...")
-    if not isinstance(document.root, dict):
-        document.fail("", document.start, "a mapping (name: ..., plant: ...) at the top level")
-    return document
+    if root is None:
+        document.fail("is empty", whole, "a mapping with name, plant, controllers ...")
+    if not isinstance(root, Map):
+        document.fail("", start, "a mapping (name: ..., plant: ...) at the top level")
+    return root, start
+
+
+def _inherit(document: Document, root: Map, folder: Path, given: Sequence[Text] | None) -> None:
+    """Give a document the keys of a tree and of those that it extends, one after another.
+
+    Args:
+        document: The document, whose own file has been read.
+        root: Its tree.
+        folder: Where its file is.
+        given: Texts of the files that it extends; None to read them.
+
+    Raises:
+        ConfigError: one of them is not there, or is no config.
+    """
+    trees, texts = [root], list[Text]()
+    while EXTENDS in trees[-1]:
+        name, place = trees[-1][EXTENDS], trees[-1].places[EXTENDS][1]
+        text = given[len(texts)] if given is not None else _parent(document, name, place, folder, len(texts))
+        texts.append(text)
+        document.files.append(_printable(text.filename))
+        folder = Path(text.filename).parent
+        tree, _ = _parsed(document, text.content, len(texts))
+        trees.append(tree)
+    document.parents = tuple(texts)
+    found = trees.pop()
+    if isinstance(items := found.get("controllers"), Seq):
+        found["controllers"] = with_names(items, (), document.add)
+    while trees:
+        found = extended(trees.pop(), found, document.add)
+    write_presets(found, document.add)
+    document.root = found
+
+
+def _parent(document: Document, name: Any, place: Place, folder: Path, depth: int) -> Text:
+    """Return the file that a config extends.
+
+    Raises:
+        ConfigError: there is none, or too many extend one another.
+    """
+    wanted = "the name of a shipped config, or of a .yaml file beside this one"
+    if not isinstance(name, str) or not name:
+        document.add((EXTENDS,), place=place, got="no name", wanted=wanted)
+        raise ConfigError(document.problems())
+    is_file = re.search(rf"{YAML}$", name) is not None and not name.startswith("configs/")
+    path = folder / name if is_file else shipped_config(name)
+    if path is None or (is_file and (Path(name).is_absolute() or not path.is_file())):
+        near = nearest_path(folder / name, YAML) if is_file else nearest(name, configs())
+        document.add((EXTENDS,), f"there is no {shortened(name)}", place=place, nearest=near or "", wanted=wanted)
+        raise ConfigError(document.problems())
+    if depth == MAX_PARENTS or str(path.resolve()) in [str(Path(file).resolve()) for file in document.files if file]:
+        document.add((EXTENDS,), f"{shortened(name)} extends itself, or more than {MAX_PARENTS} files", place=place)
+        raise ConfigError(document.problems())
+    return Text(str(path), read_bytes(path))
 
 
 def document_of(values: Mapping[str, Any], filename: str = "") -> Document:
@@ -220,7 +310,7 @@ def document_of(values: Mapping[str, Any], filename: str = "") -> Document:
     """
     document = Document(filename)
     document.start = Place(0)
-    document.root = _tree(values)
+    _inherit(document, _tree(values), Path(), None)
     return document
 
 
@@ -285,11 +375,15 @@ def assign(document: Document, parts: Sequence[str | int], value: Any, key_place
             return
         path = (*path, index)
         last = depth == len(parts) - 1
+        if last and path == ("controllers",) and isinstance(value, Seq):
+            value = with_names(value, node.get("controllers") or (), document.add)
         if isinstance(node, Map) and (last or node.get(part) is None):  # type: ignore[arg-type]
             node.put(str(index), value if last else Map(), key_place, value_place)
         elif last:
             node[index], node.places[index] = value, value_place
         node = node[index]
+    if isinstance(value, str) and parts[-1] in (MOTION, GAINS):
+        write_presets(document.root, document.add)
 
 
 def set_key(document: Document, key: str, value: Any) -> None:

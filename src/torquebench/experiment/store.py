@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import functools
 import hashlib
 import json
 import os
@@ -17,10 +18,9 @@ from typing import Any, BinaryIO
 
 import torquebench
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
-from torquebench.robot.library import model_folder
+from torquebench.robot.library import PRESETS, model_folder
 
-PACKAGES = {name: name for name in ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")}
-PACKAGES["mujoco"] = "mujoco-core"  # which brings the module; a package `mujoco` need not be there
+PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
 MANIFEST = "manifest.json"
 EXPERIMENT = "experiment.yaml"
 """The experiment of a run, resolved; written before anything is simulated."""
@@ -154,12 +154,13 @@ def add_to_run(folder: Path, files: Mapping[str, bytes | None], facts: Mapping[s
 
 
 def model_checksums(name: str) -> dict[str, str]:
-    """Return the SHA-256 of each file of an arm, by its name.
+    """Return the SHA-256 of each file of an arm, by its name; presets are no part of it.
 
     Raises:
         ModelError: there is no such arm.
     """
-    return checksums(sorted(path for path in model_folder(name).iterdir() if path.is_file()))
+    files = (path for path in model_folder(name).iterdir() if path.is_file() and path.name != PRESETS)
+    return checksums(sorted(files))
 
 
 def json_bytes(value: Any) -> bytes:
@@ -170,7 +171,11 @@ def json_bytes(value: Any) -> bytes:
 def versions() -> dict[str, str]:
     """Versions of this package, of Python and of the packages that results depend on."""
     found = {"torquebench": torquebench.__version__, "python": platform.python_version()}
-    return found | {name: metadata.version(package) for name, package in PACKAGES.items()}
+    return found | {name: _installed(name) for name in PACKAGES}
+
+
+_installed = functools.cache(metadata.version)
+"""Version of a package; looking it up parses a page of text, and a sweep of many conditions asks each time."""
 
 
 def machine() -> dict[str, str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, TypeAdapter, ValidationError
 
 from torquebench.experiment.source import Document
+from torquebench.experiment.units import without_unit
 from torquebench.experiment.words import SLUG_IN_WORDS, a_value, choice, is_number, number_hint, shown, unit
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.keys import Key
@@ -143,7 +144,7 @@ class Value(Node):
     def read(self, raw: Any, here: Here) -> Any:
         """Return the value, lists as tuples."""
         try:
-            return self._adapter.validate_python(raw)
+            return self._adapter.validate_python(without_unit(raw, self._key.unit))
         except ValidationError as error:
             for detail in error.errors(include_url=False):
                 path = tuple(part for part in detail["loc"] if isinstance(part, int))
@@ -156,7 +157,7 @@ class Value(Node):
         kind, value, limits = error["type"], error["input"], error.get("ctx", {})
         if self._key.wanted and (kind in _SHAPES or (kind == "float_type" and not inner)):
             return {"wanted": self._key.wanted}
-        its_unit, hint = unit(self._key), number_hint(value)
+        its_unit, hint = unit(self._key), number_hint(value, self._key.unit)
         number = f"a number{its_unit}"
         if self._is_vector and not inner:
             number = f"{self._word}, {number}" if self._word else number

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from torquebench.errors import nearest
+from torquebench.experiment.units import units_of
 from torquebench.experiment.yaml_tree import shortened
 from torquebench.keys import Key
 
@@ -40,16 +41,22 @@ _NUMBER_HINTS = (
     (r"[-+]?[0-9]+(_[0-9]+)+(\.[0-9]*)?", "write the digits without _"),
     (r"[-+]?[0-9]+,[0-9]+", "the decimal sign is a point"),
     (r"0[xob][0-9a-fA-F]+", "write it in decimal"),
-    (r"[-+]?[0-9.]+ *%", "write a fraction, 0.3 rather than 30%"),
-    (r"[-+]?[0-9.]+ *[a-zA-Z/^*2]+", "write the number alone; its unit is fixed"),
     (r"(?i)[-+]?\.?(nan|inf|infinity)", "it must be finite"),
     (r"[-+]?[0-9.]+ *[-+*/^].*", "write the result; there are no formulas"),
 )
 
 
-def number_hint(value: object) -> str:
-    """Return what may help who wrote a text in place of a number; nothing where that is not known."""
+def number_hint(value: object, unit: str) -> str:
+    """Return what may help who wrote a text in place of a number; nothing where that is not known.
+
+    Args:
+        value: What was written.
+        unit: The key's unit.
+    """
     text = value[:64] if isinstance(value, str) else ""
+    if re.fullmatch(r"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)? *(?:%|[a-zA-Zµ][a-zA-Z/^*2 ]*)", text):
+        units = units_of(unit)
+        return f"a number here may have one of the units {', '.join(units)}" if units else "write the number alone"
     return next((hint for pattern, hint in _NUMBER_HINTS if re.fullmatch(pattern, text)), "")
 
 

@@ -41,7 +41,7 @@ BROKEN = Broken()
 
 
 class Place(NamedTuple):
-    """Where a value was written; places sort in reading order, the file before the command line."""
+    """Where a value was written."""
 
     override: int
     """0 for the file, else the number of the ``--set`` option, from 1."""
@@ -49,6 +49,13 @@ class Place(NamedTuple):
     """Line, from 1."""
     column: int = 0
     """Column, from 1."""
+    file: int = 0
+    """0 for the file itself, 1 for the one that it extends, 2 for the one that this extends."""
+
+    @property
+    def order(self) -> tuple[int, int, int, int]:
+        """Sorts places in reading order: the file, those that it extends, the command line."""
+        return self.override, self.file, self.line, self.column
 
 
 class Map(dict[str, Any]):
@@ -118,7 +125,9 @@ class _Stop(Exception):
     """Reading ends here; the reason is already recorded."""
 
 
-def parse_value(text: str, report: Report, path: KeyPath = (), place: Place | None = None) -> tuple[Any, Place]:
+def parse_value(
+    text: str, report: Report, path: KeyPath = (), place: Place | None = None, file: int = 0
+) -> tuple[Any, Place]:
     """Parse one YAML value.
 
     Args:
@@ -126,26 +135,27 @@ def parse_value(text: str, report: Report, path: KeyPath = (), place: Place | No
         report: Receives mistakes.
         path: Where the value belongs.
         place: Where the text was written, when it is not a file of its own.
+        file: Number of the file, for the places in it.
 
     Returns:
         `Map`, `Seq`, str, int, float, bool and None, nested, with BROKEN for what could not be read; and where it was
         written.
     """
-    start = place or Place(0, 1, 1)
+    start = place or Place(0, 1, 1, file)
     bad = FORBIDDEN.search(text)
     if bad:
         lines = _LINE_END.split(text[: bad.start()])
-        here = place or Place(0, len(lines), len(lines[-1]) + 1)
+        here = place or Place(0, len(lines), len(lines[-1]) + 1, file)
         report(path, f"has the control character U+{ord(bad.group()):04X}", place=here)
         return BROKEN, start
-    builder = _Builder(report, text, place)
+    builder = _Builder(report, text, place, file)
     try:
         return builder.whole(path)
     except _Stop:
         return BROKEN, start
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        here = _place(mark)
+        here = _place(mark, file)
         report(path, _syntax_message(error, text, here), place=place or here)
     except (yaml.YAMLError, ValueError, OverflowError) as error:  # the last two: PyYAML's own parser on \U escapes
         report(path, "not valid YAML: " + " ".join(str(error).split()), place=start)
@@ -168,9 +178,9 @@ def resolve(text: str) -> bool | int | float | str | None:
     return text
 
 
-def _place(mark: Any) -> Place:
-    """Return a mark of the parser, which counts from 0, as a place in the file."""
-    return Place(0, mark.line + 1, mark.column + 1) if mark else Place(0, 1, 1)
+def _place(mark: Any, file: int) -> Place:
+    """Return a mark of the parser, which counts from 0, as a place in a file."""
+    return Place(0, mark.line + 1, mark.column + 1, file) if mark else Place(0, 1, 1, file)
 
 
 def _syntax_message(error: yaml.MarkedYAMLError, text: str, here: Place) -> str:
@@ -190,16 +200,17 @@ def _syntax_message(error: yaml.MarkedYAMLError, text: str, here: Place) -> str:
 class _Builder:
     """Turns the parser's events into values; never deeper than MAX_DEPTH, never more than MAX_VALUES."""
 
-    def __init__(self, report: Report, text: str, place: Place | None) -> None:
+    def __init__(self, report: Report, text: str, place: Place | None, file: int) -> None:
         self._report = report
         self._place = place
+        self._file = file
         self._events: Iterator[yaml.Event] = yaml.parse(text, Loader=_LOADER)
         self._count = 0
 
     def whole(self, path: KeyPath) -> tuple[Any, Place]:
         next(self._events)
         if not isinstance(next(self._events), yaml.DocumentStartEvent):
-            return None, self._place or Place(0, 1, 1)
+            return None, self._place or Place(0, 1, 1, self._file)
         event = next(self._events)
         start = self._here(event)
         value = self._value(event, path, 1)
@@ -210,7 +221,7 @@ class _Builder:
         return value, start
 
     def _here(self, event: yaml.Event) -> Place:
-        return self._place or _place(event.start_mark)
+        return self._place or _place(event.start_mark, self._file)
 
     def _add(self, path: KeyPath, message: str, event: yaml.Event) -> None:
         self._report(path, message, place=self._here(event))

@@ -27,6 +27,7 @@ from numba.core.caching import (
     IndexDataCacheFile,
     UserProvidedCacheLocator,
 )
+from numba.core.registry import cpu_target
 from numba.core.serialize import loads
 
 _log = logging.getLogger(__name__)
@@ -149,6 +150,12 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             _say("damaged", f"kernel cache {cache_folder()}: {type(error).__name__}: {error}; compiling anew")
             return None
 
+    def holds(self, sig: Any) -> bool:
+        """Whether the compiled function for a signature is on disk, without loading it."""
+        key = self._index_key(sig, cpu_target.target_context.codegen())
+        name = self._cache_file._load_index().get(key)
+        return name is not None and os.path.isfile(self._cache_file._data_path(name))
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled function for a signature, as far as the disk allows."""
         try:
@@ -216,7 +223,7 @@ def cache_folder() -> Path:
 
 def kernel_sources(package: Path) -> list[Path]:
     """Return the files of this package on which compiled code may depend."""
-    folders = (package / part for part in ("kernel", "fuzzy", "robot", "laws", "sim", "metrics"))
+    folders = (package / part for part in ("kernel", "fuzzy", "robot", "laws", "sim"))
     top = [file for file in package.glob("*.py") if b"@kernel" in file.read_bytes()]
     return sorted([*top, *(file for folder in folders for file in folder.rglob("*.py"))])
 

@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from torquebench.kernel import Array, kernel
+from torquebench.kernel import Array
 from torquebench.metrics.declare import metric
 from torquebench.metrics.record import JointRecord
-
-
-@kernel
-def count_within(x: Array, limit: Array, out: Array) -> None:
-    """Count the samples of x (N, n) with |x| <= limit (n,); NaN where a sample is not finite; out (n,)."""
-    for k in range(len(x)):
-        for i in range(len(out)):
-            if abs(x[k, i]) <= limit[i]:
-                out[i] += 1.0
-            else:
-                out[i] += 0.0 * x[k, i]
 
 
 @metric("time_in_band", title="time in boundary layer", unit="1", better="higher", column="")
 def time_in_band(run: JointRecord) -> Array:
     """Share of samples with abs(s) <= phi; none for a joint whose s is not always defined."""
-    inside = np.zeros(len(run.tau_max))
     if run.phi is None:
-        return inside + np.nan
+        return np.full(len(run.tau_max), np.nan)
     s = run.s[run.window]
-    count_within(s, run.phi, inside)
-    return inside / len(s)
+    share: Array = np.count_nonzero(np.abs(s) <= run.phi, axis=0) / len(s)
+    share[~np.isfinite(s).all(axis=0)] = np.nan
+    return share

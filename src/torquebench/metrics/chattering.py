@@ -11,9 +11,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from torquebench.kernel import Array, kernel
+from torquebench.kernel import Array
 from torquebench.metrics.declare import metric
-from torquebench.metrics.record import JointRecord, shared
+from torquebench.metrics.record import JointRecord, shared, total
 
 HF_FROM_HZ = 30.0
 """Lowest frequency that counts for HF [Hz]."""
@@ -63,8 +63,7 @@ def frequencies(n: int, control_period: float) -> Array:
 def hann_spectrum(x: Array, control_period: float) -> tuple[Array, npt.NDArray[np.complex128]]:
     """Frequencies [Hz] and rfft of x less its mean under a periodic Hann window (mean square 3/8)."""
     n = len(x)
-    tapered, total = np.empty(x.shape), np.zeros(x.shape[1])
-    taper(x, hann(n), total, tapered)
+    tapered = (x - total(x) / n) * hann(n)[:, None]
     return frequencies(n, control_period), np.fft.rfft(tapered, axis=0)
 
 
@@ -122,19 +121,6 @@ def first_line(n: int, control_period: float, from_hz: float) -> int:
     return int(np.searchsorted(frequencies(n, control_period), from_hz * (1.0 - 1e-9)))
 
 
-@kernel
-def taper(x: Array, window: Array, mean: Array, out: Array) -> None:
-    """Fill out (N, n) with x less its mean, times the window (N,); mean (n,) begins at zero."""
-    for k in range(len(x)):
-        for i in range(len(mean)):
-            mean[i] += x[k, i]
-    for i in range(len(mean)):
-        mean[i] /= len(x)
-    for k in range(len(x)):
-        for i in range(len(mean)):
-            out[k, i] = (x[k, i] - mean[i]) * window[k]
-
-
 def limit_cycle_shares(tau: Array, control_period: float, powers: Array, from_hz: float, peaks: Array) -> Array:
     """Return the share of each joint's power above f_c that a limit cycle has, (n,): 0 where there is none.
 
@@ -155,12 +141,12 @@ def limit_cycle_shares(tau: Array, control_period: float, powers: Array, from_hz
         (n,), NaN in a window that cannot tell: one shorter than eight periods of the peak, or of fewer than 50 lines.
     """
     n = len(tau)
-    near, among, total, lines = powers_near(powers, n, control_period, from_hz, peaks)
+    near, among, whole, lines = powers_near(powers, n, control_period, from_hz, peaks)
     unknown = np.isfinite(peaks) & ((n * control_period * peaks < LEAST_PERIODS) | (lines < LEAST_LINES))
     some = np.isfinite(peaks) & ~unknown
     shares = np.where(unknown, np.nan, 0.0)
     by_chance = among[some] / lines
-    shares[some] = (near[some] / total[some] - by_chance) / (1.0 - by_chance)
+    shares[some] = (near[some] / whole[some] - by_chance) / (1.0 - by_chance)
     shares[shares < LINE_SHARE] = 0.0
     found = np.flatnonzero(shares > 0.0)
     if len(found):
@@ -185,38 +171,15 @@ def powers_near(
         from_hz: Frequency from which lines count [Hz].
         peaks: Frequency of the peak, (n,) [Hz]; NaN for none.
     """
-    first, found = first_line(n, control_period, from_hz), np.zeros((3, len(peaks)))
-    add_lines(powers, first, 1.0 / (n * control_period), peaks, found)
-    return found[0], found[1], found[2], len(powers) - first
-
-
-@kernel
-def add_lines(powers: Array, first: int, spacing: float, peaks: Array, out: Array) -> None:
-    """Add up, in the rows of out (3, n): power near multiples of the peaks, number of these lines, power of all.
-
-    Args:
-        powers: Power of each line of each joint, (m, n).
-        first: The first line that counts.
-        spacing: Distance of the lines [Hz].
-        peaks: Frequency of each joint's peak, (n,) [Hz]; NaN for none.
-        out: Result; zero at first.
-    """
-    for i in range(len(peaks)):
-        peak = peaks[i]
-        if not peak > 0.0:
-            continue
-        reach = LINE_WIDTH * peak
-        if reach < 2.0 * spacing:
-            reach = 2.0 * spacing
-        reach *= 1.0 + 1e-9
-        for k in range(first, len(powers)):
-            multiple = math.floor(k * spacing / peak + 0.5)
-            if multiple < 1:
-                multiple = 1
-            if abs(k * spacing - multiple * peak) <= reach:
-                out[0, i] += powers[k, i]
-                out[1, i] += 1.0
-            out[2, i] += powers[k, i]
+    first, spacing = first_line(n, control_period, from_hz), 1.0 / (n * control_period)
+    high, place = powers[first:], np.arange(first, len(powers)) * spacing
+    near, among, whole = np.zeros((3, len(peaks)))
+    for i in np.flatnonzero(peaks > 0.0):
+        reach = max(LINE_WIDTH * peaks[i], 2.0 * spacing) * (1.0 + 1e-9)
+        multiple = np.maximum(np.floor(place / peaks[i] + 0.5), 1.0)
+        lines = high[np.abs(place - multiple * peaks[i]) <= reach, i : i + 1]
+        near[i], among[i], whole[i] = total(lines)[0], len(lines), total(high[:, i : i + 1])[0]
+    return near, among, whole, len(high)
 
 
 @shared

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from torquebench.kernel import Array, kernel
+from torquebench.kernel import Array
 from torquebench.metrics.declare import metric
-from torquebench.metrics.record import JointRecord, shared
+from torquebench.metrics.record import JointRecord, shared, total
 
 STEADY_SPAN = 0.5
 """Length of the end of a run over which the steady-state error is taken [s]."""
@@ -39,32 +39,17 @@ def measure_errors(t: Array, e: Array, first: int, last: int) -> ErrorMeasures:
         first: Index at which the window of RMS and maximum begins.
         last: Number of samples at the end that the steady-state error is taken over.
     """
-    out = np.zeros((5, e.shape[1]))
-    add_errors(t, e, first, len(e) - last, out)
-    squares, greatest, steady, iae, itae = out
-    mean = steady / last if last else out[0] + np.nan
-    return ErrorMeasures(np.sqrt(squares / (len(e) - first)), greatest, mean, iae, itae)
-
-
-@kernel
-def add_errors(t: Array, e: Array, first: int, last: int, out: Array) -> None:
-    """Add up, in the rows of out (5, n): e^2, max |e| and |e| from instants first and last on, |e| dt and t |e| dt."""
-    for i in range(e.shape[1]):
-        squares = greatest = steady = iae = itae = before = 0.0
-        for k in range(len(t)):
-            size = abs(e[k, i])
-            if k >= first:
-                squares += size * size
-                if size > greatest:
-                    greatest = size
-            if k >= last:
-                steady += size
-            if k > 0:
-                step = t[k] - t[k - 1]
-                iae += step * (size + before) * 0.5
-                itae += step * (size * t[k] + before * t[k - 1]) * 0.5
-            before = size
-        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i] = squares, greatest, steady, iae, itae
+    size = np.abs(e)
+    step = np.diff(t)[:, None]
+    timed = size * t[:, None]
+    steady = total(size[len(e) - last :]) / last if last else np.full(e.shape[1], np.nan)
+    return ErrorMeasures(
+        np.sqrt(total(size[first:] * size[first:]) / (len(e) - first)),
+        np.max(size[first:], axis=0),
+        steady,
+        total(step * (size[1:] + size[:-1]) * 0.5),
+        total(step * (timed[1:] + timed[:-1]) * 0.5),
+    )
 
 
 @shared

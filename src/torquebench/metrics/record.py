@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+import numpy as np
+
 from torquebench.kernel import Array
 from torquebench.sim.trajectory import Trajectory
 
@@ -58,3 +60,10 @@ def shared(compute: Callable[[JointRecord], T]) -> Callable[[JointRecord], T]:
         return result
 
     return cached
+
+
+def total(x: Array) -> Array:
+    """Return the sum of each column of x (N, n), added up from the first row to the last, (n,); 0 of no rows."""
+    if x.shape[1] > 1:  # numpy then adds row to row; one column it would add up in pairs
+        return np.asarray(np.add.reduce(x, axis=0))
+    return np.cumsum(x, axis=0)[-1] if len(x) else np.zeros(1)

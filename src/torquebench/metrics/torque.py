@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from torquebench.kernel import Array, kernel, sign
+from torquebench.kernel import Array
 from torquebench.metrics.declare import metric
-from torquebench.metrics.record import JointRecord, shared
+from torquebench.metrics.record import JointRecord, shared, total
 
 
 class TorqueMeasures(NamedTuple):
@@ -26,33 +26,18 @@ class TorqueMeasures(NamedTuple):
 
 def measure_torques(tau: Array, control_period: float, tau_max: Array) -> TorqueMeasures:
     """Return all measures of a torque tau (N, n) [N m] against its limits tau_max (n,) [N m]."""
-    out = np.zeros((4, tau.shape[1]))
-    add_torques(tau, tau_max, out)
-    travelled, turns, squares, saturated = out
     length = (len(tau) - 1) * control_period
-    return TorqueMeasures(travelled / (length * tau_max), turns / length, squares / len(tau), saturated / len(tau))
-
-
-@kernel
-def add_torques(tau: Array, tau_max: Array, out: Array) -> None:
-    """Add up, in the rows of out (4, n): |delta tau|, reversals, (tau/tau_max)^2 and samples at the limit."""
-    for i in range(len(tau_max)):
-        limit = tau_max[i]
-        full, small = limit * (1.0 - 1e-12), 1e-3 * limit
-        travelled = turns = squares = saturated = last = 0.0
-        for k in range(len(tau)):
-            ratio = tau[k, i] / limit
-            squares += ratio * ratio
-            if abs(tau[k, i]) >= full:
-                saturated += 1.0
-            if k > 0:
-                change = tau[k, i] - tau[k - 1, i]
-                travelled += abs(change)
-                if abs(change) > small:
-                    if change * last < 0.0:
-                        turns += 1.0
-                    last = sign(change)
-        out[0, i], out[1, i], out[2, i], out[3, i] = travelled, turns, squares, saturated
+    ratio, change = tau / tau_max, np.diff(tau, axis=0)
+    turns = np.zeros(len(tau_max))
+    for i, limit in enumerate(tau_max):
+        rising = change[np.abs(change[:, i]) > 1e-3 * limit, i] > 0.0
+        turns[i] = np.count_nonzero(rising[1:] != rising[:-1])
+    return TorqueMeasures(
+        total(np.abs(change)) / (length * tau_max),
+        turns / length,
+        total(ratio * ratio) / len(tau),
+        np.count_nonzero(np.abs(tau) >= tau_max * (1.0 - 1e-12), axis=0) / len(tau),
+    )
 
 
 @shared

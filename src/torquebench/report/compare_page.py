@@ -55,6 +55,7 @@ def comparison_page(results: Mapping[str, ExperimentResult]) -> bytes:
         first=first,
         titles=titles,
         rows=rows,
+        failed=any(row.outcome != "completed" or row.bad for row in rows),
         alone=alone(results),
         tables={name: headline_table(result) for name, result in results.items()},
         changed=[f"{name}: {line}" for name, result in results.items() for line in changed_arm(result)],
@@ -115,7 +116,7 @@ def ratio_cell(value: float | None, base: float | None, info: MetricInfo) -> Cel
     ratio = value / base
     better = (ratio < 1.0) == (info.better == "lower")
     kind = "" if not ratio > 0.0 or abs(math.log(ratio)) < SAME else "holds" if better else "fails"
-    return Cell(f"x{ratio:.3g}", ratio, kind)
+    return Cell(f"x{ratio:.3g}" if ratio < 999.5 else f"x{float(f'{ratio:.3g}'):,.0f}", ratio, kind)
 
 
 def answer(rows: Sequence[Row], first: str, titles: Sequence[str]) -> Markup:

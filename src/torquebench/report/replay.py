@@ -126,11 +126,13 @@ def _text(values: Any) -> str:
 
 def _arm(result: ExperimentResult) -> tuple[dict[str, Any] | None, str]:
     """Return the arm, or None and why it cannot be drawn."""
-    from torquebench.scene.arm import read_arm
-    from torquebench.scene.look import scene_of_runs
-
     if result.arm_changed:
         return None, "the files of the arm have changed since the run"
+    try:
+        from torquebench.scene.arm import read_arm
+        from torquebench.scene.look import scene_of_runs
+    except ImportError as error:  # the analytic plant runs without MuJoCo
+        return None, f"MuJoCo cannot be loaded ({error})"
     try:
         scene = scene_of_runs(result.experiment.plant.model, list(result.runs.values()))
         arm = read_arm(scene)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -110,7 +110,7 @@ def view_of(result: ExperimentResult) -> RunView:
     return RunView(
         result.runs,
         title=experiment.name,
-        subtitle=result.conditions,
+        subtitle=result.conditions.partition("\n")[0],  # the rest is on the page, once
         joint_names=result.joints.names,
         tau_max=as_vector(result.joints.tau_max, n),
         metrics_from=experiment.run.metrics_from,
@@ -140,21 +140,34 @@ def fired_rules(result: ExperimentResult) -> dict[str, FiredRules]:
     return fired
 
 
-def stored_page(folder: Path, result: ExperimentResult) -> bytes:
+def stored_page(folder: Path, result: ExperimentResult, drawn: Iterable[str] = ()) -> bytes:
     """Return the page of a stored run, with its film and links to its figures if there are any.
 
     Args:
         folder: The run's folder.
         result: What was read from it.
+        drawn: Names of figures' files that are about to be written there.
     """
     film = folder / FILM
-    return run_page(result, film.read_bytes() if film.is_file() else None, stored_figures(result))
+    figures = sorted({*stored_figures(result), *drawn})
+    return run_page(result, film.read_bytes() if film.is_file() else None, figures)
 
 
 def rewrite_page(folder: Path, result: ExperimentResult) -> Path:
     """Write the page of a stored run into its folder again and return its path; arguments as of `stored_page`."""
     add_to_run(folder, {PAGE: stored_page(folder, result)})
     return folder / PAGE
+
+
+def add_figures(folder: Path, result: ExperimentResult, files: Mapping[str, bytes]) -> None:
+    """Write figures into the folder of a stored run, and its page again, which links them.
+
+    Args:
+        folder: The run's folder.
+        result: What was read from it.
+        files: Name and content of each figure's file.
+    """
+    add_to_run(folder, {**files, PAGE: stored_page(folder, result, files)})
 
 
 def stored_figures(result: ExperimentResult) -> list[str]:

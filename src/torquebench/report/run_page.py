@@ -85,14 +85,17 @@ def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
     columns = []
     for info, _, values in headline_columns(result):
         known = [values[name] for name in names]
-        best = {
-            min(some) if info.better == "lower" else max(some) for some in [[x for x in known if x is not None]] if some
-        }
-        ranked = info.unit != "Hz" and len({x for x in known if x is not None}) > 1
         cells = aligned([None if x is None else x * info.scale for x in known])
-        columns.append(
-            [cell._replace(kind="best" if ranked and x in best else "") for cell, x in zip(cells, known, strict=True)]
+        some = [x for x in known if x is not None]
+        best = {
+            cell.text
+            for cell, x in zip(cells, known, strict=True)
+            if some and x == (min if info.better == "lower" else max)(some)
+        }
+        ranked = (
+            info.unit != "Hz" and len({cell.text for cell, x in zip(cells, known, strict=True) if x is not None}) > 1
         )
+        columns.append([cell._replace(kind="best" if ranked and cell.text in best else "") for cell in cells])
     rows = [
         {
             "name": keys.name,

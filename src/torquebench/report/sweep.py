@@ -1,10 +1,9 @@
-"""Summary, sensitivities, figures, page and headline numbers of a finished sweep, all from its table."""
+"""Summary, sensitivities, page, figures and headline numbers of a finished sweep, all from its table."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -14,15 +13,17 @@ from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import slide_joints
 from torquebench.experiment.store import json_bytes, machine
 from torquebench.experiment.sweep_section import Worst
-from torquebench.report.render import PAGE, Picture
+from torquebench.report.render import PAGE
 from torquebench.report.sweep_page import SweepInfo, sweep_page
+from torquebench.report.sweep_tables import SHOWN
 from torquebench.report.tables import headlines
 from torquebench.sim.trajectory import Outcome
+from torquebench.sweep.best import best_choices
 from torquebench.sweep.folder import TABLE, StoredSweep, read_column
 from torquebench.sweep.run import worst_rows
 from torquebench.sweep.sensitivity import Sensitivity, sensitivities
-from torquebench.sweep.summary import summarise
-from torquebench.sweep.table import Table, metric_keys, read_table
+from torquebench.sweep.summary import Summary, summarise
+from torquebench.sweep.table import Table, metric_keys, read_table, words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,44 +32,33 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 2_000_000
 """Rows up to which the table is looked at as a whole, in memory."""
-
+MOST_TOLD = 1000
+"""Choices that ``--json`` tells."""
 
 Outcomes: TypeAlias = Mapping[str, Mapping[str, int]]
 """Controller -> how its runs ended -> how many did."""
 COMPLETED = Outcome.COMPLETED.name
 
 
-def report_files(
-    stored: StoredSweep, figures: bool, progress: Progress | None = None, workers: int = 1
-) -> Iterator[tuple[str, bytes]]:
+def report_files(stored: StoredSweep, progress: Progress | None = None) -> Iterator[tuple[str, bytes]]:
     """Yield name and content of every file about a sweep's table; the same table gives the same bytes.
 
     A table of more than `MOST_ROWS` rows has none.
 
     Args:
         stored: The sweep, with its final table.
-        figures: Whether to draw.
-        progress: Told what is being worked out, and each figure when it is drawn.
-        workers: How many processes draw.
+        progress: Told what is being worked out.
     """
     if stored.plan.rows > MOST_ROWS:
         return
     table = read_table(stored.folder / TABLE)
-    yield "summary.json", json_bytes(summarise(table).to_json())
+    summary = summarise(table)
+    yield "summary.json", json_bytes(summary.to_json())
     if progress is not None:
-        progress("what the figures depend on", 0, 0)
+        progress("what the metrics depend on", 0, 0)
     found = dependences(stored, table)
     yield "sensitivity.json", json_bytes([one.to_json() for one in found])
-    info, pictures = info_of(stored), list[Picture]()
-    if figures:
-        from torquebench.report.figures.files import Wish, figure_files
-
-        jobs = jobs_of(info, table, found)
-        for name, content in figure_files(jobs, Wish(workers=workers), progress):
-            yield name, content
-            if name.endswith(".svg"):
-                pictures.append(Picture(jobs[Path(name).stem].keywords["label"], content))
-    yield PAGE, sweep_page(table, info, pictures, found)
+    yield PAGE, sweep_page(table, summary, info_of(stored), found)
 
 
 def draw_sweep(
@@ -131,6 +121,10 @@ def info_of(stored: StoredSweep) -> SweepInfo:
         {"seed": plan.seed} | facts | {"machine": machine()},
         slide_joints(plan.first.plant.model),
         plan.first.laws,
+        {
+            axis.key: dict(zip(words(axis), (value.raw for value in axis.values), strict=True))
+            for axis in plan.keys.axes
+        },
     )
 
 
@@ -161,12 +155,18 @@ def means(stored: StoredSweep, key: str) -> list[float | None]:
     return found
 
 
-def sweep_facts(stored: StoredSweep, outcomes: Outcomes) -> dict[str, Any]:
-    """Return what ``--json`` says of a finished sweep: its size, how its runs ended, and means in SI units.
+def summary_of(stored: StoredSweep) -> Summary | None:
+    """Return the summary of a finished sweep; None of one of more than `MOST_ROWS` rows."""
+    return summarise(read_table(stored.folder / TABLE)) if stored.plan.rows <= MOST_ROWS else None
+
+
+def sweep_facts(stored: StoredSweep, outcomes: Outcomes, summary: Summary | None) -> dict[str, Any]:
+    """Return what ``--json`` says of a finished sweep: its size, how its runs ended, means and the best in SI units.
 
     Args:
         stored: The sweep, finished.
         outcomes: How its runs ended.
+        summary: Its summary, if it has one.
     """
     plan = stored.plan
     count = len(plan.controllers)
@@ -182,7 +182,20 @@ def sweep_facts(stored: StoredSweep, outcomes: Outcomes) -> dict[str, Any]:
         }
         for i, name in enumerate(plan.controllers)
     }
-    return {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows, "controllers": found}
+    size = {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows}
+    return {**size, "controllers": found, "best": [] if summary is None else best_facts(summary)}
+
+
+def best_facts(summary: Summary) -> list[dict[str, Any]]:
+    """Return the best choices of a sweep, the least error first, at most `MOST_TOLD`, each mean with its interval."""
+    by = next((key for key in SHOWN if key in summary.metrics), None)
+    ends = ("mean", "low", "high")
+    return [
+        {"controller": one.controller, "case": one.worst.case, "values": one.worst.values}
+        | {"cases": one.cases, "runs": one.runs, "completed": one.completed}
+        | {"metrics": {key: dict(zip(ends, figure[1:4], strict=True)) for key, figure in one.figures.items()}}
+        for one in (best_choices(summary, by)[:MOST_TOLD] if by else ())
+    ]
 
 
 def unexpected_outcomes(stored: StoredSweep, outcomes: Outcomes) -> dict[str, str]:

@@ -1,71 +1,149 @@
-"""Tables of a sweep as text: each law over all cases and in each case, failures, sensitivities."""
+"""What a sweep says in sentences and tables: what is best, each law over all cases, failures, what matters."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
+from torquebench.experiment.sweep_section import in_words
 from torquebench.metrics import METRICS
-from torquebench.report.tables import Cells, number
-from torquebench.statistics import Ratio, Share
-from torquebench.sweep.effects import Effects, ranked
+from torquebench.report.tables import Cells
+from torquebench.statistics import Ratio
+from torquebench.sweep.best import Choice, best_choices, conditions, short_names
+from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
-from torquebench.sweep.summary import TAIL, Group, Overall, Summary
+from torquebench.sweep.summary import Group, Summary
 
 SHOWN = ("rmse", "chattering")
-"""Metrics with tables and figures of their own: error against chattering."""
+"""Metrics that answers, fronts and figures are about: error against chattering."""
+LEFT_OUT = ("steady_state_error", "chattering_peak", "limit_cycle", "hf", "saturation_fraction")
+"""Metrics with a column elsewhere that tables of the best have no room for; ``summary.json`` has them."""
+MOST_BEST = 5
+"""Best choices that are told whatever their law."""
 Titles = Mapping[str, tuple[str, float]]
 """Title with unit and scale of each metric, as of `headlines`."""
 
 
-def means_table(summary: Summary, titles: Titles) -> Cells:
-    """Return a row for each law: how many runs completed, and their means over all cases and draws.
+def answer(summary: Summary, titles: Titles) -> list[str]:
+    """Return what a sweep says, in sentences: the least error, also of those that chatter little, and what failed.
+
+    Little is no more than a round number that is below half of the best one's chattering.
 
     Args:
         summary: The sweep's summary.
         titles: Titles and scales of the metrics.
     """
-    keys = [key for key in titles if key in summary.metrics]
-    rows = [
-        [
-            law.controller,
-            f"{law.successes:,} of {law.runs:,}",
-            *(number(law.figures[key].mean, titles[key][1]) if key in law.figures else "-" for key in keys),
-        ]
-        for law in summary.overall
+    runs, failed = sum(law.runs for law in summary.overall), sum(law.runs - law.successes for law in summary.overall)
+    kinds = [f"{law.controller} {law.runs - law.successes:,}" for law in summary.overall if law.successes < law.runs]
+    failures = (
+        f"{failed:,} of {runs:,} runs failed: {', '.join(kinds)}." if failed else f"None of {runs:,} runs failed."
+    )
+    if not set(SHOWN) <= set(summary.metrics):
+        return [failures]
+    error, chattering = (
+        [one for one in best_choices(summary, by) if one.completed == one.runs and set(SHOWN) <= set(one.figures)]
+        for by in SHOWN
+    )
+    if not error:
+        return ["No law completed every run of any choice.", failures]
+    best, calm, limit = error[0], chattering[0], round_below(0.5 * error[0].figures["chattering"].mean)
+    quiet = next((one for one in error if one.figures["chattering"].mean <= limit), calm)
+    said = {"Least error": best, f"At most {limit:g} % of chattering": quiet, "Least chattering": calm}
+    if best.figures["chattering"].mean <= calm.figures["chattering"].mean:
+        said = {"Least error and least chattering": best}
+    elif _values(quiet, summary) == _values(calm, summary):
+        said = {"Least error": best, "Least chattering": calm}
+    lines = list[str]()
+    for what, one in said.items():
+        figures = ", ".join(figure_text(one, key, titles) for key in SHOWN)
+        lines.append(f"{what}: {choice_text(one, summary)}; {figures}{_worst_of(one, summary) if not lines else ''}.")
+    return [*lines, failures]
+
+
+def round_below(value: float) -> float:
+    """Return the greatest of .., 0.3, 1, 3, 10, .. that is not above a value that is not negative."""
+    power = 10.0 ** math.floor(math.log10(max(value, 1e-300)))
+    return float(f"{3.0 * power if 3.0 * power <= value else power:.1g}")
+
+
+def choice_text(choice: Choice, summary: Summary) -> str:
+    """Return a choice in words: its law, where there are several, and the values that were chosen."""
+    names = short_names(summary.grid)
+    values = ", ".join(f"{names[key]} {value_text(value)}" for key, value in _values(choice, summary)[1:])
+    if values and len(summary.overall) == 1:
+        return values
+    return f"{choice.controller} with {values}" if values else choice.controller
+
+
+def value_text(value: float | str) -> str:
+    """Return a key's value as it is shown: a number to six digits, or a word."""
+    return f"{value:.6g}" if isinstance(value, float) else in_words(value)
+
+
+def _values(choice: Choice, summary: Summary) -> list[Any]:
+    """Return the law, then each key that is chosen, and that it has, with its value."""
+    apart = conditions(summary)
+    values = [(key, value) for key, value in choice.worst.values.items() if key not in apart and value is not None]
+    return [choice.controller, *values]
+
+
+def _worst_of(choice: Choice, summary: Summary) -> str:
+    names = short_names(summary.grid)
+    where = [
+        f"{names[key]} {value_text(value)}"
+        for key in conditions(summary)
+        if (value := choice.worst.values[key]) is not None
     ]
-    return ["controller", "completed", *(titles[key][0] for key in keys)], rows
+    return f", each in the worst of {choice.cases} cases (error: {', '.join(where)})" if choice.cases > 1 else ""
 
 
-def law_table(summary: Summary, laws: Sequence[Group | Overall], metric: str, titles: Titles) -> Cells:
-    """Return a row for each law with one metric: mean, tail, worst run, ratio to the reference.
-
-    In one case there are completed runs with their interval, too, and the median: over all cases, where these differ
-    much, it is a figure that no run has.
+def columns_of(summary: Summary, titles: Titles) -> list[str]:
+    """Return the metrics that tables of the best have columns for, those in `SHOWN` first.
 
     Args:
         summary: The sweep's summary.
-        laws: Laws over all cases, or their groups of one case.
-        metric: Name of the metric.
         titles: Titles and scales of the metrics.
     """
-    title, scale = titles[metric]
-    rows = []
-    for law in laws:
-        figure = law.figures.get(metric)
-        mean, median, tail, worst = (None,) * 4 if figure is None else (figure[1:5])
-        row = {"controller": law.controller}
-        if isinstance(law, Group):
-            row["completed [95 %]"] = share_text(law.successes)
-        row[f"mean {title}"] = number(mean, scale)
-        if isinstance(law, Group):
-            row["median"] = number(median, scale)
-        row[f"worst {100 * TAIL:g} %"] = number(tail, scale)
-        row["worst"] = number(worst, scale)
-        row["its index"] = "-" if figure is None else str(figure.worst_row)
-        row[f"over {summary.reference}'s [95 %]"] = ratio_text(law.ratios.get(metric))
-        rows.append(row)
-    return list(rows[0]), [list(row.values()) for row in rows]
+    return [key for key in dict.fromkeys((*SHOWN, *titles)) if key in summary.metrics and key not in LEFT_OUT]
+
+
+def figure_text(choice: Choice, key: str, titles: Titles, named: bool = True, ends: bool = True) -> str:
+    """Return the mean of a metric, with its 95 % interval where draws differ, to three digits; a dash for none.
+
+    Args:
+        choice: Law and gains.
+        key: The metric.
+        titles: Titles and scales of the metrics.
+        named: Whether to say its name and its unit.
+        ends: Whether to say the interval.
+    """
+    figure, (title, scale) = choice.figures.get(key), titles[key]
+    name, _, unit = title.rstrip("]").partition(" [")
+    if figure is None:
+        return f"{name} -" if named else "-"
+    mean, low, high = (f"{scale * x:.3g}" if abs(scale * x) < 1000.0 else f"{scale * x:.0f}" for x in figure[1:4])
+    text = f"{name} {mean} {unit}".rstrip() if named else mean
+    return f"{text} [{low}, {high}]" if ends and math.isfinite(figure.low) else text
+
+
+def best_table(summary: Summary, titles: Titles) -> Cells:
+    """Return a row for each of the best choices, the least error first, and for the best choice of each law.
+
+    Args:
+        summary: The sweep's summary.
+        titles: Titles and scales of the metrics.
+    """
+    shown = columns_of(summary, titles)
+    heads = [titles[key][0] for key in shown]
+    header = ["controller", *short_names(summary.grid).values(), *heads, "runs", "failed"]
+    rows = list[list[str]]()
+    for place, one in enumerate(best_choices(summary, shown[0]) if shown else ()):
+        if place < MOST_BEST or all(row[0] != one.controller for row in rows):
+            values = ["-" if value is None else value_text(value) for value in one.worst.values.values()]
+            figures = [figure_text(one, key, titles, named=False, ends=key in SHOWN) for key in shown]
+            rows.append([one.controller, *values, *figures, f"{one.runs:,}", f"{one.runs - one.completed:,}"])
+    return header, rows
 
 
 def ratio_text(ratio: Ratio | None) -> str:
@@ -77,46 +155,65 @@ def ratio_text(ratio: Ratio | None) -> str:
     return f"{ratio.ratio:.3g}{interval}{missing}"
 
 
-def share_text(share: Share) -> str:
-    """Format a share with the interval of its probability in %, if draws differ."""
-    if not math.isfinite(share.low):
-        return f"{share.successes} of {share.trials}, all alike"
-    return f"{share.successes} of {share.trials} [{100 * share.low:.3g}, {100 * share.high:.3g}] %"
-
-
-def case_text(*groups: Group) -> str:
-    """Return the values of a case as text; keys that none of these laws has are left out."""
-    merged: dict[str, float | str | None] = {}
-    for group in groups:
-        merged |= {key: value for key, value in group.values.items() if value is not None or key not in merged}
-    known = {key: value for key, value in merged.items() if value is not None}
-    values = [f"{key} = {value:g}" if isinstance(value, float) else f"{key} = {value}" for key, value in known.items()]
-    return ", ".join(values) or "the only case"
-
-
 def failures_table(summary: Summary) -> Cells:
     """Return a row for each law and case in which runs failed: how many, how, and the earliest of them."""
-    rows = []
+    rows, names = [], short_names(summary.grid)
     for group in summary.groups:
         first = group.earliest_failure
         if first is not None:
             kinds = ", ".join(f"{n} {kind.lower().replace('_', ' ')}" for kind, n in group.outcomes.items())
-            rows.append([group.controller, case_text(group), kinds, str(first.row), str(first.draw)])
+            rows.append([group.controller, case_text(group, names), kinds, str(first.row), str(first.draw)])
     return ["controller", "case", "outcomes", "index of the earliest failure", "its draw"], rows
 
 
-def effects_table(found: Sequence[Sensitivity]) -> Cells:
-    """Return a row for each law and metric that depends on something: on what, ranked, and how strongly."""
-    rows = []
-    for one in found:
-        effects = () if one.effects is None else one.effects.effects
-        named = [f"{e.name} {e.strength:+.2f} [{e.low:.2f}, {e.high:.2f}]" for e in effects if e.matters]
-        if one.effects is not None and named:
-            cases, order = ", ".join(map(str, one.cases)), ", ".join(ranked(effects))
-            row = [one.controller, METRICS[one.metric].short_title, cases, str(one.draws), order, "; ".join(named)]
-            rows.append([*row, explained_text(one.effects)])
-    header = ["controller", "metric", "cases", "draws", "what matters", "how [95 %, all at once]", "without products"]
-    return header, rows
+def case_text(group: Group, names: Mapping[str, str]) -> str:
+    """Return the values of a case as text; keys that the law does not have are left out.
+
+    Args:
+        group: The law in the case.
+        names: Names of the keys.
+    """
+    values = [f"{names[key]} {value_text(value)}" for key, value in group.values.items() if value is not None]
+    return ", ".join(values) or "the only case"
+
+
+class Influence(NamedTuple):
+    """What one metric of one law depends on, as text and bars."""
+
+    controller: str
+    metric: str
+    cases: str
+    draws: str
+    effects: Sequence[tuple[str, float, float]]
+    """Text, left end and width of a bar, from 0 to 100, where 50 is no effect; the strongest first."""
+    explained: str
+
+
+def influences(found: Sequence[Sensitivity]) -> list[Influence]:
+    """Return for each law and metric that depends on something on what it does, and how strongly."""
+    return [
+        Influence(
+            one.controller,
+            METRICS[one.metric].short_title,
+            ", ".join(map(str, one.cases)) if len(one.cases) <= 6 else f"{len(one.cases)} cases",
+            str(one.draws),
+            [(effect_text(effect), *_bar(effect.strength)) for effect in strongest],
+            explained_text(one.effects),
+        )
+        for one in found
+        if one.effects is not None
+        and (strongest := sorted((e for e in one.effects.effects if e.matters), key=lambda e: -abs(e.strength)))
+    ]
+
+
+def effect_text(effect: Effect) -> str:
+    """Return an effect with its interval."""
+    return f"{effect.name} {effect.strength:+.2f} [{effect.low:.2f}, {effect.high:.2f}]"
+
+
+def _bar(strength: float) -> tuple[float, float]:
+    half = 50.0 * min(abs(strength), 1.0)
+    return (50.0 if strength > 0.0 else 50.0 - half), half
 
 
 def explained_text(effects: Effects) -> str:
@@ -137,4 +234,7 @@ def silent_text(found: Sequence[Sensitivity]) -> str:
             count = len(one.effects.effects)
             reason = f"none of {count} and of their {one.effects.pairs} products shows in {one.draws} draws"
         reasons.setdefault(reason, []).append(f"{METRICS[one.metric].short_title} of {one.controller}")
-    return "; ".join(f"{', '.join(dict.fromkeys(names))}: {reason}" for reason, names in reasons.items())
+    return "; ".join(
+        f"{'all of them' if len(names) == len(found) > 2 else ', '.join(dict.fromkeys(names))}: {reason}"
+        for reason, names in reasons.items()
+    )

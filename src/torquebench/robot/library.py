@@ -11,7 +11,8 @@ from torquebench.shipped import data_root as data_root
 
 MJCF = r"\.xml"
 """Ending of a model's file name, a regular expression."""
-
+PRESETS = "presets.yaml"
+"""File of an arm's folder that gives motions and gains names; no part of the arm."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 

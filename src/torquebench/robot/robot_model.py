@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from torquebench.kernel import Array, kernel
+from torquebench.kernel.twin import map_states
 from torquebench.robot import dynamics
-from torquebench.robot.flat_model import Model
+from torquebench.robot.flat_model import EXACT, Model
 from torquebench.robot.rigid_body import place_frames
 
 
@@ -30,48 +31,6 @@ def tool_pose(model: Model, q: Array, T: Array) -> None:
             T[r, 3] += x * p[0] + y * p[1] + z * p[2]
             for c in range(3):
                 T[r, c] = x * R[0, c] + y * R[1, c] + z * R[2, c]
-
-
-@kernel
-def _each_mass_matrix(model: Model, q: Array, out: Array) -> None:
-    for i in range(len(q)):
-        dynamics.mass_matrix(model, q[i], out[i])
-
-
-@kernel
-def _each_gravity(model: Model, q: Array, out: Array) -> None:
-    for i in range(len(q)):
-        dynamics.gravity(model, q[i], out[i])
-
-
-@kernel
-def _each_bias(model: Model, q: Array, qd: Array, out: Array) -> None:
-    for i in range(len(q)):
-        dynamics.bias_forces(model, q[i], qd[i], out[i])
-
-
-@kernel
-def _each_inverse(model: Model, q: Array, qd: Array, qdd: Array, out: Array) -> None:
-    for i in range(len(q)):
-        dynamics.inverse_dynamics(model, q[i], qd[i], qdd[i], out[i])
-
-
-@kernel
-def _each_forward(model: Model, q: Array, qd: Array, tau: Array, out: Array) -> None:
-    for i in range(len(q)):
-        dynamics.forward_dynamics(model, q[i], qd[i], tau[i], out[i])
-
-
-@kernel
-def _each_products(model: Model, q: Array, b: Array, C: Array) -> None:
-    for i in range(len(q)):
-        dynamics.velocity_products(model, q[i], b[i], C[i])
-
-
-@kernel
-def _each_pose(model: Model, q: Array, out: Array) -> None:
-    for i in range(len(q)):
-        tool_pose(model, q[i], out[i])
 
 
 class RobotModel:
@@ -107,7 +66,7 @@ class RobotModel:
         Raises:
             ValueError: the last axis is not n long, or a value is not finite; so in every method.
         """
-        return self._map(_each_mass_matrix, (self.n, self.n), q=q)
+        return self._map(dynamics.mass_matrix, (self.n, self.n), q=q)
 
     def coriolis(self, q: npt.ArrayLike) -> Array:
         """Coriolis matrix b(q) of (26), (..., n, n(n-1)/2) [kg m^2], columns 12, 13, .., 1n, 23, .. as in (32).
@@ -131,7 +90,7 @@ class RobotModel:
         Args:
             q: Joint position, (..., n) [rad].
         """
-        return self._map(_each_gravity, (self.n,), q=q)
+        return self._map(dynamics.gravity, (self.n,), q=q)
 
     def bias_forces(self, q: npt.ArrayLike, qd: npt.ArrayLike) -> Array:
         """Torque N(q, qd) for zero acceleration: Coriolis, centrifugal and gravity, (25), (..., n) [N m].
@@ -140,7 +99,7 @@ class RobotModel:
             q: Joint position, (..., n) [rad].
             qd: Joint velocity, (..., n) [rad/s].
         """
-        return self._map(_each_bias, (self.n,), q=q, qd=qd)
+        return self._map(dynamics.bias_forces, (self.n,), q=q, qd=qd)
 
     def inverse_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, qdd: npt.ArrayLike) -> Array:
         """Torque M(q) qdd + N(q, qd) that produces the acceleration `qdd`, (27), (..., n) [N m].
@@ -150,7 +109,7 @@ class RobotModel:
             qd: Joint velocity, (..., n) [rad/s].
             qdd: Joint acceleration, (..., n) [rad/s^2].
         """
-        return self._map(_each_inverse, (self.n,), q=q, qd=qd, qdd=qdd)
+        return self._map(dynamics.inverse_dynamics, (self.n,), q=q, qd=qd, qdd=qdd)
 
     def forward_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, tau: npt.ArrayLike) -> Array:
         """Acceleration M(q)^-1 (tau - N(q, qd)), (30), (..., n) [rad/s^2].
@@ -160,7 +119,7 @@ class RobotModel:
             qd: Joint velocity, (..., n) [rad/s].
             tau: Joint torque, (..., n) [N m].
         """
-        return self._map(_each_forward, (self.n,), q=q, qd=qd, tau=tau)
+        return self._map(dynamics.forward_dynamics, (self.n,), q=q, qd=qd, tau=tau)
 
     def forward_kinematics(self, q: npt.ArrayLike) -> Array:
         """Pose of the tool frame in the base frame, homogeneous, (..., 4, 4) [-, m].
@@ -168,20 +127,19 @@ class RobotModel:
         Args:
             q: Joint position, (..., n) [rad].
         """
-        return self._map(_each_pose, (4, 4), q=q)
+        return self._map(tool_pose, (4, 4), q=q)
 
     def _products(self, q: npt.ArrayLike) -> tuple[Array, Array]:
-        (flat,), lead = self._checked(q=q)
-        b = np.empty((len(flat), self.n, self.n * (self.n - 1) // 2))
-        C = np.empty((len(flat), self.n, self.n))
-        _each_products(self.flat, flat, b, C)
+        states, lead = self._checked(q=q)
+        n = self.n
+        b, C = map_states(dynamics.velocity_products, self.flat, states, (n, n * (n - 1) // 2), (n, n))
         return b.reshape(*lead, *b.shape[1:]), C.reshape(*lead, *C.shape[1:])
 
-    def _map(self, function: Callable[..., None], shape: tuple[int, ...], **arguments: Any) -> Array:
-        flat, lead = self._checked(**arguments)
-        out = np.empty((len(flat[0]), *shape))
-        function(self.flat, *flat, out)
-        return out.reshape(*lead, *shape)
+    def _map(self, kernel: Callable[..., None], shape: tuple[int, ...], **arguments: Any) -> Array:
+        states, lead = self._checked(**arguments)
+        # the matrix of a closed form is solved with pivots
+        pivots = kernel is dynamics.forward_dynamics and self.flat.structure != EXACT
+        return map_states(kernel, self.flat, states, shape, branches=pivots)[0].reshape(*lead, *shape)
 
     def _checked(self, **arguments: Any) -> tuple[list[Array], tuple[int, ...]]:
         arrays = {name: np.asarray(value, dtype=np.float64) for name, value in arguments.items()}

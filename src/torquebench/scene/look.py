@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -18,8 +19,12 @@ FIELD_OF_VIEW = 32.0
 """Vertical field of view of the cameras made here [deg]."""
 FLAT = 0.02
 """An arm that leaves its plane by less than this fraction of its size is seen from across that plane."""
+MARGIN = 0.04
+"""Space that a film leaves on each side of the arm, as a fraction of what the arm takes."""
 VISIBLE_GROUPS = 2
 """Geoms of higher groups are hidden by the arm's files."""
+MOST_DRAWN = 1.0
+"""An exaggerated error is drawn no larger than this [rad, or m where a joint slides]."""
 POSES = 100
 """Poses of each run from which a camera is placed if the arm's files have none."""
 SHELL, DARK = (0.96, 0.94, 0.88, 1.0), (0.17, 0.18, 0.20, 1.0)
@@ -76,11 +81,18 @@ def scene_of_runs(name: str, runs: Sequence[Trajectory]) -> Scene:
     return build_scene(name, np.nan_to_num(np.concatenate(poses)))
 
 
-def shown_poses(run: Trajectory) -> Array:
-    """Return a run's positions (N, n) [rad]; from where they are no numbers the last one that is one stays."""
+def shown_poses(run: Trajectory, exaggerate: float = 1.0) -> Array:
+    """Return a run's positions (N, n) [rad]; from where they are no numbers the last one that is one stays.
+
+    Args:
+        run: The run.
+        exaggerate: How many times as far from the reference they are shown, but no further than `MOST_DRAWN`.
+    """
     last = np.max(np.flatnonzero(np.isfinite(run.q).all(axis=1)), initial=0)
     poses: Array = np.nan_to_num(run.q[np.minimum(np.arange(len(run.q)), last)])
-    return poses
+    error = poses - run.q_ref
+    most = np.maximum(MOST_DRAWN - np.abs(error), 0.0)
+    return poses + np.clip((exaggerate - 1.0) * error, -most, most)
 
 
 def check_same_arm(arm: Any, look: Any, where: str) -> None:
@@ -249,13 +261,34 @@ def add_cameras(spec: Any, points: Array, reach: float) -> None:
         camera.alt.xyaxes = [*right, *np.cross(back, right)]
 
 
-def fit_camera(model: Any, camera: int, width: int, height: int) -> None:
-    """Have a camera see as much across a frame as up and down it, if the frame is higher than wide.
+def window(scene: Scene, camera: int, poses: Array, aspect: float) -> Array:
+    """Return which part of a camera's picture shows the arm at all poses: left, right, bottom and top.
+
+    These are slopes, tangents of the angle to the camera's axis. What stands still counts if it is smaller than the
+    arm: its column does, a wall does not.
 
     Args:
-        model: Compiled model; the camera's vertical field of view is set in it.
+        scene: The arm.
         camera: Number of the camera.
-        width, height: Size of the frame [px].
+        poses: Joint positions, (N, n) [rad].
+        aspect: Width of the part over its height.
     """
-    slope = np.tan(np.deg2rad(model.cam_fovy[camera]) / 2.0) * max(1.0, height / width)
-    model.cam_fovy[camera] = 2.0 * np.rad2deg(np.arctan(slope))
+    m, d, slopes = scene.model, mujoco.MjData(scene.model), []
+    still = (m.geom_group <= VISIBLE_GROUPS) & (m.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+    small = np.flatnonzero(still & (m.geom_rbound < scene.reach))
+    seen = sorted({*scene.moving, *small.tolist()})
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    boxes = m.geom_aabb[seen, None, :3] + corners * m.geom_aabb[seen, None, 3:]
+    for q in poses:
+        d.qpos[:] = q
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_camlight(m, d)
+        turned = boxes @ d.geom_xmat[seen].reshape(-1, 3, 3).transpose(0, 2, 1)
+        points = (d.geom_xpos[seen, None] + turned - d.cam_xpos[camera]).reshape(-1, 3) @ d.cam_xmat[camera].reshape(
+            3, 3
+        )
+        slopes.append(points[:, :2] / np.maximum(-points[:, 2:], 0.1 * scene.reach))
+    low, high = np.min(slopes, axis=(0, 1)), np.max(slopes, axis=(0, 1))
+    half = (0.5 + MARGIN) * max((high[0] - low[0]) / aspect, high[1] - low[1]) * np.array([aspect, 1.0])
+    middle = (low + high) / 2.0
+    return np.stack([middle - half, middle + half], axis=1).ravel()

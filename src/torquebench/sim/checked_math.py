@@ -13,6 +13,8 @@ from typing import Any
 
 from numba.extending import register_jitable
 
+from torquebench.kernel.twin import rebound
+
 __all__ = [
     "acos",
     "asin",
@@ -159,8 +161,7 @@ def with_checked_math(function: FunctionType) -> FunctionType:
         name = getattr(value, "__name__", "")
         return getattr(_MODULE, name) if name in __all__ and value is getattr(math, name) else value
 
-    seen = {name: stand_in(value) for name, value in function.__globals__.items()}
-    return FunctionType(function.__code__, seen, function.__name__, None, function.__closure__)
+    return rebound(function, stand_in)
 
 
 _MODULE = ModuleType("math")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 import re
 import traceback
 from collections.abc import Callable
@@ -14,7 +12,7 @@ import numpy as np
 
 from torquebench.dialect import complaints
 from torquebench.kernel import Array
-from torquebench.kernel.struct import Structure
+from torquebench.kernel.twin import on_numbers, python_numbers
 from torquebench.laws import Law
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
@@ -36,6 +34,8 @@ class PythonRun:
         self.setup = setup
         self.detail = ""
         """Reason of a failure; empty if there was none."""
+        self._call = Call(setup.law, setup.gains, setup.belief, setup.memory)
+        self._loop, self._job = on_numbers(closed_loop), python_numbers(setup.job)
         setup.job.q[:], setup.job.qd[:] = setup.plant.state()
 
     def attach(self) -> None:
@@ -44,74 +44,95 @@ class PythonRun:
 
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1."""
-        return closed_loop(self.setup.job, first, last, self._law, self._step)
+        return int(self._loop(self._job, first, last, self._law, self._step))
 
     def _law(self, job: Job, k: int) -> int:
-        s = self.setup
-        ref = Reference(job.q_ref[k].copy(), job.qd_ref[k].copy(), job.qdd_ref[k].copy())
-        tau, status, self.detail = call_law(
-            s.law,
-            s.gains,
-            s.belief,
-            k * job.control_period,
-            job.measured_q.copy(),
-            job.measured_qd.copy(),
-            ref,
-            s.memory,
-        )
-        if status == COMPLETED:
-            job.record_tau_law[k] = tau
+        status, self.detail = self._call.at(job, k)
         return status
 
     def _step(self, job: Job, substeps: int, varying: int) -> None:
-        plant = self.setup.plant
-        plant.step(job.torque if varying else job.torque[0], substeps)
-        job.q[:], job.qd[:] = plant.state()
+        plant, own = self.setup.plant, self.setup.job
+        plant.step(own.torque if varying else own.torque[0], substeps)
+        own.q[:], own.qd[:] = plant.state()
 
 
 MATH_ERROR = re.compile(r"math domain error|expected a (\w+ input|number in range)")
 """Text of `math`'s domain errors, up to Python 3.13 and from 3.14 on."""
 
 
-def call_law(
-    law: Law, gains: Any, belief: Model, t: float, q: Array, qd: Array, ref: Reference, memory: Any
-) -> tuple[Array, int, str]:
-    """Call a law once and return its torque (n,) [N m], how that went, and what went wrong.
+class Call:
+    """A law as the Python function it is, with what it computes with, ready to be called.
 
-    A law that returns an array instead of filling `tau` is accepted too. How it went is COMPLETED (the torque may
-    still not be finite), RAISED or CONTROLLER_ERROR; see `closed_loop`. A law in the dialect computes with Python's own
-    numbers, which divide by zero as its compiled form does, by raising; any other computes with numpy's.
+    A law that returns an array instead of filling `tau` is accepted too. A law in the dialect computes with Python's
+    own numbers, which divide by zero as its compiled form does, by raising; any other computes with numpy's. So does
+    what it calls of this package: kernels as plain Python, of which nothing is compiled.
 
     Args:
         law: The law.
         gains, belief, memory: What it computes with; see `Law`.
-        t: Time [s].
-        q, qd: Measured position [rad] and velocity [rad/s], (n,).
-        ref: Desired motion at this instant.
     """
-    n = len(q)
-    tau = np.full(n, np.nan)  # so that a joint the law forgets is noticed
-    function: Callable[..., Any] = law.function
-    in_dialect = not complaints(law)
-    given: tuple[Any, ...] = (gains, belief, t, q, qd, ref, memory, tau)
-    if in_dialect:
-        given = tuple(map(python_numbers, given))
-    try:
-        with np.errstate(all="ignore"):
-            returned = function(*given)
-            if returned is not None:
-                values = np.asarray(returned)
-                if values.dtype.kind not in "iuf" or np.ma.is_masked(returned):
-                    return tau, CONTROLLER_ERROR, f"the law returned {values.dtype} values, wanted real numbers"
-                tau = np.array(values, dtype=np.float64)
-    except (Exception, SystemExit, GeneratorExit) as error:  # noqa: BLE001  a user's law may raise anything; the run reports it
-        # a law in the dialect raises nothing itself: a ValueError there is one of `math`
-        domain = isinstance(error, ValueError) and (in_dialect or MATH_ERROR.match(_text(error)) is not None)
-        return tau, RAISED if isinstance(error, ArithmeticError) or domain else CONTROLLER_ERROR, _describe(error)
-    for name, array in {"torque": tau, **memory._asdict()}.items():
-        if np.shape(array) != (n,) and name != "nothing":
-            return tau, CONTROLLER_ERROR, f"the law's {name} has shape {np.shape(array)}, wanted {(n,)}"
-    return tau, COMPLETED, ""
+
+    def __init__(self, law: Law, gains: Any, belief: Model, memory: Any) -> None:
+        self._in_dialect = not complaints(law)
+        self._function: Callable[..., Any] = on_numbers(law.function) if self._in_dialect else law.function
+        self._given = (gains, belief, memory)
+        if self._in_dialect:
+            self._given = (python_numbers(gains), python_numbers(belief), python_numbers(memory))
+
+    def __call__(self, t: float, q: Array, qd: Array, ref: Reference) -> tuple[Array, int, str]:
+        """Return a torque (n,) [N m], how the call went, and what went wrong.
+
+        How it went is COMPLETED (the torque may still not be finite), RAISED or CONTROLLER_ERROR; see `closed_loop`.
+
+        Args:
+            t: Time [s].
+            q, qd: Measured position [rad] and velocity [rad/s], (n,).
+            ref: Desired motion at this instant.
+        """
+        tau = np.full(len(q), np.nan)  # so that a joint the law forgets is noticed
+        status, detail = self._fill(tau, t, q, qd, ref)
+        return tau, status, detail
+
+    def at(self, job: Job, k: int) -> tuple[int, str]:
+        """Call the law at control instant k of a loop, write down its torque, and return how that went."""
+        seen = (job.measured_q, job.measured_qd, job.q_ref[k], job.qd_ref[k], job.qdd_ref[k])
+        if not self._in_dialect:  # one that is writes to nothing of these
+            seen = tuple(map(np.array, seen))  # type: ignore[assignment]
+        return self._fill(job.record_tau_law[k], k * job.control_period, seen[0], seen[1], Reference(*seen[2:]))
+
+    def _fill(self, tau: Array, t: float, q: Array, qd: Array, ref: Reference) -> tuple[int, str]:
+        """Fill `tau` (n,), NaN so far; arguments as of a call."""
+        gains, belief, memory = self._given
+        try:
+            if self._in_dialect:
+                self._function(
+                    gains,
+                    belief,
+                    t,
+                    python_numbers(q),
+                    python_numbers(qd),
+                    python_numbers(ref),
+                    memory,
+                    python_numbers(tau),
+                )
+                return COMPLETED, ""
+            with np.errstate(all="ignore"):
+                returned = self._function(gains, belief, t, q, qd, ref, memory, own := np.full(len(q), np.nan))
+                if returned is not None:
+                    values = np.asarray(returned)
+                    if values.dtype.kind not in "iuf" or np.ma.is_masked(returned):
+                        return CONTROLLER_ERROR, f"the law returned {values.dtype} values, wanted real numbers"
+                    own = np.array(values, dtype=np.float64)
+        except (Exception, SystemExit, GeneratorExit) as error:  # noqa: BLE001  a user's law may raise anything; the run reports it
+            # a law in the dialect raises nothing itself: a ValueError there is one of `math`
+            domain = isinstance(error, ValueError) and (self._in_dialect or MATH_ERROR.match(_text(error)) is not None)
+            raised = isinstance(error, ArithmeticError) or domain
+            return RAISED if raised else CONTROLLER_ERROR, _describe(error)
+        for name, array in {"torque": own, **memory._asdict()}.items():
+            if np.shape(array) != (len(tau),) and name != "nothing":
+                return CONTROLLER_ERROR, f"the law's {name} has shape {np.shape(array)}, wanted {(len(tau),)}"
+        np.copyto(tau, own)
+        return COMPLETED, ""
 
 
 def replay(setup: Setup) -> tuple[int, str]:
@@ -124,17 +145,7 @@ def replay(setup: Setup) -> tuple[int, str]:
     """
     job, k = setup.job, int(setup.job.at[0])
     job.memory[...] = job.record_memory[:, k - 1] if k > 0 else 0.0
-    ref = Reference(job.q_ref[k].copy(), job.qd_ref[k].copy(), job.qdd_ref[k].copy())
-    _, status, detail = call_law(
-        setup.law,
-        setup.gains,
-        setup.belief,
-        k * job.control_period,
-        job.measured_q.copy(),
-        job.measured_qd.copy(),
-        ref,
-        setup.memory,
-    )
+    status, detail = Call(setup.law, setup.gains, setup.belief, setup.memory).at(job, k)
     job.record_memory[:, k] = job.memory
     if status == COMPLETED:
         return RAISED, "the compiled law raised where the interpreted one did not"
@@ -153,49 +164,3 @@ def _text(error: BaseException) -> str:
         return "".join(c if c.isprintable() else " " for c in str(error))
     except (Exception, SystemExit, GeneratorExit):  # noqa: BLE001
         return "(no text)"
-
-
-class Vector(np.ndarray[Any, Any]):
-    """A vector of Python's numbers."""
-
-    __slots__ = ()
-    __getitem__ = np.ndarray.item  # type: ignore[assignment]
-
-
-class Matrix(np.ndarray[Any, Any]):
-    """An array of more dimensions; its rows are vectors of Python's numbers."""
-
-    __slots__ = ()
-
-    def __getitem__(self, key: Any) -> Any:
-        """Return an element as a number, or a part as an array of the same manner."""
-        return python_numbers(np.ndarray.__getitem__(self, key))
-
-
-def python_numbers(value: Any) -> Any:
-    """Return an array, or a structure of arrays, as views whose elements read as Python numbers."""
-    kind = type(value)
-    if kind is np.ndarray:
-        return value.view(Vector if value.ndim == 1 else Matrix)
-    if kind is float or kind is int:
-        return value
-    if isinstance(value, Structure):
-        return _structure(value)
-    if isinstance(value, np.ndarray):
-        return value.view(Vector if value.ndim == 1 else Matrix)
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return kind(*[python_numbers(field) for field in value])
-    return value
-
-
-def _structure(value: Structure) -> Structure:
-    """Convert a structure, which takes its time; it keeps the result, because a run has the same one at every call."""
-    kept: Structure | None = vars(value).get("_python_numbers")
-    if kept is None:
-        kept = copy.copy(value)  # of the same words: the arrays are the same memory
-        for field in dataclasses.fields(value):
-            object.__setattr__(kept, field.name, python_numbers(getattr(value, field.name)))
-        object.__setattr__(value, "_python_numbers", kept)
-    return kept

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
@@ -56,20 +56,44 @@ def caller(signature: Any) -> Any:
     return call
 
 
-def compile_native(signature: Any, function: Any, error_model: str = "numpy") -> Any:
-    """Compile a function to native form, or load it from the cache on disk.
+class NativeFunction:
+    """A function of native form: compiled, or loaded from the cache on disk, when it is first needed.
 
     Args:
         signature: Of integers and doubles only.
         function: Its closure must hold only what keeps its value from process to process: plain functions, classes.
-        error_model: ``numpy``: a division by zero gives infinity; ``python``: it raises.
     """
-    options = {"error_model": error_model, "_nrt": False}
-    compiled: Any = CFunc(function, (signature.args, signature.return_type), {}, options)
-    compiled._cache = KernelCache(function)
-    with without_collection():
-        compiled.compile()
-    return compiled
+
+    def __init__(self, signature: Any, function: Any) -> None:
+        self._signature, self._function = signature, function
+        self.name = function.__qualname__
+        """The function's name, by which it is found in the cache."""
+
+    @cached_property
+    def _compiled(self) -> Any:
+        options = {"error_model": "numpy", "_nrt": False}
+        compiled: Any = CFunc(self._function, (self._signature.args, self._signature.return_type), {}, options)
+        compiled._cache = KernelCache(self._function)
+        with without_collection():
+            compiled.compile()
+        return compiled
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether it is compiled already, in this process or in the cache on disk."""
+        if config.DISABLE_JIT:
+            return False
+        return "_compiled" in vars(self) or KernelCache(self._function).holds(self._signature)
+
+    @property
+    def address(self) -> int:
+        """Its address."""
+        return int(self._compiled.address)
+
+    @cached_property
+    def call(self) -> Any:
+        """It as a function for Python, which does not hold the interpreter's lock."""
+        return self._compiled.ctypes
 
 
 call_law = caller(LAW_SIGNATURE)
@@ -111,14 +135,12 @@ def step_of(job: Job, substeps: int, varying: int) -> None:
     call_step(job.call[4], (job.call[5], job.torque.ctypes.data, substeps, varying))
 
 
-@lru_cache(maxsize=1)
-def compiled_loop() -> Any:
-    """Return the compiled loop, a native function (job, first, last) -> status."""
+def _run(address: int, first: int, last: int) -> int:
+    return compiled_closed_loop(job_at(address), first, last, law_of, step_of)
 
-    def run(address: int, first: int, last: int) -> int:
-        return compiled_closed_loop(job_at(address), first, last, law_of, step_of)
 
-    return compile_native(RUN_SIGNATURE, run)
+LOOP = NativeFunction(RUN_SIGNATURE, _run)
+"""The closed loop, (job, first, last) -> status."""
 
 
 belief_at = structure_at(Model)
@@ -158,14 +180,14 @@ def adapter(
     return COMPLETED
 
 
-def compile_law(law: Law) -> Any:
-    """Compile a law, or load it from the cache on disk, and return numba's native function.
+@lru_cache(maxsize=256)
+def native_law(law: Law) -> NativeFunction:
+    """Return a law's native function.
 
     The law's function is compiled as it stands. A division by zero in it, an argument outside the domain of a function
     of `math`, and an element beyond the end of an array end the run as they do interpreted.
 
     Raises:
-        numba.core.errors.NumbaError: the law cannot be compiled.
         TypeError: its gains or memory hold something that compiled code cannot receive.
     """
     for name, cls in (("gains", law.gains_type), ("memory", law.memory_type or Nothing)):
@@ -187,7 +209,7 @@ def compile_law(law: Law) -> Any:
     # numba finds an adapter on disk by its name and code; the code is the same for all laws, so the name tells
     own = FunctionType(adapter.__code__, {**globals(), **means})
     own.__name__ = own.__qualname__ = f"{law.name}_{law_digest(law)}"
-    return compile_native(LAW_SIGNATURE, own)
+    return NativeFunction(LAW_SIGNATURE, own)
 
 
 def law_digest(law: Law) -> str:
@@ -239,14 +261,56 @@ def _name(value: Any) -> str:
     return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
-def obstacle(plant: Plant, law: Law) -> str:
-    """Return why a run of `law` on `plant` cannot be compiled; an empty text when it can."""
+WORTH = 40_000
+"""Steps that take as long interpreted as it takes to compile law, loop and plant: some 8 s."""
+QUICKER = "for so few steps interpreting takes less time than compiling"
+"""Reason of `reason_to_interpret` that is a choice, and no obstacle."""
+
+
+def reason_to_interpret(plant: Plant, law: Law, steps: float) -> str:
+    """Return why a run is interpreted where its path is left open; an empty text where it is compiled.
+
+    Both paths leave the same bytes, so that only time is at stake. What cannot be compiled is interpreted. What is
+    compiled already, in this process or in the cache on disk, is used. Otherwise a run is interpreted while fewer
+    steps than `WORTH` are asked for: by the command, or by the runs of this process together. So a first short
+    experiment compiles nothing; a sweep compiles before its first run; a program that runs one loop after the other
+    goes over to compiled ones after some 8 s.
+
+    Args:
+        plant: The truth.
+        law: The law.
+        steps: Control steps asked for; a step of an interpreted plant that is slow counts as several.
+    """
+    return _plain_obstacle(plant, law) or (
+        QUICKER if steps < WORTH and not _is_compiled(plant, law) else obstacle(plant, law)
+    )
+
+
+def _is_compiled(plant: Any, law: Law) -> bool:
+    try:
+        return bool(plant.native_step.is_compiled and LOOP.is_compiled and native_law(law).is_compiled)
+    except TypeError:  # of gains or memory: `obstacle` says so
+        return True
+
+
+def _plain_obstacle(plant: Plant, law: Law) -> str:
+    """Return why a run cannot be compiled, as far as that shows before it is."""
     if config.DISABLE_JIT:
         return "numba is switched off (NUMBA_DISABLE_JIT)"
     if not hasattr(plant, "native"):
         return f"the plant, a {type(plant).__name__}, has no native form"
+    if found := complaints(law):
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        return f"law '{law.name}' keeps to Python: {found[0]}{more}"
+    return ""
+
+
+def obstacle(plant: Plant, law: Law) -> str:
+    """Return why a run of `law` on `plant` cannot be compiled; an empty text when it can. Compiles what it needs."""
+    if found := _plain_obstacle(plant, law):
+        return found
     try:
-        plant.native()
+        plant.native()  # type: ignore[attr-defined]  # seen to be there
     except NativeError as error:
         return str(error)
     return law_obstacle(law)
@@ -254,22 +318,12 @@ def obstacle(plant: Plant, law: Law) -> str:
 
 @lru_cache(maxsize=256)
 def law_obstacle(law: Law) -> str:
-    """Return why a law cannot be compiled; an empty text when it can. Compiles it, or loads it from the cache."""
-    found = complaints(law)
-    if found:
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        return f"law '{law.name}' keeps to Python: {found[0]}{more}"
+    """Return why a law in the dialect cannot be compiled; an empty text when it can. Compiles it."""
     try:
-        native_law(law)
+        _ = native_law(law).address
     except (NumbaError, TypeError) as error:
         return f"law '{law.name}' cannot be compiled: {compiler_message(error, law.function)}"
     return ""
-
-
-@lru_cache(maxsize=256)
-def native_law(law: Law) -> Any:
-    """Return a law's native function; see `compile_law`."""
-    return compile_law(law)
 
 
 class NativeRun:
@@ -294,11 +348,11 @@ class NativeRun:
             self._tables[0].address,
             setup.belief.address,
             self._tables[1].address,
-            plant.step,
+            plant.step.address,
             plant.structure.address,
             len(job.q),
         ]
-        self._loop = compiled_loop().ctypes
+        self._loop = LOOP.call
 
     def restart(self, plant: NativePlant) -> None:
         """Prepare to run again on the same arrays, without a payload taken up before."""

@@ -23,7 +23,7 @@ from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import PythonRun
 from torquebench.sim.job import Setup, is_fixed, set_up
-from torquebench.sim.native import NativeRun, obstacle
+from torquebench.sim.native import QUICKER, NativeRun, obstacle, reason_to_interpret
 from torquebench.sim.plants import NativePlant, Plant, attached_at
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory, trajectory_of
@@ -89,6 +89,20 @@ class SampledTrial:
     """Position at rest at t = 0, (n,) [rad]; None for zero."""
 
 
+class _Spent(threading.local):
+    """Steps interpreted so far because that was quicker than compiling."""
+
+    steps = 0
+
+
+_spent = _Spent()
+
+
+def _burden(plant: Plant, substeps: int) -> int:
+    """Return how many control steps of a law one of a run takes, interpreted."""
+    return 1 + substeps * getattr(plant, "burden", 0)
+
+
 class Session:
     """Runs closed loops, one after another, and keeps what the next one can use again.
 
@@ -97,10 +111,12 @@ class Session:
     Args:
         overwrite: Let a run write its trajectory over the one of the run before, where both are of one kind: the same
             controller, plant and motion, and signals of the same shape. For thousands of runs of which none is kept.
+        steps: Control steps that will be asked of it and of others like it, as far as known; see `reason_to_interpret`.
     """
 
-    def __init__(self, *, overwrite: bool = False) -> None:
+    def __init__(self, *, overwrite: bool = False, steps: int = 0) -> None:
         self._overwrite = overwrite
+        self._asked = _spent.steps + steps
         self._busy = threading.Lock()
         self._checked: tuple[Array | None, ...] = (None, None, None)
         """The last desired motion found finite; None in place of an array that can be written to."""
@@ -150,7 +166,7 @@ class Session:
         start = np.zeros(n) if trial.initial_q is None else np.array(trial.initial_q, dtype=np.float64)
         self._check(n, n_steps, trial, desired, start)
         attach = attached_at(plant, control_period, n_steps)
-        reason = "" if path == "python" else obstacle(plant, controller.law)
+        reason = self._reason(plant, controller.law, path, n_steps * _burden(plant, substeps))
         if path == "native" and reason:
             raise ControllerError(f"controller '{controller.name}' cannot run on the native path: {reason}")
         native = None if path == "python" or reason else plant.native()  # type: ignore[attr-defined]
@@ -172,6 +188,17 @@ class Session:
         if native is None:
             return trajectory_of(run.setup, t, status, run.detail, "python", reason)
         return self._trajectory(run.setup, t, status, run.detail)
+
+    def _reason(self, plant: Plant, law: Law, path: PathName, steps: int) -> str:
+        """Return why a run that may be compiled is not; arguments as of `reason_to_interpret`."""
+        if path == "python":
+            return ""
+        if path == "native":
+            return obstacle(plant, law)
+        reason = reason_to_interpret(plant, law, max(self._asked, _spent.steps + steps))
+        if reason == QUICKER:
+            _spent.steps += steps
+        return reason
 
     def _check(self, n: int, n_steps: int, trial: SampledTrial, desired: Reference, start: Array) -> None:
         model, controller = trial.model, trial.controller

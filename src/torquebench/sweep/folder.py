@@ -141,7 +141,7 @@ def create_sweep(directory: RunDirectory, plan: Plan, shard_size: int) -> Stored
         shard_size: Number of (case, draw) pairs in a shard.
     """
     facts = facts_of(plan, shard_size)
-    directory.write(CONFIG, plan.source.text)
+    directory.write(CONFIG, plan.text)
     directory.write(PLAN, json_bytes(vars(facts)))
     return StoredSweep(directory.folder, plan, facts)
 

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.disturbances import Stream, generator
-from torquebench.experiment.config import check_experiment
+from torquebench.experiment.config import check_experiment, is_sized
+from torquebench.experiment.dump import flat_text
+from torquebench.experiment.extends import Text
 from torquebench.experiment.groups import SWEEP
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, apply_overrides, dotted, read_document
@@ -42,6 +44,8 @@ class Source(NamedTuple):
     filename: str
     overrides: tuple[str, ...] = ()
     plugins: tuple[Path, ...] = ()
+    parents: tuple[Text, ...] | None = None
+    """Texts of the files that it extends; None until they are read."""
 
 
 class Row(NamedTuple):
@@ -61,6 +65,8 @@ class _Fixed:
     """Places of each varied key; continuous random ones are set there."""
     lacking: Mapping[str, frozenset[int]]
     """Varied key -> the controllers that do not have it."""
+    is_sized: bool
+    """Whether the size of a disturbance follows from other keys, so that each draw has one of its own."""
 
 
 class Plan:
@@ -74,8 +80,10 @@ class Plan:
     """
 
     def __init__(self, source: Source) -> None:
-        self.source = source
-        self.document: Document = read_document(source.text, source.filename)
+        self.document: Document = read_document(source.text, source.filename, source.parents)
+        self.source = source._replace(parents=self.document.parents)
+        self.text = flat_text(self.document, source.text)
+        """The file with what it extends, as one."""
         apply_overrides(self.document, source.overrides)
         self.raw: dict[str, Any] = dict(self.document.root)
         """The file as it is after the overrides."""
@@ -164,8 +172,13 @@ class Plan:
         Raises:
             ConfigError: it has mistakes.
         """
-        found = self._fixed(case, self.combination(draw))
+        combination = self.combination(draw)
+        found = self._fixed(case, combination)
         experiment = found.experiment
+        if found.is_sized and self.continuous:
+            numbers = [self.drawn(random, draw) for random in self.continuous]
+            document, _ = self.variant(self.assigned(case, combination, numbers))
+            return with_draw(check_experiment(document), draw)
         for random in self.continuous:
             value = self.drawn(random, draw)
             for path in found.places[random.key]:
@@ -216,7 +229,8 @@ class Plan:
         document, places = self.variant(self.assigned(case, combination, numbers))
         experiment = check_experiment(document)
         _ = experiment.n  # kept in the copies that draws make of it: it reads the arm's files
-        return _Fixed(experiment, places, {key: _without(paths, experiment) for key, paths in places.items()})
+        lacking = {key: _without(paths, experiment) for key, paths in places.items()}
+        return _Fixed(experiment, places, lacking, is_sized(document))
 
     def lacking(self, case: int, draw: int) -> Mapping[str, frozenset[int]]:
         """Return for each varied key the controllers that do not have it."""

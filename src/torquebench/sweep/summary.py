@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from torquebench.errors import ResultError, did_you_mean
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.plain import plain
-from torquebench.statistics import Ratio, Share, clopper_pearson, cvar, geometric_mean, paired_ratio
+from torquebench.statistics import Ratio, Share, clopper_pearson, cvar, geometric_mean, mean_intervals
 from torquebench.sweep.table import (
     Rows,
     Table,
@@ -25,7 +26,6 @@ from torquebench.sweep.table import (
     metric_keys,
     metric_values,
     row_values,
-    rows_by,
     varied_keys,
 )
 
@@ -39,6 +39,11 @@ class Figure(NamedTuple):
     defined: int
     """Runs with a value."""
     mean: float
+    low: float
+    """Lower end of the mean's 95 % interval, Student's over draws; NaN over all cases, where one draw runs or none
+    differs."""
+    high: float
+    """Upper end."""
     median: float
     cvar: float
     """Mean of the worst `TAIL` of the runs."""
@@ -129,51 +134,105 @@ def summarise(table: Table, reference: str | None = None) -> Summary:
     if base not in names:
         raise ResultError(f"no controller '{base}' in the sweep{did_you_mean(base, names)}")
     grid, metrics = grid_keys(table), metric_keys(table)
-    drawn = tuple(key for key in varied_keys(table) if key not in grid)
-    groups, overall = list[Group](), list[Overall]()
-    by_group, by_law = rows_by(table, "case", "controller"), rows_by(table, "controller")
-    for (case, law), rows in by_group.items():
-        groups.append(
-            Group(
-                case,
-                row_values(table, grid, int(rows[0])),
-                law,
-                _share(table, rows, metrics),
-                dict(Counter(table["outcome"][rows].tolist())),
-                _earliest_failure(table, rows),
-                *_figures(table, rows, by_group[case, base], metrics),
-            )
+    place = _places(table, names)
+    cases, laws = place.reshape(-1, place.shape[2]), place.swapaxes(0, 1).reshape(len(names), -1)
+    figures = [dict[str, Figure]() for _ in range(len(cases) + len(laws))]
+    ratios = [dict[str, Ratio]() for _ in figures]
+    for key in metrics:
+        values = np.where(place >= 0, metric_values(table, place, key), np.nan)
+        whole = values.swapaxes(0, 1).reshape(laws.shape)
+        found = _figures(table, key, values.reshape(cases.shape), cases) + _figures(table, key, whole, laws, False)
+        for i, (figure, ratio) in enumerate(zip(found, _ratios(values, names.index(base)), strict=True)):
+            figures[i] |= {key: figure} if figure is not None else {}
+            ratios[i] |= {key: ratio} if ratio is not None else {}
+    shares = _shares(table, cases, metrics)
+    groups = [
+        Group(
+            int(table["case"][rows[0]]),
+            row_values(table, grid, int(rows[0])),
+            names[i % len(names)],
+            shares[i],
+            dict(Counter(table["outcome"][rows].tolist())),
+            _earliest_failure(table, rows),
+            figures[i],
+            ratios[i],
         )
-    for (law,), rows in by_law.items():
-        successes = int(completed(table, rows).sum())
-        overall.append(Overall(law, successes, len(rows), *_figures(table, rows, by_law[base,], metrics)))
+        for i, rows in enumerate(own[own >= 0] for own in cases)
+        if len(rows)
+    ]
+    overall = [
+        Overall(names[i], int(completed(table, rows).sum()), len(rows), figures[len(cases) + i], ratios[len(cases) + i])
+        for i, rows in enumerate(own[own >= 0] for own in laws)
+    ]
+    drawn = tuple(key for key in varied_keys(table) if key not in grid)
     return Summary(base, grid, drawn, metrics, tuple(groups), tuple(overall))
 
 
-def figure_of(table: Table, rows: Rows, key: str) -> Figure | None:
-    """Return the figures of one metric over some rows; None when no run of them completed with a value.
+def _places(table: Table, names: Sequence[str]) -> Rows:
+    """Return the positions of the rows by case, controller and draw, (C, L, D); -1 where there is none."""
+    (cases, case), (laws, law), (draws, draw) = (
+        np.unique(table[name], return_inverse=True) for name in ("case", "controller", "draw")
+    )
+    place = np.full((len(cases), len(names), len(draws)), -1)
+    place[case, np.array([names.index(name) for name in laws.tolist()])[law], draw] = np.arange(len(draw))
+    return place
+
+
+def _figures(table: Table, key: str, values: Array, rows: Rows, independent: bool = True) -> list[Figure | None]:
+    """Return the figures of a metric over each row of its values; None where no run has a value.
 
     Args:
         table: The table.
-        rows: Positions of the rows.
         key: The metric.
+        values: Its values, (G, N); NaN for none.
+        rows: Positions of the table's rows that they are of, (G, N).
+        independent: Whether the N runs are independent draws, so that their mean has an interval.
     """
-    values = metric_values(table, rows, key)
-    known = np.isfinite(values)
-    if not known.any():
-        return None
-    values, rising = values[known], METRICS[key].better == "lower"
-    worst = int(np.argmax(values) if rising else np.argmin(values))
-    row = rows[known][worst]
-    return Figure(
-        len(values),
-        float(np.mean(values)),
-        float(np.median(values)),
-        cvar(values.tolist(), TAIL, rising),
-        float(values[worst]),
-        int(table["index"][row]),
-        int(table["draw"][row]),
+    values, rising = np.where(np.isfinite(values), values, np.nan), METRICS[key].better == "lower"
+    count, mean, half = mean_intervals(values)
+    ordered, last = np.sort(values, axis=1), np.maximum(count - 1, 0)  # NaN behind the last
+    most, *middle = (np.take_along_axis(ordered, at[:, None], 1)[:, 0] for at in (last, last // 2, count // 2))
+    half = np.where(independent & (ordered[:, 0] < most), half, np.nan)
+    worst = np.argmax(np.where(np.isnan(values), -np.inf, values if rising else -values), axis=1)[:, None]
+    row = np.take_along_axis(rows, worst, 1)[:, 0]
+    columns = (
+        count,
+        mean,
+        mean - half,
+        mean + half,
+        0.5 * (middle[0] + middle[1]),
+        cvar(values, TAIL, rising),
+        np.take_along_axis(values, worst, 1)[:, 0],
+        table["index"][row],
+        table["draw"][row],
     )
+    return [Figure(*one) if one[0] else None for one in zip(*(column.tolist() for column in columns), strict=True)]
+
+
+def _ratios(values: Array, base: int) -> list[Ratio | None]:
+    """Return the paired ratios of a metric to a reference's: of each law in each case, then over all cases.
+
+    Over all cases it is that of the geometric means over these. None without a pair, and where a run has the value 0.
+    Where the ratio is the same in every draw, or there is one draw, its interval is NaN: nothing that is drawn shows.
+
+    Args:
+        values: The metric by case, controller and draw, (C, L, D); NaN for none.
+        base: Which controller is the reference.
+    """
+    logs = np.log(values, where=values > 0.0, out=np.full(values.shape, np.nan))
+    zero = np.any(values <= 0.0, axis=2)
+    logs, zero = np.concatenate([logs, np.mean(logs, axis=0)[None]]), np.concatenate([zero, zero.any(axis=0)[None]])
+    other = np.broadcast_to(logs[:, base : base + 1], logs.shape)
+    pairs, mean, half = mean_intervals(logs - other)
+    known, varies = np.isfinite(logs - other), np.zeros(zero.shape, np.bool_)
+    for x in (logs, other):
+        varies |= np.min(np.where(known, x, np.inf), axis=2) < np.max(np.where(known, x, -np.inf), axis=2)
+    half = np.where(varies, half, np.nan)
+    failed = [np.isnan(x).sum(axis=2) for x in (logs, other)]
+    columns = [np.exp(mean), np.exp(mean - half), np.exp(mean + half), pairs, *failed, known.shape[2] - pairs]
+    columns.append((pairs > 0) & ~zero & ~zero[:, base : base + 1])
+    rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
+    return [Ratio(r, low, high, n, (a, b), out) if there else None for r, low, high, n, a, b, out, there in rows]
 
 
 def by_draw(table: Table, rows: Rows, key: str) -> tuple[NDArray[np.int64], Array]:
@@ -208,29 +267,6 @@ def level(table: Table, rows: Rows, key: str) -> Ratio | None:
     return geometric_mean(_known(values)) if np.isfinite(values).any() else None
 
 
-def ratio_of(table: Table, rows: Rows, other: Rows, key: str) -> Ratio | None:
-    """Return the paired ratio of a metric in some rows to that in others, draw by draw.
-
-    None without a pair, and where a run has the value 0. Where the ratio is the same in every draw, or there is one
-    draw, its interval is NaN: nothing that is drawn shows in it.
-
-    Args:
-        table: The table.
-        rows: Positions of one law's rows.
-        other: Positions of the reference's rows.
-        key: The metric.
-    """
-    (draws, one), (others, two) = by_draw(table, rows, key), by_draw(table, other, key)
-    _, mine, theirs = np.intersect1d(draws, others, assume_unique=True, return_indices=True)
-    a, b = one[mine], two[theirs]
-    both = np.isfinite(a + b)
-    if not both.any() or _has_zero(table, rows, key) or _has_zero(table, other, key):
-        return None
-    ratio = paired_ratio(_known(a), _known(b))
-    same = np.ptp(a[both]) == 0.0 and np.ptp(b[both]) == 0.0
-    return ratio._replace(low=np.nan, high=np.nan) if same else ratio
-
-
 def _has_zero(table: Table, rows: Rows, key: str) -> bool:
     return bool(np.any(metric_values(table, rows, key) <= 0.0))
 
@@ -247,19 +283,16 @@ def _earliest_failure(table: Table, rows: Rows) -> Failure | None:
     return Failure(*(table[name][first].item() for name in ("index", "draw", "outcome", "failed_at")))
 
 
-def _share(table: Table, rows: Rows, metrics: Sequence[str]) -> Share:
-    share = clopper_pearson(int(completed(table, rows).sum()), len(rows))
-    columns = [table[name][rows] for name in ("failed_at", *metrics)]
-    alike = len(rows) > 1 and all(len(np.unique(column)) == 1 for column in columns)
-    return share._replace(low=np.nan, high=np.nan) if alike else share
-
-
-def _figures(
-    table: Table, rows: Rows, other: Rows, metrics: Sequence[str]
-) -> tuple[dict[str, Figure], dict[str, Ratio]]:
-    figures = {key: figure_of(table, rows, key) for key in metrics}
-    ratios = {key: ratio_of(table, rows, other, key) for key in metrics}
-    return (
-        {key: figure for key, figure in figures.items() if figure is not None},
-        {key: ratio for key, ratio in ratios.items() if ratio is not None},
-    )
+def _shares(table: Table, cases: Rows, metrics: Sequence[str]) -> list[Share]:
+    """Return the share of completed runs at each row of positions, (G, N); -1 stands for none."""
+    there = cases >= 0
+    trials = np.sum(there, axis=1)
+    alike = trials > 1
+    for name in ("failed_at", *metrics):
+        values = np.where(there, table[name][cases], np.nan)
+        alike &= np.all((values == values[:, :1]) | (np.isnan(values) & np.isnan(values[:, :1])), axis=1)
+    exact, found = cache(clopper_pearson), list[Share]()
+    for successes, count in zip(np.sum(there & completed(table, cases), axis=1).tolist(), trials.tolist(), strict=True):
+        share = exact(successes, max(count, 1))
+        found.append(share._replace(low=np.nan, high=np.nan) if alike[len(found)] else share)
+    return found

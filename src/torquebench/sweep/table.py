@@ -42,7 +42,7 @@ def empty_columns(plan: Plan, rows: int) -> dict[str, NDArray[Any]]:
     fixed = (*[np.dtype("<i8")] * 3, _text(plan.controllers), _text(OUTCOMES), floats)
     kinds: dict[str, Any] = dict(zip(FIXED, fixed, strict=True))
     kinds |= {key: floats for key in (*(axis.key for axis in plan.keys.axes), *(r.key for r in plan.keys.random))}
-    kinds |= {axis.key: _text([_word(value) for value in axis.values]) for axis in _axes(plan) if not axis.numeric}
+    kinds |= {axis.key: _text(words(axis)) for axis in _axes(plan) if not axis.numeric}
     kinds |= dict.fromkeys(METRICS.names(), floats)
     kinds |= dict.fromkeys(FIGURES if plan.keys.certificates else (), floats)
     return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
@@ -66,14 +66,14 @@ def key_values(plan: Plan, case: int, draw: int) -> dict[str, list[float | str]]
 
 def _shown(plan: Plan, case: int, draw: int) -> Iterator[tuple[str, float | str]]:
     for axis, value in zip(plan.keys.axes, plan.values(case), strict=True):
-        yield axis.key, value.word if axis.numeric else _word(value)
+        yield axis.key, _word(axis, value)
     for random in plan.keys.random:
         drawn = plan.drawn(random, draw)
         if random.choices is None:
             yield random.key, drawn
         else:
             value = random.choices.values[int(drawn)]
-            yield random.key, value.word if random.choices.numeric else _word(value)
+            yield random.key, _word(random.choices, value)
 
 
 def _axes(plan: Plan) -> Iterator[Axis]:
@@ -82,8 +82,13 @@ def _axes(plan: Plan) -> Iterator[Axis]:
     yield from (random.choices for random in plan.keys.random if random.choices is not None)
 
 
-def _word(value: Value) -> str:
-    return value.word if isinstance(value.word, str) else repr(value.raw)
+def words(axis: Axis) -> list[Any]:
+    """Return the values of a key as the table shows them: numbers, or words where one of them is none."""
+    return [_word(axis, value) for value in axis.values]
+
+
+def _word(axis: Axis, value: Value) -> Any:
+    return value.word if axis.numeric or isinstance(value.word, str) else repr(value.raw)
 
 
 def _text(words: Sequence[str]) -> np.dtype[Any]:

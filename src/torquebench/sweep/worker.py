@@ -63,7 +63,8 @@ class Worker:
 
     def __init__(self, plan: Plan) -> None:
         self._plan, self._build = plan, Builder()
-        self._sessions = [Session(overwrite=True) for _ in plan.controllers]
+        steps = plan.rows * plan.first.n_steps
+        self._sessions = [Session(overwrite=True, steps=steps) for _ in plan.controllers]
 
     def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
         """Run the rows of a shard and return them.

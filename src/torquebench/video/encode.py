@@ -1,4 +1,4 @@
-"""Writing a film, H.264 in MP4, with the ffmpeg of imageio-ffmpeg; the same frames give the same bytes."""
+"""Writing a film, MP4 or animated WebP, with the ffmpeg of imageio-ffmpeg; the same frames give the same bytes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,12 @@ from torquebench.video.job import FPS
 
 INSTALL = "pip install imageio-ffmpeg"
 READ = "-y -loglevel error -f rawvideo -pix_fmt rgb24".split()
-WRITE = "-an -c:v libx264 -preset veryfast -crf 20 -pix_fmt yuv420p -movflags +faststart".split()
-REPEATABLE = "-threads 1 -fflags +bitexact -flags:v +bitexact".split()
+WRITE = {
+    ".mp4": "-c:v libx264 -preset veryfast -crf 20 -pix_fmt yuv420p -c:a aac -b:a 160k -movflags +faststart".split(),
+    ".webp": "-c:v libwebp_anim -quality 60 -compression_level 4 -loop 0 -pix_fmt yuv420p".split(),
+}
+"""How each kind of film is written: H.264 and AAC; pictures that begin again when they have ended."""
+REPEATABLE = "-threads 1 -fflags +bitexact -flags:v +bitexact -flags:a +bitexact".split()
 """No threads that race, no dates, no versions."""
 _TAIL = 600
 """How much of ffmpeg's complaint is passed on [characters]."""
@@ -40,20 +44,22 @@ def ffmpeg_program() -> str:
 
 
 @contextmanager
-def film_writer(path: Path, size: tuple[int, int]) -> Iterator[Callable[[Image], object]]:
+def film_writer(path: Path, size: tuple[int, int], sound: Path | None = None) -> Iterator[Callable[[Image], object]]:
     """Yield a function that adds a frame to a film, which is complete when this context ends without an error.
 
     ``imageio_ffmpeg.write_frames`` would hide ffmpeg's exit status, and with it a film that was not finished.
 
     Args:
-        path: The film, ``.mp4``.
+        path: The film, ``.mp4`` or ``.webp``.
         size: Width and height of the frames [px], even.
+        sound: Its sound, ``.wav``.
 
     Raises:
         VideoError: ffmpeg is missing or failed.
     """
     frames = ["-s", f"{size[0]}x{size[1]}", "-r", str(FPS), "-i", "-"]
-    command = [ffmpeg_program(), *READ, *frames, *WRITE, *REPEATABLE, str(path)]
+    also = ["-i", str(sound)] if sound is not None else []
+    command = [ffmpeg_program(), *READ, *frames, *also, *WRITE[path.suffix], *REPEATABLE, str(path)]
     with tempfile.TemporaryFile() as stderr:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=stderr)
         stdin = cast(IO[bytes], process.stdin)

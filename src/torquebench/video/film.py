@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from torquebench.errors import ConfigError, Problem, ResultError, VideoError, did_you_mean
+from torquebench.experiment.schema import Video
 from torquebench.experiment.source import read_document
 from torquebench.experiment.store import EXPERIMENT, add_to_run, checksums, refuse_without_experiment
+from torquebench.report.looks import looks
 from torquebench.robot.library import mjcf_path
 from torquebench.video.encode import ffmpeg_program
-from torquebench.video.job import SEPARATOR, Footage, Job, Settings, Shot, check_settings
+from torquebench.video.job import SEPARATOR, Footage, Job, Shot
 from torquebench.video.opengl import STICK, Backend, advice, candidates, probe, reason
 from torquebench.video.process import CrashedError, answers
 
@@ -52,20 +54,22 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
     refuse_without_experiment(folder)
     try:
         config = read_document((folder / EXPERIMENT).read_bytes(), str(folder / EXPERIMENT)).root
-        metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["controllers"]
+        measured = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+        metrics, corner = measured["controllers"], float(measured["conditions"]["chattering_from_hz"])
         laws = {str(keys["name"]): str(keys["law"]) for keys in config["controllers"]}
         wrong = [f"the run has no '{name}'{did_you_mean(name, laws)}" for name in controllers if name not in laws]
         wrong += [f"'{name}' is there twice" for name in dict.fromkeys(controllers) if controllers.count(name) > 1]
         if wrong:
             raise ConfigError([Problem("--controllers", "", text) for text in wrong])
-        shots = tuple(_shot(folder, name, laws[name], metrics.get(name)) for name in controllers or laws)
+        colours = {name: look.colour for name, look in looks(laws).items()}  # the same, whichever are shown
+        shots = tuple(_shot(folder, name, laws[name], metrics.get(name), colours[name]) for name in controllers or laws)
         period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
-        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots)
+        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots, corner)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ResultError(f"{folder}: its files are not those of a run ({type(error).__name__}: {error})") from error
 
 
-def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
+def _shot(folder: Path, name: str, law: str, metrics: Any, colour: str) -> Shot:
     path = folder / name / "trajectory.npz"
     figures = []
     for key, title, factor, unit in HEADLINES if metrics else ():
@@ -73,7 +77,7 @@ def _shot(folder: Path, name: str, law: str, metrics: Any) -> Shot:
         if value is not None:
             text = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
             figures.append(f"{title} {text} {unit}")
-    return Shot(name, SEPARATOR.join([*figures, law]), str(path.resolve()))
+    return Shot(name, SEPARATOR.join([*figures, law] if law != name else figures), str(path.resolve()), colour)
 
 
 def model_changed(footage: Footage, manifest: Mapping[str, Any]) -> bool:
@@ -84,9 +88,10 @@ def model_changed(footage: Footage, manifest: Mapping[str, Any]) -> bool:
 
 def make_film(
     footage: Footage,
-    settings: Settings,
+    settings: Video,
     gl: str | None = None,
     *,
+    suffix: str = ".mp4",
     still: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Film:
@@ -94,23 +99,22 @@ def make_film(
 
     Args:
         footage: The run.
-        settings: What the film looks like.
+        settings: What the film looks like, as `check_settings` returns it.
         gl: The user's MUJOCO_GL; None if not set.
+        suffix: ``.mp4`` or ``.webp``.
         still: Time of the picture to make instead of a film [s].
         progress: Called with the number of frames made and their total.
 
     Raises:
-        ConfigError: impossible settings.
         VideoError: it cannot be made.
         ModelError: the arm no longer exists.
     """
-    check_settings(settings, footage.model)
     if still is None:
         ffmpeg_program()  # fail before a back end is sought
 
     failed: list[Backend] = []
     with tempfile.TemporaryDirectory(prefix="torquebench-") as folder:
-        out = Path(folder) / ("still.png" if still is not None else FILM)
+        out = Path(folder) / f"film{suffix if still is None else '.png'}"
         for name in (*candidates(gl), STICK):
             backend = Backend(STICK, renderer="Pillow") if name == STICK else probe(name)
             if backend.ok:

@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
-from torquebench.errors import ConfigError, Problem, did_you_mean
-from torquebench.robot.library import camera_names
+from torquebench.errors import ConfigError
+from torquebench.experiment.groups import group_of, is_broken
+from torquebench.experiment.schema import Video
+from torquebench.experiment.source import document_of
+from torquebench.experiment.values import Here
 
-Quality: TypeAlias = Literal["fast", "pretty"]
-QUALITIES: tuple[str, ...] = get_args(Quality)
 FPS = 25
 """Frames per second: one every 40 ms, a whole number of the usual control periods."""
-SLOWEST, FASTEST = 1e-3, 1e3
-"""Range of the simulated seconds shown in one second."""
 SEPARATOR = "   "
 """Between the parts of a note."""
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """How a film looks."""
-
-    quality: Quality = "fast"
-    """``pretty`` has shadows and takes several times as long."""
-    size: tuple[int, int] = (640, 480)
-    """Width and height [px], even."""
-    speed: float = 1.0
-    """Simulated seconds shown in one second."""
-    camera: str | None = None
-    """Name of a camera of the arm; None for its first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +27,8 @@ class Shot:
     """Headline metrics and law, with `SEPARATOR` between them."""
     trajectory: str
     """Path of its stored samples."""
+    colour: str = "#808080"
+    """As figures and pages have it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +43,8 @@ class Footage:
     duration: float
     """Length of the run that the config asks for [s]."""
     shots: tuple[Shot, ...]
+    chattering_from_hz: float = 0.0
+    """Frequency from which the torque counts as chattering [Hz]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +52,7 @@ class Job:
     """A film, or one picture of it."""
 
     footage: Footage
-    settings: Settings
+    settings: Video
     backend: str = ""
     """What draws: ``egl``, ``osmesa`` and so on, or ``stick``."""
     out: str = ""
@@ -71,30 +61,23 @@ class Job:
     """Time of the picture to make instead of a film [s]."""
 
 
-def check_settings(settings: Settings, model: str) -> None:
-    """Refuse settings that no film can have.
+def check_settings(settings: Mapping[str, Any], footage: Footage) -> Video:
+    """Return the settings of a film.
 
     Args:
-        settings: The user's choices.
-        model: Name of the arm, or path of its ``.xml`` file.
+        settings: The user's choices, by the keys of a config's section `video`.
+        footage: The run.
 
     Raises:
-        ConfigError: some are impossible; all of them are listed.
+        ConfigError: some are impossible; all of them are listed, by the option for each.
         ModelError: there is no such arm.
     """
-    from torquebench.experiment.schema import LARGEST_SIDE, LEAST_SIDE  # slow to load, and not needed to draw
-
-    problems = []
-    if settings.quality not in QUALITIES:
-        problems.append(("--quality", f"got {settings.quality!r}, wanted {' or '.join(QUALITIES)}"))
-    if any(not LEAST_SIDE <= side <= LARGEST_SIDE or side % 2 for side in settings.size):
-        wanted = f"wanted even numbers from {LEAST_SIDE} to {LARGEST_SIDE}"
-        problems.append(("--size", f"got {settings.size[0]}x{settings.size[1]}, {wanted}"))
-    if not SLOWEST <= settings.speed <= FASTEST:
-        problems.append(("--speed", f"got {settings.speed:g}, wanted {SLOWEST:g} to {FASTEST:g}"))
-    names = camera_names(model)
-    if settings.camera is not None and settings.camera not in names:
-        hint = did_you_mean(settings.camera, names)
-        problems.append(("--camera", f"{model} has no camera {settings.camera!r}{hint}"))
-    if problems:
-        raise ConfigError([Problem(option, "", text) for option, text in problems])
+    document, group = document_of(settings), group_of(Video)
+    values = group.values(document.root, Here(document, group))
+    found = Video(**{key: value for key, value in values.items() if not is_broken(value)})
+    for fault in found.mistakes(footage.model, [shot.name for shot in footage.shots]):
+        document.add_fault(fault)
+    if document.found:
+        problems = (problem for _, problem in document.found)
+        raise ConfigError(replace(one, source=f"--{one.key.partition('[')[0]}", key="") for one in problems)
+    return found

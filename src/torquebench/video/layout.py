@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,12 @@ from torquebench.video.job import FPS
 
 LEAST_PANEL = (150, 150)
 """Least width and height of a panel [px]."""
-NOTE = 13
-"""Height of a line below a controller's name, in units of a layout."""
+LEAST_UNIT = 0.85
+"""Smaller letters cannot be read."""
+NAME, NOTE, LABEL = 15.0, 13.0, 13.0
+"""Heights of a line of a controller's name, of a line below it and of one above a chart, in units of a layout."""
+ROW = 18.0
+"""Greatest height of a joint's row among the bars, the same."""
 MOST_FRAMES = 100_000
 """More than an hour of film."""
 
@@ -33,55 +38,78 @@ class Panel(NamedTuple):
     title: Box
     view: Box
     bars: Box
-    traces: Box
+    traces: tuple[Box, ...]
+    """Plots without their labels; none in a panel that is too small for them."""
 
 
 class Layout(NamedTuple):
     """The parts of a frame."""
 
     unit: float
-    """Scale relative to a frame of 640 x 480."""
+    """Scale of what is in a panel, relative to one of 320 x 227 or more in a frame of 640 x 480."""
     header: Box
     panels: tuple[Panel, ...]
 
 
-def layout(count: int, width: int, height: int, notes: int = 1) -> Layout:
-    """Divide a frame among `count` panels, in the number of columns that makes the views largest.
+def layout(count: int, size: tuple[int, int], joints: int, title: Callable[[float, float], float]) -> Layout:
+    """Divide a frame among panels in the grid, with charts beside or below the views, that shows all largest.
 
     Args:
         count: Number of panels.
-        width, height: Size of the frame [px].
-        notes: Number of lines below a controller's name.
+        size: Width and height of the frame [px].
+        joints: Number of joints.
+        title: Height of a panel's title [units], of the width it may have [px] and the unit.
 
     Raises:
         VideoError: panels would be too small to show anything.
     """
-    unit = max(0.75, min(width / 640.0, height / 480.0))
-    top = round(26 * unit)
-    grids = []
+    (width, height), best, most = size, None, 0.0
+    scale = max(0.75, min(width / 640.0, height / 480.0))
+    top = round(26 * scale)
     for columns in range(1, count + 1):
         wide, high = width // columns, (height - top) // -(-count // columns)
-        grids.append([Box(i % columns * wide, top + i // columns * high, wide, high) for i in range(count)])
-    divided = [tuple(_panel(box, unit, notes) for box in grid) for grid in grids]
-    best = max(range(count), key=lambda i: min(divided[i][0].view[2:]))
-    wide, high = grids[best][0][2:]
-    if wide < LEAST_PANEL[0] or high < LEAST_PANEL[1]:
+        unit = max(LEAST_UNIT, min(scale, wide / 300.0, high / 220.0))
+        above = round(unit * title(wide - 12 * unit, unit))
+        for beside in (True, False):
+            boxes = [Box(i % columns * wide, top + i // columns * high, wide, high) for i in range(count)]
+            panels = [_panel(box, unit, above, joints, beside) for box in boxes]
+            view, bars, traces = panels[0].view, panels[0].bars, panels[0].traces
+            score = unit * min(view.width, view.height, 1.4 * (traces[0] if traces else bars).width)
+            if score > most and wide >= LEAST_PANEL[0] and high >= LEAST_PANEL[1]:
+                best, most = Layout(unit, Box(0, 0, width, top), tuple(panels)), score
+    if best is None:
         raise VideoError(
-            f"{count} controllers do not fit in {width}x{height}: each would have {wide}x{high}, wanted at least "
-            f"{LEAST_PANEL[0]}x{LEAST_PANEL[1]}; ask for a larger --size or fewer --controllers"
+            f"{count} controllers do not fit in {width}x{height}: each wants {LEAST_PANEL[0]}x{LEAST_PANEL[1]} or "
+            "more; ask for a larger --size or fewer --controllers"
         )
-    return Layout(unit, Box(0, 0, width, top), divided[best])
+    return best
 
 
-def _panel(box: Box, unit: float, notes: int) -> Panel:
-    """Divide one panel: a title, the view, and below it torque bars beside traces."""
-    margin, title = round(6 * unit), round((19 + NOTE * notes) * unit)
-    below = min(round(112 * unit), int(0.42 * (box.height - title)))
-    view = Box(box.x + 1, box.y + title, box.width - 2, max(box.height - title - below, 0))
-    top, inside = view.y + view.height + margin, box.width - 3 * margin
-    bars = Box(box.x + margin, top, round(0.38 * inside), below - 2 * margin)
-    traces = Box(bars.x + bars.width + margin, top, inside - bars.width, bars.height)
-    return Panel(Box(box.x + margin, box.y, box.width - 2 * margin, title), view, bars, traces)
+def _panel(box: Box, unit: float, above: int, joints: int, beside: bool) -> Panel:
+    """Divide one panel: a title `above`; then the view, and charts beside or below it."""
+    margin, label, left = round(6 * unit), round(LABEL * unit), box.height - above
+    x, y = box.x + 1, box.y + above
+    if beside:
+        view = Box(x, y, round(0.47 * box.width), left)
+        charts = Box(x + view.width + margin, y, box.width - view.width - 2 * margin, left - margin)
+    else:
+        below = min(max(round(112 * unit), left - round(1.1 * box.width)), left // 2)
+        view = Box(x, y, box.width - 2, left - below)
+        charts = Box(x + margin, y + view.height + margin, box.width - 2 * margin, below - 2 * margin)
+    rows = round((LABEL + ROW * joints) * unit)
+    if charts.width > 1.7 * charts.height:
+        bars = charts._replace(width=round(0.42 * charts.width), height=min(charts.height, rows))
+        traces = charts._replace(x=bars.x + bars.width + margin, width=charts.width - bars.width - margin)
+    else:
+        least = round(2 * 2.5 * LABEL * unit)
+        bars = charts._replace(height=min(max(charts.height // 2, charts.height - 3 * least), rows))
+        if charts.height < 2 * least:
+            bars = charts._replace(height=min(charts.height, rows))
+        traces = charts._replace(y=bars.y + bars.height + margin // 2, height=charts.height - bars.height - margin // 2)
+    high = traces.height // 2
+    plots = (traces._replace(y=traces.y + i * high + label, height=high - label - margin // 2) for i in (0, 1))
+    title = Box(box.x + margin, box.y, box.width - 2 * margin, above)
+    return Panel(title, view, bars, tuple(plots) if high > 2 * label else ())
 
 
 class Timeline(NamedTuple):

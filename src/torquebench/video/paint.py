@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -18,7 +19,7 @@ FINE = 2
 """Pixels that are drawn for each one shown, in each direction; positions and sizes here are in those shown [px]."""
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
     """Return DejaVu Sans, which comes with matplotlib, `size` high."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
@@ -31,12 +32,26 @@ def text_width(text: str, size: float, bold: bool = False) -> float:
     return font(size, bold).getlength(text) / FINE
 
 
-def fit(text: str, size: float, width: float, bold: bool = False) -> str:
-    """Shorten a line of text to a `width`, with an ellipsis for the rest; other arguments as for `text_width`."""
-    if text_width(text, size, bold) <= width:
-        return text
-    shorter = (text[:end].rstrip() + "…" for end in range(len(text) - 1, 0, -1))
-    return next((line for line in shorter if text_width(line, size, bold) <= width), "")
+def wrap(text: str, size: float, width: float, bold: bool = False) -> list[str]:
+    """Divide text in lines that fit: at spaces, or where need be at hyphens and anywhere; nothing is cut.
+
+    Args:
+        text: The text.
+        size: Height of the font.
+        width: Greatest width of a line.
+        bold: Whether it is bold.
+    """
+    for anywhere in (False, True):
+        for most in range(len(text), 0, -1):
+            lines = textwrap.wrap(text, most, break_on_hyphens=anywhere, break_long_words=anywhere)
+            if all(text_width(line, size, bold) <= width for line in lines):
+                return lines
+    return [text]
+
+
+def shrunk(text: str, size: float, width: float, bold: bool = False) -> float:
+    """Return the height of a font, at most `size`, in which a line of `text`, `bold` or not, fits a `width`."""
+    return size * min(1.0, width / max(text_width(text, size, bold), 1.0))
 
 
 def write(

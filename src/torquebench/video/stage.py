@@ -10,7 +10,6 @@ from PIL import Image, ImageDraw
 
 from torquebench.kernel import Array
 from torquebench.scene.look import VISIBLE_GROUPS, Scene, joint_points
-from torquebench.video.job import Quality
 from torquebench.video.paint import FINE
 
 GHOST = np.array([0.30, 0.60, 0.95, 1.0], dtype=np.float32)
@@ -93,12 +92,13 @@ class OpenGlStage:
         scene: The arm.
         size: Width and height of the view [px]; pictures are `FINE` times as large.
         camera: Number of the camera.
-        quality: As in `Settings`.
+        part: Part of the camera's picture that is shown, as `scene.window` returns it.
+        quality: As in a config.
         trail: Most points a trail can have.
     """
 
-    def __init__(self, scene: Scene, size: tuple[int, int], camera: int, quality: Quality, trail: int) -> None:
-        self._arm, m = scene, scene.model
+    def __init__(self, scene: Scene, size: tuple[int, int], camera: int, part: Array, quality: str, trail: int) -> None:
+        self._arm, self._part, m = scene, part, scene.model
         self._layered = quality == "fast"
         wide, high = FINE * size[0], FINE * size[1]
         m.vis.global_.offwidth, m.vis.global_.offheight = wide, high
@@ -153,6 +153,9 @@ class OpenGlStage:
     def _update(self, surroundings: bool, what: Any = mujoco.mjtCatBit.mjCAT_ALL) -> None:
         self._options.geomgroup[_GROUND] = surroundings
         mujoco.mjv_updateScene(self._arm.model, self._data, self._options, None, self._camera, int(what), self._view)
+        for camera in self._view.camera:
+            left, right, camera.frustum_bottom, camera.frustum_top = camera.frustum_near * self._part
+            camera.frustum_center, camera.frustum_width = (left + right) / 2.0, (right - left) / 2.0
         flags = self._view.flags
         flags[_FLAGS.mjRND_SHADOW] = not self._layered
         flags[_FLAGS.mjRND_REFLECTION] = False
@@ -175,16 +178,18 @@ class StickStage:
         scene: The arm.
         size: Width and height of the view [px]; pictures are `FINE` times as large.
         camera: Number of the camera.
+        part: Part of the camera's picture that is shown, as `scene.window` returns it.
     """
 
-    def __init__(self, scene: Scene, size: tuple[int, int], camera: int) -> None:
+    def __init__(self, scene: Scene, size: tuple[int, int], camera: int, part: Array) -> None:
         self._m = m = scene.model
         self._wide, self._high = FINE * size[0], FINE * size[1]
         d = mujoco.MjData(m)
         mujoco.mj_kinematics(m, d)
         mujoco.mj_camlight(m, d)
         self._eye, self._axes = d.cam_xpos[camera], d.cam_xmat[camera].reshape(3, 3)
-        self._scale = 0.5 * self._high / float(np.tan(np.deg2rad(m.cam_fovy[camera]) / 2.0))
+        self._left, _, bottom, self._top = part.tolist()
+        self._scale = self._high / (self._top - bottom)
         self._thick = FINE * max(1.0, min(size) / 320.0)
         self._paper = Image.new("RGB", (self._wide, self._high), STICK_BACKGROUND)
         planes = m.geom_type == _KIND.mjGEOM_PLANE
@@ -219,8 +224,8 @@ class StickStage:
             dots: Diameter of the dots at the points, the same.
         """
         right, up, back = ((points - self._eye) @ self._axes).T
-        scale = self._scale / np.where(back < 0.0, -back, np.nan)
-        seen = np.stack([self._wide / 2.0 + scale * right, self._high / 2.0 - scale * up], axis=1)[back < 0.0]
+        away = np.where(back < 0.0, -back, np.nan)
+        seen = self._scale * np.stack([right / away - self._left, self._top - up / away], axis=1)[back < 0.0]
         pixels = [tuple(point) for point in seen.tolist()]
         draw = ImageDraw.Draw(picture)
         draw.line(pixels, colour, round(width * self._thick), joint="curve")

@@ -17,7 +17,7 @@ from torquebench.fuzzy.system import rules_of_table
 from torquebench.kernel import Array
 from torquebench.report.figures.files import figure_bytes
 from torquebench.report.figures.fuzzy import SCALES, system_figures
-from torquebench.report.figures.fuzzy_rules import draw_rules, rule_shares
+from torquebench.report.figures.fuzzy_rules import rule_shares, rule_tables
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 V = Variable.of({"low": 1.0, "mid": 2.0, "high": 3.0}, 1.0, 3.0)
@@ -167,7 +167,7 @@ def test_firing_page_writes_the_shares_and_leaves_idle_rules_grey() -> None:
     prepared = prepare(builtin_system("pd-25"))
     shares = np.zeros((2, 5, 5))
     shares[0, 3, 0], shares[1, 2, 2], shares[1, 1, 2] = 1.0, 0.875, 0.125
-    fig = draw_rules(prepared, shares, ["hip", "knee"], "a title", "what was run")
+    fig = rule_tables(prepared, shares, ["hip", "knee"], "a title", "what was run")
     assert [ax.get_label() for ax in fig.axes] == ["hip", "knee"]
     for ax, cells in zip(fig.axes, [{(3.5, 0.5): "100"}, {(2.5, 2.5): "88", (1.5, 2.5): "12"}], strict=True):
         assert {text.get_position(): text.get_text() for text in ax.texts} == cells
@@ -180,9 +180,9 @@ def test_firing_page_of_one_input() -> None:
     prepared = prepare(ONE)
     fired = np.zeros((1, 3, 2))
     fired[0, 1] = 1.0
-    fig = draw_rules(prepared, fired, ["hip"], "t", "s")
+    fig = rule_tables(prepared, fired, ["hip"], "t", "s")
     assert [text.get_text() for text in fig.axes[0].texts] == ["100"]
-    assert figure_bytes(fig, "png") == figure_bytes(draw_rules(prepared, fired, ["hip"], "t", "s"), "png")
+    assert figure_bytes(fig, "png") == figure_bytes(rule_tables(prepared, fired, ["hip"], "t", "s"), "png")
 
 
 def test_twenty_five_terms_fit() -> None:
@@ -192,5 +192,5 @@ def test_twenty_five_terms_fit() -> None:
     rules = rules_of_table([big.names, big.names], [[f"t{min(i, j)}" for j in range(25)] for i in range(25)])
     prepared = prepare(replace(builtin_system("pd-9"), name="big", inputs=(big, big), output=big, rules=rules))
     shares = np.full((2, 25, 25), 1.0 / 625.0)
-    fig = draw_rules(prepared, shares, ["hip", "knee"], "t", "s")
+    fig = rule_tables(prepared, shares, ["hip", "knee"], "t", "s")
     assert len(figure_bytes(fig, "svg")) < 4_000_000

@@ -58,6 +58,11 @@ def on_sheet(sheet: Sheet) -> Iterator[None]:
         _sheet.reset(token)
 
 
+def is_narrow() -> bool:
+    """Whether the sheet is one column of a journal."""
+    return _sheet.get().width < NARROW
+
+
 def least_font(size: float) -> float:
     """Return a size of text [pt], or that of the smallest text of the sheet."""
     return max(size, _sheet.get().least_font)
@@ -66,7 +71,7 @@ def least_font(size: float) -> float:
 def new_page(rows: int, least: float, most: float) -> Figure:
     """Return an empty page with room for `rows` rows of panels, each `least` to `most` inches high."""
     width = _sheet.get().width
-    height = rows * min(most, max(least, BODY_HEIGHT / rows)) * (0.75 if width < NARROW else 1.0)
+    height = rows * min(most, max(least, BODY_HEIGHT / rows)) * (0.75 if is_narrow() else 1.0)
     fig = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(fig)
     return fig
@@ -92,7 +97,7 @@ def panel_grid(
         heights: Least and greatest height of a panel [in].
     """
     n = len(names)
-    columns = 1 if _sheet.get().width < NARROW else min(n, columns or (2 if n <= 8 else 3))
+    columns = 1 if is_narrow() else min(n, columns or (2 if n <= 8 else 3))
     rows = -(-n // columns)
     fig = new_page(rows, *heights)
     places = list(fig.subplots(rows, columns, squeeze=False).flat)

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import SymmetricalLogLocator
 
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
@@ -18,6 +19,8 @@ from torquebench.report.figures.run_view import TIME, Run, RunView, draw
 from torquebench.report.tables import joined, number
 from torquebench.sim.trajectory import Trajectory
 
+HIDES = 10.0
+"""Largest error over that of the middle controller from which all axes are logarithmic beyond the latter's decade."""
 _BAND: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (1.0, 1.5)), "zorder": 3.0}
 
 
@@ -57,8 +60,19 @@ def draw_position(x: RunView) -> Figure:
 
 def draw_error(x: RunView) -> Figure:
     """Draw tracking errors, with RMSE in the legend."""
-    fig, _ = _time_panels(x, "error e", "", lambda data: data.q_ref - data.q, thin=False, reference=False)
-    return x.finish(fig, lambda run: rmse_note(x, run), *x.shade())
+    fig, units = _time_panels(x, "error e", "", lambda data: data.q_ref - data.q, thin=False, reference=False)
+    whole = [np.max(np.abs(run.data.q_ref - run.data.q), axis=0) for run in x.runs if run.data.completed]
+    peaks = np.array(whole).reshape(-1, len(units)) * [unit.factor for unit in units]
+    middle = np.median(peaks, axis=0) if len(peaks) else np.zeros(len(units))
+    keys: list[Artist] = []
+    if (middle > 0.0).all() and (np.max(peaks, axis=0) > HIDES * middle).any():
+        linear = 10.0 ** round(float(np.log10(middle).mean()))
+        for ax in fig.axes:
+            ax.set_yscale("symlog", linthresh=linear)
+            ax.yaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=linear))
+            ax.yaxis.set_major_formatter("{x:g}")
+        keys.append(Line2D([], [], linestyle="none", label=f"linear up to \u00b1{linear:g}, logarithmic beyond"))
+    return x.finish(fig, lambda run: rmse_note(x, run), *keys, *x.shade())
 
 
 def draw_sliding(x: RunView) -> Figure | None:
@@ -102,6 +116,6 @@ def band_lines(x: RunView, fig: Figure, units: Sequence[style.Unit]) -> list[Art
             if alone and not seen[-1]:
                 write_note(ax, f"band \u00b1{width * unit.factor:.4g} {unit.name}")
         label = "band \u00b1phi" + ("" if shared or alone else f" of {printable(owners[phi][0].name)}")
-        if any(seen) or not alone:
+        if (any(seen) or not alone) and label not in [str(key.get_label()) for key in keys]:
             keys.append(Line2D([], [], label=label + ("" if any(seen) else " (beyond the axes)"), **look))
     return keys

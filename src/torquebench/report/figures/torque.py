@@ -12,11 +12,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from torquebench.report.figures import style
-from torquebench.report.figures.layout import LIMIT, SHADE, level_lines, new_page, printable, write_note
+from torquebench.report.figures.layout import LIMIT, SHADE, is_narrow, level_lines, new_page, printable, write_note
 from torquebench.report.figures.run_view import TIME, RunView, draw
 
 ZOOM = 0.060
 """Length of the torque figure's zoomed window [s]; at least 20 control periods."""
+ZOOM_FLOOR = 0.01
+"""Least half-height of the zoomed window [limit]: calm torques that agree look alike."""
 _ZOOMED: dict[str, Any] = {"facecolor": "#F0E442", "alpha": 0.6, "linewidth": 0.0, "zorder": 0.6}
 
 
@@ -30,7 +32,8 @@ def draw_torque(x: RunView) -> Figure:
     for i, name in enumerate(x.joint_names):
         ax = grid[i, 0]
         ax.set_label(name)
-        ax.set_ylabel(f"{printable(name)}\n{x.by_kind('torque [N m]', 'force [N]')[i]}")
+        unit = x.by_kind("[N m]", "[N]") if is_narrow() else x.by_kind("torque [N m]", "force [N]")
+        ax.set_ylabel(f"{printable(name)}\n{unit[i]}")
         ax.axvspan(0.0, x.metrics_from, **SHADE)
         draw(ax, x, {run.name: run.data.tau[:, i] for run in x.runs}, thin=True)
         if level_lines(ax, float(x.tau_max[i]), ax.get_ylim(), LIMIT):
@@ -79,5 +82,8 @@ def draw_zoom(ax: Axes, x: RunView, joint: int, zoom: tuple[float, float]) -> No
         look = run.look | {"linewidth": 0.7 * run.look["linewidth"], "linestyle": "-"}
         ax.plot(t[inside], tau[inside], drawstyle="steps-post", **look)
     ax.set_xlim(*zoom)
-    ax.set_ylim(*style.limits(shown, floor=1e-3 * float(x.tau_max[joint])))
-    ax.locator_params(axis="x", nbins=3)
+    ax.set_ylim(*style.limits(shown, floor=ZOOM_FLOOR * float(x.tau_max[joint])))
+    if is_narrow():
+        ax.set_xticks([sum(zoom) / 2.0])
+    else:
+        ax.locator_params(axis="x", nbins=3)

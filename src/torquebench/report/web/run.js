@@ -55,9 +55,9 @@ function drawSignals() {
   }
   stale = true;
 }
-function zoom(factor) { // about the time that is shown, if it is in sight
-  const width = Math.min(end, factor * (zoomed[1] - zoomed[0])), seen = time >= zoomed[0] && time <= zoomed[1];
-  const min = Math.min(Math.max(0, (seen ? time : (zoomed[0] + zoomed[1]) / 2) - width / 2), end - width);
+const inSight = () => time >= zoomed[0] && time <= zoomed[1];
+function zoom(factor, centre = inSight() ? time : (zoomed[0] + zoomed[1]) / 2) {
+  const width = Math.min(end, factor * (zoomed[1] - zoomed[0])), min = Math.min(Math.max(0, centre - width / 2), end - width);
   charts.forEach((plot) => plot.setScale("x", { min, max: min + width }));
 }
 
@@ -152,7 +152,11 @@ function stage(canvas) {
 // --- the clock and hands
 
 let drawArm = () => {}, before = 0;
-function seek(wanted) { time = Math.min(Math.max(wanted, 0), end); stale = true; }
+function seek(wanted) {
+  time = Math.min(Math.max(wanted, 0), end);
+  if (!inSight()) zoom(1, time);
+  stale = true;
+}
 function setPlaying(wanted) { playing = wanted; seek(playing && time >= end ? 0 : time); }
 function tick(now) {
   const passed = Math.min((now - before) / 1000, 0.25);
@@ -164,7 +168,7 @@ function tick(now) {
   stale = false;
   for (const [plot, mark] of marks) {
     mark.style.left = `${plot.valToPos(time, "x")}px`;
-    mark.hidden = time < zoomed[0] || time > zoomed[1];
+    mark.hidden = !inSight();
   }
   drawArm(Number(at("exaggerate").value));
   at("play").textContent = playing ? "pause" : "play";

@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 from torquebench.kernel import Array, kernel
+from torquebench.robot.puma560.constants import Geometry
 
 
 class Pose(NamedTuple):
@@ -51,8 +52,8 @@ def pose_angles(t1: float, t2: float, t3: float, t4: float, t5: float, t6: float
 
 
 @kernel
-def fill_pose_printed(q: Array, T: Array) -> None:
-    """Fill T (4, 4) [-, m] with (10)-(22) as printed, at theta = q (6,) [rad].
+def fill_pose_printed(lengths: Geometry, q: Array, T: Array) -> None:
+    """Fill T (4, 4) [-, m] with (10)-(22) as printed, with their own lengths, at theta = q (6,) [rad].
 
     (11) has sin1 sin1 where the other rows have sin4 sin1; in (11), (12), (14), (15) the bracket opened after the
     first factor closes after the theta6 term; (20) takes the cosine of theta2 cos(theta1); (21) has 0.4312.
@@ -76,14 +77,12 @@ def fill_pose_printed(q: Array, T: Array) -> None:
 
 
 @kernel
-def fill_wrist_repaired(p: Pose, a2: float, a3: float, d2: float, d4: float, T: Array) -> None:
-    """Fill T (4, 4) [-, m] with (10)-(22), repaired, in the equations' own joint coordinates.
+def fill_wrist_repaired(p: Pose, lengths: Geometry, T: Array) -> None:
+    """Fill T (4, 4) [-, m] with (10)-(22), repaired, in the equations' own joint coordinates, of angles `p`.
 
-    Args:
-        p: Sines and cosines of the equations' joint angles.
-        a2, a3, d2, d4: Lengths [m], all positive here; the paper writes 0.4318, 0.0203, 0.1491, 0.4331.
-        T: Result; position of the wrist centre.
+    Their a3 is positive, as the paper prints it: 0.4318, 0.0203, 0.1491 and 0.4331 are a2, a3, d2 and d4.
     """
+    a2, a3, d2, d4 = lengths.a2, -lengths.a3, lengths.d2, lengths.d4
     s1, c1, s2, c2, s23, c23, s4, c4, s5, c5, s6, c6 = p
     T[0, 0] = c6 * (c5 * (c4 * c23 * c1 + s4 * s1) + s5 * s23 * c1) + s6 * (s4 * c23 * c1 - c4 * s1)
     T[1, 0] = c6 * (c5 * (c4 * c23 * s1 - s4 * c1) + s5 * s23 * s1) + s6 * (s4 * c23 * s1 + c4 * c1)
@@ -102,15 +101,15 @@ def fill_wrist_repaired(p: Pose, a2: float, a3: float, d2: float, d4: float, T: 
 
 
 @kernel
-def fill_pose(q: Array, lengths: Array, T: Array) -> None:
+def fill_pose(lengths: Geometry, q: Array, T: Array) -> None:
     """Fill T (4, 4) [-, m] with the tool frame at joint position `q` (6,) [rad], by the repaired equations.
 
     Args:
+        lengths: The arm's lengths; a3 with the sign of the dynamics (negative).
         q: Joint position in the coordinates of the dynamics.
-        lengths: a2, a3, d2, d4, d6 [m]; a3 with the sign of the dynamics (negative).
         T: Result.
     """
     p = pose_angles(q[0], -q[1], math.pi - q[2], q[3], q[4] + math.pi, q[5])
-    fill_wrist_repaired(p, lengths[0], -lengths[1], lengths[2], lengths[3], T)
+    fill_wrist_repaired(p, lengths, T)
     for i in range(3):
-        T[i, 3] += lengths[4] * T[i, 2]
+        T[i, 3] += lengths.d6 * T[i, 2]

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from torquebench.errors import did_you_mean
-from torquebench.kernel import Array, kernel
+from torquebench.kernel import Array
+from torquebench.kernel.twin import map_states
 from torquebench.robot.flat_model import CLOSED_FORM, STRUCTURES, Model, own_copy
 from torquebench.robot.library import model_folder
 from torquebench.robot.links import read_links
@@ -48,18 +49,6 @@ def wrist_load(mass: float, g: float) -> Array:
     nothing = Body(*[0.0] * len(Body._fields))
     rigid = link_constants([nothing] * 5 + [nothing._replace(m=mass)], puma_files()[2], g)
     return np.concatenate([rigid[:23], np.zeros(6), rigid[23:]])
-
-
-@kernel
-def _each_pose_printed(q: Array, out: Array) -> None:
-    for i in range(len(q)):
-        fill_pose_printed(q[i], out[i])
-
-
-@kernel
-def _each_pose_repaired(q: Array, lengths: Array, out: Array) -> None:
-    for i in range(len(q)):
-        fill_pose(q[i], lengths, out[i])
 
 
 class Puma560(RobotModel):
@@ -125,10 +114,6 @@ class Puma560(RobotModel):
         """
         if self.structure == "exact":
             return super().forward_kinematics(q)
-        (flat,), lead = self._checked(q=q)
-        out = np.empty((len(flat), 4, 4))
-        if self.structure == "printed":
-            _each_pose_printed(flat, out)
-        else:
-            _each_pose_repaired(flat, np.array(self.geometry), out)
-        return out.reshape(*lead, 4, 4)
+        states, lead = self._checked(q=q)
+        equations = fill_pose_printed if self.structure == "printed" else fill_pose
+        return map_states(equations, self.geometry, states, (4, 4))[0].reshape(*lead, 4, 4)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure
 from torquebench.robot.payload import Payload
 from torquebench.timing import substeps_per_period
+
+if TYPE_CHECKING:
+    from torquebench.sim.native import NativeFunction
 
 INTEGRATORS = ("rk4", "euler")
 """Classical Runge-Kutta of order 4, and semi-implicit Euler (velocity first)."""
@@ -63,10 +66,13 @@ class NativeError(TorquebenchError):
 
 
 class NativePlant(NamedTuple):
-    """A plant as the compiled loop sees it, from its method ``native()``; a plant without one is interpreted."""
+    """A plant as the compiled loop sees it, from its method ``native()``; a plant without one is interpreted.
 
-    step: int
-    """Address of a native function (structure, torque (3, n), substeps, varying) -> 0."""
+    Such a plant has the native function as its attribute ``native_step`` too, whether it is compiled or not.
+    """
+
+    step: NativeFunction
+    """Native function (structure, torque (3, n), substeps, varying) -> 0; see `STEP_SIGNATURE`."""
     structure: Structure
     """The structure that the function works on; kept alive by this tuple."""
     q: Array

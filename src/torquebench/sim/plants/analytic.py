@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
 from torquebench.kernel import Array, kernel
 from torquebench.kernel.struct import Structure, structure_at, vector
+from torquebench.kernel.twin import on_numbers, python_numbers
 from torquebench.robot.dynamics import forward_dynamics
 from torquebench.robot.flat_model import Model, own_copy
 from torquebench.robot.payload import Payload, phases
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.friction import NONE, Friction, Resistance, check_stable, poses, resist
-from torquebench.sim.native import STEP_SIGNATURE, compile_native
+from torquebench.sim.native import STEP_SIGNATURE, NativeFunction
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
 
 
 class AnalyticPlant:
     """A plant that integrates an analytic model; follows the `Plant` protocol.
+
+    Attributes:
+        burden: Control steps of a law that take as long as one time step of the plant, interpreted.
 
     Args:
         model: Dynamics of the truth, of any structure.
@@ -35,6 +38,8 @@ class AnalyticPlant:
             them.
         ModelError: the model has no terms for the payload; see `carrying`.
     """
+
+    burden = 15
 
     def __init__(
         self,
@@ -59,6 +64,7 @@ class AnalyticPlant:
         )
         self._loaded = None if later is None else replace(self._empty, model=own_copy(later.flat))
         self._arm = self._empty
+        self._is_compiled = False
 
     def reset(self, q: Array, qd: Array) -> None:
         """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
@@ -74,11 +80,17 @@ class AnalyticPlant:
         return self._arm.q.copy(), self._arm.qd.copy()
 
     def step(self, tau: Array, substeps: int) -> None:
-        """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`."""
-        start, middle, end = stages(tau)
+        """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`.
+
+        In Python, which takes milliseconds a step, until the step is compiled: by `native`, or in the cache on disk.
+        """
+        if self._is_compiled or STEP.is_compiled:
+            self._is_compiled = True
+            torque = np.ascontiguousarray(np.broadcast_to(tau, (3, self.n)), dtype=np.float64)
+            STEP.call(self._arm.address, torque.ctypes.data, substeps, int(tau.ndim == 2))
+            return
         try:
-            with np.errstate(all="ignore"):
-                integrate(self._arm, start, middle, end, substeps)
+            on_numbers(integrate)(python_numbers(self._arm), *map(python_numbers, stages(tau)), substeps)
         except (ArithmeticError, ValueError):
             # an overflowing state: interpreted, math.cos(inf) raises where compiled code gives NaN
             self._arm.q[:] = self._arm.qd[:] = np.nan
@@ -90,7 +102,13 @@ class AnalyticPlant:
             NativeError: a subclass, whose own methods the compiled loop would pass over.
         """
         check_own(self, AnalyticPlant)
-        return NativePlant(compiled_step().address, self._empty, self._arm.q, self._arm.qd, self._loaded)
+        _ = STEP.address  # compiled
+        return NativePlant(STEP, self._empty, self._arm.q, self._arm.qd, self._loaded)
+
+    @property
+    def native_step(self) -> NativeFunction:
+        """The function of `native`, compiled or not."""
+        return STEP
 
     def replica(self) -> AnalyticPlant:
         """Return another plant of the same arm, for another thread."""
@@ -193,17 +211,15 @@ def integrate(arm: Integrated, start: Array, middle: Array, end: Array, steps: i
 arm_at = structure_at(Integrated)
 
 
-@lru_cache(maxsize=1)
-def compiled_step() -> Any:
-    """Return the step, a native function (arm, torque, substeps, varying) -> 0; see `STEP_SIGNATURE`."""
+def _step(address: int, torque: int, substeps: int, varying: int) -> int:
+    arm = arm_at(address)
+    n = len(arm.q)
+    start, middle, end = vector(torque, n), vector(torque + 8 * n, n), vector(torque + 16 * n, n)
+    if not varying:
+        middle, end = start, start
+    integrate(arm, start, middle, end, substeps)
+    return 0
 
-    def step(address: int, torque: int, substeps: int, varying: int) -> int:
-        arm = arm_at(address)
-        n = len(arm.q)
-        start, middle, end = vector(torque, n), vector(torque + 8 * n, n), vector(torque + 16 * n, n)
-        if not varying:
-            middle, end = start, start
-        integrate(arm, start, middle, end, substeps)
-        return 0
 
-    return compile_native(STEP_SIGNATURE, step)
+STEP = NativeFunction(STEP_SIGNATURE, _step)
+"""The native step, (arm, torque, substeps, varying) -> 0."""

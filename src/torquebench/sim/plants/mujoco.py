@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
+from torquebench.kernel.twin import on_numbers
 from torquebench.robot.library import mjcf_path
 from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
 from torquebench.robot.mjcf_links import links_of, with_links
@@ -19,6 +20,9 @@ from torquebench.robot.payload import Payload, add_payload
 from torquebench.robot.perturbation import scaled
 from torquebench.sim.friction import NONE, Friction, check_stable, poses, resist
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
+
+if TYPE_CHECKING:
+    from torquebench.sim.native import NativeFunction
 
 _CODES = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
 
@@ -140,7 +144,7 @@ class MujocoPlant:
         """Apply `torque` (n,) [N m] minus the friction at the current velocity."""
         self._d.qfrc_applied[:] = torque
         if self.friction is not None:
-            resist(self._resistance, self._d.qvel, self._d.qfrc_applied, self._d.qfrc_applied)
+            on_numbers(resist)(self._resistance, self._d.qvel, self._d.qfrc_applied, self._d.qfrc_applied)
 
     def _runge_kutta(self, start: Array, middle: Array, end: Array) -> None:
         """One Runge-Kutta step like ``mj_step``'s, with the torque at the time of each stage."""
@@ -167,7 +171,7 @@ class MujocoPlant:
         """
         check_own(self, MujocoPlant)
         if self._native is None:
-            from torquebench.sim.plants.mujoco_native import compiled_step, native_arm
+            from torquebench.sim.plants.mujoco_native import STEP, native_arm
 
             lean = self._lean or (None, None)
             arm = native_arm(self._m, self._d, self._resistance, lean[0])
@@ -175,8 +179,16 @@ class MujocoPlant:
             if self._loaded is not None:
                 loaded = native_arm(self._loaded, self._d, self._resistance, lean[1])
             self._lean = arm.lean, loaded is not None and loaded.lean
-            self._native = NativePlant(compiled_step().address, arm, self._d.qpos, self._d.qvel, loaded)
+            _ = STEP.address  # compiled
+            self._native = NativePlant(STEP, arm, self._d.qpos, self._d.qvel, loaded)
         return self._native
+
+    @property
+    def native_step(self) -> NativeFunction:
+        """The function of `native`, compiled or not."""
+        from torquebench.sim.plants.mujoco_native import STEP
+
+        return STEP
 
     def replica(self) -> MujocoPlant:
         """Return another plant of the same arm, for another thread."""

@@ -25,7 +25,7 @@ from torquebench.kernel import Array, IntArray
 from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.robot.mjcf import features
 from torquebench.sim.friction import NONE, Resistance, resist
-from torquebench.sim.native import STEP_SIGNATURE, compile_native
+from torquebench.sim.native import STEP_SIGNATURE, NativeFunction
 from torquebench.sim.plants import NativeError
 
 _STATE = int(mujoco.mjtState.mjSTATE_QPOS | mujoco.mjtState.mjSTATE_QVEL)
@@ -247,40 +247,31 @@ def runge_kutta(arm: Stepped, start: Array, middle: Array, end: Array) -> None:
 stepped_at = structure_at(Stepped)
 
 
-@lru_cache(maxsize=1)
-def compiled_step() -> Any:
-    """Return the step, a native function (arm, torque, substeps, varying) -> 0; see `STEP_SIGNATURE`.
-
-    Raises:
-        NativeError: MuJoCo's library cannot be called.
-    """
-    library()
-
-    def step(address: int, torque: int, substeps: int, varying: int) -> int:
-        arm = stepped_at(address)
-        n = len(arm.q)
-        start, middle, end = vector(torque, n), vector(torque + 8 * n, n), vector(torque + 16 * n, n)
-        if not varying:
-            middle, end = start, start
-        rough = len(arm.friction.viscous) > 0
-        if arm.lean or (arm.rk4 and (varying or rough)):
-            for _ in range(substeps):
-                if arm.rk4:
-                    runge_kutta(arm, start, middle, end)
-                else:
-                    euler(arm, start)
-        else:
-            for i in range(n):
-                arm.applied[i] = start[i]
-            for _ in range(substeps):
-                if rough:
-                    resist(arm.friction, arm.qd, start, arm.applied)
-                mj_step(arm.m, arm.d)
-        return 0
-
-    return compile_native(STEP_SIGNATURE, step)
+def _step(address: int, torque: int, substeps: int, varying: int) -> int:
+    arm = stepped_at(address)
+    n = len(arm.q)
+    start, middle, end = vector(torque, n), vector(torque + 8 * n, n), vector(torque + 16 * n, n)
+    if not varying:
+        middle, end = start, start
+    rough = len(arm.friction.viscous) > 0
+    if arm.lean or (arm.rk4 and (varying or rough)):
+        for _ in range(substeps):
+            if arm.rk4:
+                runge_kutta(arm, start, middle, end)
+            else:
+                euler(arm, start)
+    else:
+        for i in range(n):
+            arm.applied[i] = start[i]
+        for _ in range(substeps):
+            if rough:
+                resist(arm.friction, arm.qd, start, arm.applied)
+            mj_step(arm.m, arm.d)
+    return 0
 
 
+STEP = NativeFunction(STEP_SIGNATURE, _step)
+"""The native step, (arm, torque, substeps, varying) -> 0; `library` must have been called before it is used."""
 PROOF_STEPS = 20
 """Steps over which the lean step is compared with ``mj_step`` before it is used."""
 SERVED = ("joint damping",)
@@ -317,7 +308,7 @@ def _lean_is_equal(m: Any) -> bool:
     for d in (lean, whole):
         d.qpos[:], d.qvel[:] = np.random.default_rng(1).normal(size=(2, own.nv))
     arm = _stepped(own, lean, NONE, True)
-    step = compiled_step().ctypes
+    step = STEP.call
     for _ in range(PROOF_STEPS):
         torque = np.tile(rng.normal(size=own.nv), (3, 1))
         step(arm.address, torque.ctypes.data, 1, 0)

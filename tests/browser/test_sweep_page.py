@@ -1,0 +1,111 @@
+"""The page of a sweep in a browser: what counts filters table and front, titles sort, a row gives its commands."""
+
+import pytest
+
+from tests.report.test_sweep_page import GRID, SUMMARY, TABLE, page_of, run
+from tests.sweep.tables import made
+from torquebench.sweep.best import best_choices
+
+COLUMN = """[...document.querySelectorAll('#best tbody tr')].map((row) => parseFloat(row.cells[%d].textContent))"""
+WIDE = """[...document.querySelectorAll('body *')].filter((x) => !x.closest('.scroll, pre, svg, details')
+    && x.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5).map((x) => x.outerHTML)"""
+TITLE = "document.querySelectorAll('#best thead th[tabindex]')[%d]"
+ERROR, CHATTERING = 3, 4
+"""Columns behind the law and two keys."""
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    """The page of a sweep of two laws, one of which fails once."""
+    path = tmp_path_factory.mktemp("sweep") / "report.html"
+    path.write_bytes(page_of(TABLE))
+    return path.as_uri()
+
+
+@pytest.mark.parametrize("options", [{}, {"dark": True}, {"width": 390, "height": 844}], ids=["light", "dark", "phone"])
+def test_a_sweep_is_read_in_a_browser(browse, address, keep, options):
+    """Nothing complained of or fetched, nothing sideways but in boxes of their own."""
+    page = browse(**options)
+    page.go(address)
+    assert page.requests == [address]
+    assert page.value("document.documentElement.scrollWidth") == options.get("width", 1200)
+    assert page.value(WIDE) == []
+    page.picture(keep(f"sweep-{'-'.join(map(str, options.values())) or 'light'}"), whole=True)
+    assert page.complaints == []
+    page.close()
+
+
+def test_the_table_is_what_the_summary_says(browse, address):
+    """The best choices, each in its worst load, in order, one with a failed run last; sorted anew by Enter."""
+    page = browse()
+    page.go(address)
+    for place, column, metric in ((0, ERROR, "rmse"), (1, CHATTERING, "chattering")):
+        choices = best_choices(SUMMARY, metric)
+        scale = 1e3 if metric == "rmse" else 1.0
+        wanted = [float(f"{scale * one.figures[metric].mean:.4g}") for one in choices]
+        if place:
+            page.value(f"{TITLE % place}.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter'}}))")
+        assert page.value(COLUMN % column) == wanted
+        assert choices[-1].completed < choices[-1].runs
+    page.value(f"{TITLE % 1}.click()")
+    assert page.value(COLUMN % CHATTERING) == [*sorted(wanted[:-1], reverse=True), wanted[-1]]
+    bold = page.value("[...document.querySelectorAll('#best tbody tr td.best')].map((x) => parseFloat(x.textContent))")
+    assert min(float(f"{1e3 * one.figures['rmse'].mean:.4g}") for one in best_choices(SUMMARY)[:-1]) in bold
+    assert page.complaints == []
+    page.close()
+
+
+def test_what_counts_filters_table_and_front(browse, address):
+    """At most 5 % of chattering leaves law b; a key's own value, or each of them, in place of the worst."""
+    page = browse()
+    page.go(address)
+    assert page.value("document.querySelectorAll('#front circle.off').length") == 1  # had a failed run
+    box = "document.querySelector('#controls input[type=number]')"
+    page.value(f"{box}.value = 5; {box}.dispatchEvent(new Event('input'))")
+    assert (
+        page.value("[...document.querySelectorAll('#best tbody tr')].map((row) => row.cells[0].innerText)") == ["b"] * 2
+    )
+    assert page.value("document.querySelectorAll('#front circle.off').length") == 3
+    assert page.value("document.querySelectorAll('#front circle.ring').length") == 1
+    page.value(f"{box}.value = ''; {box}.dispatchEvent(new Event('input'))")
+    load = (
+        "[...document.querySelectorAll('#controls select')].find((x) => x.parentNode.innerText.startsWith('payload'))"
+    )
+    for place, rows in ((1, 8), (2, 4), (0, 4)):
+        page.value(f"{{const x = {load}; x.selectedIndex = {place}; x.dispatchEvent(new Event('change'));}}")
+        assert page.value("document.querySelectorAll('#best tbody tr').length") == rows
+    assert page.complaints == []
+    page.close()
+
+
+def test_a_row_gives_its_commands(browse, address):
+    """By keyboard: draw 0 of the case with the load that is worst, in the page's own folder, and the law's own keys."""
+    page = browse()
+    page.go(address)
+    row = "document.querySelectorAll('#best tbody tr')[1]"
+    page.value(f"{row}.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter'}}))")
+    second = best_choices(SUMMARY)[1]
+    folder = address.removeprefix("file://").rpartition("/")[0]
+    index = next(
+        i for i in range(len(TABLE["index"])) if TABLE["case"][i] == second.worst.case and TABLE["draw"][i] == 0
+    )
+    index += "ab".index(second.controller)
+    said = page.value("document.querySelector('#rerun').textContent")
+    assert said == f"torquebench run --from-sweep {folder} --index {index} -o again"
+    sets = page.value("document.querySelector('#sets').textContent").split(" \\\n")
+    assert sets == [f"--set controllers.{second.controller}.gains.lam=10", "--set plant.payload.mass=2"]
+    assert page.value(f"{row}.getAttribute('aria-selected')") == "true"
+    assert page.value("document.querySelectorAll('#front circle.chosen').length") == 1
+    page.close()
+
+
+def test_a_sweep_without_a_completed_run_has_a_page(browse, tmp_path):
+    """Nothing complained of; the front says that there is none."""
+    for name, broken in (("all", "ab"), ("one", "b")):
+        table = made("ab", 3, lambda law, draw, x, broken=broken: None if law in broken else run(law, draw, x), GRID)
+        (tmp_path / f"{name}.html").write_bytes(page_of(table, found=[]))
+        page = browse()
+        page.go((tmp_path / f"{name}.html").as_uri())
+        assert page.complaints == []
+        assert page.value("document.querySelectorAll('#front circle[data-i]').length") == (0 if name == "all" else 2)
+        page.close()
