@@ -332,7 +332,8 @@ def test_a_dry_run_writes_nothing(small, command):
     assert status == 0
     assert "72 runs" in out
     estimate = json.loads(command("sweep", small, "--dry-run", "--json")[1])["estimate"]
-    assert (estimate["runs"], set(estimate)) == (72, {"runs", "steps", "seconds", "memory", "disk"})
+    assert (estimate["runs"], estimate["steps"]) == (72, 43_200)
+    assert estimate["seconds"] > estimate["so_far"] + estimate["running"] > 0.0
     assert sorted(Path().iterdir()) == [Path("small.yaml")]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shlex
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,7 +115,9 @@ def _start(options: Options) -> StoredSweep | None:
     from torquebench.sweep.plan import Plan
     from torquebench.sweep.run import state_of
 
+    begun = time.perf_counter() - time.process_time()  # with the time of the imports, which a worker needs too
     plan = Plan(_source(options))
+    ready = time.process_time()
     steps = plan.rows * plan.first.n_steps
     if steps > FAR_TOO_MANY * MOST_STEPS and not options.no_cap:
         message = f"needs about {steps:.2g} steps, at most {MOST_STEPS:.0e} are run: --no-cap lifts the caps"
@@ -122,7 +125,7 @@ def _start(options: Options) -> StoredSweep | None:
     with progress_bar(plan.cases, "case", "checking") as bar:
         survey = check_plan(plan, bar.update)
     with _executor(options) as executor:
-        work = _print_estimate(plan, survey, executor)
+        work = _print_estimate(plan, survey, executor, begun, ready)
         if not options.no_cap:
             refusals = work.refusals((options.out or runs_folder()).absolute())
             refuse([("sweep", f"needs {text}: --no-cap lifts the caps") for text in refusals])
@@ -173,19 +176,20 @@ def _source(options: Options) -> Source:
     return Source(read_bytes(path), str(path), tuple(options.overrides), tuple(p.absolute() for p in options.plugin))
 
 
-def _print_estimate(plan: Plan, survey: Survey, executor: Executor) -> Estimate:
-    """Say how much work a sweep is, and return it."""
+def _print_estimate(plan: Plan, survey: Survey, executor: Executor, begun: float, ready: float) -> Estimate:
+    """Say how much work a sweep is, and return it; arguments as of `estimate`."""
     from torquebench.sweep.estimate import duration, estimate, size
 
     with progress_bar(0, "run", "timing a few runs (compiles on first use)"):
-        work = estimate(plan, survey.steps, executor)
+        work = estimate(plan, survey.steps, executor, begun, ready)
     tell(estimate=work)
     if plan.draws > 1 and not survey.is_drawn:
         warn(f"torquebench: nothing is random: all {plan.draws} draws are the same run, sweep.draws=1 would do")
     counts = {"case": plan.cases, "draw": plan.draws, "controller": len(plan.controllers)}
     say(f"{plan.first.name}: " + " x ".join(f"{count:,} {what}{'s' * (count != 1)}" for what, count in counts.items()))
     say(
-        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} of running on {executor}, "
+        f"{work.runs:,} runs, {work.steps:,} steps: about {duration(work.seconds)} in all, "
+        f"{duration(work.so_far)} so far and {duration(work.running)} on {executor}; "
         f"{size(work.memory)} of memory, {size(work.disk)} on disk"
     )
     return work

@@ -36,6 +36,8 @@ STORED = 12
 """(N, n) arrays in a trajectory's file, about."""
 CSV_NUMBER = 20
 """Characters of a number in the CSV file, about."""
+SUMMING_UP, SUMMING_UP_ROW = 0.4, 5e-5
+"""Time of table, summary and page: in what it takes to import this package, and in seconds a row."""
 MOST_STEPS, MOST_HOURS, MEMORY_SHARE, DISK_SHARE = 2e10, 12.0, 0.8, 0.9
 """Caps: control instants, time, and shares of the machine's memory and of the disk's free space."""
 
@@ -46,7 +48,11 @@ class Estimate(NamedTuple):
     runs: int
     steps: int
     seconds: float
-    """Time on the given number of workers [s]."""
+    """Time of the whole command [s]."""
+    so_far: float
+    """Of it what has passed already, compilation in it [s]."""
+    running: float
+    """Of it the time that the workers run [s]."""
     memory: int
     """Bytes on this machine."""
     disk: int
@@ -87,27 +93,54 @@ def shard_size(plan: Plan, steps: Sequence[int]) -> int:
     return max(least, min(most, max(1, round(SHARD_STEPS / each))))
 
 
-def estimate(plan: Plan, steps: Sequence[int], executor: Executor) -> Estimate:
+def estimate(
+    plan: Plan, steps: Sequence[int], executor: Executor, begun: float = math.nan, ready: float = 0.0
+) -> Estimate:
     """Time a few runs of a sweep, and return what all of it takes.
 
     Args:
         plan: The sweep.
         steps: Number of control instants of a loop of each case.
         executor: What is to run it.
+        begun: When the command began, on the clock `time.perf_counter` [s]; now by default.
+        ready: Time that this process took to import what a worker needs [s].
     """
+    begun = time.perf_counter() if math.isnan(begun) else begun
     controllers = len(plan.controllers)
     total, trajectory = controllers * plan.draws * sum(steps), 8 * plan.first.n * max(steps)
     columns = empty_columns(plan, 0).values()
     row = sum(column.dtype.itemsize for column in columns)
     keep = plan.keys.keep
     kept = min(plan.rows, keep.worst * controllers) if isinstance(keep, Worst) else plan.rows * (keep == "all")
+    work, shards = seconds_per_step(plan, steps) * total, -(-plan.pairs // shard_size(plan, steps))
+    running = running_time(work, shards, executor, os.cpu_count() or 1, ready)
+    so_far = time.perf_counter() - begun
     return Estimate(
         runs=plan.rows,
         steps=total,
-        seconds=seconds_per_step(plan, steps) * total / executor.count,
+        seconds=so_far + running + SUMMING_UP * ready + SUMMING_UP_ROW * plan.rows,
+        so_far=so_far,
+        running=running,
         memory=PROCESS_BYTES * (1 + executor.processes) + max(1, executor.here) * ARRAYS * trajectory + plan.rows * row,
         disk=plan.rows * (2 * row + CSV_NUMBER * len(columns)) + kept * STORED * trajectory,
     )
+
+
+def running_time(work: float, shards: int, executor: Executor, cores: int, ready: float) -> float:
+    """Return how long the workers of a sweep take from their start to the last shard [s].
+
+    Workers of this machine share its cores, and each process has to get ready first. Shards take equally long: those
+    that are left over in the end leave some workers idle.
+
+    Args:
+        work: Time of all shards on one worker [s].
+        shards: Number of shards.
+        executor: What runs them.
+        cores: Number of processors of this machine.
+        ready: Time that a process takes to get ready on a core of its own [s].
+    """
+    at_once = max(1, min(executor.count, cores) if executor.here else executor.count)
+    return ready * -(-executor.processes // cores) + work / shards * -(-shards // at_once)
 
 
 def seconds_per_step(plan: Plan, steps: Sequence[int]) -> float:
