@@ -35,7 +35,7 @@ def test_a_run_directory_is_complete_and_checks_out(quick, command):
     assert {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} == expected | {"manifest.json"}
     assert manifest["outcomes"]["conventional"]["outcome"] == "COMPLETED"
     assert {"torquebench", "mujoco", "numpy", "python"} <= set(manifest["software"])
-    for word in ("conventional", "linear-band", "RMSE", "HF", "disturbance: none", "metrics from 0.2 s"):
+    for word in ("conventional", "linear-band follows best", "RMSE", "HF", "disturbance: none", "metrics from 0.2 s"):
         assert word in out
     metrics = json.loads((folder / "metrics.json").read_text())
     assert metrics["controllers"]["linear-band"]["hf"]["value"] < metrics["controllers"]["conventional"]["hf"]["value"]

@@ -50,6 +50,7 @@ def run(
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
     from torquebench.report.render import PAGE
+    from torquebench.report.answer import answer
     from torquebench.report.run import write_run
     from torquebench.report.tables import certificate_table
 
@@ -77,6 +78,8 @@ def run(
     certificates, fuzzy = result.certified, fuzzy_facts(experiment)
     tell(directory=directory.folder, **result.to_json(), certificates=certificates, fuzzy=fuzzy)
     say(summary(result))
+    say()
+    say(answer(result).striptags())
     say()
     if certificates:
         say(table(*certificate_table(result)))
