@@ -91,7 +91,7 @@ def _signals(run: Trajectory, every: int) -> dict[str, Any]:
 
 
 def thinned(signal: Array, every: int) -> Array:
-    """Return of each 2 `every` samples the least and the greatest, in the order in which they come, joint by joint.
+    """Return the least and the greatest of each 2 `every` samples, in their order in time, joint by joint.
 
     Args:
         signal: (N, n).
