@@ -49,8 +49,8 @@ def run(
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
-    from torquebench.report.render import PAGE
     from torquebench.report.answer import answer
+    from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
     from torquebench.report.tables import certificate_table
 
