@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from torquebench.report.figures import style
+from torquebench.report.figures.cells import MOST_LINES, draw_cells
 from torquebench.report.figures.layout import LIMIT, SHADE, is_narrow, level_lines, new_page, printable, write_note
 from torquebench.report.figures.run_view import TIME, RunView, draw
 
@@ -24,6 +25,11 @@ _ZOOMED: dict[str, Any] = {"facecolor": "#F0E442", "alpha": 0.6, "linewidth": 0.
 
 def draw_torque(x: RunView) -> Figure:
     """Draw the torque after clipping, with its limits and chattering in the legend."""
+    if len(x.runs) > MOST_LINES:
+        shares = {run.name: 100.0 * run.data.tau / x.tau_max for run in x.runs}
+        limit = dict.fromkeys(shares, np.full(len(x.joint_names), 100.0))
+        word = "/".join(dict.fromkeys(x.by_kind("torque", "force")))
+        return draw_cells(x, f"{word} [% of limit]", shares, limit, f"{word} limit", x.chattering_note)
     n = len(x.joint_names)
     zoom = zoom_window(x)
     fig = new_page(n, 1.05, 3.0)
