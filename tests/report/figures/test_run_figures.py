@@ -277,3 +277,23 @@ def test_no_interactive_plotting_and_a_light_package() -> None:
         "import torquebench.report.figures.signals; assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def test_more_than_five_controllers_each_have_their_own_panels() -> None:
+    """No panel of torque, sliding variable or spectrum shows two of six laws; the range drawn holds every sample."""
+    runs = {f"law {k}": make(2, 3.0 + k, switching=k % 2 == 0) for k in range(5)} | {"wild": diverged(2)}
+    figures = draw(runs, 2)
+    assert tuple(figures) == PAGES
+    for key in ("torque", "sliding"):
+        assert [ax.get_label() for ax in figures[key].axes] == [f"{run} joint {i}" for run in runs for i in (1, 2)]
+        for ax, run in zip(figures[key].axes[::2], runs, strict=True):
+            assert ax.get_title(loc="left").startswith(run)
+    for k in range(5):
+        drawn = (
+            panel(figures["torque"], f"law {k} joint 1")
+            .collections[0]
+            .get_datalim(panel(figures["torque"], f"law {k} joint 1").transData)
+        )
+        tau = 100.0 * runs[f"law {k}"].tau[:, 0] / 20.0
+        assert (drawn.y0, drawn.y1) == pytest.approx((tau.min(), tau.max()))
+    assert [ax.get_label() for ax in figures["spectrum"].axes] == list(runs)

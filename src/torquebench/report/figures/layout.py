@@ -108,7 +108,7 @@ def panel_grid(
         ax.set_label(name)
         ax.set_title(printable(name))
         if i % columns == 0 or y_labels[i] != y_labels[i - 1]:
-            ax.set_ylabel(y_labels[i] if rows <= 3 else y_labels[i].replace(" [", "\n["))
+            ax.set_ylabel(y_labels[i] if rows <= 3 or "\n" in y_labels[i] else y_labels[i].replace(" [", "\n["))
         lowest = i + columns >= n
         ax.set_xlabel(x_label if lowest else "")
         ax.tick_params(labelbottom=lowest)

@@ -14,6 +14,7 @@ from matplotlib.ticker import SymmetricalLogLocator
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.figures import style
+from torquebench.report.figures.cells import MOST_LINES, draw_cells
 from torquebench.report.figures.layout import REFERENCE, SHADE, level_lines, panel_grid, printable, write_note
 from torquebench.report.figures.run_view import TIME, Run, RunView, draw
 from torquebench.report.tables import joined, number
@@ -80,6 +81,15 @@ def draw_sliding(x: RunView) -> Figure | None:
     has = {run.name: bool(np.isfinite(run.data.s).any()) for run in x.runs}
     if not any(has.values()):
         return None
+    if len(x.runs) > MOST_LINES:
+        unit = "/".join(dict.fromkeys(x.by_kind("rad", "m")))
+        values = {run.name: run.data.s for run in x.runs if has[run.name]}
+        peak = max(float(np.nanmax(np.abs(s))) for s in values.values())
+        scale = style.choose_unit(peak, unit) if unit in ("rad", "m") else style.Unit(f"({unit})", 1.0)
+        scaled = {name: s * scale.factor for name, s in values.items()}
+        bands = {name: phi * scale.factor for name, phi in x.bands.items()}
+        label = f"sliding variable s [{scale.name}/s]"
+        return draw_cells(x, label, scaled, bands, "band \u00b1phi", lambda run: "" if has[run.name] else " (has none)")
     fig, units = _time_panels(x, "sliding variable s", "/s", lambda data: data.s, thin=True, reference=False)
     keys = band_lines(x, fig, units)
     return x.finish(fig, lambda run: "" if has[run.name] else " (has none)", *keys, *x.shade())

@@ -12,11 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from torquebench.report.figures import style
+from torquebench.report.figures.cells import MOST_LINES, draw_cells
 from torquebench.report.figures.layout import LIMIT, SHADE, is_narrow, level_lines, new_page, printable, write_note
 from torquebench.report.figures.run_view import TIME, RunView, draw
 
 ZOOM = 0.060
-"""Length of the torque figure's zoomed window [s]; at least 20 control periods."""
+"""Length of the torque figure's zoomed window [s], a third in one column of a journal; at least 20 control periods."""
 ZOOM_FLOOR = 0.01
 """Least half-height of the zoomed window [limit]: calm torques that agree look alike."""
 _ZOOMED: dict[str, Any] = {"facecolor": "#F0E442", "alpha": 0.6, "linewidth": 0.0, "zorder": 0.6}
@@ -24,6 +25,11 @@ _ZOOMED: dict[str, Any] = {"facecolor": "#F0E442", "alpha": 0.6, "linewidth": 0.
 
 def draw_torque(x: RunView) -> Figure:
     """Draw the torque after clipping, with its limits and chattering in the legend."""
+    if len(x.runs) > MOST_LINES:
+        shares = {run.name: 100.0 * run.data.tau / x.tau_max for run in x.runs}
+        limit = dict.fromkeys(shares, np.full(len(x.joint_names), 100.0))
+        word = "/".join(dict.fromkeys(x.by_kind("torque", "force")))
+        return draw_cells(x, f"{word} [% of limit]", shares, limit, f"{word} limit", x.chattering_note)
     n = len(x.joint_names)
     zoom = zoom_window(x)
     fig = new_page(n, 1.05, 3.0)
@@ -60,7 +66,7 @@ def zoom_window(x: RunView) -> tuple[float, float] | None:
     """
     end = float(x.longest.t[-1])
     start = x.metrics_from if x.metrics_from < end else 0.0
-    middle, half = (start + end) / 2.0, max(ZOOM, 20.0 * x.control_period) / 2.0
+    middle, half = (start + end) / 2.0, max(ZOOM / 3.0 if is_narrow() else ZOOM, 20.0 * x.control_period) / 2.0
     if 4.0 * half > end or not any(
         np.isfinite(run.data.tau[np.abs(run.data.t - middle) < half]).any() for run in x.runs
     ):
