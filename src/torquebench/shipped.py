@@ -69,6 +69,14 @@ def find_config(text: str, others: Iterable[str] = ()) -> Path:
     raise ConfigError([Problem(shown, text="does not exist", wanted=wanted, nearest=near)])
 
 
+def shipped_names() -> list[str]:
+    """Names of the shipped configs: with and without their folders."""
+    root, known = data_root() / "configs", configs()
+    return list(
+        dict.fromkeys([*known, *(file.relative_to(root).with_suffix("").as_posix() for file in known.values())])
+    )
+
+
 def shipped_config(text: str) -> Path | None:
     """Return the shipped config of a name, one of the forms that `find_config` tells, or None."""
     root, known = data_root() / "configs", configs()

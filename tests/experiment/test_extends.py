@@ -209,3 +209,24 @@ def test_the_keys_that_decide_others_are_those_of_the_schema() -> None:
             if isinstance(inner, OneOf):
                 found.add(inner.tag)
     assert found == set(TAGS)
+
+
+def test_numbers_with_a_unit_are_numbers_in_a_sweep(write) -> None:
+    """In a grid, a range and a distribution 1 deg/s is the number of rad/s: one axis of numbers, none of them twice."""
+    sweep = "sweep: {grid: {controllers.second.gains.phi: [100 mrad/s, 0.2, 3 deg/s], "
+    sweep += "run.control_period: {from: 1 ms, to: 2 ms, count: 2}}, random: {run.seed: {choice: [1, 2]}, controllers.*.gains.k: {uniform: [20 %, 0.3]}}}\n"
+    plan = Plan(Source((BASE + sweep).encode(), "own.yaml"))
+    phi, period = plan.keys.axes
+    assert phi.numeric
+    assert [value.word for value in phi.values] == [0.1, 0.2, math.radians(3.0)]
+    assert [value.word for value in period.values] == [0.001, 0.002]
+    assert next(r for r in plan.keys.random if r.kind == "uniform").numbers == (0.2, 0.3)
+    with pytest.raises(ConfigError, match="is there already"):
+        Plan(Source((BASE + sweep.replace("0.2, 3", "0.1, 3")).encode(), "own.yaml"))
+
+
+def test_another_law_takes_no_gains_over(write) -> None:
+    """A controller that extends one of another law is its own: gains of the other do not mix."""
+    own = "extends: base.yaml\ncontrollers: [{extends: second, law: pd, gains: {lam: 5, kv: 10}}]\n"
+    (found,) = load_experiment(write(own=own, base=BASE)).controllers
+    assert (found.name, found.law, found.gains) == ("pd", "pd", {"lam": 5.0, "kv": 10.0})

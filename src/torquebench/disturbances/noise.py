@@ -14,6 +14,9 @@ from torquebench.kernel import Array
 from torquebench.keys import Key, Units, Vector, as_vector, in_words
 from torquebench.timing import Timing, multiple_of, substeps_per_period
 
+NOTHING = 1e-9
+"""RMS torques below are what rounding leaves of none [N m]."""
+
 
 def band_limited_noise(
     sigma: Array, hold_steps: int, n_steps: int, rng: np.random.Generator, clip_sigma: float = 3.0
@@ -56,7 +59,7 @@ class BandLimitedNoise:
         float | None,
         Key(
             "Standard deviation as a share of the RMS torque of the motion: of the exact inverse dynamics of the arm, "
-            "without load and friction, along the reference; stored as sigma, to four digits",
+            "without load and friction, along the reference over the whole run; stored as sigma, to four digits",
             "1",
             above=0,
         ),
@@ -80,7 +83,7 @@ class BandLimitedNoise:
         """
         if self.relative is None:
             return self
-        sigma = tuple(float(f"{self.relative * x:.4g}") for x in rms)
+        sigma = tuple(float(f"{self.relative * x:.4g}") if x > NOTHING else 0.0 for x in rms)
         return replace(self, sigma=sigma, relative=None)
 
     def hold_steps(self, n_steps: int, control_period: float) -> int:

@@ -113,7 +113,7 @@ def with_names(items: Seq, known: Iterable[Any], report: Report) -> Seq:
             report(path, text, place=where, got=got, nearest=near or "", wanted="" if near else wanted)
             own = BROKEN
         elif name is not None:
-            own = merged(own, there[name])
+            own = joined(own, there[name])
         _name_by_law(own)
         if isinstance(own, Map) and isinstance(own.get("name"), str):
             there.setdefault(own["name"], own)

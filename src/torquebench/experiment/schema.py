@@ -243,7 +243,13 @@ class Experiment:
             "What acts on the joints besides the law; 30 % stands for torque noise held 10 ms with a standard "
             "deviation of 0.3 times the RMS torque of the motion"
         ),
-        Disturbances("disturbances", 0, MAX_DISTURBANCES, OneOf(DISTURBANCES, "Form of the disturbance.")),
+        Disturbances(
+            "disturbances",
+            0,
+            MAX_DISTURBANCES,
+            OneOf(DISTURBANCES, "Form of the disturbance."),
+            "a list of disturbances, [] for none, or torque noise such as 30 %",
+        ),
     ] = ()
     run: Annotated[Run, Key("Length, sampling, start and randomness of the run")]
     figures: Annotated[

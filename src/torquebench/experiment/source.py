@@ -24,7 +24,7 @@ from torquebench.experiment.yaml_tree import (
     value_at,
 )
 from torquebench.registry import SLUG
-from torquebench.shipped import YAML, configs, shipped_config
+from torquebench.shipped import YAML, shipped_config, shipped_names
 
 MAX_BYTES = 1 << 20
 MAX_PROBLEMS = 100
@@ -292,7 +292,7 @@ def _parent(document: Document, name: Any, place: Place, folder: Path, depth: in
     is_file = re.search(rf"{YAML}$", name) is not None and not name.startswith("configs/")
     path = folder / name if is_file else shipped_config(name)
     if path is None or (is_file and (Path(name).is_absolute() or not path.is_file())):
-        near = nearest_path(folder / name, YAML) if is_file else nearest(name, configs())
+        near = nearest_path(folder / name, YAML) if is_file else nearest(name, shipped_names())
         document.add((EXTENDS,), f"there is no {shortened(name)}", place=place, nearest=near or "", wanted=wanted)
         raise ConfigError(document.problems())
     if depth == MAX_PARENTS or str(path.resolve()) in [str(Path(file).resolve()) for file in document.files if file]:

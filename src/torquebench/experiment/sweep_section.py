@@ -13,11 +13,13 @@ from pydantic import Field
 from torquebench.errors import Fault
 from torquebench.experiment.controllers import OWN_KEYS, Controller
 from torquebench.experiment.groups import SWEEP, NameOr, group_of
+from torquebench.experiment.reference import unit_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign, index_of, split_key
+from torquebench.experiment.units import without_unit
 from torquebench.experiment.values import Here, Node
 from torquebench.experiment.words import shown
-from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Place, copied, shortened, value_at
+from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Map, Place, Seq, copied, shortened, value_at
 from torquebench.keys import Key, altered, values_of
 from torquebench.laws.law import find_law, law_names
 from torquebench.metrics import METRICS
@@ -223,6 +225,16 @@ def _random(key: str, place: Place, distribution: Distribution) -> Random:
     return Random(key, place, kind, (drawn.mean, drawn.std) if isinstance(drawn, Normal) else drawn)
 
 
+def _in_unit(value: Any, unit: str) -> Any:
+    """Return a value with every number in it that has a unit as a number in a key's unit; places stay."""
+    if isinstance(value, Map):
+        for name, inner in value.items():
+            value[name] = _in_unit(inner, unit)
+    elif isinstance(value, Seq):
+        value[:] = [_in_unit(inner, unit) for inner in value]
+    return without_unit(value, unit) if isinstance(value, str) else value
+
+
 class Varied(Node):
     """A mapping of keys of the config.
 
@@ -244,7 +256,10 @@ class Varied(Node):
         if len(raw) > MAX_KEYS:
             here.add(got=f"{len(raw)} keys", wanted=f"at most {MAX_KEYS}")
             return BROKEN
-        values = {key: here.read(self._item, key, value) for key, value in raw.items() if self._accepts(key, here)}
+        values = {}
+        for key, value in raw.items():
+            if self._accepts(key, here):
+                values[key] = here.read(self._item, key, _in_unit(value, unit_of(key) or ""))
         if len(values) < len(raw) or BROKEN in values.values():
             return BROKEN
         place = here.document.place
