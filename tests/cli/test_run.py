@@ -42,6 +42,18 @@ def test_a_run_directory_is_complete_and_checks_out(quick, command):
     assert metrics["conditions"]["noise"] == "none"
 
 
+def test_a_run_loads_only_what_it_uses(quick):
+    """Without a fuzzy part and figures there is no skfuzzy, networkx or matplotlib; pandas and scipy.stats never."""
+    quick.write_text(quick.read_text().replace("engine: mujoco", "engine: analytic"))
+    heavy = {"skfuzzy", "networkx", "matplotlib", "pandas", "scipy.stats", "scipy.special", "scipy.signal"}
+    code = (
+        "import sys; from torquebench.cli.app import main; print("
+        f"main(['run', 'quick.yaml', '--out', 'result', '-q']), sorted({heavy} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "0 []"
+
+
 def test_the_stored_trajectory_has_every_signal(quick, command):
     """trajectory.npz loads without pickle, holds each signal (N, n) at t = k T, and has the manifest's digest."""
     command("run", quick, "--out", "result", "--no-figures")
