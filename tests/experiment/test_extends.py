@@ -214,7 +214,8 @@ def test_the_keys_that_decide_others_are_those_of_the_schema() -> None:
 def test_numbers_with_a_unit_are_numbers_in_a_sweep(write) -> None:
     """In a grid, a range and a distribution 1 deg/s is the number of rad/s: one axis of numbers, none of them twice."""
     sweep = "sweep: {grid: {controllers.second.gains.phi: [100 mrad/s, 0.2, 3 deg/s], "
-    sweep += "run.control_period: {from: 1 ms, to: 2 ms, count: 2}}, random: {run.seed: {choice: [1, 2]}, controllers.*.gains.k: {uniform: [20 %, 0.3]}}}\n"
+    sweep += "run.control_period: {from: 1 ms, to: 2 ms, count: 2}}, "
+    sweep += "random: {run.seed: {choice: [1, 2]}, controllers.*.gains.k: {uniform: [20 %, 0.3]}}}\n"
     plan = Plan(Source((BASE + sweep).encode(), "own.yaml"))
     phi, period = plan.keys.axes
     assert phi.numeric
