@@ -37,6 +37,7 @@ HOMES = {
     f"report/figures/{name}.py"
     for name in (
         "certificates",
+        "cells",
         "pareto",
         "fuzzy",
         "fuzzy_rules",
@@ -97,6 +98,10 @@ def draw_all() -> dict[str, Figure]:
         **common,  # type: ignore[arg-type]
     )
     found = draw_figures(view)
+    many = {f"law {k}": make(N, 1.0 + k) for k in range(6)} | {"wild": diverged(N)}
+    of_many = RunView(many, title="t", subtitle="s", slides=(False, True), **common)  # type: ignore[arg-type]
+    cells = draw_figures(of_many, ("torque", "sliding", "spectrum"))
+    found |= {f"{name} of many": figure for name, figure in cells.items()}
     ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0), 0) for k in range(1, 9)]
     spots = [Spot("law", f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]
     families = {spot.family: spot.family for spot in spots}
@@ -134,8 +139,8 @@ def test_every_kind_is_here() -> None:
 
 
 def labelled(ax: Axes, fig: Figure, which: str) -> str:
-    """Return the label that is read for an axis: its own, or that of the panel at whose edge it is written once."""
-    own = str(ax.get_xlabel() if which == "x" else ax.get_ylabel())
+    """Return the label that is read for an axis: its own, or the one written once for a row or page."""
+    own = str(ax.get_xlabel() if which == "x" else ax.get_ylabel() or fig.get_supylabel())
     if own or ax.get_label() == "<colorbar>":
         return own
     box = ax.get_position()
