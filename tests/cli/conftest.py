@@ -1,5 +1,7 @@
 """A small experiment and the command line, for the tests of this folder."""
 
+import shutil
+
 import pytest
 
 from torquebench.cli.app import main
@@ -35,3 +37,18 @@ def command(capsys):
         return status, captured.out, captured.err
 
     return run
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """Return the folder of a finished run, which tests copy."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "quick.yaml").write_text(QUICK)
+    assert main(["run", str(folder / "quick.yaml"), "--out", str(folder / "one"), "--quiet"]) == 0
+    return folder / "one"
+
+
+@pytest.fixture
+def run(quick, finished):
+    """Return the folder of a finished run."""
+    return shutil.copytree(finished, quick.parent / "one")

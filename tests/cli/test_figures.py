@@ -3,32 +3,14 @@
 from __future__ import annotations
 
 import re
-import shutil
 
 import pytest
 
-from tests.cli.conftest import QUICK
-from torquebench.cli.app import main
 from torquebench.experiment.folder import read_result
 from torquebench.experiment.store import check_run
 from torquebench.figures import FIGURES
 from torquebench.report.figures.files import Wish
 from torquebench.report.run import draw_run
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """Return the folder of a finished run, which tests copy."""
-    folder = tmp_path_factory.mktemp("figures")
-    (folder / "quick.yaml").write_text(QUICK)
-    assert main(["run", str(folder / "quick.yaml"), "--out", str(folder / "one"), "--quiet"]) == 0
-    return folder / "one"
-
-
-@pytest.fixture
-def run(quick, finished):
-    """Return the folder of a finished run."""
-    return shutil.copytree(finished, quick.parent / "one")
 
 
 def drawn(folder):

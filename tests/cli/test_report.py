@@ -9,8 +9,6 @@ from html.parser import HTMLParser
 
 import pytest
 
-from tests.cli.conftest import QUICK
-from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.report.compare_page import differences
 from torquebench.robot.library import data_root
@@ -44,21 +42,6 @@ def text_of(path):
     page.feed(path.read_text())
     assert page.outside == []
     return " ".join(" ".join(page.text).split())
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """Return the folder of a finished run, which tests copy."""
-    folder = tmp_path_factory.mktemp("report")
-    (folder / "quick.yaml").write_text(QUICK)
-    assert main(["run", str(folder / "quick.yaml"), "--out", str(folder / "one"), "--quiet"]) == 0
-    return folder / "one"
-
-
-@pytest.fixture
-def run(quick, finished):
-    """Return the folder of a finished run."""
-    return shutil.copytree(finished, quick.parent / "one")
 
 
 @pytest.fixture

@@ -149,13 +149,13 @@ class Document:
         parts: dict[str, Any] = {"got": fault.got, "wanted": fault.wanted, "nearest": fault.nearest, "note": fault.note}
         self.add(whole, fault.text, place=place, **parts)
 
-    def fail(self, text: str, place: Place, wanted: str = "") -> NoReturn:
-        """Record one last mistake and raise them all.
+    def fail(self, text: str, place: Place, path: KeyPath = (), **parts: Any) -> NoReturn:
+        """Record one last mistake and raise them all; arguments as of `add`.
 
         Raises:
             ConfigError: always.
         """
-        self.add((), text, place=place, wanted=wanted)
+        self.add(path, text, place=place, **parts)
         raise ConfigError(self.problems())
 
     def raise_problems(self) -> None:
@@ -242,9 +242,9 @@ def _parsed(document: Document, source: str | bytes, file: int) -> tuple[Map, Pl
     if root is BROKEN:
         document.raise_problems()
     if root is None:
-        document.fail("is empty", whole, "a mapping with name, plant, controllers ...")
+        document.fail("is empty", whole, wanted="a mapping with name, plant, controllers ...")
     if not isinstance(root, Map):
-        document.fail("", start, "a mapping (name: ..., plant: ...) at the top level")
+        document.fail("", start, wanted="a mapping (name: ..., plant: ...) at the top level")
     return root, start
 
 
@@ -287,17 +287,14 @@ def _parent(document: Document, name: Any, place: Place, folder: Path, depth: in
     """
     wanted = "the name of a shipped config, or of a .yaml file beside this one"
     if not isinstance(name, str) or not name:
-        document.add((EXTENDS,), place=place, got="no name", wanted=wanted)
-        raise ConfigError(document.problems())
+        document.fail("", place, (EXTENDS,), got="no name", wanted=wanted)
     is_file = re.search(rf"{YAML}$", name) is not None and not name.startswith("configs/")
     path = folder / name if is_file else shipped_config(name)
     if path is None or (is_file and (Path(name).is_absolute() or not path.is_file())):
         near = nearest_path(folder / name, YAML) if is_file else nearest(name, shipped_names())
-        document.add((EXTENDS,), f"there is no {shortened(name)}", place=place, nearest=near or "", wanted=wanted)
-        raise ConfigError(document.problems())
+        document.fail(f"there is no {shortened(name)}", place, (EXTENDS,), nearest=near or "", wanted=wanted)
     if depth == MAX_PARENTS or str(path.resolve()) in [str(Path(file).resolve()) for file in document.files if file]:
-        document.add((EXTENDS,), f"{shortened(name)} extends itself, or more than {MAX_PARENTS} files", place=place)
-        raise ConfigError(document.problems())
+        document.fail(f"{shortened(name)} extends itself, or more than {MAX_PARENTS} files", place, (EXTENDS,))
     return Text(str(path), read_bytes(path))
 
 
