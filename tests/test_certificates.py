@@ -530,6 +530,6 @@ def test_a_slow_loop_widens_the_layer():
 
 def test_reaction_of_a_chain():
     """Control period, delay, filter and lag add up: 1 + 2 + 5 + 8 ms; of an ideal chain it is the period."""
-    slow = Chain(velocity="differentiated", velocity_filter=200.0, actuator_lag=0.008, delay=0.002)
+    slow = Chain(velocity="differentiated", velocity_filter=200.0, actuator_lag=0.008, measurement_delay=0.002)
     assert slow.reaction(0.001) == pytest.approx(0.016)
     assert CHAINS["ideal"].reaction(0.001) == 0.001

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.core import event
 
-from torquebench.chain import IDEAL
+from torquebench.chain import IDEAL, NOTHING
 from torquebench.check_cases import (
     ARMS,
     Case,
@@ -389,7 +389,7 @@ def check_cost(law: Law, report: Report) -> str:
         IDEAL,
         control_period=0.001,
         substeps=1,
-        position_noise=None,
+        drawn=NOTHING,
         disturbance=None,
         native=compiled,
     )

@@ -25,6 +25,8 @@ class Timing(NamedTuple):
     """Whether the control period itself fits; where it does not, nothing is said of its multiples."""
     n: int | None = None
     """Number of the plant's joints; None where the plant is not valid."""
+    timestep: float | None = None
+    """Physics step [s]; likewise."""
 
 
 def whole_steps(duration: float, step: float) -> int:

@@ -146,4 +146,4 @@ def test_the_words_are_those_that_are_accepted():
             parse_side(item.value, "A")
     names = {item.value for item in LawOrConfig().shell_complete(None, None, "")}
     assert names == {*law_names(), *configs()}
-    assert {"run.duration", "plant.payload", "chain.delay", "sweep.draws"} <= set(config_keys())
+    assert {"run.duration", "plant.payload", "chain.measurement_delay", "sweep.draws"} <= set(config_keys())

@@ -124,7 +124,8 @@ SCENARIO = (
     "model.structure=exact",
     "model.constants=fitted",
     "model.mismatch.tolerance=0.3",
-    "chain={encoder_noise: 0.0001, quantisation: 0.0002, velocity: differentiated, delay: 0.002, actuator_lag: 0.001}",
+    "chain={encoder_noise: 0.0001, quantisation: 0.0002, velocity: differentiated, measurement_delay: 0.002, "
+    "actuator_lag: 0.001}",
     "disturbances=[{kind: bias, channel: torque, value: 1}, {kind: sinusoid, channel: torque, amplitude: 2}]",
 )
 
@@ -140,7 +141,7 @@ def test_what_was_done_to_plant_and_model_is_told(quick, command):
         "friction viscous 1 N m s/rad",
         "constants drawn within 0.3 tolerances",
         "noise 0.1 mrad, encoder step 0.2 mrad, velocity differentiated",
-        "delay 2 ms, actuator lag 1 ms",
+        "measurement delay 2 ms, actuator lag 1 ms",
         "constant torque 1 N m; sinusoidal torque, amplitude 2 N m, 1 Hz",
         "draw 0",
     ):

@@ -414,7 +414,7 @@ TWO_LINK = (
 SCENARIOS = [
     Bad("chain: ideal", "chain: 5", "chain", "got 5, wanted one of ideal, fast, slow, or a mapping (encoder_noise,"),
     Bad("chain: ideal", "chain: [fast]", "chain", "got a list of 1, wanted one of ideal, fast, slow, or a mapping"),
-    Bad("chain: ideal", "chain: {}\ndelay: 0.004", "delay", "wanted it in chain", "delay:"),
+    Bad("chain: ideal", "chain: {}\ndelay: 0.004", "measurement_delay", "wanted it in chain", "measurement_delay:"),
     bad_scenario("encoder_noise: 0.0001", "encoder_noise: -0.0001", "chain.encoder_noise", "at least 0"),
     bad_scenario("encoder_noise: 0.0001", "encoder_noise: [0, 1]", "chain.encoder_noise", "wanted a number [rad]"),
     bad_scenario("quantisation: 0.0002", "quantization: 0.0002", "chain.quantization", "did you mean 'quantisation'"),
@@ -424,9 +424,11 @@ SCENARIOS = [
         "velocity: differentiated", "velocity: exact", "chain.velocity_filter", "no effect", "velocity_filter"
     ),
     bad_scenario("velocity_filter: 300", "velocity_filter: 0", "chain.velocity_filter", "more than 0"),
-    bad_scenario("delay: 0.004", "delay: 0.003", "chain.delay", "nearest is 0.004"),
-    bad_scenario("delay: 0.004", "delay: 4", "chain.delay", "less than run.duration, 4 s"),
-    bad_scenario("delay: 0.004", "delay: -0.004", "chain.delay", "at least 0"),
+    bad_scenario("measurement_delay: 0.004", "measurement_delay: 0.003", "chain.measurement_delay", "nearest is 0.004"),
+    bad_scenario(
+        "measurement_delay: 0.004", "measurement_delay: 4", "chain.measurement_delay", "less than run.duration, 4 s"
+    ),
+    bad_scenario("measurement_delay: 0.004", "measurement_delay: -0.004", "chain.measurement_delay", "at least 0"),
     bad_scenario("actuator_lag: 0.003", "actuator_lag: .inf", "chain.actuator_lag", "finite"),
     bad_scenario("actuator_lag: 0.003", "actuator_lag: 0.003\n  seed: 3", "chain.seed", "in run"),
 ]

@@ -103,7 +103,7 @@ chain:
   quantisation: 0.0002
   velocity: differentiated
   velocity_filter: 300
-  delay: 0.004
+  measurement_delay: 0.004
   actuator_lag: 0.003
 """,
     )

@@ -33,9 +33,9 @@ def test_changed_keys_are_checked_as_a_whole() -> None:
 
 def test_sections_may_be_objects() -> None:
     """What kinds are in Python, a config takes as well."""
-    y = parse(GOOD).with_(disturbances=[Bias((1.0, 2.0, 3.0, 4.0, 5.0, 6.0))], chain=Chain(delay=0.004))
+    y = parse(GOOD).with_(disturbances=[Bias((1.0, 2.0, 3.0, 4.0, 5.0, 6.0))], chain=Chain(measurement_delay=0.004))
     assert y.disturbances == (Bias((1.0, 2.0, 3.0, 4.0, 5.0, 6.0)),)
-    assert y.chain == Chain(delay=0.004)
+    assert y.chain == Chain(measurement_delay=0.004)
 
 
 def test_mistakes_have_keys_and_no_place() -> None:

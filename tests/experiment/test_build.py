@@ -306,16 +306,22 @@ def test_a_named_chain_is_its_mapping(name: str) -> None:
 
 def test_each_key_of_a_chain_is_its_own() -> None:
     """Noise, step, velocity, filter, delay and lag arrive where they belong; without a filter there is none."""
-    text = "{encoder_noise: 0.1, quantisation: 0.2, velocity: differentiated, velocity_filter: 30, delay: 0.04}"
-    chain = parse(MINIMAL, *TIMING, f"chain={text}", "chain.actuator_lag=0.05").chain
-    assert (chain.encoder_noise, chain.quantisation, chain.velocity_filter, chain.delay, chain.actuator_lag) == (
+    text = "{encoder_noise: 0.1, quantisation: 0.2, velocity: differentiated, velocity_filter: 30}"
+    chain = parse(MINIMAL, *TIMING, f"chain={text}", "chain.measurement_delay=0.04", "chain.actuator_lag=0.05").chain
+    assert (
+        chain.encoder_noise,
+        chain.quantisation,
+        chain.velocity_filter,
+        chain.measurement_delay,
+        chain.actuator_lag,
+    ) == (
         0.1,
         0.2,
         30.0,
         0.04,
         0.05,
     )
-    gains = {"exact": 0.0, "differentiated": 1.0}
+    gains = {"exact": 1.0, "differentiated": 1.0}
     for velocity, gain in gains.items():
         assert parse(MINIMAL, f"chain={{velocity: {velocity}}}").chain.velocity_gain(0.001) == gain
-    assert built("chain={quantisation: 0.1, delay: 0.004}").position_noise is None
+    assert built("chain={quantisation: 0.1, measurement_delay: 0.004}").drawn.position is None

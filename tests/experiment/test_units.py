@@ -18,7 +18,7 @@ from torquebench.experiment.reference import unit_of
         ("model.mismatch.constants.g1", "1"),
         ("controllers.*.gains.phi", "rad/s"),
         ("controllers.conventional.gains.k", "1"),
-        ("chain.delay", "s"),
+        ("chain.measurement_delay", "s"),
         ("plant.payload", None),
         ("chain", None),
         ("controllers.*.switching", None),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.sampled import simulate_sampled
-from torquebench.chain import CHAINS
+from torquebench.chain import CHAINS, Drawn
 from torquebench.experiment import load_experiment
 from torquebench.kernel import Array
 from torquebench.metrics.chattering import chattering_index
@@ -71,7 +71,7 @@ def run(
         target or MOTIONS[arm],
         duration=duration,
         chain=CHAINS[chain],
-        position_noise=None if chain == "ideal" else noise,
+        drawn=Drawn(None if chain == "ideal" else noise),
     )
 
 

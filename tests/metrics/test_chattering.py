@@ -262,7 +262,7 @@ SLOW_CHAIN = {
 @pytest.mark.parametrize("delay", sorted(SLOW_CHAIN))
 def test_the_slow_chain_hammers_below_30_hz(delay: float) -> None:
     """Within 1 % of an independent program's figures, nearly all of it a limit cycle; HF sees little of it."""
-    chain = SLOW | ({"delay": delay} if delay else {})
+    chain = SLOW | ({"measurement_delay": delay} if delay else {})
     metrics = run_experiment(fig9(controllers=laws(), chain=chain)).metrics
     for name, (index, peak, hf) in SLOW_CHAIN[delay].items():
         own = metrics[name]

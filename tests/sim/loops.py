@@ -74,6 +74,6 @@ def go(plant: Plant, law: Callable[..., Any] | Controller, duration: float = 0.0
     controller = law if isinstance(law, Controller) else law_of(law)
     options = {"throw": False, "reference": TARGET, "model": arm(), **options}
     model, reference = options.pop("model"), options.pop("reference")
-    made_here = options.keys() & {"chain", "position_noise", "disturbance"}
+    made_here = options.keys() & {"chain", "drawn", "disturbance"}
     run = simulate_sampled if made_here else simulate
     return run(plant, controller, model, reference, duration=duration, **options)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tests.sampled import simulate_sampled
-from torquebench.chain import CHAINS, IDEAL, Chain
+from torquebench.chain import CHAINS, IDEAL, Chain, CurrentLoop, Drawn, Ripple, ThermalLimit, TorqueSpeed
 from torquebench.fuzzy import BUILTIN, DEFAULT
 from torquebench.kernel import Array
 from torquebench.laws import find_law, law_names
@@ -117,19 +117,38 @@ class Condition(NamedTuple):
     friction: Friction | None = None
 
 
-LATE = Chain(velocity="differentiated", velocity_filter=300.0, quantisation=1e-4, delay=0.004, actuator_lag=0.003)
+LATE = Chain(
+    velocity="differentiated", velocity_filter=300.0, quantisation=1e-4, measurement_delay=0.004, actuator_lag=0.003
+)
 LOAD, RUB = Payload(2.0, at=0.08), Friction(0.7, 0.9)
 """Taken up at a control instant of 1 ms and of 4 ms; friction for arms of any kind."""
+DRIVEN = Chain(
+    encoder_ripple=Ripple(1e-4, 20.0),
+    encoder_offset=1e-3,
+    quantisation=1e-5,
+    velocity="kalman",
+    kalman_acceleration=50.0,
+    torque_rate=5000.0,
+    torque_quantum=0.01,
+    torque_offset=0.05,
+    command_delay=0.004,
+    torque_delay=0.002,
+    current_loop=CurrentLoop(700.0, 0.5),
+    torque_speed=TorqueSpeed(1.5, 8.0),
+    thermal_limit=ThermalLimit(15.0, 0.05),
+)
+"""All parts of sensors and drives that draw nothing."""
 CONDITIONS = {
     "ideal": Condition(),
     "ideal, noisy": Condition(IDEAL, True),
     "fast, noisy": Condition(CHAINS["fast"], True),
     "slow, noisy": Condition(CHAINS["slow"], True),
     "slow": Condition(CHAINS["slow"]),
-    "rounded and late": Condition(Chain(velocity="differentiated", quantisation=2e-4, delay=0.008)),
+    "rounded and late": Condition(Chain(velocity="differentiated", quantisation=2e-4, measurement_delay=0.008)),
     "late, noisy": Condition(LATE, True),
     "payload": Condition(payload=LOAD),
     "friction": Condition(friction=RUB),
+    "driven, noisy": Condition(DRIVEN, True),
     "slow, noisy, payload and friction": Condition(CHAINS["slow"], True, LOAD, RUB),
 }
 """Their number has no divisor in common with the stride of the small size, nor with 3: see `interpreted`."""
@@ -188,7 +207,7 @@ class Case(NamedTuple):
             duration=n_steps * period,
             control_period=period,
             chain=chain,
-            position_noise=noise,
+            drawn=Drawn(noise),
             disturbance=disturbance,
             initial_q=np.array(HOME[:n]),
             path=path,

@@ -10,16 +10,17 @@ import pytest
 
 from tests.arms import pack
 from tests.sim.loops import PLANTS, arm, go, law_of, plant_of, spring
-from tests.sim.test_native_chain import N_STEPS, T, job_of, motion
-from torquebench.chain import CHAINS, Chain
+from tests.sim.test_native_chain import N_STEPS, T, job_of, measure, motion
+from torquebench.chain import CHAINS, Chain, Drawn
+from torquebench.chain.sensors import nearest_multiple
 from torquebench.kernel import Array
-from torquebench.sim.closed_loop import hold_back, measure, nearest_multiple
+from torquebench.sim.closed_loop import hold_back
 
 QUANTUM = 0.003
 """Large against the motion of one control period, so that rounding shows."""
 
 
-def measured(chain: Chain, noise: Array | None = None) -> tuple[Array, Array]:
+def measured(chain: Chain, noise: Array | Drawn | None = None) -> tuple[Array, Array]:
     """Return what the law sees at each instant of a motion, (N, 2) each, step by step through the loop's kernels."""
     job, q, qd = job_of(chain, noise), np.zeros((N_STEPS, 2)), np.zeros((N_STEPS, 2))
     for k in range(N_STEPS):
@@ -88,7 +89,7 @@ def test_a_delay_shows_the_measurement_of_then(periods: int) -> None:
     """The law sees at k what was measured at k - d, and until d what was measured at 0; noise, filter and all."""
     noise = 0.01 * np.random.default_rng(3).normal(size=(N_STEPS, 2))
     parts: dict[str, Any] = {"velocity": "differentiated", "velocity_filter": 300.0, "quantisation": QUANTUM}
-    prompt, late = measured(Chain(**parts), noise), measured(Chain(**parts, delay=periods * T), noise)
+    prompt, late = measured(Chain(**parts), noise), measured(Chain(**parts, measurement_delay=periods * T), noise)
     then = np.maximum(np.arange(N_STEPS) - periods, 0)
     for at_once, seen in zip(prompt, late, strict=True):
         assert seen.tobytes() == at_once[then].tobytes()
@@ -111,7 +112,12 @@ def test_noise_is_added_before_rounding() -> None:
 def test_a_whole_run_sees_late_what_was(plant: str, path: Any) -> None:
     """Of a delay alone q_meas and qd_meas are the true state of then, byte for byte, while the arm does move."""
     run = go(
-        plant_of(plant), pack("pd", 2, lam=8, kv=12), 0.3, chain=Chain(delay=0.02), path=path, control_period=0.002
+        plant_of(plant),
+        pack("pd", 2, lam=8, kv=12),
+        0.3,
+        chain=Chain(measurement_delay=0.02),
+        path=path,
+        control_period=0.002,
     )
     then = np.maximum(np.arange(len(run.t)) - 10, 0)
     assert run.path == path
@@ -124,12 +130,14 @@ def test_a_delay_can_cost_stability() -> None:
     """The same law on the same plant: still within 1 mrad of its target without the delay, far off with 60 ms."""
     gaps = []
     for delay in (0.0, 0.06):
-        run = go(plant_of("analytic"), spring, 2.0, chain=Chain(delay=delay))
+        run = go(plant_of("analytic"), spring, 2.0, chain=Chain(measurement_delay=delay))
         gaps.append(float(np.ptp(run.qd[-500:, 1])))
     assert gaps[1] > 20.0 * gaps[0]
 
 
-@pytest.mark.parametrize("key", ["encoder_noise", "velocity_filter", "actuator_lag", "quantisation", "delay"])
+@pytest.mark.parametrize(
+    "key", ["encoder_noise", "velocity_filter", "actuator_lag", "quantisation", "measurement_delay"]
+)
 @pytest.mark.parametrize("value", [-1e-3, math.nan, math.inf])
 def test_meaningless_sizes_are_refused(key: str, value: float) -> None:
     """Negative, NaN and infinite: the key and the value are named, and what was wanted."""
@@ -139,11 +147,11 @@ def test_meaningless_sizes_are_refused(key: str, value: float) -> None:
 
 def test_a_delay_between_two_instants_is_refused() -> None:
     """A delay that is no whole number of control periods is a ValueError that names the nearest."""
-    with pytest.raises(ValueError, match=r"delay 0\.003 s is not a whole multiple of control_period 0\.002 s"):
-        go(plant_of("analytic"), law_of(spring), 0.1, chain=Chain(delay=0.003), control_period=0.002)
+    with pytest.raises(ValueError, match=r"measurement_delay 0\.003 s is not a whole multiple of"):
+        go(plant_of("analytic"), law_of(spring), 0.1, chain=Chain(measurement_delay=0.003), control_period=0.002)
 
 
 def test_named_chains_have_neither_rounding_nor_delay() -> None:
     """What results were made with stays what it was."""
-    assert {(chain.quantisation, chain.delay) for chain in CHAINS.values()} == {(0.0, 0.0)}
+    assert {(chain.quantisation, chain.measurement_delay) for chain in CHAINS.values()} == {(0.0, 0.0)}
     assert arm().n == 2

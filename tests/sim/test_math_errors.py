@@ -17,6 +17,7 @@ from numba import njit
 from tests.sim.loops import PLANTS, TARGET, arm, plant_of
 from tests.user_files import load
 from torquebench import Controller, Outcome, find_law, simulate
+from torquebench.chain import Drawn
 from torquebench.dialect import MATH, complaints
 from torquebench.kernel.twin import Matrix, Vector, python_numbers
 from torquebench.laws.law import Law
@@ -194,7 +195,7 @@ def test_the_interpreted_call_tells_what_the_compiled_one_met(risky: Any, name: 
         IDEAL,
         control_period=0.001,
         substeps=1,
-        position_noise=None,
+        drawn=Drawn(),
         disturbance=None,
         native=native,
     )

@@ -13,6 +13,7 @@ import pytest
 
 from tests.sampled import sampled_trial
 from tests.sim.protocol import CONDITIONS, HOME, REFERENCES, Variant, belief_of, plant_of
+from torquebench.chain import Drawn
 from torquebench.references import Reference
 from torquebench.sim.session import SampledTrial
 from torquebench.sim.simulate import simulate_many
@@ -39,7 +40,7 @@ def rollouts(plant: str, count: int) -> Iterator[SampledTrial]:
             reference,
             0.001 * N_STEPS,
             chain=chain,
-            position_noise=1e-4 * rng.normal(size=(N_STEPS, n)),
+            drawn=Drawn(1e-4 * rng.normal(size=(N_STEPS, n))),
             disturbance=rng.normal(size=(N_STEPS, n)),
             initial_q=np.array(HOME[:n]) + 0.1 * rng.normal(size=n),
         )

@@ -14,6 +14,7 @@ import pytest
 from tests.sampled import simulate_sampled
 from tests.sim import faulty_laws
 from tests.sim.protocol import CONDITIONS, HOME, PLANTS, REFERENCES, belief_of, differing_bytes, plant_of, signals
+from torquebench.chain import Drawn
 from torquebench.kernel import Array
 from torquebench.sim.plants import INTEGRATORS, Plant
 from torquebench.sim.session import Controller
@@ -89,7 +90,7 @@ class Fault(NamedTuple):
             duration=N_STEPS * period,
             control_period=period,
             chain=chain,
-            position_noise=noise,
+            drawn=Drawn(noise),
             disturbance=base,
             initial_q=np.array(HOME[:n]),
             path=path,

@@ -16,6 +16,7 @@ from tests.sampled import simulate_sampled
 from tests.sim import loops
 from tests.sim.loops import TARGET, arm, go
 from tests.sim.protocol import PLANTS, Case, cases, differing_bytes, variants
+from torquebench.chain import Drawn
 from torquebench.kernel import Array
 from torquebench.laws import law_names
 from torquebench.laws.law import Law
@@ -131,7 +132,7 @@ def test_what_the_caller_passes_stays_the_callers(plant: str, path: Any) -> None
         loops.plant_of(plant),
         pack("pd", 2, lam=8, kv=12),
         reference=samples,
-        position_noise=given[3],
+        drawn=Drawn(given[3]),
         disturbance=given[4],
         initial_q=given[5],
         path=path,

@@ -19,6 +19,7 @@ from tests.arms import pack
 from tests.sampled import sampled_trial
 from tests.sim import faulty_laws
 from tests.sim.protocol import CONDITIONS, HOME, REFERENCES, belief_of, plant_of, signals, variants
+from torquebench.chain import Drawn
 from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.session import SampledTrial, Session
 from torquebench.sim.simulate import AHEAD, Workers, simulate_many
@@ -48,7 +49,7 @@ def trials(plant: str, count: int = 32) -> list[SampledTrial]:
                 list(REFERENCES.values())[i % 4](n),
                 0.001 * n_steps,
                 chain=chain,
-                position_noise=noise if noisy else None,
+                drawn=Drawn(noise if noisy else None),
                 disturbance=push,
                 initial_q=np.array(HOME[:n]) * (1 + 0.01 * i),
             )

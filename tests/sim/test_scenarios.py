@@ -59,10 +59,14 @@ CHAINS = {
     "ideal": "ideal",
     "fast": "fast",
     "slow": "slow",
-    "late": "{encoder_noise: 1e-4, velocity: differentiated, velocity_filter: 300, delay: 0.001, actuator_lag: 0.003}",
-    "rounded": "{encoder_noise: 0.0001, quantisation: 0.0002, delay: 0.002, actuator_lag: 0.002}",
+    "late": "{encoder_noise: 1e-4, velocity: differentiated, velocity_filter: 300, measurement_delay: 0.001, "
+    "actuator_lag: 0.003}",
+    "rounded": "{encoder_noise: 0.0001, quantisation: 0.0002, measurement_delay: 0.002, actuator_lag: 0.002}",
 }
-BLIND = "{encoder_noise: 0.0001, quantisation: 0.0002, velocity: differentiated, delay: 0.002, actuator_lag: 0.002}"
+BLIND = (
+    "{encoder_noise: 0.0001, quantisation: 0.0002, velocity: differentiated, measurement_delay: 0.002, "
+    "actuator_lag: 0.002}"
+)
 """A chain through which a law sees whole steps of the encoders only, in position and velocity."""
 TOLERANCE = 1e-12
 """Round-off of 4,000 steps is a few 1e-15 rad; 1e-12 leaves room for other processors."""
@@ -131,7 +135,7 @@ def test_a_draw_is_the_same_for_every_law() -> None:
     for same, x in ((True, loops[1]), (False, loops[2])):
         for first, second in (
             (loops[0].disturbance, x.disturbance),
-            (loops[0].position_noise, x.position_noise),
+            (loops[0].drawn.position, x.drawn.position),
             (loops[0].model.flat.constants, x.model.flat.constants),
             (loops[0].plant._arm.model.mass, x.plant._arm.model.mass),
         ):
@@ -146,8 +150,8 @@ def test_one_use_of_chance_does_not_shift_another() -> None:
     assert np.array_equal(together.plant._empty.model.mass, alone["perturbed plant"].plant._arm.model.mass)  # type: ignore[attr-defined]
     assert together.disturbance is not None
     assert np.array_equal(together.disturbance, np.asarray(alone["noise"].disturbance))
-    noise = build(parse(BASE, "chain=slow")).position_noise
-    assert np.array_equal(np.asarray(together.position_noise), np.asarray(noise))
+    noise = build(parse(BASE, "chain=slow")).drawn.position
+    assert np.array_equal(np.asarray(together.drawn.position), np.asarray(noise))
 
 
 def test_a_bias_leaves_the_error_that_it_must() -> None:
@@ -212,7 +216,7 @@ def test_a_delay_shifts_the_loop_as_it_must(periods: int) -> None:
         0.4,
         model=slider(m),
         reference=still(np.zeros(1)),
-        chain=Chain(delay=periods * period),
+        chain=Chain(measurement_delay=periods * period),
         control_period=period,
     )
     v = [0.0, 50.0 * period / m]

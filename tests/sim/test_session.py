@@ -10,7 +10,7 @@ import pytest
 
 from tests.arms import pack
 from tests.sampled import sampled_trial
-from torquebench.chain import CHAINS, Chain
+from torquebench.chain import CHAINS, Chain, Drawn
 from torquebench.kernel import Array
 from torquebench.references import Reference, Sine
 from torquebench.robot import Puma560
@@ -27,7 +27,7 @@ GAINS = {"lam": 10.0, "k": 0.3, "phi": 0.3, "kv": 20.0}
 CONDITIONS = [
     CHAINS["ideal"],
     CHAINS["fast"],
-    Chain(encoder_noise=1e-4, delay=0.003, name="late"),
+    Chain(encoder_noise=1e-4, measurement_delay=0.003, name="late"),
     Chain(quantisation=1e-3),
 ]
 
@@ -58,7 +58,7 @@ def trials(seed: int) -> list[SampledTrial]:
                 reference,
                 0.001 * STEPS,
                 chain=CONDITIONS[i // 5 % 4],
-                position_noise=1e-4 * rng.normal(size=(STEPS, 6)) if i % 7 else None,
+                drawn=Drawn(1e-4 * rng.normal(size=(STEPS, 6)) if i % 7 else None),
                 disturbance=push,
             )
         )

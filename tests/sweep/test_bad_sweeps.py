@@ -123,12 +123,14 @@ def test_one_mistake_gives_one_message(bad: Bad) -> None:
 
 def test_every_mistake_of_every_case_is_told_at_once() -> None:
     """Mistakes of the file itself once, those of values once for each value, in reading order, none twice."""
-    text = BASE.replace("lam: 10, k: 0.3, phi", "lam: 10, k: -0.3, phi").replace("0.0001", "0.0001, delay: 0.0015")
+    text = BASE.replace("lam: 10, k: 0.3, phi", "lam: 10, k: -0.3, phi").replace(
+        "0.0001", "0.0001, measurement_delay: 0.0015"
+    )
     text += "sweep: {draws: 4, grid: {plant.payload.mass: [-1, 1, -2], controllers.*.gains.phi: [0, 0.1, 0.2]}}\n"
     problems = problems_of(text)
     assert [(p.key, "in the sweep" in p.message) for p in problems] == [
         ("controllers[0].gains.k", False),
-        ("chain.delay", False),
+        ("chain.measurement_delay", False),
         ("plant.payload.mass", True),
         ("plant.payload.mass", True),
         ("controllers[0].gains.phi", True),

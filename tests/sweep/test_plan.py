@@ -67,7 +67,7 @@ def test_a_star_stands_for_the_controllers_whose_law_has_the_gain() -> None:
 def digest(plan: Plan, case: int, draw: int) -> str:
     """Digest of everything that is drawn for a case in a draw."""
     loop = build(plan.experiment(case, draw))
-    arrays = (loop.position_noise, loop.disturbance, loop.model.flat.constants)
+    arrays = (loop.drawn.position, loop.disturbance, loop.model.flat.constants)
     return hashlib.sha256(b"".join(array.tobytes() for array in arrays if array is not None)).hexdigest()
 
 

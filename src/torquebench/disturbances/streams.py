@@ -15,6 +15,8 @@ class Stream(IntEnum):
     POSITION_NOISE = 2
     PERTURBATION = 3
     SWEEP = 4
+    VELOCITY_NOISE = 5
+    DEADLINES = 6
 
 
 def generator(seed: int, run: int, stream: Stream, index: int = 0) -> np.random.Generator:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from torquebench.chain import Drawn
 from torquebench.disturbances import Stream, generator
 from torquebench.errors import ConfigError, InconsistentReferenceError, ModelError, Problem
 from torquebench.experiment import schema
@@ -39,8 +40,8 @@ class Loop(NamedTuple):
     controllers: tuple[Controller, ...]
     reference: Reference
     """Desired motion at each control instant, (N, n)."""
-    position_noise: Array | None
-    """Added to the measured position at each control instant, (N, n) [rad]."""
+    drawn: Drawn
+    """What the chain has drawn for each control instant."""
     disturbance: Array | None
     """Torque added after saturation and lag at each control instant, (N, n) [N m]."""
     initial_q: Array
@@ -82,7 +83,7 @@ class Builder:
             redraws,
             controllers,
             reference,
-            self._drawn("noise", most, lambda: chain.noise(n, steps, run.seed, run.draw), chain, *drawn),
+            self._drawn("chain", most, lambda: chain.draw(n, steps, run.seed, run.draw), chain, *drawn),
             self._drawn("torque", most, lambda: total_disturbance(acting, *drawn), acting, *drawn),
             np.zeros(n) if run.initial_q == "home" else as_vector(run.initial_q, n),
         )

@@ -76,7 +76,9 @@ def check_rules(document: Document, values: Mapping[str, Any]) -> None:
             del known["plant"]
     if run is not None:
         whole = plant is None or not list(multiple_of((), run.control_period, "", plant.timestep))
-        known["timing"] = Timing(run.duration, run.control_period, whole, known.get("n"))
+        known["timing"] = Timing(
+            run.duration, run.control_period, whole, known.get("n"), None if plant is None else plant.timestep
+        )
     for check, needs in RULES:
         if known.keys() >= set(needs):
             for fault in check(**{need: known[need] for need in needs}):

@@ -257,7 +257,7 @@ def trial_of(experiment: Experiment, loop: Loop, controller: Controller) -> Samp
         loop.reference,
         experiment.run.control_period,
         experiment.chain,
-        loop.position_noise,
+        loop.drawn,
         loop.disturbance,
         loop.initial_q,
     )

@@ -296,7 +296,7 @@ class Experiment:
     @property
     def is_drawn(self) -> bool:
         """Whether anything in it is random."""
-        noisy = self.chain.encoder_noise > 0 or any(disturbance.is_random for disturbance in self.disturbances)
+        noisy = self.chain.is_random or any(disturbance.is_random for disturbance in self.disturbances)
         mismatch = self.model.mismatch
         return noisy or self.plant.perturb is not None or (mismatch is not None and mismatch.is_random)
 

@@ -1,4 +1,4 @@
-"""The closed loop: measure, law, clip, actuate, disturb, step; the same source interpreted and compiled."""
+"""The closed loop: measure, law, command, drive, disturb, step; the same source interpreted and compiled."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Callable
 
 from numba.extending import register_jitable
 
-from torquebench.kernel import Array, clip, kernel
+from torquebench.chain.drives import command, drive, receive
+from torquebench.chain.sensors import measure
+from torquebench.kernel import Array, kernel
 from torquebench.sim.job import Job
 
 COMPLETED, BAD_TORQUE, CONTROLLER_ERROR, DIVERGED, RAISED = range(5)
@@ -17,38 +19,6 @@ MAX_POSITION = 1e4
 """A joint position beyond this [rad] counts as diverged."""
 MAX_VELOCITY = 1e4
 """A joint velocity beyond this [rad/s] counts as diverged."""
-
-
-@kernel
-def measure(job: Job, k: int) -> None:
-    """Measure the state at control instant k where that gives anything else than the state itself.
-
-    The filter takes the backward difference of the measured position, v += a (dq/T - v) with v = 0 at first.
-    """
-    q, qd, seen_q, seen_qd = job.q, job.qd, job.fresh_q, job.fresh_qd
-    noisy, filtered = len(job.position_noise) > 0, job.velocity_gain > 0.0
-    for i in range(len(q)):
-        position = q[i]
-        if noisy:
-            position += job.position_noise[k, i]
-        if job.quantum > 0.0:
-            position = nearest_multiple(position, job.quantum)
-        if not filtered:
-            seen_qd[i] = qd[i]
-        elif k == 0:
-            seen_qd[i] = 0.0
-        else:
-            rate = (position - seen_q[i]) / job.control_period
-            seen_qd[i] += job.velocity_gain * (rate - seen_qd[i])
-        seen_q[i] = position
-
-
-@kernel
-def nearest_multiple(x: float, quantum: float) -> float:
-    """Return the whole multiple of `quantum` nearest to x; x itself where floats lie further apart than multiples."""
-    if abs(x) < 4503599627370496.0 * quantum:  # 2^52
-        return quantum * math.floor(x / quantum + 0.5)
-    return x
 
 
 @kernel
@@ -66,17 +36,22 @@ def hold_back(job: Job, k: int) -> None:
 
 @kernel
 def actuate(job: Job, k: int) -> None:
-    """Clip the law's torque and record it, with the mean torque that acts on the joints until the next instant.
+    """Record the command of control instant k, with the mean torque that acts on the joints until the next instant.
 
-    A lagging actuator goes from its output u towards the clipped torque, u(t) = tau + (u - tau) exp(-t/lag).
+    A lagging actuator goes from its output u towards the command, u(t) = tau + (u - tau) exp(-t/lag). Of any other
+    drive the mean is added up while it acts; here the record begins with the disturbance.
     """
-    tau_law, tau, applied, tau_max = job.record_tau_law[k], job.record_tau[k], job.torque[0], job.tau_max
+    tau, applied, drives = job.record_tau[k], job.torque[0], job.drives
+    command(drives, k, job.record_tau_law[k], job.record_tau[max(k - 1, 0)], job.tau_max, tau)
     for i in range(len(tau)):
-        x = clip(tau_law[i], tau_max[i])
-        tau[i], applied[i] = x, x
-    if len(job.decay) > 0:
+        applied[i] = tau[i]
+    if drives.active:
+        receive(drives, k, tau)
         for i in range(len(tau)):
-            applied[i] += (job.output[i] - tau[i]) * job.decay[2]
+            applied[i] = 0.0
+    elif len(drives.decay) > 0:
+        for i in range(len(tau)):
+            applied[i] += (job.output[i] - tau[i]) * drives.decay[2]
     if len(job.disturbance) > 0:
         for i in range(len(tau)):
             applied[i] += job.disturbance[k, i]
@@ -88,14 +63,33 @@ def actuate(job: Job, k: int) -> None:
 @kernel
 def lag(job: Job, k: int) -> None:
     """Write the torque on the joints at the start, middle and end of the next physics step, and move the output on."""
-    disturbed = len(job.disturbance) > 0
+    disturbed, decay = len(job.disturbance) > 0, job.drives.decay
     for i in range(len(job.q)):
         tau, gap = job.record_tau[k, i], job.output[i] - job.record_tau[k, i]
         d = job.disturbance[k, i] if disturbed else 0.0
         job.torque[0, i] = job.output[i] + d
-        job.torque[1, i] = tau + gap * job.decay[0] + d
-        job.output[i] = tau + gap * job.decay[1]
+        job.torque[1, i] = tau + gap * decay[0] + d
+        job.output[i] = tau + gap * decay[1]
         job.torque[2, i] = job.output[i] + d
+
+
+@kernel
+def give(job: Job, k: int, s: int) -> None:
+    """Write the torque on the joints at the start, middle and end of physics step s of a control period.
+
+    A late command comes into force at one of them. What the motors give is added to the mean on record.
+    """
+    drives, torque, disturbed = job.drives, job.torque, len(job.disturbance) > 0
+    if s == (drives.late[k] if len(drives.late) > 0 and k > 0 else 0):
+        for i in range(len(job.q)):
+            drives.held[i] = drives.target[i]
+    drive(drives, k * job.substeps + s, job.qd, job.tau_max, job.output, torque)
+    for i in range(len(job.q)):
+        mean = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
+        job.record_tau_applied[k, i] += mean / job.substeps
+        if disturbed:
+            for stage in range(3):
+                torque[stage, i] += job.disturbance[k, i]
 
 
 @kernel
@@ -128,13 +122,14 @@ def closed_loop(
     """
     q, qd, memory, record_memory, at = job.q, job.qd, job.memory, job.record_memory, job.at
     record_q, record_qd, record_tau_law = job.record_q, job.record_qd, job.record_tau_law
-    measured, delayed, lagging = len(job.record_q_meas) > 0, len(job.late) > 0, len(job.decay) > 0
+    measured, delayed = len(job.record_q_meas) > 0, len(job.late) > 0
+    driven, lagging = job.drives.active, len(job.drives.decay) > 0
     for k in range(first, last):
         at[0] = k
         copy_row(q, record_q[k])
         copy_row(qd, record_qd[k])
         if measured:
-            measure(job, k)
+            measure(job.sensors, k, job.control_period, q, qd, job.fresh_q, job.fresh_qd)
             if delayed:
                 hold_back(job, k)
             copy_row(job.measured_q, job.record_q_meas[k])
@@ -155,7 +150,11 @@ def closed_loop(
                 return BAD_TORQUE
 
         actuate(job, k)
-        if lagging:
+        if driven:
+            for s in range(job.substeps):
+                give(job, k, s)
+                step(job, 1, 1)
+        elif lagging:
             for _ in range(job.substeps):
                 lag(job, k)
                 step(job, 1, 1)

@@ -7,7 +7,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from torquebench.chain import Chain
+from torquebench.chain import Chain, Drawn
+from torquebench.chain.drives import Drives
+from torquebench.chain.sensors import Sensors
 from torquebench.kernel import Array, IntArray
 from torquebench.kernel.struct import Structure
 from torquebench.laws.law import Law, Nothing
@@ -21,7 +23,7 @@ class Job(Structure):
     """A closed loop of N control instants on n joints.
 
     An array of no rows stands for a signal that is not there: no noise, no disturbance, or a record that would
-    repeat another (exact measurement, an ideal actuator).
+    repeat another (exact measurement, ideal drives).
     """
 
     substeps: int
@@ -38,17 +40,10 @@ class Job(Structure):
     qdd_ref: Annotated[Array, 2]
     """Desired acceleration, (N, n) [rad/s^2]."""
     disturbance: Annotated[Array, 2]
-    """Torque added after clipping and lag, (N, n) or (0, n) [N m]."""
+    """Torque added to what the drives give, (N, n) or (0, n) [N m]."""
 
-    position_noise: Annotated[Array, 2]
-    """Added to the measured position, (N, n) or (0, n) [rad]."""
-    velocity_gain: float
-    """Share of a new difference quotient that the velocity filter takes in; 0 for exact velocity."""
-    quantum: float
-    """The measured position is rounded to a multiple of this; 0 for none [rad]."""
-    decay: Annotated[Array, 1]
-    """What is left of an actuator's lag after half a physics step, a whole one, and on average over a control
-    period, (3,); of no elements for an ideal actuator."""
+    sensors: Sensors
+    drives: Drives
 
     q: Array
     """The plant's position now, (n,) [rad]."""
@@ -113,7 +108,7 @@ def set_up(
     *,
     control_period: float,
     substeps: int,
-    position_noise: Array | None,
+    drawn: Drawn,
     disturbance: Array | None,
     native: NativePlant | None,
 ) -> Setup:
@@ -127,7 +122,8 @@ def set_up(
         chain: Sensors and actuators.
         control_period: Time between control instants [s].
         substeps: Physics steps in it.
-        position_noise, disturbance: Sampled at the control instants, (N, n), or None.
+        drawn: What the chain draws for the run.
+        disturbance: Sampled at the control instants, (N, n), or None.
         native: The plant's native form, when the run is to be compiled.
     """
     n_steps, n = desired.q.shape
@@ -136,10 +132,11 @@ def set_up(
     block = np.zeros((len(fields), n))
     memory = law.memory_type(*block) if law.memory_type is not None and fields else Nothing(np.zeros(0))
 
-    decay = chain.decay(plant.timestep, control_period)
-    delay = min(chain.delay_steps(control_period), n_steps)
-    measured = position_noise is not None or chain.velocity != "exact" or chain.quantisation > 0.0 or delay > 0
-    acting = len(decay) > 0 or disturbance is not None
+    sensors = chain.sensors(n, control_period, drawn)
+    drives = chain.drives(n, n_steps, plant.timestep, control_period, drawn)
+    delay = min(chain.measurement_steps(control_period), n_steps)
+    measured = not sensors.exact or delay > 0
+    acting = drives.active or len(drives.decay) > 0 or disturbance is not None
     # one block for all records: the operating system hands out its pages, which is slow, only once
     records = np.empty((4 + 2 * measured + acting + len(fields), n_steps, n))
     one = iter(records)
@@ -156,10 +153,8 @@ def set_up(
         qd_ref=inputs[1],
         qdd_ref=inputs[2],
         disturbance=none if disturbance is None else np.ascontiguousarray(disturbance, dtype=np.float64),
-        position_noise=none if position_noise is None else np.ascontiguousarray(position_noise, dtype=np.float64),
-        velocity_gain=chain.velocity_gain(control_period),
-        quantum=chain.quantisation,
-        decay=decay,
+        sensors=sensors,
+        drives=drives,
         q=q,
         qd=qd,
         fresh_q=fresh_q,

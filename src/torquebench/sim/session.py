@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from torquebench.chain import IDEAL, Chain
+from torquebench.chain import IDEAL, NOTHING, Chain, Drawn, late_steps
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import FuzzySystem
 from torquebench.kernel import Array
@@ -80,11 +80,11 @@ class SampledTrial:
     control_period: float = 0.001
     """Time between control instants [s], a whole multiple of the plant's time step."""
     chain: Chain = IDEAL
-    """Sensors and actuators; their noise is `position_noise`, whatever the chain says of it."""
-    position_noise: Array | None = None
-    """Added to the measured position, (N, n) [rad]; None for none."""
+    """Sensors and actuators; what is random in them is `drawn`, whatever the chain says of it."""
+    drawn: Drawn = NOTHING
+    """What the chain has drawn for this run."""
     disturbance: Array | None = None
-    """Torque added after clipping and lag, (N, n) [N m]; None for none."""
+    """Torque added to what the drives give, (N, n) [N m]; None for none."""
     initial_q: Array | None = None
     """Position at rest at t = 0, (n,) [rad]; None for zero."""
 
@@ -221,10 +221,13 @@ class Session:
         self._checked = tuple(array if is_fixed(array) else None for array in desired)
         if start.shape != (n,) or not np.all(np.isfinite(start)):
             raise ValueError(f"initial_q is {start}, wanted {n} finite numbers")
-        for name in ("disturbance", "position_noise"):
-            signal = getattr(trial, name)
+        signals = {"disturbance": trial.disturbance, "position": trial.drawn.position, "velocity": trial.drawn.velocity}
+        for name, signal in signals.items():
             if signal is not None and (signal.shape != (n_steps, n) or not np.isfinite(signal).all()):
                 raise ValueError(f"{name} has shape {signal.shape}, wanted {(n_steps, n)}, all finite")
+        late = trial.drawn.late
+        if late is not None and (late.shape != (n_steps,) or not np.all(late >= 0.0)):
+            raise ValueError(f"late has shape {late.shape}, wanted {(n_steps,)}, none negative")
 
     def _interpreted(self, plant: Plant, trial: SampledTrial, desired: Reference, substeps: int) -> PythonRun:
         return PythonRun(
@@ -237,7 +240,7 @@ class Session:
                 trial.chain,
                 control_period=trial.control_period,
                 substeps=substeps,
-                position_noise=trial.position_noise,
+                drawn=trial.drawn,
                 disturbance=trial.disturbance,
                 native=None,
             )
@@ -251,9 +254,9 @@ class Session:
         kind = _kind_of(plant, trial, desired, substeps, native, belief)
         if self._last is not None and self._last.restart(kind, trial, native):
             return self._last.run
-        gains, signals = trial.controller.gains, [trial.position_noise, trial.disturbance]
+        gains, drawn, disturbance = trial.controller.gains, trial.drawn, trial.disturbance
         if self._overwrite:  # copies, which the next run may write over
-            gains, signals = copy.deepcopy(gains), [None if x is None else np.array(x, np.float64) for x in signals]
+            gains, drawn, disturbance = copy.deepcopy((gains, drawn, disturbance))
         setup = set_up(
             trial.controller.law,
             gains,
@@ -263,8 +266,8 @@ class Session:
             trial.chain,
             control_period=trial.control_period,
             substeps=substeps,
-            position_noise=signals[0],
-            disturbance=signals[1],
+            drawn=drawn,
+            disturbance=disturbance,
             native=native,
         )
         run = NativeRun(setup, native)
@@ -333,7 +336,7 @@ class _Kind:
 def _kind_of(
     plant: Plant, trial: SampledTrial, desired: Reference, substeps: int, native: NativePlant, belief: Model
 ) -> _Kind:
-    missing = trial.position_noise is None, trial.disturbance is None
+    missing = *(signal is None for signal in trial.drawn), trial.disturbance is None
     return _Kind(
         (trial.controller.law, plant, native.structure, belief, *desired),
         (trial.chain, trial.control_period, substeps, *missing),
@@ -354,12 +357,17 @@ class _Last:
         if not self.kind.fits(kind) or not rewrite(self.run.setup.gains, trial.controller.gains):
             return False
         job = self.run.setup.job
-        if trial.position_noise is not None:
-            job.position_noise[...] = trial.position_noise
+        if trial.drawn.position is not None:
+            job.sensors.noise[...] = trial.drawn.position
+        if trial.drawn.velocity is not None:
+            job.sensors.velocity_noise[...] = trial.drawn.velocity
+        if trial.drawn.late is not None:
+            job.drives.late[...] = late_steps(trial.drawn.late, self.run.setup.plant.timestep, job.control_period)
         if trial.disturbance is not None:
             job.disturbance[...] = trial.disturbance
         seen = (job.fresh_q, job.fresh_qd, job.measured_q, job.measured_qd)
-        for array in (job.late, job.output, job.torque, job.memory, job.at, *(x for x in seen if x is not job.q)):
+        states = job.late, job.output, job.torque, job.memory, job.at, *job.drives.states, job.sensors.estimate
+        for array in (*states, *(x for x in seen if x is not job.q)):
             if array is not job.qd:
                 array.fill(0)
         self.run.restart(native)

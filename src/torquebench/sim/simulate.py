@@ -38,7 +38,7 @@ class Trial:
     initial_q: Array | None = None
 
     def sampled(self, n: int) -> SampledTrial:
-        """Sample the motion, and draw encoder noise and disturbances, for a plant of `n` joints.
+        """Sample the motion, and draw the chain's noise and the disturbances, for a plant of `n` joints.
 
         Raises:
             TypeError: the chain, or something in `disturbances`, is nothing of the kind.
@@ -59,7 +59,7 @@ class Trial:
             desired,
             self.control_period,
             self.chain,
-            self.chain.noise(n, n_steps, self.seed, self.draw),
+            self.chain.draw(n, n_steps, self.seed, self.draw),
             total_torque(disturbances, n, n_steps, self.control_period, self.seed, self.draw),
             self.initial_q,
         )
@@ -88,7 +88,7 @@ def simulate(
     motion and its `model`; the torque is clipped to the plant's limits; the actuators follow it; the disturbances are
     added; the plant is integrated to the next instant with the commanded torque held.
 
-    The encoders' noise and whatever is random in the disturbances depend on `seed` and `draw` alone. An experiment
+    Whatever is random in the chain and in the disturbances depend on `seed` and `draw` alone. An experiment
     with the same seed and draw has the same noise, and its trajectory is the same in every byte.
 
     Args:

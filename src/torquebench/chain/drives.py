@@ -1,0 +1,243 @@
+"""What becomes of a law's torque on its way to the joints: rate limit, late commands, drive, current loop, motor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from torquebench.chain.sensors import nearest_multiple
+from torquebench.errors import Fault
+from torquebench.kernel import Array, IntArray, clip, kernel
+from torquebench.kernel.struct import Structure
+from torquebench.keys import Key, Vector, check_numbers
+from torquebench.timing import Timing
+
+
+@dataclass(frozen=True)
+class CurrentLoop:
+    """Torque loop of second order, exact between commands: u'' = frequency^2 (tau - u) - 2 damping frequency u'.
+
+    Raises:
+        ValueError: a number is not finite and positive.
+    """
+
+    frequency: Annotated[float, Key("Natural frequency", "rad/s", above=0)]
+    damping: Annotated[float, Key("Damping ratio", "1", "; 1 is critical", above=0)] = 0.7
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that mean nothing."""
+        check_numbers(self)
+
+    def transition(self, time: float) -> Array:
+        """Return the matrix (2, 2) that moves the gap (u - tau, u') on by `time` [s], while tau is held."""
+        from scipy.linalg import expm
+
+        w = self.frequency
+        moved: Array = expm(time * np.array([[0.0, 1.0], [-w * w, -2.0 * self.damping * w]]))
+        return moved
+
+
+@dataclass(frozen=True)
+class TorqueSpeed:
+    """Torque that a motor can give at a speed, in four quadrants.
+
+    Where it drives (tau qd > 0), full torque up to the corner speed, then a straight line down to nothing at the speed
+    without load, beyond which it gives none. Where it brakes, full torque at any speed: there the back-EMF helps.
+
+    Raises:
+        ValueError: a number is not finite and positive.
+    """
+
+    corner: Annotated[Vector, Key("Speed up to which the motor gives full torque", "rad/s", at_least=0)]
+    no_load: Annotated[Vector, Key("Speed at which it gives none", "rad/s", "; more than corner", above=0)]
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that mean nothing."""
+        check_numbers(self)
+
+    def check(self, timing: Timing) -> Iterator[Fault]:
+        """Yield a fault where the line does not fall."""
+        if np.any(np.asarray(self.no_load) <= np.asarray(self.corner)):
+            yield Fault(("no_load",), "is not more than corner", wanted="more than corner on every joint")
+
+
+@dataclass(frozen=True)
+class ThermalLimit:
+    """Torque that a motor can give for ever: above it, it warms up, h' = ((u/torque)^2 - h)/time with h = 0 at first.
+
+    While h >= 1 no more than that torque is given. A constant torque u is cut after -time ln(1 - (torque/u)^2).
+
+    Raises:
+        ValueError: a number is not finite and positive.
+    """
+
+    torque: Annotated[Vector, Key("Continuous torque", "N m", ", in N for slide joints", above=0)]
+    time: Annotated[float, Key("Thermal time constant", "s", above=0)]
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that mean nothing."""
+        check_numbers(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Drives(Structure):
+    """The drives of n joints as kernels see them, over N control instants; arrays of no rows stand for none."""
+
+    active: bool
+    """Whether any of what follows is there, `rate` and `decay` excepted."""
+    rate: Array
+    """Largest change of the commanded torque from one control instant to the next, (n,) or (0,) [N m]."""
+    decay: Array
+    """What is left of a lag after half a physics step, a whole one, and on average over a control period, (3,) or
+    (0,)."""
+    late: IntArray
+    """Physics steps for which the command before is held, at each control instant, (N,) or (0,)."""
+    commands: Annotated[Array, 2]
+    """Commands on their way, in a ring, (d, n), d the command's delay in control periods."""
+    quantum: float
+    """Commands are rounded to a multiple of this; 0 for none [N m]."""
+    offset: Array
+    """Torque that is added to them, (n,) or (0,) [N m]."""
+    half: Annotated[Array, 2]
+    whole: Annotated[Array, 2]
+    """Transition of the current loop's gap over half a physics step and a whole one, (2, 2) or (0, 2)."""
+    corner: Array
+    no_load: Array
+    """Speeds of the torque-speed line, (n,) or (0,) [rad/s]."""
+    continuous: Array
+    """Continuous torque, (n,) or (0,) [N m]."""
+    cooling: float
+    """What is left of a difference of temperature after a physics step."""
+    torques: Annotated[Array, 3]
+    """Torques on their way to the joints, in a ring, (d, 3, n), d the torque's delay in physics steps."""
+    target: Array
+    """Command that the drives have received, (n,) [N m]."""
+    held: Array
+    """Command that they follow, (n,) [N m]."""
+    rising: Array
+    """Rate of change of the current loop's torque, (n,) [N m/s]."""
+    heat: Array
+    """Share of the temperature that the continuous torque leads to, (n,)."""
+
+    @property
+    def states(self) -> tuple[Array, ...]:
+        """Arrays that a run moves on; all zero at its start."""
+        return self.commands, self.torques, self.target, self.held, self.rising, self.heat
+
+
+@kernel
+def command(drives: Drives, k: int, tau_law: Array, before: Array, tau_max: Array, tau: Array) -> None:
+    """Fill `tau` (n,) with the command of control instant k: the law's torque within its limits and their rate.
+
+    Args:
+        drives: The drives.
+        k: Number of the control instant; the first command is not limited in rate.
+        tau_law: The law's torque, (n,) [N m].
+        before: Command of the instant before, (n,) [N m].
+        tau_max: Torque limits, (n,) [N m].
+        tau: The command, filled.
+    """
+    limited = k > 0 and len(drives.rate) > 0
+    for i in range(len(tau)):
+        x = clip(tau_law[i], tau_max[i])
+        if limited:
+            x = before[i] + clip(x - before[i], drives.rate[i])
+        tau[i] = x
+
+
+@kernel
+def receive(drives: Drives, k: int, tau: Array) -> None:
+    """Take in the command `tau` (n,) of control instant k: late, rounded and shifted, it becomes the target.
+
+    Until the first command has arrived that one is taken, as if the arm had been held there; so nothing is held back at
+    k = 0.
+    """
+    ring, target = drives.commands, drives.target
+    for i in range(len(tau)):
+        x = tau[i]
+        if len(ring) > 0:
+            slot = k % len(ring)
+            if k == 0:
+                for j in range(len(ring)):
+                    ring[j, i] = x
+            ring[slot, i], x = x, ring[slot, i]
+        if drives.quantum > 0.0:
+            x = nearest_multiple(x, drives.quantum)
+        if len(drives.offset) > 0:
+            x += drives.offset[i]
+        target[i] = x
+        if k == 0:
+            drives.held[i] = x
+
+
+@kernel
+def most_torque(drives: Drives, i: int, u: float, qd: float, tau_max: float) -> float:
+    """Return the most that the motor of joint i gives in the direction of torque `u` [N m] at speed `qd` [rad/s]."""
+    most = tau_max
+    if len(drives.corner) > 0 and u * qd > 0.0:
+        left = (drives.no_load[i] - abs(qd)) / (drives.no_load[i] - drives.corner[i])
+        most = tau_max * min(max(left, 0.0), 1.0)
+    if len(drives.continuous) > 0 and drives.heat[i] >= 1.0:
+        most = min(most, drives.continuous[i])
+    return most
+
+
+@kernel
+def drive(
+    drives: Drives,
+    step: int,
+    qd: Array,
+    tau_max: Array,
+    output: Array,
+    torque: Array,
+) -> None:
+    """Fill `torque` (3, n) [N m] with what the motors give at the start, middle and end of a physics step.
+
+    The speed and the temperature at its start decide what they can give.
+
+    Args:
+        drives: The drives; moved on by the step.
+        step: Number of the physics step since the start of the run.
+        qd: Velocity at its start, (n,) [rad/s].
+        tau_max: Torque limits, (n,) [N m].
+        output: Torque of the current loop, (n,) [N m]; moved on.
+        torque: Filled.
+    """
+    first_order, second_order = len(drives.decay) > 0, len(drives.half) > 0
+    limited = len(drives.corner) > 0 or len(drives.continuous) > 0
+    ring = drives.torques
+    for i in range(len(qd)):
+        goal = drives.held[i]
+        if second_order:
+            gap, rising = output[i] - goal, drives.rising[i]
+            torque[0, i] = output[i]
+            torque[1, i] = goal + drives.half[0, 0] * gap + drives.half[0, 1] * rising
+            output[i] = goal + drives.whole[0, 0] * gap + drives.whole[0, 1] * rising
+            drives.rising[i] = drives.whole[1, 0] * gap + drives.whole[1, 1] * rising
+            torque[2, i] = output[i]
+        elif first_order:
+            gap = output[i] - goal
+            torque[0, i] = output[i]
+            torque[1, i] = goal + gap * drives.decay[0]
+            output[i] = goal + gap * drives.decay[1]
+            torque[2, i] = output[i]
+        else:
+            torque[0, i] = torque[1, i] = torque[2, i] = goal
+        if limited:
+            for stage in range(3):
+                u = torque[stage, i]
+                torque[stage, i] = clip(u, most_torque(drives, i, u, qd[i], tau_max[i]))
+            if len(drives.continuous) > 0:
+                load = torque[0, i] / drives.continuous[i]
+                load *= load
+                drives.heat[i] = load + (drives.heat[i] - load) * drives.cooling
+        if len(ring) > 0:
+            slot = step % len(ring)
+            for stage in range(3):
+                if step == 0:
+                    for j in range(len(ring)):
+                        ring[j, stage, i] = torque[0, i]
+                ring[slot, stage, i], torque[stage, i] = torque[stage, i], ring[slot, stage, i]
