@@ -49,8 +49,12 @@ KINDS: dict[str, tuple[Callable[..., Any], Outcome]] = {
     "wrong shape": (wrong_shape, ERROR),
     "bad state": (faulty_laws.sound, DIVERGED),
 }
-CHAINED = [name for name, condition in CONDITIONS.items() if not (condition.payload or condition.friction)]
-"""Conditions that are the loop's alone; a payload has tests of its own for this."""
+CHAINED = [
+    name
+    for name, condition in CONDITIONS.items()
+    if not (condition.payload or condition.friction or condition.chain.torque_speed)
+]
+"""Conditions that are the loop's alone and let a huge torque act; a payload has tests of its own for this."""
 READABLE = ("raising law", "wrong shape", "bad state")
 """What only the readable path can meet: compiled laws raise nothing else, and compiled plants are our own."""
 

@@ -175,13 +175,22 @@ def receive(drives: Drives, k: int, tau: Array) -> None:
 
 @kernel
 def most_torque(drives: Drives, i: int, u: float, qd: float, tau_max: float) -> float:
-    """Return the most that the motor of joint i gives in the direction of torque `u` [N m] at speed `qd` [rad/s]."""
+    """Return the most that a motor gives in the direction of a torque [N m].
+
+    Args:
+        drives: The drives.
+        i: The joint.
+        u: The torque [N m].
+        qd: Speed of the joint [rad/s].
+        tau_max: Its torque limit [N m].
+    """
     most = tau_max
     if len(drives.corner) > 0 and u * qd > 0.0:
         left = (drives.no_load[i] - abs(qd)) / (drives.no_load[i] - drives.corner[i])
-        most = tau_max * min(max(left, 0.0), 1.0)
-    if len(drives.continuous) > 0 and drives.heat[i] >= 1.0:
-        most = min(most, drives.continuous[i])
+        if left < 1.0:
+            most = tau_max * left if left > 0.0 else 0.0
+    if len(drives.continuous) > 0 and drives.heat[i] >= 1.0 and drives.continuous[i] < most:
+        most = drives.continuous[i]
     return most
 
 

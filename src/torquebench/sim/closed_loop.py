@@ -42,7 +42,7 @@ def actuate(job: Job, k: int) -> None:
     drive the mean is added up while it acts; here the record begins with the disturbance.
     """
     tau, applied, drives = job.record_tau[k], job.torque[0], job.drives
-    command(drives, k, job.record_tau_law[k], job.record_tau[max(k - 1, 0)], job.tau_max, tau)
+    command(drives, k, job.record_tau_law[k], job.record_tau[k - 1 if k > 0 else 0], job.tau_max, tau)
     for i in range(len(tau)):
         applied[i] = tau[i]
     if drives.active:
