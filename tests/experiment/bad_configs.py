@@ -414,7 +414,13 @@ TWO_LINK = (
 SCENARIOS = [
     Bad("chain: ideal", "chain: 5", "chain", "got 5, wanted one of ideal, fast, slow, or a mapping (encoder_noise,"),
     Bad("chain: ideal", "chain: [fast]", "chain", "got a list of 1, wanted one of ideal, fast, slow, or a mapping"),
-    Bad("chain: ideal", "chain: {}\ndelay: 0.004", "measurement_delay", "wanted it in chain", "measurement_delay:"),
+    Bad(
+        "chain: ideal",
+        "chain: {}\nmeasurement_delay: 0.004",
+        "measurement_delay",
+        "wanted it in chain",
+        "measurement_delay:",
+    ),
     bad_scenario("encoder_noise: 0.0001", "encoder_noise: -0.0001", "chain.encoder_noise", "at least 0"),
     bad_scenario("encoder_noise: 0.0001", "encoder_noise: [0, 1]", "chain.encoder_noise", "wanted a number [rad]"),
     bad_scenario("quantisation: 0.0002", "quantization: 0.0002", "chain.quantization", "did you mean 'quantisation'"),
@@ -429,6 +435,20 @@ SCENARIOS = [
         "measurement_delay: 0.004", "measurement_delay: 4", "chain.measurement_delay", "less than run.duration, 4 s"
     ),
     bad_scenario("measurement_delay: 0.004", "measurement_delay: -0.004", "chain.measurement_delay", "at least 0"),
+    bad_scenario("actuator_lag: 0.003", "torque_delay: 0.0015", "chain.torque_delay", "multiple of plant.timestep"),
+    bad_scenario("actuator_lag: 0.003", "jitter: 0.0005", "chain.jitter", "at least plant.timestep, 0.001 s, or 0"),
+    bad_scenario("actuator_lag: 0.003", "jitter: 0.1", "chain.jitter", "at most run.control_period"),
+    bad_scenario("actuator_lag: 0.003", "velocity_noise: 1", "chain.velocity_noise", "no effect", "velocity_noise:"),
+    bad_scenario("actuator_lag: 0.003", "torque_rate: [1, 2]", "chain.torque_rate", "wanted one number or 6"),
+    bad_scenario("actuator_lag: 0.003", "torque_speed: {corner: 2, no_load: 2}", "chain.torque_speed.no_load", "more"),
+    bad_scenario("actuator_lag: 0.003", "current_loop: {frequency: 0}", "chain.current_loop.frequency", "more than 0"),
+    bad_scenario(
+        "velocity: differentiated\n  velocity_filter: 300",
+        "velocity: kalman",
+        "chain.kalman_acceleration",
+        "missing",
+        "chain:",
+    ),
     bad_scenario("actuator_lag: 0.003", "actuator_lag: .inf", "chain.actuator_lag", "finite"),
     bad_scenario("actuator_lag: 0.003", "actuator_lag: 0.003\n  seed: 3", "chain.seed", "in run"),
 ]

@@ -223,6 +223,42 @@ sweep:
     by: hf
 """
 """A section of `GOOD` that is no experiment's."""
+DRIVEN = SCENARIO.replace(
+    """\
+  velocity: differentiated
+  velocity_filter: 300
+  measurement_delay: 0.004
+  actuator_lag: 0.003
+""",
+    """\
+  encoder_offset: 0.001
+  encoder_ripple:
+    amplitude: 0.0001
+    cycles: 12
+    phase: 0.5
+  velocity: tachometer
+  velocity_noise: 0.01
+  torque_rate: 1000
+  missed_deadlines: 0.01
+  jitter: 0.002
+  command_delay: 0.004
+  torque_quantum: 0.01
+  torque_offset: [0.1, 0, 0, 0, 0, 0]
+  current_loop:
+    frequency: 900
+    damping: 0.6
+  torque_speed:
+    corner: 2
+    no_load: [4, 4, 4, 5, 5, 5]
+  thermal_limit:
+    torque: 10
+    time: 5
+  torque_delay: 0.001
+""",
+)
+FILTERED = SCENARIO.replace(
+    "  velocity: differentiated\n  velocity_filter: 300\n", "  velocity: kalman\n  kalman_acceleration: 20\n"
+)
 VARIED = {
     "controllers.*.gains.lam",
     "run.metrics_from",
@@ -238,6 +274,8 @@ ALL = {
     "analytic": ANALYTIC,
     "fuzzy": FUZZY,
     "scenario": SCENARIO,
+    "driven": DRIVEN,
+    "filtered": FILTERED,
     "tolerance": TOLERANCE,
     "single": SINGLE,
     "minimal": MINIMAL,

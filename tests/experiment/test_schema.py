@@ -44,7 +44,7 @@ def test_key_reference_has_every_key_in_a_table_of_four_columns() -> None:
         assert listed == [*law.options, *["fuzzy"] * len(law.rules), *law.gains]
 
 
-WRITTEN = ("good", "step", "ramp", "analytic", "fuzzy", "scenario", "tolerance", "single")
+WRITTEN = ("good", "step", "ramp", "analytic", "fuzzy", "scenario", "driven", "filtered", "tolerance", "single")
 FACTS = [
     ("initial_q", "home is every joint at zero. References start at zero whatever initial_q is"),
     ("expect", "failed makes a failing run the expected outcome"),

@@ -142,9 +142,9 @@ def test_every_mistake_of_every_case_is_told_at_once() -> None:
 
 def test_a_mistake_that_two_values_make_together_names_both() -> None:
     """A delay that is a multiple of one control period but not of the other."""
-    text = BASE + "sweep: {grid: {run.control_period: [0.001, 0.002], chain.delay: [0.002, 0.003]}}\n"
+    text = BASE + "sweep: {grid: {run.control_period: [0.001, 0.002], chain.measurement_delay: [0.002, 0.003]}}\n"
     (problem,) = problems_of(text)
-    assert "chain.delay = 0.003" in problem.message
+    assert "chain.measurement_delay = 0.003" in problem.message
     assert "run.control_period = 0.002" in problem.message
 
 
