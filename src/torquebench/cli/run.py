@@ -44,7 +44,7 @@ def run(
     from torquebench.experiment import load_experiment
     from torquebench.experiment.build import build
     from torquebench.experiment.certify import flags
-    from torquebench.experiment.describe import fuzzy_facts, fuzzy_remarks
+    from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
     from torquebench.experiment.folder import write_experiment, write_trajectory
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
@@ -60,6 +60,8 @@ def run(
         experiment = load_experiment(config, overrides)
     elif from_sweep is not None and index is not None:
         experiment = _row_of_sweep(from_sweep, index, plugin)
+    for line in chosen_text(experiment):
+        say(line)
     loop = build(experiment)
     for flag in flags(experiment, loop):
         warn(f"torquebench: {flag}")
