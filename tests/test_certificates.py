@@ -21,6 +21,7 @@ from torquebench.experiment.certify import Coarse, certificates, flags, sliding_
 from torquebench.experiment.folder import manifest_of
 from torquebench.experiment.run import run_experiment
 from torquebench.references import Quintic, Sine, Step
+from torquebench.report.tables import certificate_table, uncovered
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 PERIOD = 0.001
@@ -505,9 +506,20 @@ def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, 
         assert result.metrics[name].max_error.value > 4.0
     assert result.metrics["gentle"].max_error.value < 1e-5
     assert manifest_of(result)["flags"] == [str(one) for one in found]
+    for name in ("sign", "layer"):  # s stays within a layer that is an error of 8.4 rad: nothing is shown
+        facts, phi = result.certified[name], 0.3 if name == "layer" else None
+        one = {"joint": 1, "layer": pytest.approx(84.0), "phi": phi, "error": pytest.approx(8.4)}
+        assert facts["too_wide"] == [one]
+        assert (facts["vacuous"], facts["reaching_time"], facts["reaching_bound"]) == (True, None, None)
+        assert facts["no_bound"] == "vacuous: the layer is too wide"
+    assert result.certified["gentle"]["too_wide"] == []
+    assert [line.split("'")[1] for line in uncovered(result)] == ["sign", "layer"]
+    assert "roll: K moves s by 84 rad/s, 280 phi, before the loop" in uncovered(result)[1]
+    assert [row[3] for row in certificate_table(result)[1]][:2] == ["vacuous", "vacuous"]
     calm = experiment.with_({f"controllers.{one.controller}.gains.k": one.k_most for one in found[:2]})
     cured = run_experiment(calm.with_({"controllers.fast.gains.kv": 500}))
     assert cured.flags == ()
+    assert uncovered(cured) == []
     assert cured.metrics["sign"].max_error.value < 0.03
     assert cured.metrics["layer"].max_error.value < 1e-3
 

@@ -22,7 +22,7 @@ from torquebench.sim.trajectory import Trajectory
 
 ROLLOUT_TOLERANCE = 1e-12
 """Largest joint-angle gap of two closed loops that still counts as agreement [rad]."""
-STEP_TOLERANCE = 1e-12
+STEP_TOLERANCE = 1e-11
 """Largest torque that one step from equal states may leave unexplained, over the loop's own, to count as agreement."""
 ROUNDINGS = 8.0
 """How many times the velocities of such a step may be rounded."""

@@ -52,7 +52,7 @@ def run(
     from torquebench.report.answer import answer
     from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
-    from torquebench.report.tables import certificate_table
+    from torquebench.report.tables import certificate_table, uncovered
 
     for file in plugin:
         load_plugin(file)
@@ -85,6 +85,8 @@ def run(
     say()
     if certificates:
         say(table(*certificate_table(result)))
+        if lines := uncovered(result):
+            say("\n".join(["", *lines]))
     for line in fuzzy_remarks(experiment):
         say(line)
     say()

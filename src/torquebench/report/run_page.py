@@ -17,7 +17,7 @@ from torquebench.report.looks import looks
 from torquebench.report.render import THREE, UPLOT, render
 from torquebench.report.replay import replay_data
 from torquebench.report.scatter import Point, scatter
-from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text
+from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text, uncovered
 
 LEAST = 1e-3
 """Smaller figures of the table are written as ``<0.001``; the stored one is told under the pointer."""
@@ -63,7 +63,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         unit=joint_units(METRICS["rmse"].shown_unit, result.slides),
         by_joint=by_joint(result),
         certificates=certificate_words(result),
-        flags=[*result.flags, *changed_arm(result)],
+        flags=[*result.flags, *uncovered(result), *changed_arm(result)],
         conditions=[first, second],
         gains=gain_table(result),
         config=dump_experiment(experiment),
@@ -185,6 +185,9 @@ def certificate_words(result: ExperimentResult) -> list[tuple[str, list[tuple[bo
         after = f"; V of (142): {set_point['says']}" if set_point else ""
         if not outside:
             found.append((name, [(enough, gain), (True, "never outside"), (True, f"nothing to certify{after}")]))
+            continue
+        if facts.get("vacuous"):
+            found.append((name, [(enough, gain), (False, "so wide that it covers nothing"), (False, "nothing shown")]))
             continue
         time, bound, rising = facts["reaching_time"], facts["reaching_bound"], facts["share_rising_outside"]
         bounded = facts.get("no_bound") or ("none" if bound is None else f"{number(bound)} s")
