@@ -21,6 +21,7 @@ from torquebench.experiment.certify import Coarse, certificates, flags, sliding_
 from torquebench.experiment.folder import manifest_of
 from torquebench.experiment.run import run_experiment
 from torquebench.references import Quintic, Sine, Step
+from torquebench.report.run_page import certificate_words
 from torquebench.report.tables import certificate_table, uncovered
 from torquebench.sim.trajectory import Outcome, Trajectory
 
@@ -516,6 +517,9 @@ def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, 
     assert [line.split("'")[1] for line in uncovered(result)] == ["sign", "layer"]
     assert "roll: K moves s by 84 rad/s, 280 phi, before the loop" in uncovered(result)[1]
     assert [row[3] for row in certificate_table(result)[1]][:2] == ["vacuous", "vacuous"]
+    told = {name: [text for _, text in cells[1:]] for name, cells in certificate_words(result)}
+    assert told["sign"] == told["layer"] == ["so wide that it covers nothing", "nothing shown"]
+    assert told["gentle"] == ["never outside", "nothing to certify"]
     calm = experiment.with_({f"controllers.{one.controller}.gains.k": one.k_most for one in found[:2]})
     cured = run_experiment(calm.with_({"controllers.fast.gains.kv": 500}))
     assert cured.flags == ()

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.sweep.examples import plan_of
 from torquebench import Array, Gain, controller, load_model
 from torquebench.chain import CHAINS, Chain
 from torquebench.errors import ConfigError, ControllerError
@@ -205,6 +206,18 @@ def test_gains_follow_what_is_set_beside_the_file(tmp_path: Path) -> None:
     assert given == {"lam": first["lam"], "k": 0.5}
     assert named == first
     assert load_experiment(path).with_({"controllers.smc.gains": "auto"}).controllers[0].gains == first
+
+
+def test_a_sweep_chooses_gains_for_each_of_its_runs() -> None:
+    """In a case with twice the period the second K is half as large; what goes with a slope goes with each draw."""
+    sweep = "sweep: {draws: 3, grid: {run.control_period: [0.001, 0.002]}, random: {%s: {uniform: [8, 12]}}}\n"
+    plan = plan_of(TEXT + sweep % "controllers.twelve.gains.lam")
+    k = [np.array(plan.experiment(case, 0).controllers[0].gains["k"]) for case in (0, 1)]
+    assert k[1][1] == pytest.approx(0.5 * k[0][1], rel=0.01)
+    for draw in range(3):
+        gains = plan.experiment(0, draw).controllers[1].gains
+        assert 8.0 < gains["lam"] < 12.0
+        assert gains["phi"] == pytest.approx(0.005 * gains["lam"], rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ most D_i / I_i. The rest follows: a law that holds s within a layer phi = lambda
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -59,21 +60,22 @@ class Limits:
     scale: Array
     """Inertia scale Mbar of the model [kg m^2]."""
 
-    @classmethod
-    def of(cls, model: RobotModel) -> Limits:
-        """Return those of an arm, from its dynamics at zero and at random poses."""
-        reach = np.where(model.flat.kind == SLIDE, REACH, np.pi)
-        q = np.concatenate([np.zeros((1, model.n)), np.random.default_rng(0).uniform(-reach, reach, (POSES, model.n))])
-        M = model.mass_matrix(q)
-        flat = model.flat
-        gravity = np.max(np.abs(model.gravity(q)), axis=0)
-        heaviest = np.max(np.diagonal(M, axis1=1, axis2=2), axis=0)
-        return cls(flat.tau_max, least_inertia(M), heaviest, gravity, flat.inertia_scale)
-
     @property
     def spare(self) -> Array:
         """Torque beyond gravity's [N m]; a tenth of the limit at least."""
         return np.maximum(self.tau_max - self.gravity, 0.1 * self.tau_max)
+
+
+@functools.lru_cache(maxsize=4)
+def limits_of(model: RobotModel) -> Limits:
+    """Return the limits of an arm, from its dynamics at zero and at random poses."""
+    flat, reach = model.flat, np.where(model.flat.kind == SLIDE, REACH, np.pi)
+    q = np.concatenate([np.zeros((1, model.n)), np.random.default_rng(0).uniform(-reach, reach, (POSES, model.n))])
+    M = model.mass_matrix(q)
+    heaviest = np.max(np.diagonal(M, axis1=1, axis2=2), axis=0)
+    return Limits(
+        flat.tau_max, least_inertia(M), heaviest, np.max(np.abs(model.gravity(q)), axis=0), flat.inertia_scale
+    )
 
 
 def least_inertia(M: Array) -> Array:

@@ -17,7 +17,7 @@ from torquebench.kernel import Array
 from torquebench.laws.declare import FixedRules, Gain, Option, Rules, check_conditions, declared_fields
 from torquebench.registry import Registry
 from torquebench.robot.robot_model import RobotModel
-from torquebench.tuning import Fit, Limits, choose
+from torquebench.tuning import Fit, choose, limits_of
 
 
 class Nothing(NamedTuple):
@@ -145,7 +145,7 @@ class Law:
         rules = {name: gain.rule for name, gain in acting.items() if gain.rule is not None}
         known = {name: np.full(model.n, value, dtype=np.float64) for name, value in given.items()}
         has_model = bool(chosen.get("equivalent_control"))
-        found = choose(Fit(Limits.of(model), chain.reaction(control_period), rules, has_model, known))
+        found = choose(Fit(limits_of(model), chain.reaction(control_period), rules, has_model, known))
         return {name: given[name] if name in given else found[name] for name in acting}
 
     def no_rule(self, name: str) -> str:

@@ -183,11 +183,11 @@ def certificate_words(result: ExperimentResult) -> list[tuple[str, list[tuple[bo
         gain = f"{'large enough, by' if enough else 'too small, by'} {number(abs(worst['value']))} {force} ({where})"
         set_point = facts.get("set_point")
         after = f"; V of (142): {set_point['says']}" if set_point else ""
+        if len(facts.get("too_wide", ())) == len(result.joints.names):
+            found.append((name, [(enough, gain), (False, "so wide that it covers nothing"), (False, "nothing shown")]))
+            continue
         if not outside:
             found.append((name, [(enough, gain), (True, "never outside"), (True, f"nothing to certify{after}")]))
-            continue
-        if facts.get("vacuous"):
-            found.append((name, [(enough, gain), (False, "so wide that it covers nothing"), (False, "nothing shown")]))
             continue
         time, bound, rising = facts["reaching_time"], facts["reaching_bound"], facts["share_rising_outside"]
         bounded = facts.get("no_bound") or ("none" if bound is None else f"{number(bound)} s")
