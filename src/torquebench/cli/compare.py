@@ -141,12 +141,12 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
     )
     say(scale(rows))
     say()
-    say(table(["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"], [_cells(r) for r in rows]))
     loops = [row for row in rows if row.own is not None]
+    header = ["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"]
+    say(table(header, [_cells(row) for row in rows if row.own is None]))
     if loops:
-        say()
-        header = ["closed loop", "A and B apart [rad]", "A and itself [rad]", "growth [1/s]", "agrees"]
-        say(table(header, [_loop(row) for row in loops]))
+        header = ["closed loop", "A and B apart [rad]", "joint", "limit [rad]", "A and itself [rad]", "growth [1/s]"]
+        say("\n" + table([*header, "agrees"], [_loop(row) for row in loops]))
     say()
     for row in rows:
         if row.verdict == "undecided":
@@ -198,7 +198,8 @@ def _cells(row: Row) -> list[object]:
 
 def _loop(row: Row) -> list[object]:
     term = row.term.removeprefix("closed loop, ")
-    return [term, f"{row.absolute:.1e}", f"{row.own:.1e}", f"{row.growth:.1f}", _word(row)]
+    apart = [f"{row.absolute:.2e}", row.where, f"{row.limit:.0e}", f"{row.own:.2e}", f"{row.growth:.1f}"]
+    return [term, *apart, _word(row)]
 
 
 def _word(row: Row) -> object:
