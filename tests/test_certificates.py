@@ -17,7 +17,7 @@ from torquebench.certificates import SlidingLaw, certify, coriolis_force, held_t
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment, parse_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.certify import Coarse, certificates, flags, sliding_law
+from torquebench.experiment.certify import Coarse, Overdriven, certificates, flags, sliding_law
 from torquebench.experiment.folder import manifest_of
 from torquebench.experiment.run import run_experiment
 from torquebench.references import Quintic, Sine, Step
@@ -528,12 +528,30 @@ def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, 
     assert cured.metrics["layer"].max_error.value < 1e-3
 
 
+def test_a_rate_gain_too_large_for_its_period_is_named_before_the_run(tmp_path: Path, monkeypatch: Any) -> None:
+    """T Kd / M = 2.1 grows from period to period, and is named; 1.9 dies out, and is not; nor is what auto chooses."""
+    (tmp_path / "models" / "wrist").mkdir(parents=True)
+    (tmp_path / "models" / "wrist" / "wrist.xml").write_text(WRIST)
+    monkeypatch.setenv("TORQUEBENCH_DATA", str(tmp_path))
+    laws = "".join(f"  - {{name: kv-{kv}, law: pd, gains: {{lam: 10, kv: {kv}}}}}\n" for kv in (1900, 2100))
+    text = LIGHT.partition("controllers:")[0] + f"controllers:\n{laws}  - {{law: pd, gains: auto}}\n"
+    experiment = parse_experiment(text + "reference:" + LIGHT.partition("reference:")[2])
+    (found,) = flags(experiment, build(experiment))
+    assert isinstance(found, Overdriven)
+    assert (found.controller, found.joint, found.times) == ("kv-2100", "roll", pytest.approx(2.1))
+    assert "Kd = 0.21 N m s/rad of roll, moves s by 2.1 s" in str(found)
+    errors = {name: values.max_error.value for name, values in run_experiment(experiment).metrics.items()}
+    assert errors["kv-2100"] > 100.0 * errors["kv-1900"]
+
+
 def test_no_shipped_config_has_a_joint_too_light_for_its_gain() -> None:
     """The PUMA's and the two-link arm's rotors are heavy enough at every control period that a config has."""
     for path in sorted(Path("configs").rglob("*.yaml")):
         if not re.search(r"^(sweep|audit):", path.read_text(encoding="utf-8"), re.MULTILINE):
             experiment = load_experiment(path)
-            assert not [one for one in flags(experiment, build(experiment)) if isinstance(one, Coarse)], path
+            assert not [one for one in flags(experiment, build(experiment)) if isinstance(one, Coarse | Overdriven)], (
+                path
+            )
 
 
 def test_a_slow_loop_widens_the_layer():

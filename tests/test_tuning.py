@@ -16,7 +16,7 @@ from torquebench.experiment import dump_experiment, load_experiment, parse_exper
 from torquebench.experiment.describe import chosen_text
 from torquebench.laws import find_law
 from torquebench.laws.law import law_names
-from torquebench.tuning import SHARE, least_inertia
+from torquebench.tuning import SHARE, least_inertia, limits_of
 
 THREE = """
 <mujoco model="three"><worldbody>
@@ -33,6 +33,14 @@ WRIST = """
 <mujoco model="wrist"><worldbody>
   <body><inertial mass="0.2" pos="0 0 0.03" diaginertia="1e-4 1e-4 1e-4"/><joint name="roll" axis="0 0 1"/></body>
   </worldbody><actuator><motor joint="roll" ctrlrange="-28 28"/></actuator></mujoco>"""
+
+
+SLIDER = """
+<mujoco model="slider"><worldbody>
+  <body><inertial mass="2" pos="0 0 0" diaginertia="0.01 0.01 0.01"/><joint name="lift" type="slide" axis="0 0 1"/>
+    <body><inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.05 0.05"/><joint name="turn" axis="0 1 0"/></body></body>
+  </worldbody>
+  <actuator><motor joint="lift" ctrlrange="-90 90"/><motor joint="turn" ctrlrange="-9 9"/></actuator></mujoco>"""
 
 
 @pytest.fixture
@@ -108,6 +116,22 @@ def test_gains_of_one_joint_by_hand(tmp_path: Path) -> None:
     assert given["phi"] == pytest.approx(0.06)
     wide = smc.choose_gains(arm, options=layer, given={"k": 0.3})
     assert wide["phi"] == pytest.approx(8.4 * 0.001 / (0.8 * 1e-4), rel=5e-3)
+
+
+def test_joints_that_slide_are_masses(tmp_path: Path) -> None:
+    """A lift of 3 kg that carries a turning 1 kg at 0.2 m: M = [[3, 0.2 c], [0.2 c, 0.09]], c = cos q up to 1.
+
+    So I = det / (0.09 (1 + r)) for the lift, r = 0.2 / sqrt(0.27), where the axes are most coupled; the limit of 90 N
+    less 29.4 N brakes 0.1 m at lambda = 14.2.
+    """
+    path = tmp_path / "slider.xml"
+    path.write_text(SLIDER)
+    limits = limits_of(load_model(path))
+    least = (0.27 - 0.04) / (0.09 * (1.0 + 0.2 / np.sqrt(0.27)))
+    assert limits.least[0] == pytest.approx(least, rel=1e-3)
+    assert limits.heaviest == pytest.approx([3.0, 0.09])
+    gains = find_law("computed-torque").choose_gains(load_model(path))
+    assert gains["lam"][0] == pytest.approx(np.sqrt((90.0 - 3.0 * 9.81) / (3.0 * 0.1)), rel=5e-3)
 
 
 def followed(path: Path, arm, lam: Array, K: Array, phi: Array) -> float:

@@ -148,12 +148,13 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
         header = ["closed loop", "A and B apart [rad]", "joint", "limit [rad]", "A and itself [rad]", "growth [1/s]"]
         say("\n" + table([*header, "agrees"], [_loop(row) for row in loops]))
     say()
+    same = all(row.agrees for row in rows if row.term.startswith("one step"))
     for row in rows:
         if row.verdict == "undecided":
             say(
                 f"{row.term}: undecided, as this loop amplifies round-off: started {comparison.ULP:.1e} rad beside, A "
-                f"comes apart from itself by {row.own:.1e} rad. That A and B do says nothing about them; from equal "
-                "states they take the same steps, as the rows of one step show."
+                f"comes apart from itself by {row.own:.1e} rad. That A and B do says nothing about them"
+                + ("; from equal states they take the same steps, as the rows of one step show." if same else ".")
             )
     counted = [row for row in rows if row.verdict != "undecided"]
     idle = f"; {len(rows) - len(counted)} undecided" * (len(counted) < len(rows))
