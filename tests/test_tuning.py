@@ -232,6 +232,15 @@ def test_gains_follow_what_is_set_beside_the_file(tmp_path: Path) -> None:
     assert load_experiment(path).with_({"controllers.smc.gains": "auto"}).controllers[0].gains == first
 
 
+def test_what_extends_a_controller_with_chosen_gains_may_give_some() -> None:
+    """``gains: {lam: 12}`` beside ``extends`` of one that says auto leaves the others to be chosen, to go with it."""
+    text = TEXT.replace(
+        "  - {law: computed-torque", "  - {extends: smc, name: more, gains: {lam: 12}}\n  - {law: computed-torque"
+    )
+    gains = parse_experiment(text).controllers[2].gains
+    assert gains == find_law("smc").choose_gains(load_model("two-link"), given={"lam": 12.0})
+
+
 def test_a_sweep_chooses_gains_for_each_of_its_runs() -> None:
     """In a case with twice the period the second K is half as large; what goes with a slope goes with each draw."""
     sweep = "sweep: {draws: 3, grid: {run.control_period: [0.001, 0.002]}, random: {%s: {uniform: [8, 12]}}}\n"
