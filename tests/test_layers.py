@@ -22,7 +22,7 @@ LAYERS = (
     ("kernel",),
     ("fuzzy", "robot"),
     ("references", "disturbances"),
-    ("chain",),
+    ("chain", "tuning"),
     ("laws",),
     ("dialect",),
     ("sim",),

@@ -96,6 +96,19 @@ class SlidingLaw:
     """Rate gain of that term, (n,) [N m s/rad]."""
 
 
+class TooWide(NamedTuple):
+    """A joint whose layer is so wide that a certificate shows nothing of it."""
+
+    joint: int
+    """Its number, from 1."""
+    layer: float
+    """Half-width of the layer [rad/s]."""
+    phi: float | None
+    """That of the law [rad/s]; None for a law that switches."""
+    error: float
+    """Error at the edge of the layer, where the joint rests, layer / lambda [rad]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Certificate:
     """Certificates at the control instants but the last, (N-1, ...)."""
@@ -132,6 +145,14 @@ class Certificate:
     """Bound on it, sqrt(2 V max sum |M_ij|) / min(-V_rate / sum |s|); infinite when V grew on the way."""
     set_point: SetPoint | None = None
     """The paper's own function for its law, (142), while the desired position stands still; None for other laws."""
+    too_wide: tuple[TooWide, ...] = ()
+    """Joints of which nothing is shown: what K moves s before the loop answers is over `WIDE` phi, or, without a phi,
+    over lambda times the joint's motion."""
+
+    @property
+    def covers_nothing(self) -> bool:
+        """Whether that is every joint."""
+        return len(self.too_wide) == len(self.K)
 
     @property
     def outside(self) -> npt.NDArray[np.bool_]:
@@ -140,12 +161,14 @@ class Certificate:
 
     @property
     def is_vacuous(self) -> bool:
-        """Whether no joint ever is outside its layer, so that nothing was demanded and nothing is shown."""
-        return not self.outside.any()
+        """Whether nothing is shown: no joint ever is outside its layer, or every layer is too wide."""
+        return self.covers_nothing or not self.outside.any()
 
     @property
     def no_bound(self) -> str | None:
         """Why there is no bound on the reaching time, in words; None where there is one that says something."""
+        if self.covers_nothing:
+            return "vacuous: the layer is too wide"
         if self.reaching_bound is None:
             return "vacuous: nothing is ever outside the layer"
         if math.isinf(self.reaching_bound):
@@ -172,19 +195,21 @@ class Certificate:
         k, joint = np.unravel_index(int(np.argmin(self.margin)), self.margin.shape)
         outside = self.outside
         rising = outside & (self.V_rate > 0.0)
-        time = self.reaching_time
+        time = None if self.covers_nothing else self.reaching_time
+        rises = float(np.sum(rising) / np.sum(outside)) if not self.is_vacuous else None
         return {
             "vacuous": self.is_vacuous,
             "V_max": float(np.max(self.V)),
             "V_rate_max_outside": float(np.max(self.V_rate[outside])) if outside.any() else None,
             "share_outside": float(np.mean(outside)),
-            "share_rising_outside": float(np.sum(rising) / np.sum(outside)) if outside.any() else None,
+            "share_rising_outside": rises,
             "least_eta_over_K": self.least_eta,
             "worst_margin": {"value": float(self.margin[k, joint]), "joint": int(joint) + 1, "t": float(self.t[k])},
             "margin_min": [float(x) for x in np.min(self.margin, axis=0)],
             "demand_max": [float(x) for x in np.max(self.demand, axis=0)],
             "K_u_printed": [float(x) for x in self.K_u],
             "layer": [float(x) for x in self.layer],
+            "too_wide": [one._asdict() for one in self.too_wide],
             "reaching_from": self.reaching_from,
             "reaching_time": None if time is None or math.isinf(time) else time,
             "reaching_bound": self.reaching_bound if self.no_bound is None else None,
@@ -304,7 +329,24 @@ def certify(
     margin = law.K - demand
     first, time, bound = _reaching(run.t, s, V, M, fall, layer)
     found = Certificate(law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, eta, K_u, layer, first, time, bound)
+    found = replace(found, too_wide=_too_wide(law, moved, layer, np.max(np.abs(run.q_ref - run.q[0]), axis=0)))
     return found if law.Kp is None else replace(found, set_point=_set_point(found, run, law.Kp, M, V))
+
+
+def _too_wide(law: SlidingLaw, moved: Array, layer: Array, span: Array) -> tuple[TooWide, ...]:
+    """Return the joints whose layer is too wide.
+
+    Args:
+        law: Parameters of the law.
+        moved: What K moves s before the loop answers, (n,) [rad/s].
+        layer: The layers, (n,) [rad/s].
+        span: How far each joint's desired position is from where it starts, at most, (n,) [rad].
+    """
+    span = np.where(span > 0.0, span, np.max(span))
+    most = law.lam * span if law.phi is None else WIDE * law.phi
+    phi = [None] * len(layer) if law.phi is None else law.phi.tolist()
+    beyond = np.flatnonzero((moved > most) & (most > 0.0)).tolist()
+    return tuple(TooWide(i + 1, float(layer[i]), phi[i], float((layer / law.lam)[i])) for i in beyond)
 
 
 def _set_point(found: Certificate, run: Trajectory, Kp: Array, M: Array, V: Array) -> SetPoint:
@@ -369,6 +411,8 @@ def required_gain(
     return np.asarray(np.max(np.abs(needed), axis=0))
 
 
+WIDE = 10.0
+"""Times phi from which on a layer is so wide that nothing is shown of its joint [1]."""
 UNSTABLE = 2.0
 """T (K/phi + Kd) / M from which a joint sampled with period T does not come to rest in its layer [1]."""
 COARSE = 0.1

@@ -8,12 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
+from torquebench.experiment.controllers import Controller
+from torquebench.experiment.extends import AUTO
 from torquebench.experiment.groups import group_of
 from torquebench.experiment.rules import check_rules
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, apply_overrides, read_bytes, read_document
+from torquebench.experiment.start import write_keyframe
 from torquebench.experiment.values import Here
 from torquebench.kernel import Array
+from torquebench.laws import find_law
 from torquebench.robot import load_model
 from torquebench.sim.signals import control_instants
 
@@ -56,6 +60,7 @@ def check_experiment(document: Document) -> Experiment:
         ConfigError: something in it is wrong; all mistakes at once, in reading order. Sections are held against each
             other where each is right by itself.
     """
+    write_keyframe(document)
     top = group_of(Experiment)
     values = top.values(document.root, Here(document, top))
     check_rules(document, values)
@@ -63,7 +68,9 @@ def check_experiment(document: Document) -> Experiment:
     if values["run"].metrics_from is None:
         values["run"] = dataclasses.replace(values["run"], metrics_from=values["reference"].metrics_from)
     experiment = Experiment(**values)
-    if not is_sized(document):
+    if any(_is_open(value) for keys in experiment.controllers for value in keys.gains.values()):
+        experiment = with_gains(experiment)
+    if not _has_relative(document):
         return experiment
     rms = motion_torque(experiment)
     sized = tuple(item.sized(rms) if hasattr(item, "sized") else item for item in experiment.disturbances)
@@ -71,9 +78,36 @@ def check_experiment(document: Document) -> Experiment:
 
 
 def is_sized(document: Document) -> bool:
-    """Whether a valid config gives the size of a disturbance relative to the motion's torque."""
+    """Whether a valid config has numbers that follow from others: relative disturbances, or gains that are chosen."""
+    chosen = any(AUTO in item["gains"].values() for item in document.root["controllers"] if "gains" in item)
+    return chosen or _has_relative(document)
+
+
+def _has_relative(document: Document) -> bool:
     given = document.root.get("disturbances")
     return isinstance(given, str) or (isinstance(given, list) and any("relative" in item for item in given))
+
+
+def _is_open(value: object) -> bool:
+    """Whether a gain is still to be chosen."""
+    return value == AUTO
+
+
+def with_gains(experiment: Experiment) -> Experiment:
+    """Return an experiment with numbers in place of the gains that are to be chosen; see `Law.choose_gains`.
+
+    They suit the arm itself, without load and friction, whatever the laws believe of it.
+    """
+    arm, controllers, chosen = load_model(experiment.plant.model), list[Controller](), dict[str, tuple[str, ...]]()
+    for keys in experiment.controllers:
+        given = {name: value for name, value in keys.gains.items() if not _is_open(value)}
+        if len(given) < len(keys.gains):
+            law, period = find_law(keys.law), experiment.run.control_period
+            gains = law.choose_gains(arm, period, experiment.chain, keys.options, given)
+            chosen[keys.name] = tuple(name for name in gains if name not in given)
+            keys = dataclasses.replace(keys, gains=gains)
+        controllers.append(keys)
+    return dataclasses.replace(experiment, controllers=tuple(controllers), chosen=chosen)
 
 
 def motion_torque(experiment: Experiment) -> Array:
