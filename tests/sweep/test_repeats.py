@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 
 from tests.sweep.examples import plan_of
+from torquebench.sim import session
 from torquebench.sim.session import Session
+from torquebench.sweep.executors import Threads
 from torquebench.sweep.repeats import Known
 from torquebench.sweep.table import Table
 from torquebench.sweep.worker import Task, Worker
@@ -93,3 +95,18 @@ def test_nothing_else_is_taken_over(change: tuple[str, str], monkeypatch: pytest
     rows(text, known, monkeypatch)
     changed = text.replace(*change)
     assert same(rows(changed, known, monkeypatch)[0], rows(changed, None, monkeypatch)[0])
+
+
+def test_sweeps_that_belong_together_compile_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many small sweeps are interpreted each by itself, and compiled where all of them together are worth it."""
+    asked = list[float]()
+
+    def reason(plant: Any, law: Any, steps: float) -> str:
+        asked.append(steps)
+        return "not here"
+
+    monkeypatch.setattr(session, "reason_to_interpret", reason)
+    plan = plan_of(TEXT.replace("CHAIN", "ideal"))
+    for known in (Known(), Known(steps=10**9)):
+        list(Threads(1, known).run(Task(plan.source, plan.pairs, None), [0]))
+        assert (max(asked) >= 10**9) == bool(known.steps)

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Known:
-    """What came of loops that were run, in any sweep of one process, by their key."""
+    """What the sweeps of one piece of work share, such as those of an audit: loops that were run, by their key."""
 
+    steps: int = 0
+    """Control steps of all these sweeps together, by which compiling is worth it or not."""
     ended: dict[bytes, Ended] = field(default_factory=dict)
     metrics: dict[bytes, Array] = field(default_factory=dict)
 

@@ -8,19 +8,20 @@ from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench.certificates import FIGURES
+from torquebench.certificates import FIGURES, Phases
 from torquebench.errors import ConfigError, ModelError
 from torquebench.experiment.build import Builder, Loop
-from torquebench.experiment.certify import certificate_of
+from torquebench.experiment.certify import certificate_of, truth_of
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.run import recorded, trial_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import atomic_write
 from torquebench.metrics import METRICS, JointRecord, headlines_of
+from torquebench.robot import RobotModel
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import Plan, Source, pairs_of
@@ -63,11 +64,13 @@ class Worker:
 
     Args:
         plan: The sweep.
+        steps: Control steps that will be asked for, if more than the sweep's own.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, steps: int = 0) -> None:
         self._plan, self._build = plan, Builder()
-        steps = plan.rows * plan.first.n_steps
+        steps = max(steps, plan.rows * plan.first.n_steps)
+        self._last_truth: tuple[Any, RobotModel | Phases] | None = None
         self._sessions = [Session(overwrite=True, steps=steps) for _ in plan.controllers]
 
     def columns(
@@ -160,8 +163,16 @@ class Worker:
         """Return the figures of a run's certificates, where the sweep asks for them and the law has them."""
         if not self._plan.keys.certificates:
             return {}
-        found = certificate_of(experiment, loop, keys, run)
+        found = certificate_of(experiment, loop, keys, run, self._truth(experiment))
         return {} if found is None else found.figures
+
+    def _truth(self, experiment: Experiment) -> RobotModel | Phases:
+        """Return the true arm, the last one again where the plant is the same."""
+        run, plant = experiment.run, experiment.plant
+        key = plant, run.control_period, None if plant.perturb is None else (run.seed, run.draw)
+        if self._last_truth is None or self._last_truth[0] != key:
+            self._last_truth = key, truth_of(experiment)
+        return self._last_truth[1]
 
 
 def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:
@@ -193,6 +204,7 @@ def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False, 
         ConfigError: the sweep's file or a plug-in cannot be used here.
     """
     if getattr(_thread, "source", None) != task.source:
-        _thread.worker, _thread.source = Worker(Plan(task.source)), task.source
+        steps = 0 if known is None else known.steps
+        _thread.worker, _thread.source = Worker(Plan(task.source), steps), task.source
     worker: Worker = _thread.worker
     return worker.columns(task, shard, stop, known)
