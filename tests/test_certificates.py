@@ -13,7 +13,7 @@ import pytest
 from tests.arms import PENDULUM_INERTIA, pendulum
 from tests.sampled import simulate_sampled
 from torquebench import CHAINS, AnalyticPlant, Chain, Controller, Puma560, find_law, load_model
-from torquebench.certificates import SlidingLaw, certify, coriolis_force, held_to, required_gain
+from torquebench.certificates import SlidingLaw, certify, held_to, required_gain
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment, parse_experiment
 from torquebench.experiment.build import build
@@ -52,7 +52,7 @@ def test_coriolis_force_makes_the_energy_balance(name: str) -> None:
     h = 1e-5
     rate = (arm.mass_matrix(q + h * qd) - arm.mass_matrix(q - h * qd)) / (2 * h)
     wanted = 0.5 * np.einsum("ki,kij,kj->k", s, rate, s)
-    found = np.einsum("ki,ki->k", s, coriolis_force(arm, q, qd, s))
+    found = np.einsum("ki,ki->k", s, arm.sliding_terms(q, qd, s)[1])
     assert np.max(np.abs(found - wanted)) < 1e-7 * np.max(np.abs(wanted))
 
 
@@ -66,7 +66,7 @@ def test_the_rate_of_V_is_that_of_the_equation() -> None:
     qdd = arm.forward_dynamics(run.q, run.qd, run.tau)
     ds = run.qdd_ref - qdd + 10.0 * de
     wanted = np.einsum("ki,kij,kj->k", s, arm.mass_matrix(run.q), ds)
-    wanted += np.einsum("ki,ki->k", s, coriolis_force(arm, run.q, run.qd, s))
+    wanted += np.einsum("ki,ki->k", s, arm.sliding_terms(run.q, run.qd, s)[1])
     assert np.max(np.abs(found.V_rate - wanted[:-1])) < 0.05 * np.max(np.abs(wanted))
     assert np.max(np.abs(found.V_rate + wanted[:-1])) > np.max(np.abs(wanted))  # the sign
 
@@ -79,7 +79,7 @@ def test_the_demand_is_the_disturbance_where_the_model_is_right() -> None:
     push, arm = np.array([3.0, -2.0]), load_model("two-link")
     run = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation", disturbance=np.tile(push, (1000, 1)))
     found = certify(run, arm, law_of(phi=PHI), PERIOD)
-    turning = coriolis_force(arm, run.q[:-1], run.qd[:-1], found.s)
+    turning = arm.sliding_terms(run.q[:-1], run.qd[:-1], found.s)[1]
     assert np.max(np.abs(turning)) > 0.2
     assert np.max(np.abs(found.demand - np.abs(turning - push))) < 0.05
     calm = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation")
@@ -236,9 +236,9 @@ class Block:
         """None."""
         return np.zeros_like(q)
 
-    def gravity(self, q: Any) -> Any:
-        """None."""
-        return np.zeros_like(q)
+    def sliding_terms(self, q: Any, qd: Any, s: Any) -> Any:
+        """The same mass matrix, and no torque."""
+        return self.mass_matrix(q), np.zeros_like(q), np.zeros_like(q)
 
 
 def along(qd: Any, tau: Any = None, tau_law: Any = None, q_ref: Any = 0.0, period: float = PERIOD) -> Trajectory:

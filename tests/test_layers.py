@@ -25,7 +25,7 @@ LAYERS = (
     ("chain", "tuning"),
     ("laws",),
     ("dialect",),
-    ("sim",),
+    ("sim", "beliefs"),
     ("check_cases", "comparison"),
     ("check",),
     ("metrics", "statistics"),

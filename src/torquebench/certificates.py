@@ -50,8 +50,8 @@ class Arm(Protocol):
         """Coriolis, centrifugal and gravity torque, (N, n) [N m]."""
         ...
 
-    def gravity(self, q: Array) -> Array:
-        """Gravity torque, (N, n) [N m]."""
+    def sliding_terms(self, q: Array, qd: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Mass matrix M, C(q, qd) s, and gravity torque; see `RobotModel.sliding_terms`."""
         ...
 
 
@@ -73,9 +73,11 @@ class Phases:
         k = self.at
         return np.concatenate([self.first.bias_forces(q[:k], qd[:k]), self.later.bias_forces(q[k:], qd[k:])])
 
-    def gravity(self, q: Array) -> Array:
-        """Gravity torque, (N, n) [N m]."""
-        return np.concatenate([self.first.gravity(q[: self.at]), self.later.gravity(q[self.at :])])
+    def sliding_terms(self, q: Array, qd: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Mass matrix M, C(q, qd) s, and gravity torque; see `RobotModel.sliding_terms`."""
+        parts = (self.first, slice(0, self.at)), (self.later, slice(self.at, None))
+        M, turning, g = zip(*(arm.sliding_terms(q[own], qd[own], s[own]) for arm, own in parts), strict=True)
+        return np.concatenate(M), np.concatenate(turning), np.concatenate(g)
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,20 +270,6 @@ def outside_of(s: Array, layer: Array) -> npt.NDArray[np.bool_]:
     return np.asarray(np.any(np.abs(s) > layer, axis=1))
 
 
-def coriolis_force(truth: Arm, q: Array, qd: Array, s: Array) -> Array:
-    """C(q, qd) s with the C of Christoffel's symbols, for which dM/dt - 2C is skew-symmetric, (N, n) [N m].
-
-    The velocity torque is a quadratic form v(x) = C(q, x) x, so C(q, qd) s = (v(qd + s) - v(qd) - v(s)) / 2.
-
-    Args:
-        truth: The arm.
-        q, qd, s: Position [rad], velocity [rad/s] and sliding variable [rad/s], (N, n).
-    """
-    return np.asarray(
-        0.5 * (truth.bias_forces(q, qd + s) - truth.bias_forces(q, qd) - truth.bias_forces(q, s) + truth.gravity(q))
-    )
-
-
 def certify(
     run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float, reaction: float | None = None
 ) -> Certificate:
@@ -304,26 +292,25 @@ def certify(
     """
     if not run.completed or len(run.t) < 2:
         raise ResultError("certificates need a completed run of at least two control instants")
-    q, qd = run.q[:-1], run.qd[:-1]
     e, de = run.q_ref - run.q, run.qd_ref - run.qd
     s = de + law.lam * e
     ds = run.qdd_ref[:-1] + law.lam * de[:-1] - np.diff(run.qd, axis=0) / control_period
-    M = truth.mass_matrix(run.q)
+    M, turning, g = truth.sliding_terms(run.q, run.qd, s)
+    turning = turning[:-1]
     V = 0.5 * np.einsum("ki,kij,kj->k", s, M, s)
     if law.belief is None:
-        tau_eq = np.zeros_like(q)
+        tau_eq = np.zeros_like(turning)
     else:
         seen = law.lam * (run.qd_ref - run.qd_meas)[:-1]
         tau_eq = law.belief.inverse_dynamics(run.q_meas[:-1], run.qd_meas[:-1], run.qdd_ref[:-1] + seen)
     inertial = np.einsum("kij,kj->ki", M[:-1], ds)
-    turning = coriolis_force(truth, q, qd, s[:-1])
     demand = np.abs(inertial + turning + run.tau[:-1] - tau_eq)
     middle = s[:-1] + 0.5 * control_period * ds
     V_rate = np.einsum("ki,ki->k", middle, inertial + turning)
     eta = -np.sign(s[:-1]) * (inertial + turning)
     size = np.sum(np.abs(middle), axis=1)
     fall = -V_rate / np.where(size > 0.0, size, np.nan)
-    K_u = np.max(np.abs(inertial) + np.abs(turning) + np.abs(truth.gravity(q)), axis=0)
+    K_u = np.max(np.abs(inertial) + np.abs(turning) + np.abs(g[:-1]), axis=0)
     moved = (reaction or control_period) * np.max(np.abs(np.linalg.inv(M)) @ law.K, axis=0)
     layer = moved if law.phi is None else np.maximum(law.phi, moved)
     margin = law.K - demand
