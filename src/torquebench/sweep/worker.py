@@ -25,6 +25,10 @@ from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import Plan, Source, pairs_of
 from torquebench.sweep.table import REFUSED, Table, empty_columns, key_values
 
+KEPT = 31 << 20
+"""Bytes of freed memory that glibc is to keep, which it does once so much was freed: else each array of a run costs
+the operating system's handing out of its pages, which takes longer than to fill it."""
+
 
 class Ended(NamedTuple):
     """Outcome of one run."""
@@ -62,6 +66,7 @@ class Worker:
     """
 
     def __init__(self, plan: Plan) -> None:
+        np.empty(KEPT, dtype=np.uint8)  # freed at once, which is what tells the C library
         self._plan, self._build = plan, Builder()
         steps = plan.rows * plan.first.n_steps
         self._sessions = [Session(overwrite=True, steps=steps) for _ in plan.controllers]
