@@ -1,8 +1,10 @@
 """The page of a sweep in a browser: what counts filters table and front, titles sort, a row gives its commands."""
 
+import shlex
+
 import pytest
 
-from tests.report.test_sweep_page import GRID, SUMMARY, TABLE, page_of, run
+from tests.report.test_sweep_page import GRID, LAM, MASS, SUMMARY, TABLE, page_of, run
 from tests.sweep.tables import made
 from torquebench.sweep.best import best_choices
 
@@ -92,8 +94,9 @@ def test_a_row_gives_its_commands(browse, address):
     index += "ab".index(second.controller)
     said = page.value("document.querySelector('#rerun').textContent")
     assert said == f"torquebench run --from-sweep {folder} --index {index} -o again"
-    sets = page.value("document.querySelector('#sets').textContent").split(" \\\n")
-    assert sets == [f"--set controllers.{second.controller}.gains.lam=10", "--set plant.payload.mass=2"]
+    words = shlex.split(page.value("document.querySelector('#narrow').textContent"))
+    grid = f'sweep.grid={{"{LAM}": [{second.worst.values[LAM]:g}], "{MASS}": [0, 2]}}'
+    assert words == ["torquebench", "sweep", f"{folder}/sweep.yaml", "--set", grid, "-o", "alone"]
     assert page.value(f"{row}.getAttribute('aria-selected')") == "true"
     assert page.value("document.querySelectorAll('#front circle.chosen').length") == 1
     page.close()
