@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +18,17 @@ from torquebench.experiment.source import Document, apply_overrides, read_bytes,
 from torquebench.experiment.start import write_keyframe
 from torquebench.experiment.values import Here
 from torquebench.kernel import Array
+<<<<<<< HEAD
 from torquebench.laws import find_law
+=======
+from torquebench.keys import altered
+>>>>>>> 9a4485d36e03c37c422b631f7711c49be23bc6a0
 from torquebench.robot import load_model
 from torquebench.sim.signals import control_instants
 
 MILLISECOND = 0.001
+MOTIONS = 64
+"""Motions whose torque `MotionTorques` keeps."""
 
 
 def load_experiment(path: Path | str, overrides: Sequence[str] = ()) -> Experiment:
@@ -60,13 +67,22 @@ def check_experiment(document: Document) -> Experiment:
         ConfigError: something in it is wrong; all mistakes at once, in reading order. Sections are held against each
             other where each is right by itself.
     """
+<<<<<<< HEAD
     write_keyframe(document)
+=======
+    return sized(unsized(document), motion_torque)
+
+
+def unsized(document: Document) -> Experiment:
+    """Check an experiment as `check_experiment` does; disturbances relative to the motion's torque stay so."""
+>>>>>>> 9a4485d36e03c37c422b631f7711c49be23bc6a0
     top = group_of(Experiment)
     values = top.values(document.root, Here(document, top))
     check_rules(document, values)
     document.raise_problems()
     if values["run"].metrics_from is None:
         values["run"] = dataclasses.replace(values["run"], metrics_from=values["reference"].metrics_from)
+<<<<<<< HEAD
     experiment = Experiment(**values)
     if any(_is_open(value) for keys in experiment.controllers for value in keys.gains.values()):
         experiment = with_gains(experiment)
@@ -86,6 +102,25 @@ def is_sized(document: Document) -> bool:
 def _has_relative(document: Document) -> bool:
     given = document.root.get("disturbances")
     return isinstance(given, str) or (isinstance(given, list) and any("relative" in item for item in given))
+=======
+    return Experiment(**values)
+
+
+def sized(experiment: Experiment, torque_of: Callable[[Experiment], Array]) -> Experiment:
+    """Return an experiment with torques in place of what its disturbances have of the motion's.
+
+    Args:
+        experiment: As of `unsized`.
+        torque_of: `motion_torque`, or `MotionTorques`.
+    """
+    acting = experiment.disturbances
+    if all(getattr(item, "relative", None) is None for item in acting):
+        return experiment
+    rms = torque_of(experiment)
+    return altered(
+        experiment, disturbances=tuple(item.sized(rms) if hasattr(item, "sized") else item for item in acting)
+    )
+>>>>>>> 9a4485d36e03c37c422b631f7711c49be23bc6a0
 
 
 def _is_open(value: object) -> bool:
@@ -121,3 +156,19 @@ def motion_torque(experiment: Experiment) -> Array:
     tau = load_model(experiment.plant.model).inverse_dynamics(motion.q, motion.qd, motion.qdd)
     rms: Array = np.sqrt(np.mean(tau**2, axis=0))
     return rms
+
+
+class MotionTorques:
+    """`motion_torque` of many experiments, worked out once for each motion; the arms' files must stay as they are."""
+
+    def __init__(self) -> None:
+        self._known: list[tuple[tuple[Any, ...], Array]] = []
+
+    def __call__(self, experiment: Experiment) -> Array:
+        """Return the RMS torque that the motion takes, (n,) [N m]."""
+        key = experiment.reference, experiment.run.duration, experiment.plant.model
+        for known, rms in self._known:
+            if known == key:
+                return rms
+        self._known = [*self._known[1 - MOTIONS :], (key, motion_torque(experiment))]
+        return self._known[-1][1]

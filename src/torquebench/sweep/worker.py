@@ -28,6 +28,10 @@ from torquebench.sweep.plan import Plan, Source, pairs_of
 from torquebench.sweep.repeats import Known, keys_of
 from torquebench.sweep.table import REFUSED, Table, empty_columns, key_values
 
+KEPT = 31 << 20
+"""Bytes of freed memory that glibc is to keep, which it does once so much was freed: else each array of a run costs
+the operating system's handing out of its pages, which takes longer than to fill it."""
+
 
 class Ended(NamedTuple):
     """Outcome of one run."""
@@ -68,6 +72,7 @@ class Worker:
     """
 
     def __init__(self, plan: Plan, steps: int = 0) -> None:
+        np.empty(KEPT, dtype=np.uint8)  # freed at once, which is what tells the C library
         self._plan, self._build = plan, Builder()
         steps = max(steps, plan.rows * plan.first.n_steps)
         self._last_truth: tuple[Any, RobotModel | Phases] | None = None
