@@ -18,11 +18,8 @@ from torquebench.experiment.source import Document, apply_overrides, read_bytes,
 from torquebench.experiment.start import write_keyframe
 from torquebench.experiment.values import Here
 from torquebench.kernel import Array
-<<<<<<< HEAD
-from torquebench.laws import find_law
-=======
 from torquebench.keys import altered
->>>>>>> 9a4485d36e03c37c422b631f7711c49be23bc6a0
+from torquebench.laws import find_law
 from torquebench.robot import load_model
 from torquebench.sim.signals import control_instants
 
@@ -67,52 +64,30 @@ def check_experiment(document: Document) -> Experiment:
         ConfigError: something in it is wrong; all mistakes at once, in reading order. Sections are held against each
             other where each is right by itself.
     """
-<<<<<<< HEAD
-    write_keyframe(document)
-=======
     return sized(unsized(document), motion_torque)
 
 
 def unsized(document: Document) -> Experiment:
-    """Check an experiment as `check_experiment` does; disturbances relative to the motion's torque stay so."""
->>>>>>> 9a4485d36e03c37c422b631f7711c49be23bc6a0
+    """Check an experiment as `check_experiment` does; what is relative to the motion, or to be chosen, stays so."""
+    write_keyframe(document)
     top = group_of(Experiment)
     values = top.values(document.root, Here(document, top))
     check_rules(document, values)
     document.raise_problems()
     if values["run"].metrics_from is None:
         values["run"] = dataclasses.replace(values["run"], metrics_from=values["reference"].metrics_from)
-<<<<<<< HEAD
-    experiment = Experiment(**values)
-    if any(_is_open(value) for keys in experiment.controllers for value in keys.gains.values()):
-        experiment = with_gains(experiment)
-    if not _has_relative(document):
-        return experiment
-    rms = motion_torque(experiment)
-    sized = tuple(item.sized(rms) if hasattr(item, "sized") else item for item in experiment.disturbances)
-    return dataclasses.replace(experiment, disturbances=sized)
-
-
-def is_sized(document: Document) -> bool:
-    """Whether a valid config has numbers that follow from others: relative disturbances, or gains that are chosen."""
-    chosen = any(AUTO in item["gains"].values() for item in document.root["controllers"] if "gains" in item)
-    return chosen or _has_relative(document)
-
-
-def _has_relative(document: Document) -> bool:
-    given = document.root.get("disturbances")
-    return isinstance(given, str) or (isinstance(given, list) and any("relative" in item for item in given))
-=======
     return Experiment(**values)
 
 
 def sized(experiment: Experiment, torque_of: Callable[[Experiment], Array]) -> Experiment:
-    """Return an experiment with torques in place of what its disturbances have of the motion's.
+    """Return an experiment with numbers in place of gains to be chosen, and of shares of the motion's torque.
 
     Args:
         experiment: As of `unsized`.
         torque_of: `motion_torque`, or `MotionTorques`.
     """
+    if any(_is_open(value) for keys in experiment.controllers for value in keys.gains.values()):
+        experiment = with_gains(experiment)
     acting = experiment.disturbances
     if all(getattr(item, "relative", None) is None for item in acting):
         return experiment
@@ -120,7 +95,6 @@ def sized(experiment: Experiment, torque_of: Callable[[Experiment], Array]) -> E
     return altered(
         experiment, disturbances=tuple(item.sized(rms) if hasattr(item, "sized") else item for item in acting)
     )
->>>>>>> 9a4485d36e03c37c422b631f7711c49be23bc6a0
 
 
 def _is_open(value: object) -> bool:
@@ -142,7 +116,7 @@ def with_gains(experiment: Experiment) -> Experiment:
             chosen[keys.name] = tuple(name for name in gains if name not in given)
             keys = dataclasses.replace(keys, gains=gains)
         controllers.append(keys)
-    return dataclasses.replace(experiment, controllers=tuple(controllers), chosen=chosen)
+    return altered(experiment, controllers=tuple(controllers), chosen=chosen)
 
 
 def motion_torque(experiment: Experiment) -> Array:
