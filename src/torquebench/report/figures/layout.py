@@ -63,6 +63,16 @@ def is_narrow() -> bool:
     return _sheet.get().width < NARROW
 
 
+def page_width() -> float:
+    """Return the width of the sheet [in]."""
+    return _sheet.get().width
+
+
+def has_headings() -> bool:
+    """Whether title and subtitle stand above a figure."""
+    return _sheet.get().headings
+
+
 def least_font(size: float) -> float:
     """Return a size of text [pt], or that of the smallest text of the sheet."""
     return max(size, _sheet.get().least_font)
