@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import html
+import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench.audit.judge import Judged, judge_study
-from torquebench.audit.pages import write_files
-from torquebench.audit.run import CONDITIONS, Part, Runs, parts_of, run_parts
+from torquebench.audit.pages import figures_of, write_files
+from torquebench.audit.run import CONDITIONS, Part, Runs, parts_of, read_parts, run_parts
 from torquebench.audit.study import Study, take_audit
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.dump import flat_text
 from torquebench.experiment.run import Progress
 from torquebench.experiment.source import apply_overrides, read_bytes, read_document
-from torquebench.experiment.store import MANIFEST, RunDirectory, claim_folder, json_bytes
+from torquebench.experiment.store import MANIFEST, RunDirectory, add_to_run, check_run, claim_folder, json_bytes
 from torquebench.laws.plugin import load_plugin
 from torquebench.shipped import find_config
 from torquebench.sweeps import edits_of
@@ -25,6 +26,8 @@ from torquebench.sweeps import edits_of
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from torquebench.report.figures.files import Wish
 
 STUDY = "study.yaml"
 """The study's file, as it was given."""
@@ -72,7 +75,7 @@ def run_audit(
     parts = parts_of(asked, draws)
     directory = _claim(None if folder is None else Path(folder), asked, parts)
     directory.write(STUDY, text)
-    directory.write(DIGEST, json_bytes({"digest": _digest(parts)}))
+    directory.write(DIGEST, json_bytes({"digest": _digest(parts), "draws": draws, "set": edits}))
     total = sum(part.plan.rows for part in parts)
     done = 0
 
@@ -90,6 +93,60 @@ def run_audit(
     return Audit(asked, runs, judged, directory.folder, reduced=draws is not None)
 
 
+def read_audit(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Audit:
+    """Read a finished audit from its folder; its claims are judged again, nothing is run.
+
+    Args:
+        folder: The folder.
+        plugins: Python files that register kinds of your own.
+
+    Raises:
+        ConfigError: a condition's folder holds another sweep.
+        ResultError: it is no finished audit's folder, a stored file was altered, or this version asks for other runs.
+    """
+    folder, files = Path(folder), tuple(Path(file).absolute() for file in plugins)
+    for file in files:
+        load_plugin(file)
+    check_run(folder)
+    if not (folder / DIGEST).is_file():
+        raise ResultError(f"{folder}: is no audit's folder: {DIGEST} is missing")
+    made = json.loads((folder / DIGEST).read_bytes())
+    document = read_document(read_bytes(folder / STUDY), str(folder / STUDY))
+    apply_overrides(document, made.get("set", ()))
+    study = take_audit(document)
+    parts = parts_of(study, made.get("draws"))
+    if _digest(parts) != made.get("digest"):
+        raise ResultError(
+            f"{folder}: another version made it; the same torquebench audit with --out {folder} renews it"
+        )
+    runs = read_parts(parts, folder / CONDITIONS, files)
+    return Audit(study, runs, judge_study(study, runs), folder, reduced=made.get("draws") is not None)
+
+
+def draw_audit(
+    audit: Audit, only: Sequence[str], wish: Wish, progress: Progress | None = None, place: str = "only"
+) -> dict[str, bytes]:
+    """Draw figures of an audit into its folder; return each file's name and content.
+
+    Args:
+        audit: The audit.
+        only: Names of the figures that are wanted; all if there are none.
+        wish: How they are written.
+        progress: Told each figure when it is drawn.
+        place: What messages call `only`.
+
+    Raises:
+        ConfigError: the audit has no figure of one of the names.
+    """
+    from torquebench.report.figures.files import check_names, figure_files, wanted
+
+    jobs = {name: draw for name, (_, draw) in figures_of(audit.study, audit.claims).items()}
+    check_names(only, list(jobs), wanted, place)
+    files = dict(figure_files(jobs, wish, progress, only))
+    add_to_run(audit.folder, files)
+    return files
+
+
 def _digest(parts: Sequence[Part]) -> str:
     """Return what identifies the runs of an audit."""
     return hashlib.sha256("\n".join(part.folder + "\n" + part.text for part in parts).encode()).hexdigest()
@@ -98,7 +155,7 @@ def _digest(parts: Sequence[Part]) -> str:
 def _claim(folder: Path | None, study: Study, parts: Sequence[Part]) -> RunDirectory:
     """Return the folder to write to: a new or empty one, or one in which the same audit was begun."""
     if folder is not None and (folder / DIGEST).is_file():
-        if (folder / DIGEST).read_bytes() != json_bytes({"digest": _digest(parts)}):
+        if json.loads((folder / DIGEST).read_bytes()).get("digest") != _digest(parts):
             message = f"{folder} holds an audit of other runs, wanted a new or empty folder, or this study's own"
             raise ConfigError([Problem("--out", "", message)])
         (folder / MANIFEST).unlink(missing_ok=True)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from tests.audit.studies import STUDY
 from torquebench.audit.judge import judge_study
 from torquebench.audit.run import Runs
-from torquebench.audits import run_audit
+from torquebench.audits import read_audit, run_audit
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
 
@@ -194,3 +195,26 @@ def test_from_python(done):
     assert "<table>" in done._repr_html_()
     with pytest.raises(ResultError, match="did you mean 'exact'"):
         done.claim("exat")
+
+
+def test_figures_are_drawn_again_from_the_folder(done, tmp_path):
+    """The same names and bytes as the audit left, as PNG too; by width for a paper; an unknown name is refused."""
+    folder = tmp_path / "copy"
+    shutil.copytree(done.folder, folder)
+    left = {file.name: file.read_bytes() for file in (folder / "figures").iterdir()}
+    assert main(["figures", str(folder), "--workers", "1"]) == 0
+    for name, content in left.items():
+        assert (folder / "figures" / name).read_bytes() == content
+        assert (folder / "figures" / name).with_suffix(".png").is_file()
+    assert main(["figures", str(folder), "--only", "claims", "--for", "paper", "--pdf"]) == 0
+    for width in (85.0, 180.0):
+        text = (folder / f"figures/claims-{width:g}mm.svg").read_text()
+        points = float(re.search(r'<svg[^>]* width="([0-9.]+)pt"', text)[1])
+        assert points / 72.0 * 25.4 == pytest.approx(width, abs=0.1)
+    assert main(["figures", str(folder), "--only", "clams"]) == 2
+
+
+def test_an_audit_is_read_as_it_was_made(done):
+    """Every claim has the same verdict, sentence and figures."""
+    again = read_audit(done.folder)
+    assert [claim.to_json({}) for claim in again.claims] == [claim.to_json({}) for claim in done.claims]

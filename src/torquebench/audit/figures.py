@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from torquebench.audit.judge import Case, Judged, measure_words, unit_of
 from torquebench.audit.study import Measure, Pair, Study
 from torquebench.audit.verdicts import Interval, Verdict
-from torquebench.report.figures.layout import PAGE_WIDTH
+from torquebench.report.figures.layout import has_headings, is_narrow, least_font, page_width
 from torquebench.report.figures.style import journal_style
 from torquebench.report.looks import looks, series_colour
 
@@ -37,35 +37,51 @@ def overview(study: Study, judged: Sequence[Judged]) -> Figure:
         study: The study.
         judged: Its claims.
     """
+    width = page_width()
     blocks = [_dot_lines(study, claim) for claim in judged]
-    heights = [LINE * (1.3 + len(lines) + 1.0) for lines in blocks]
+    says, ends = (
+        [textwrap.wrap(text, int((width - INDENT) / size)) for text in texts]
+        for texts, size in (
+            ([claim.claim.says for claim in judged], 0.064),
+            ([claim.sentence for claim in judged], 0.053),
+        )
+    )
+    heights = [LINE * (0.6 + len(s) + len(lines) + len(e)) for s, lines, e in zip(says, blocks, ends, strict=True)]
     title = textwrap.wrap(f"Claims: {study.audit.paper.title}" if study.audit.paper else "Claims", 54)[:2]
-    top = 0.25 + 0.19 * len(title)
+    title = title if has_headings() else []
+    top = 0.25 + 0.19 * max(len(title), 1)
     with journal_style():
-        fig = Figure(figsize=(PAGE_WIDTH, top + sum(heights) + 0.1))
+        fig = Figure(figsize=(width, top + sum(heights) + 0.1))
         FigureCanvasAgg(fig)
         ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
         ax.set_axis_off()
-        ax.set_xlim(0.0, PAGE_WIDTH)
+        ax.set_xlim(0.0, width)
         ax.set_ylim(top + sum(heights) + 0.1, 0.0)
         for i, text in enumerate(title):
             ax.text(LEFT, 0.2 + 0.19 * i, text, fontsize=10.0, fontweight="bold", va="center")
         _key(ax)
         y, drawn = top, defaultdict[Verdict, list[tuple[float, float]]](list)
-        for claim, lines, height in zip(judged, blocks, heights, strict=True):
-            ax.plot((LEFT, PAGE_WIDTH - LEFT), (y, y), color="0.85", linewidth=0.5)
+        small = {"fontsize": least_font(6.5), "va": "center"}
+        for claim, own, lines, end, height in zip(judged, says, blocks, ends, heights, strict=True):
+            ax.plot((LEFT, width - LEFT), (y, y), color="0.85", linewidth=0.5)
             verdict = ax.text(LEFT, y + 0.8 * LINE, str(claim.verdict).upper(), fontsize=8.0, va="center")
             verdict.set(color=COLOURS[claim.verdict], fontweight="bold")
-            ax.text(INDENT, y + 0.8 * LINE, claim.claim.says, fontsize=8.0, va="center")
-            for k, groups in enumerate(lines):
+            at = y + 0.8 * LINE
+            for line in own:
+                ax.text(INDENT, at, line, fontsize=8.0, va="center")
+                at += LINE
+            for groups in lines:
                 for x, label, cases in groups:
-                    ax.text(x, y + (1.8 + k) * LINE, label, fontsize=6.5, color="0.3", va="center")
+                    ax.text(x, at, label, color="0.3", **small)  # type: ignore[arg-type]
                     for i, case in enumerate(cases):
-                        drawn[case.verdict].append((x + _label_width(label) + DOT * i, y + (1.8 + k) * LINE))
-            ax.text(INDENT, y + height - 0.55 * LINE, claim.sentence, fontsize=6.5, color="0.4", va="center")
+                        drawn[case.verdict].append((x + _label_width(label) + DOT * i, at))
+                at += LINE
+            for line in end:
+                ax.text(INDENT, at, line, color="0.4", **small)  # type: ignore[arg-type]
+                at += LINE
             y += height
-        for own, places in drawn.items():
-            _dots(ax, places, own, 4.6)
+        for verdict_, places in drawn.items():
+            _dots(ax, places, verdict_, 4.6)
     return fig
 
 
@@ -84,12 +100,13 @@ def _dot_lines(study: Study, claim: Judged) -> list[list[tuple[float, str, list[
     x = INDENT
     for group in groups:
         cases = [case for case in claim.cases if (case.condition[0] if study.axes else "all") == group]
-        width = _label_width(group) + DOT * len(cases) + 0.12
-        if cases and lines[-1] and x + width > PAGE_WIDTH:
-            lines.append([])
-            x = INDENT
-        if cases:
-            lines[-1].append((x, group, cases))
+        most = int((page_width() - INDENT - _label_width(group)) / DOT)
+        for first in range(0, len(cases), most):
+            width = _label_width(group) + DOT * len(cases[first : first + most]) + 0.12
+            if lines[-1] and x + width > page_width() + 0.12:
+                lines.append([])
+                x = INDENT
+            lines[-1].append((x, group, cases[first : first + most]))
             x += width
     return lines
 
@@ -115,7 +132,7 @@ def _dots(
 
 
 def _key(ax: Axes) -> None:
-    x = PAGE_WIDTH - 2.2
+    x = page_width() - 2.2
     for verdict in KEY:
         _dots(ax, [(x, 0.22)], verdict, 5.2)
         ax.text(x + 0.09, 0.22, str(verdict), fontsize=7.5, va="center")
@@ -149,16 +166,20 @@ def _dot_plot(title: str, subtitle: str, points: Sequence[Point], place: Callabl
         place: Sets scale, label and threshold of the axis.
     """
     rows, series = (list(dict.fromkeys(column)) for column in zip(*((p.row, p.series) for p in points), strict=True))
-    step = max(ROW, PITCH * len(series) + 0.05)
-    lines = textwrap.wrap(title, 84)[:2]
-    top = 0.30 + 0.16 * len(lines) + 0.17 * len(series)
-    height = step * len(rows) + top + 0.5
-    left = min(0.5, (0.25 + 0.062 * max(map(len, rows))) / PAGE_WIDTH)
-    numbers = len(series) == 1
+    step = max((1.6 if is_narrow() else 1.0) * ROW, PITCH * len(series) + 0.05)
+    lines = textwrap.wrap(title, 84)[:2] if has_headings() else []
+    labels = [textwrap.fill(own.label, int(14.0 * page_width())) for own in series]
+    keys = sum(1 + label.count("\n") for label in labels)
+    top = 0.30 + 0.16 * len(lines) + 0.17 * keys
+    bottom = 0.66 if is_narrow() else 0.44
+    height = step * len(rows) + top + bottom + 0.06
+    names = [textwrap.fill(row, 18) if is_narrow() else row for row in rows]
+    left = min(0.5, (0.25 + 0.062 * max(len(part) for name in names for part in name.split("\n"))) / page_width())
+    numbers = len(series) == 1 and not is_narrow()  # one column of a journal has no room for them
     with journal_style():
-        fig = Figure(figsize=(PAGE_WIDTH, height))
+        fig = Figure(figsize=(page_width(), height))
         FigureCanvasAgg(fig)
-        ax = fig.add_axes((left, 0.44 / height, (0.74 if numbers else 0.98) - left, step * len(rows) / height))
+        ax = fig.add_axes((left, bottom / height, (0.74 if numbers else 0.98) - left, step * len(rows) / height))
         for y in range(1, len(rows), 2):
             ax.axhspan(y - 0.5, y + 0.5, color="0.965", zorder=-1.0)
         lines_of = defaultdict[Series, list[tuple[float, float]]](list)
@@ -172,26 +193,34 @@ def _dot_plot(title: str, subtitle: str, points: Sequence[Point], place: Callabl
                     low, high = point.interval[1:3]
                     lines_of[point.series] += [(low, at), (high, at), (math.nan, math.nan)]
             if numbers:
-                words = {"fontsize": 6.5, "va": "center", "color": "0.25", "annotation_clip": False}
+                words = {"fontsize": least_font(6.5), "va": "center", "color": "0.25", "annotation_clip": False}
                 ax.annotate(_numbers(point.interval), (1.02, at), xycoords=("axes fraction", "data"), **words)  # type: ignore[arg-type]
         for own, ends in lines_of.items():
             ax.plot(*zip(*ends, strict=True), color=own.colour, linewidth=1.1, zorder=2.5)
         for (verdict, own), places in dots_of.items():
             _dots(ax, places, verdict, 4.6, own)
         place(ax)
+        below = textwrap.wrap(ax.get_xlabel(), int(16.0 * page_width() * (0.98 - left)))
+        ax.set_xlabel("\n".join(below), fontsize=7.5)
         ax.set_ylim(len(rows) - 0.5, -0.5)
-        ax.set_yticks(range(len(rows)), rows, fontsize=7.0)
+        ax.set_yticks(range(len(rows)), names, fontsize=7.0)
         ax.tick_params(axis="y", length=0.0)
         ax.grid(visible=False, axis="y")
         for i, line in enumerate(lines):
             fig.text(0.012, 1.0 - (0.16 + 0.16 * i) / height, line, fontsize=9.0, fontweight="bold", va="center")
         down = 0.18 + 0.16 * len(lines)
-        fig.text(0.012, 1.0 - down / height, subtitle, fontsize=7.5, va="center", color="0.3")
-        for own in series:
+        if has_headings():
+            fig.text(0.012, 1.0 - down / height, subtitle, fontsize=7.5, va="center", color="0.3")
+        for own, label in zip(series, labels, strict=True):
             down += 0.17
             look = {"marker": "o" if own.like else "D", "markersize": 4.5 if own.like else 3.5, "color": own.colour}
-            fig.add_artist(Line2D([0.02], [1.0 - down / height], linestyle="none", transform=fig.transFigure, **look))
-            fig.text(0.032, 1.0 - down / height, own.label, fontsize=7.0, va="center")
+            fig.add_artist(
+                Line2D(
+                    [0.144 / page_width()], [1.0 - down / height], linestyle="none", transform=fig.transFigure, **look
+                )
+            )
+            fig.text(0.23 / page_width(), 1.0 - (down - 0.06) / height, label, fontsize=7.0, va="top")
+            down += 0.17 * label.count("\n")
     return fig
 
 

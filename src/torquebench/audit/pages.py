@@ -104,7 +104,7 @@ def write_files(
     yield "claims.json", json_bytes([claim.to_json(run) for claim in judged])
     yield "claims.md", markdown(study, judged).encode()
     pictures: dict[str, Picture] = {}
-    for name, title, draw in _drawn(study, judged) if figures else ():
+    for name, (title, draw) in figures_of(study, judged).items() if figures else ():
         progress(f"drawing {name}")
         figure = draw()
         if figure is None:
@@ -164,12 +164,16 @@ def write_files(
     )
 
 
-def _drawn(study: Study, judged: Sequence[Judged]) -> Iterator[tuple[str, str, Callable[[], Figure | None]]]:
-    """Yield name, title and maker of each figure."""
+def figures_of(study: Study, judged: Sequence[Judged]) -> dict[str, tuple[str, Callable[[], Figure | None]]]:
+    """Return title and maker of each figure by name: ``claims``; ``CLAIM.1``, ``CLAIM.ablations`` of each claim."""
     from torquebench.audit.figures import ablation_plot, forest, overview
 
-    yield "claims", "The claims", lambda: overview(study, judged)
+    found: dict[str, tuple[str, Callable[[], Figure | None]]] = {
+        "claims": ("The claims", partial(overview, study, judged))
+    }
     for claim in judged:
         for i, measure in enumerate(claim.claim.measures):
-            yield f"{claim.key}.{i + 1}", measure.figure, partial(forest, claim, study.laws, i)
-        yield f"{claim.key}.ablations", "Ablations", partial(ablation_plot, claim)
+            found[f"{claim.key}.{i + 1}"] = (measure.figure, partial(forest, claim, study.laws, i))
+        if claim.ablations:
+            found[f"{claim.key}.ablations"] = ("Ablations", partial(ablation_plot, claim))
+    return found

@@ -29,7 +29,7 @@ from torquebench.robot import load_model
 from torquebench.robot.flat_model import own_copy
 from torquebench.sim.interpreted import Call
 from torquebench.sweep.executors import Threads
-from torquebench.sweep.folder import TABLE
+from torquebench.sweep.folder import TABLE, open_sweep, verify
 from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.repeats import Known
 from torquebench.sweep.run import run_sweep
@@ -177,6 +177,26 @@ def run_parts(
         {part.condition: part.experiment for part in parts},
         {part.condition: table for part, table in zip(parts, tables, strict=True)},
     )
+
+
+def read_parts(parts: Sequence[Part], folder: Path, plugins: tuple[Path, ...] = ()) -> Runs:
+    """Return what came out of a study whose sweeps are finished.
+
+    Args:
+        parts: The sweeps.
+        folder: Where their folders are.
+        plugins: Files of laws of one's own.
+
+    Raises:
+        ConfigError: a folder is not its sweep's.
+        ResultError: one is not finished, or a stored file was altered.
+    """
+    tables = {}
+    for part in parts:
+        stored = open_sweep(folder / part.folder, plugins, "RUN", to_read=True)
+        verify(stored)
+        tables[part.condition] = read_table(stored.folder / TABLE)
+    return Runs({part.condition: part.experiment for part in parts}, tables)
 
 
 def feedforward(experiment: Experiment, controller: str) -> float | None:

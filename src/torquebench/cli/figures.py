@@ -1,4 +1,4 @@
-"""``torquebench figures``: figures of a stored run, or of a sweep, drawn for the screen or for print."""
+"""``torquebench figures``: figures of a stored run, sweep or audit, drawn for the screen or for print."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @command(example="torquebench figures runs/one --only torque --only error --pdf --for paper")
-@argument("folder", type=File(folders=True), metavar="RUN", help="what `run` or `sweep` left")
+@argument("folder", type=File(folders=True), metavar="RUN", help="what `run`, `sweep` or `audit` left")
 @option(
     "--only", multiple=True, metavar="NAME", help="a figure that is wanted (default: all); may be given several times"
 )
@@ -34,10 +34,11 @@ if TYPE_CHECKING:
 @workers(help="how many processes draw (default: one per core)")
 @plugins
 def figures(folder: Path, only: Sequence[str], pdf: bool, use: str, workers: int | None, plugin: Sequence[Path]) -> int:
-    """Draw the figures of a stored run or sweep.
+    """Draw the figures of a stored run, sweep or audit.
 
     They go into its folder `figures`. Nothing is simulated.
     """
+    from torquebench.audits import DIGEST
     from torquebench.laws.plugin import load_plugin
     from torquebench.report.figures.files import Wish, names_of
     from torquebench.sweep.folder import PLAN
@@ -45,7 +46,7 @@ def figures(folder: Path, only: Sequence[str], pdf: bool, use: str, workers: int
     for file in plugin:
         load_plugin(file)
     wish = Wish(pdf, use == "paper", workers or os.cpu_count() or 1)
-    draw = _of_sweep if (folder / PLAN).is_file() else _of_run
+    draw = _of_sweep if (folder / PLAN).is_file() else _of_audit if (folder / DIGEST).is_file() else _of_run
     with progress_bar(0, "figure", "drawing") as bar:
         files = draw(folder, plugin, only, wish, following(bar))
     tell(directory=folder, figures=list(files))
@@ -76,3 +77,12 @@ def _of_sweep(
     files = draw_sweep(read_sweep(folder, plugins), only, wish, progress, "--only")
     add_to_run(folder, files)
     return files
+
+
+def _of_audit(
+    folder: Path, plugins: Sequence[Path], only: Sequence[str], wish: Wish, progress: Progress
+) -> dict[str, bytes]:
+    from torquebench.audits import draw_audit, read_audit
+
+    found = read_run(folder, "figures", lambda path: read_audit(path, plugins))
+    return draw_audit(found, only, wish, progress, "--only")

@@ -100,7 +100,7 @@ def draw_all() -> dict[str, Figure]:
     found = draw_figures(view)
     many = {f"law {k}": make(N, 1.0 + k) for k in range(6)} | {"wild": diverged(N)}
     of_many = RunView(many, title="t", subtitle="s", slides=(False, True), **common)  # type: ignore[arg-type]
-    cells = draw_figures(of_many, ("torque", "sliding", "spectrum"))
+    cells = draw_figures(of_many, ("position", "error", "torque", "sliding", "spectrum"))
     found |= {f"{name} of many": figure for name, figure in cells.items()}
     ratios = [Ratio(0.01 * k, 0.009 * k, 0.011 * k, 9, (0, 0), 0) for k in range(1, 9)]
     spots = [Spot("law", f"family {k}", str(k), r, r, k % 2 == 0) for k, r in enumerate(ratios)]

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 
 from torquebench.kernel import Array
 from torquebench.report.figures import style
-from torquebench.report.figures.layout import SHADE, finish_page, is_narrow, new_page, printable
+from torquebench.report.figures.layout import REFERENCE, SHADE, finish_page, is_narrow, new_page, printable
 from torquebench.report.figures.run_view import TIME, Run, RunView
 
 MOST_LINES = 5
@@ -30,6 +30,8 @@ def draw_cells(
     levels: Mapping[str, Array],
     level: str,
     note: Callable[[Run], str],
+    reference: Array | None = None,
+    rescale: Callable[[Figure], list[Artist]] = lambda _: [],
 ) -> Figure:
     """Draw the range of a signal over time: a row for each controller, a column for each joint, the same axes.
 
@@ -42,6 +44,8 @@ def draw_cells(
         levels: Controller -> levels drawn at +- their values, (n,), where they are in view.
         level: What the levels are, for the legend.
         note: Returns what follows the name of a run.
+        reference: What all are to follow, (N, n), dashed; not where joints are drawn as one.
+        rescale: Sets the scales of the axes, and returns what the legend says of them.
     """
     together = is_narrow() and len(x.joint_names) > _MOST_NARROW
     columns = ["all joints"] if together else list(x.joint_names)
@@ -59,6 +63,8 @@ def draw_cells(
         for i, ax in enumerate(row):
             ax.set_label(f"{run.name} {columns[i]}")
             ax.axvspan(0.0, x.metrics_from, **SHADE)
+            if reference is not None and not together:
+                ax.plot(x.longest.t, reference[:, i], **REFERENCE)
             if run.name not in signals:
                 continue
             own = slice(None) if together else slice(i, i + 1)
@@ -75,6 +81,8 @@ def draw_cells(
     fig.supylabel(label, fontsize=8.0)
     keys: list[Artist] = [Patch(color="0.6", label=f"least to greatest in each 1/{_PARTS} of the run")]
     keys += [Line2D([], [], label=level + ("" if marked else " (beyond the axes)"), **_LEVEL)] if levels else []
+    keys += [Line2D([], [], label="reference", **REFERENCE)] if reference is not None and not together else []
+    keys += rescale(fig)
     finish_page(fig, x.title, x.subtitle, [*keys, *x.shade()])
     return fig
 

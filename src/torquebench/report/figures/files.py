@@ -22,8 +22,8 @@ Drawn: TypeAlias = Figure | Mapping[str, Figure] | None
 Job: TypeAlias = Callable[[], Drawn]
 """Draws one figure or several."""
 Format: TypeAlias = Literal["svg", "png", "pdf"]
-LEAST = 3
-"""Figures below which another process would take longer to start than it saves."""
+LEAST = 8
+"""Figures below which they are drawn here: to start, another process takes as long as it does for two of them."""
 
 
 class Wish(NamedTuple):

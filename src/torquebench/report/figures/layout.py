@@ -63,6 +63,16 @@ def is_narrow() -> bool:
     return _sheet.get().width < NARROW
 
 
+def page_width() -> float:
+    """Return the width of the sheet [in]."""
+    return _sheet.get().width
+
+
+def has_headings() -> bool:
+    """Whether title and subtitle stand above a figure."""
+    return _sheet.get().headings
+
+
 def least_font(size: float) -> float:
     """Return a size of text [pt], or that of the smallest text of the sheet."""
     return max(size, _sheet.get().least_font)
@@ -112,7 +122,6 @@ def panel_grid(
         lowest = i + columns >= n
         ax.set_xlabel(x_label if lowest else "")
         ax.tick_params(labelbottom=lowest)
-    fig.align_ylabels(panels[::columns])
     return fig, panels
 
 
@@ -122,7 +131,7 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
     for part in subtitle.splitlines():
         rows += [(line, 7.5, "normal", "0.3") for line in textwrap.wrap(printable(part), 116)]
     rows = rows if _sheet.get().headings else []
-    for written in fig.findobj(Text):
+    for written in fig.findobj(Text) if least_font(0.0) else ():
         if isinstance(written, Text):
             written.set_fontsize(least_font(float(written.get_fontsize())))
     legend = _legend(fig, handles)
@@ -137,20 +146,43 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
     legend.set_bbox_to_anchor((LEFT, top - 0.5 * GAP / height))
     fig.set_layout_engine("constrained", rect=(0.004, 0.004, 0.99, 1.0 - header / height - 0.004))
     _solve(fig)
-    for ax in fig.axes:  # the solver's round-off follows memory addresses: not the same in every run
-        x, y, width, height = (round(float(edge), 6) for edge in ax.get_position().bounds)
-        ax.set_position((x, y, width, height))
 
 
 def _solve(fig: Figure) -> None:
-    """Lay the page out once, for good, without the drawing that matplotlib's own way of laying out does as well."""
+    """Lay the page out once, for good, without the drawing that matplotlib's own way of laying out does as well.
+
+    Lines around panels are left out of the measuring, and labels of axes stay where they are put: matplotlib would
+    measure every number of every axis again in each drawing.
+    """
     engine, renderer = fig.get_layout_engine(), fig.canvas.get_renderer()  # type: ignore[attr-defined]
-    with renderer._draw_disabled():
-        engine.execute(fig)  # type: ignore[union-attr]
+    for ax in fig.axes:
+        for spine in ax.spines.values():
+            spine.set_in_layout(False)
+    engine.execute(fig)  # type: ignore[union-attr]
+    fig.set_layout_engine(None)  # solved again, panels would move by round-off; a placeholder, "none", draws twice
     for ax in fig.axes:
         locator: Any = ax.get_axes_locator()
         ax.apply_aspect(locator(ax, renderer) if locator else None)
-    fig.set_layout_engine(None)  # solved again, panels would move by round-off; a placeholder, "none", draws twice
+        # the solver's round-off follows memory addresses: not the same in every run
+        x, y, width, height = (round(float(edge), 6) for edge in ax.get_position().bounds)
+        ax.set_position((x, y, width, height))
+    _pin_labels(fig, renderer)
+
+
+def _pin_labels(fig: Figure, renderer: Any) -> None:
+    """Leave the labels of all axes where they are, those of the y axes of panels above one another on one line."""
+    for axis in [axis for ax in fig.axes for axis in (ax.xaxis, ax.yaxis) if axis.label.get_text()]:
+        axis.get_tightbbox(renderer)  # puts the label beside the numbers
+        at = axis.label.get_transform().transform(axis.label.get_position())
+        axis.set_label_coords(*axis.axes.transAxes.inverted().transform(at).round(6).tolist())
+    columns: dict[tuple[float, ...], list[Axes]] = {}
+    for ax in fig.axes:
+        columns.setdefault(tuple(ax.get_position().intervalx.tolist()), []).append(ax)
+    for panels in columns.values():
+        named = [ax.yaxis for ax in panels if ax.get_ylabel()]
+        least = min((axis.label.get_position()[0] for axis in named), default=0.0)
+        for axis in named:
+            axis.set_label_coords(least, axis.label.get_position()[1])
 
 
 def printable(text: str) -> str:

@@ -59,7 +59,6 @@ def draw_lines(
     else:
         style.fit_scale(panels[-1].xaxis, values)
     panels[-1].set_xlabel(key_label(key))
-    fig.align_ylabels(panels)
     handles = [
         Line2D([], [], label=law_name(table, law, rows), markersize=4.0, **looks[law])
         for (law,), rows in laws.items()

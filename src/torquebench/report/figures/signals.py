@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,15 @@ from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.report.figures import style
 from torquebench.report.figures.cells import MOST_LINES, draw_cells
-from torquebench.report.figures.layout import REFERENCE, SHADE, level_lines, panel_grid, printable, write_note
+from torquebench.report.figures.layout import (
+    REFERENCE,
+    SHADE,
+    is_narrow,
+    level_lines,
+    panel_grid,
+    printable,
+    write_note,
+)
 from torquebench.report.figures.run_view import TIME, Run, RunView, draw
 from torquebench.report.tables import joined, number
 from torquebench.sim.trajectory import Trajectory
@@ -55,25 +63,77 @@ def _time_panels(
 
 def draw_position(x: RunView) -> Figure:
     """Draw positions with their reference."""
+    if len(x.runs) > MOST_LINES:
+        return _apart(x, "position", "", lambda data: data.q, lambda _: "", reference=x.longest.q_ref)
     fig, _ = _time_panels(x, "position", "", lambda data: data.q, thin=False, reference=True)
     return x.finish(fig, lambda _: "", Line2D([], [], label="reference", **REFERENCE), *x.shade())
 
 
 def draw_error(x: RunView) -> Figure:
     """Draw tracking errors, with RMSE in the legend."""
+    if len(x.runs) > MOST_LINES:
+        return _apart(x, "error e", "", lambda data: data.q_ref - data.q, lambda run: rmse_note(x, run), rescale=True)
     fig, units = _time_panels(x, "error e", "", lambda data: data.q_ref - data.q, thin=False, reference=False)
-    whole = [np.max(np.abs(run.data.q_ref - run.data.q), axis=0) for run in x.runs if run.data.completed]
-    peaks = np.array(whole).reshape(-1, len(units)) * [unit.factor for unit in units]
-    middle = np.median(peaks, axis=0) if len(peaks) else np.zeros(len(units))
-    keys: list[Artist] = []
-    if (middle > 0.0).all() and (np.max(peaks, axis=0) > HIDES * middle).any():
-        linear = 10.0 ** round(float(np.log10(middle).mean()))
-        for ax in fig.axes:
-            ax.set_yscale("symlog", linthresh=linear)
-            ax.yaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=linear))
-            ax.yaxis.set_major_formatter("{x:g}")
-        keys.append(Line2D([], [], linestyle="none", label=f"linear up to \u00b1{linear:g}, logarithmic beyond"))
+    keys = spread_out(fig, x, [unit.factor for unit in units])
     return x.finish(fig, lambda run: rmse_note(x, run), *keys, *x.shade())
+
+
+def spread_out(fig: Figure, x: RunView, factors: Sequence[float]) -> list[Artist]:
+    """Make the axes of errors logarithmic where the worst run hides the middle one; return the legend's entry.
+
+    Args:
+        fig: The figure.
+        x: The runs.
+        factors: From SI to the unit of each joint, (n,).
+    """
+    whole = [np.max(np.abs(run.data.q_ref - run.data.q), axis=0) for run in x.runs if run.data.completed]
+    peaks = np.array(whole).reshape(-1, len(factors)) * factors
+    middle = np.median(peaks, axis=0) if len(peaks) else np.zeros(len(factors))
+    if not (middle > 0.0).all() or not (np.max(peaks, axis=0) > HIDES * middle).any():
+        return []
+    linear = 10.0 ** round(float(np.log10(middle).mean()))
+    for ax in fig.axes:
+        ax.set_yscale("symlog", linthresh=linear)
+        ax.yaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=linear))
+        ax.yaxis.set_major_formatter("{x:g}")
+        if is_narrow() and len(x.runs) > MOST_LINES:  # no room for every decade
+            top = 10.0 ** np.floor(np.log10(peaks.max()))
+            ax.set_yticks([-top, 0.0, top])
+    return [Line2D([], [], linestyle="none", label=f"linear up to \u00b1{linear:g}, logarithmic beyond")]
+
+
+def _apart(
+    x: RunView,
+    what: str,
+    per: str,
+    signal: Callable[[Trajectory], Array],
+    note: Callable[[Run], str],
+    levels: Mapping[str, Array] | None = None,
+    **more: Any,
+) -> Figure:
+    """Draw a signal of many controllers, a row of panels for each, in one unit.
+
+    Args:
+        x: The runs.
+        what: Name of the signal.
+        per: What follows its unit, rad or m.
+        signal: Returns it, (N, n), in SI units; not finite where a law has none.
+        note: Returns what follows the name of a run.
+        levels: Controller -> levels drawn at +- their values, (n,), in SI units.
+        more: Of `draw_cells`: `reference` in SI units, `rescale`, any, for the scale of errors.
+    """
+    unit = "/".join(dict.fromkeys(x.by_kind("rad", "m")))
+    values = {run.name: y for run in x.runs if np.isfinite(y := signal(run.data)).any()}
+    peak = max(float(np.nanmax(np.abs(y[np.isfinite(y)]))) for y in values.values())
+    scale = style.choose_unit(peak, unit) if unit in ("rad", "m") else style.Unit(f"({unit})", 1.0)
+    own = {name: phi * scale.factor for name, phi in (levels or {}).items()}
+    if "reference" in more:
+        more["reference"] = more["reference"] * scale.factor
+    if "rescale" in more:
+        factors = [scale.factor] * len(x.joint_names)
+        more["rescale"] = lambda fig: spread_out(fig, x, factors)
+    scaled = {name: y * scale.factor for name, y in values.items()}
+    return draw_cells(x, f"{what} [{scale.name}{per}]", scaled, own, "band \u00b1phi", note, **more)
 
 
 def draw_sliding(x: RunView) -> Figure | None:
@@ -81,18 +141,15 @@ def draw_sliding(x: RunView) -> Figure | None:
     has = {run.name: bool(np.isfinite(run.data.s).any()) for run in x.runs}
     if not any(has.values()):
         return None
+
+    def lacks(run: Run) -> str:
+        return "" if has[run.name] else " (has none)"
+
     if len(x.runs) > MOST_LINES:
-        unit = "/".join(dict.fromkeys(x.by_kind("rad", "m")))
-        values = {run.name: run.data.s for run in x.runs if has[run.name]}
-        peak = max(float(np.nanmax(np.abs(s))) for s in values.values())
-        scale = style.choose_unit(peak, unit) if unit in ("rad", "m") else style.Unit(f"({unit})", 1.0)
-        scaled = {name: s * scale.factor for name, s in values.items()}
-        bands = {name: phi * scale.factor for name, phi in x.bands.items()}
-        label = f"sliding variable s [{scale.name}/s]"
-        return draw_cells(x, label, scaled, bands, "band \u00b1phi", lambda run: "" if has[run.name] else " (has none)")
+        return _apart(x, "sliding variable s", "/s", lambda data: data.s, lacks, x.bands)
     fig, units = _time_panels(x, "sliding variable s", "/s", lambda data: data.s, thin=True, reference=False)
     keys = band_lines(x, fig, units)
-    return x.finish(fig, lambda run: "" if has[run.name] else " (has none)", *keys, *x.shade())
+    return x.finish(fig, lacks, *keys, *x.shade())
 
 
 def rmse_note(x: RunView, run: Run) -> str:
