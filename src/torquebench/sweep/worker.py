@@ -105,7 +105,7 @@ class Worker:
 
         for at, found in headlines_of(completed()):
             metrics[at] = found
-        columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names())}
+        columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names()) if key in columns}
         return columns
 
     def pair(self, case: int, draw: int) -> Iterator[Ended]:
