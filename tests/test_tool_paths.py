@@ -10,11 +10,14 @@ from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from PIL import ImageColor
 
+from tests.video.films import camera_of_scene, pixel
 from torquebench.errors import ConfigError
 from torquebench.experiment.config import parse_experiment
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import run_experiment
+from torquebench.experiment.schema import Video
 from torquebench.kernel import Array
 from torquebench.keys import Key
 from torquebench.metrics import from_joints, measured, record_of
@@ -350,3 +353,36 @@ def test_a_run_of_a_path_is_stored_and_read_back(tmp_path: Path) -> None:
     assert "tool_rmse" not in again.joint_metrics.index.get_level_values("metric")
     page = (tmp_path / "out" / "report.html").read_text()
     assert "tool [mm]" in page
+    assert '"path_from": 1.0' in page or '"path_from":1.0' in page
+
+
+def test_a_film_shows_the_wanted_path_and_then_the_travelled_one(tmp_path: Path) -> None:
+    """Most points of the path, where the scene's camera must show them, are blue when it begins and orange at its end.
+
+    Arm and tool hide some; lines are 2 to 5 px wide.
+    """
+    from torquebench.results import run_experiment
+    from torquebench.video.film import read_footage
+    from torquebench.video.job import Job
+    from torquebench.video.opengl import STICK
+    from torquebench.video.overlay import layout_for
+    from torquebench.video.render import FilmRenderer
+    from torquebench.video.stage import STICK_TRAIL, STICK_WANTED
+
+    text = CONFIG.replace("REFERENCE", CIRCLE).replace("duration: 2.0", "duration: 2.9")
+    result = run_experiment(parse_experiment(text), folder=tmp_path / "out")
+    footage, settings = read_footage(tmp_path / "out"), Video()
+    assert footage.path_from == 1.0
+    renderer = FilmRenderer(Job(footage, settings, STICK))
+    box = layout_for(footage.shots, settings.size, 6).panels[0].view
+    places = PUMA.forward_kinematics(result.trajectories["computed-torque"].q_ref[260:700:10])[:, :3, 3]
+    spots = [pixel(place, camera_of_scene(renderer.camera), renderer.part, box.width, box.height) for place in places]
+    for frame, colour in ((25, STICK_WANTED), (71, STICK_TRAIL)):
+        picture = np.asarray(renderer.draw(frame), dtype=float)
+        view = picture[box.y : box.y + box.height, box.x : box.x + box.width]
+        wanted = np.array(ImageColor.getrgb(colour))
+        hits = [
+            np.min(np.abs(view[int(y) - 2 : int(y) + 3, int(x) - 2 : int(x) + 3] - wanted).sum(axis=2)) < 90
+            for x, y in spots
+        ]
+        assert np.mean(hits) > 0.6

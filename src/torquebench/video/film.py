@@ -64,7 +64,9 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         colours = {name: look.colour for name, look in looks(laws).items()}  # the same, whichever are shown
         shots = tuple(_shot(folder, name, laws[name], metrics.get(name), colours[name]) for name in controllers or laws)
         period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
-        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots, corner)
+        since = config["reference"].get("approach")
+        begins = None if since is None else float(since)
+        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots, corner, begins)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ResultError(f"{folder}: its files are not those of a run ({type(error).__name__}: {error})") from error
 
