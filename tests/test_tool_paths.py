@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import ImageColor
 
+from tests.experiment.examples import TOOL
 from tests.video.films import camera_of_scene, pixel
 from torquebench.errors import ConfigError
 from torquebench.experiment.config import parse_experiment
@@ -312,6 +313,9 @@ def test_a_config_s_path_is_dumped_and_read_back() -> None:
         again = parse_experiment(dump_experiment(experiment))
         assert again.reference == experiment.reference
     assert again.reference.points == ((0.0, 0.1, 0.0),)
+    for text in TOOL:
+        experiment = parse_experiment(text)
+        assert parse_experiment(dump_experiment(experiment)) == experiment
 
 
 def test_errors_of_the_tool_are_those_of_a_rigid_turn() -> None:

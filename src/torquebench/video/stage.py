@@ -235,7 +235,8 @@ class StickStage:
         arm, ghost = (np.concatenate([self._base, joint_points(self._m, pose[None])]) for pose in (q, q_ref))
         self._draw_line(picture, ghost, STICK_GHOST, 12.5, dots=12.5)
         self._draw_line(picture, arm, STICK_ARM, 4.4, dots=7.6)
-        self._draw_line(picture, self._wanted, STICK_WANTED, 2.6)
+        if len(self._wanted):
+            self._draw_line(picture, self._wanted, STICK_WANTED, 2.6)
         self._draw_line(picture, trail, STICK_TRAIL, 1.7)
         self._draw_line(picture, arm[-1:], STICK_TOOL, 0.0, dots=8.4)
         return picture
