@@ -161,9 +161,11 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
     if "anyOf" in node:
         return ", or ".join(_kind(key, choice, definitions) for choice in node["anyOf"])
     if node.get("type") == "array":
-        low, high = node["minItems"], node["maxItems"]
+        low, high = node["minItems"], node.get("maxItems")
         items = node.get("prefixItems", [node.get("items")])[0]
-        return f"list of {low if low == high else f'{low} to {high}'} {_kind(key, items, definitions)}s"
+        count = low if low == high else f"{low} to {high}" if high else f"at least {low}"
+        inner = _kind(key, items, definitions)
+        return f"list of {count} {inner.replace('list', 'lists', 1) if inner.startswith('list') else f'{inner}s'}"
     if any("maxItems" in choice for choice in node.get("oneOf", ())):
         return ", or ".join(_kind(key, choice, definitions) for choice in node["oneOf"])
     if "oneOf" in node:

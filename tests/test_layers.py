@@ -52,7 +52,7 @@ HOMES = {
     "subprocess": ("video/",),
     "matplotlib": ("report/", "audit/", "video/", "results.py", "sweeps.py", "audits.py"),
     "jinja2": ("report/",),
-    "scipy": ("chain/", "statistics.py", "sweep/"),
+    "scipy": ("chain/", "statistics.py", "sweep/", "robot/inverse_kinematics.py"),
     "skfuzzy": ("fuzzy/",),
     "pydantic": ("experiment/",),
     "pydantic_core": ("experiment/",),

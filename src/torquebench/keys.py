@@ -163,7 +163,7 @@ class Kinds(Registry[type]):
         noun: What one is called in messages.
         tag: The key by which configs name one; the attribute of a registered class that holds its name.
         defaults: Class attributes that a kind has where it does not set them.
-        methods: Methods that a kind must have, with their arguments: ``describe(units)``.
+        methods: Methods that a kind must have, with their arguments: ``describe(units)``; ``a()|b()`` for one of two.
     """
 
     def __init__(
@@ -184,7 +184,11 @@ class Kinds(Registry[type]):
         """
 
         def register(cls: type[T]) -> type[T]:
-            missing = [method for method in self._methods if not hasattr(cls, method.partition("(")[0])]
+            missing = [
+                methods.replace("|", " or ")
+                for methods in self._methods
+                if not any(hasattr(cls, method.partition("(")[0]) for method in methods.split("|"))
+            ]
             if missing:
                 raise RegistryError(
                     f"{self.noun} '{name}': class {cls.__name__} wants a method {' and '.join(missing)}"

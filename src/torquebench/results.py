@@ -20,7 +20,8 @@ from torquebench.experiment.source import document_of, read_bytes, read_document
 from torquebench.experiment.store import RunDirectory, atomic_write, claim_folder
 from torquebench.figures import FIGURES
 from torquebench.laws.plugin import load_plugin
-from torquebench.metrics import METRICS
+from torquebench.metrics import applicable
+from torquebench.references.reference import depends_on_arm
 from torquebench.report.run import add_figures, draw_run, stored_page, view_of, write_run
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table
@@ -249,6 +250,7 @@ class Result:
             (name, key): [_float(value) for value in one.per_joint]
             for name in self.numbers.metrics
             for key, one in _metrics(self.numbers, name).items()
+            if one.per_joint
         }
         index = pd.MultiIndex.from_tuples(list(rows), names=["controller", "metric"]) if rows else None
         table = pd.DataFrame(list(rows.values()), index=index, columns=list(self.joints.names), dtype=float)
@@ -256,8 +258,12 @@ class Result:
         return table
 
     @property
+    def _of_tool(self) -> bool:
+        return depends_on_arm(self.experiment.reference)
+
+    @property
     def _units(self) -> dict[str, str]:
-        return {info.key: joint_units(info.unit, self.joints.slides) for info in METRICS.values()}
+        return {info.key: joint_units(info.unit, self.joints.slides) for info in applicable(self._of_tool)}
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row for each controller: its law, how its run ended, when it failed [s], and its `metrics`."""

@@ -22,7 +22,7 @@ from tests.sweep.examples import BASE, SMALL, user_law
 from torquebench import load_trajectory
 from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
-from torquebench.metrics import METRICS
+from torquebench.metrics import applicable
 from torquebench.registry import restored
 from torquebench.sweep.folder import decisive_versions, open_sweep
 from torquebench.sweep.run import state_of
@@ -85,7 +85,7 @@ def test_a_sweep_tells_its_work_runs_and_stores_its_table(small, command):
     assert manifest["outcomes"] == {"band": {"COMPLETED": 36}, "sign": {"COMPLETED": 36}}
     table = table_of("s")
     keys = ["plant.payload.mass", "controllers.*.gains.phi", "controllers.*.gains.lam"]
-    metrics = [info.key for info in METRICS.values()]
+    metrics = [info.key for info in applicable(tool=False)]
     assert list(table) == ["index", "case", "draw", "controller", "outcome", "failed_at", *keys, *metrics]
     assert table["index"].tolist() == list(range(72))
     assert table["controller"].tolist() == ["band", "sign"] * 36
@@ -118,7 +118,7 @@ def test_a_row_run_alone_has_the_metrics_of_the_table(swept, command):
         (name,) = json.loads(Path(f"r{index}/metrics.json").read_text())["controllers"]
         found = json.loads(Path(f"r{index}/metrics.json").read_text())["controllers"][name]
         assert name == table["controller"][index]
-        for info in METRICS.values():
+        for info in applicable(tool=False):
             value = found[info.key]["value"]
             assert np.float64(math.nan if value is None else value).tobytes() == table[info.key][index].tobytes()
         again = command("run", f"r{index}/experiment.yaml", "--out", f"again{index}", "--no-figures")
@@ -360,7 +360,7 @@ def test_a_sweep_whose_runs_all_fail_ends_with_outcomes(small, command):
     assert set(table["outcome"]) == {"DIVERGED"}
     assert status == 1
     assert "controller 'band': 12 diverged; the file expects: completed" in err
-    assert all(np.all(np.isnan(table[info.key])) for info in METRICS.values())
+    assert all(np.all(np.isnan(table[info.key])) for info in applicable(tool=False))
     assert np.all(table["failed_at"] == 0)  # the push acts from the first instant
     assert "24 of 24 runs failed: band 12, sign 12." in out
     assert command("sweep", small, "--out", "t", *shaken, *expected, *THREADS)[0] == 0

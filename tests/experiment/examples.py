@@ -133,6 +133,36 @@ controllers: [{name: only, law: pd, gains: {lam: 5, kv: 10}}]
 reference: {kind: step, target: 0.5, at: 0.1}
 run: {duration: 2.5}
 """
+TOOL = tuple(
+    MINIMAL.replace("{kind: step, target: 0.5, at: 0.1}", block)
+    for block in (
+        """
+  kind: tool-circle
+  start: [0, -1, 3.3, 0, 0.84, 0]
+  at: [0.55, 0.15, 0.05]
+  orientation: kept
+  approach: 0.8
+  period: 2
+  radius: 0.05
+  plane: xy""",
+        """
+  kind: tool-line
+  start: [0, -1, 3.3, 0, 0.84, 0]
+  period: 2
+  to: [0, 0.1, 0]""",
+        """
+  kind: tool-lemniscate
+  start: [0, -1, 3.3, 0, 0.84, 0]
+  period: 2
+  width: 0.1""",
+        """
+  kind: tool-waypoints
+  start: [0, -1, 3.3, 0, 0.84, 0]
+  points: [[0, 0.1, 0]]
+  speed: 0.2""",
+    )
+)
+"""A path of the tool of every kind."""
 FUZZY = GOOD.replace(
     """\
   - name: linear-band

@@ -17,7 +17,7 @@ from tests.sweep.examples import SMALL, plan_of
 from torquebench.errors import ResultError
 from torquebench.experiment.build import build
 from torquebench.experiment.run import run_experiment
-from torquebench.metrics import METRICS
+from torquebench.metrics import applicable
 from torquebench.sweep.executors import Executor, Processes, Threads
 from torquebench.sweep.plan import Plan
 from torquebench.sweep.table import Table
@@ -65,7 +65,7 @@ def test_every_row_is_what_running_it_alone_gives(whole: dict[int, Table]) -> No
         assert rows["controller"][index] == name
         assert rows["outcome"][index] == "COMPLETED"
         assert math.isnan(rows["failed_at"][index])
-        for info in METRICS.values():
+        for info in applicable(tool=False):
             value = metrics[info.key].value
             stored = rows[info.key][index]
             assert np.float64(math.nan if value is None else value).tobytes() == stored.tobytes()
@@ -81,7 +81,7 @@ def test_failed_and_refused_runs_have_outcomes_and_no_metrics() -> None:
     assert set(ended) == {"REFUSED", "DIVERGED"}
     failed = table["outcome"] != "COMPLETED"
     assert np.all(np.isnan(table["failed_at"]) == ~failed)
-    assert all(np.all(np.isnan(table[info.key][failed])) for info in METRICS.values())
+    assert all(np.all(np.isnan(table[info.key][failed])) for info in applicable(tool=False))
 
 
 def test_closing_the_iterator_stops_the_rest() -> None:

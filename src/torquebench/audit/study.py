@@ -18,7 +18,7 @@ from torquebench.experiment.values import Anything, Here, Value
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import KeyPath
 from torquebench.keys import Key
-from torquebench.metrics import METRICS
+from torquebench.metrics import applicable
 from torquebench.registry import SLUG
 
 ALL, DRAWS = "all", "draws"
@@ -369,7 +369,7 @@ class _Reader:
 
     def _check_measure(self, path: KeyPath, measure: Measure, pairs: Sequence[Pair]) -> None:
         add = self.document.add
-        figures = (*METRICS.names(), *FIGURES, FEEDFORWARD)
+        figures = (*(info.key for info in applicable(tool=False)), *FIGURES, FEEDFORWARD)
         if measure.figure not in figures:
             near = nearest(measure.figure, figures) or ""
             wanted = "" if near else f"one of {', '.join(figures)}"

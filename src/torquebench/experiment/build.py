@@ -18,6 +18,7 @@ from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.references import Reference, from_samples
 from torquebench.robot import RobotModel, load_model
+from torquebench.robot.inverse_kinematics import PathError
 from torquebench.sim.friction import SteepError
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
@@ -92,8 +93,8 @@ class Builder:
         """Make all but the signals that are drawn; errors as of a call."""
         n, run, arm = experiment.n, experiment.run, experiment.plant.model
         drawn = run.seed, run.draw
-        sampling = experiment.reference, n, experiment.n_steps, run.control_period
-        reference: Reference = self._kept("reference", 4, lambda: sampled(*sampling), *sampling)
+        sampling = experiment.reference, arm, experiment.n_steps, run.control_period
+        reference: Reference = self._kept("reference", 4, lambda: sampled(experiment), *sampling)
         structure, constants = experiment.model.structure, experiment.model.constants
         right = self._kept("model", 4, lambda: load_model(arm, structure, constants), arm, structure, constants)
         keys, most = (experiment.model, arm, *drawn), 1 if experiment.model.mismatch is None else BELIEFS
@@ -195,25 +196,22 @@ def build_plant(experiment: schema.Experiment) -> Plant:
         raise _bad("plant.friction", str(error)) from error
 
 
-def sampled(reference: Any, n: int, n_steps: int, control_period: float) -> Reference:
+def sampled(experiment: schema.Experiment) -> Reference:
     """Return the desired motion at every control instant.
 
-    Args:
-        reference: What the config says of it.
-        n: Number of joints.
-        n_steps: Number of control instants.
-        control_period: Time between two of them [s].
-
     Raises:
-        ConfigError: it is not finite there, or a user's kind of reference failed, gave something of another shape, or
-            rates that are not the derivatives of its positions.
+        ConfigError: it is not finite there, or the arm cannot follow it, or a user's kind of reference failed, gave
+            something of another shape, or rates that are not the derivatives of its positions.
     """
-    t, shape = control_instants(n_steps, control_period), (n_steps, n)
+    reference, n, n_steps = experiment.reference, experiment.n, experiment.n_steps
+    t, shape = control_instants(n_steps, experiment.run.control_period), (n_steps, n)
     try:
         with np.errstate(all="ignore"):
-            samples: Reference = reference.sample(t, n)
+            samples: Reference = experiment.motion.sample(t, n)
             if hasattr(reference, "highest_hz"):
                 reference.highest_hz()
+    except PathError as error:
+        raise _bad("reference", str(error)) from error
     except Exception as error:
         if not _is_users(reference):
             raise

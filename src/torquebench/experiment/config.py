@@ -126,7 +126,7 @@ def motion_torque(experiment: Experiment) -> Array:
     millisecond, whatever the control period is.
     """
     instants = control_instants(max(round(experiment.run.duration / MILLISECOND), 2), MILLISECOND)
-    motion = experiment.reference.sample(instants, experiment.n)
+    motion = experiment.motion.sample(instants, experiment.n)
     tau = load_model(experiment.plant.model).inverse_dynamics(motion.q, motion.qd, motion.qdd)
     rms: Array = np.sqrt(np.mean(tau**2, axis=0))
     return rms

@@ -226,11 +226,11 @@ def _metrics(folder: Path, n: int) -> dict[str, Metrics]:
     """Return the stored metrics of each controller that has them; one that the file lacks is undefined."""
     path = folder / METRICS_FILE
     stored = _validated(TypeAdapter(_StoredMetrics), _read_json(path), path)
-    found = {}
+    found, of_tool = {}, {info.key for info in METRICS.values() if info.of_tool}
     for name, values in stored.controllers.items():
         if values is None:
             continue
-        if any(len(metric.per_joint) != n for metric in values.values()):
+        if any(len(metric.per_joint) != n * (key not in of_tool) for key, metric in values.items()):
             raise ResultError(f"{path}: '{name}' has metrics of another number of joints, wanted {n}")
         for key in set(values) - set(METRICS.names()):
             raise ResultError(
@@ -239,7 +239,9 @@ def _metrics(folder: Path, n: int) -> dict[str, Metrics]:
             )
         metrics = {key: Metric(m.value, tuple(m.per_joint), m.counted) for key, m in values.items()}
         absent = Metric(None, (None,) * n, n)
-        found[name] = Metrics({key: metrics.get(key, absent) for key in METRICS.names()})
+        found[name] = Metrics(
+            {key: metrics.get(key, absent) for key in METRICS.names() if key in metrics or key not in of_tool}
+        )
     return found
 
 

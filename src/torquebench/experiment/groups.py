@@ -442,6 +442,14 @@ class AllOr(Node):
         return Literal["all"] | self._names.type()
 
 
+def _list_of(plain: Any, key: Key) -> Any:
+    """Return the type of a list that a tuple stands for: of so many items, or of at least one."""
+    item, *more = get_args(plain)
+    count = (1, None) if more[-1:] == [...] else (1 + len(more), 1 + len(more))
+    kind = _list_of(item, key) if get_origin(item) is tuple else number(key) if item is float else item
+    return some(kind, *count)
+
+
 def node_of(declared: Declared) -> Node:
     """Return what may stand at a key."""
     plain, notes, key = declared.type, list[Any](), declared.key
@@ -465,7 +473,7 @@ def node_of(declared: Declared) -> Node:
     if get_origin(plain) is dict:
         return Named(key.wanted, Value(key._replace(wanted=""), number(key)), get_args(args[0]), least=1)
     if get_origin(plain) is tuple:
-        return Value(key, some(number(key) if args[0] is float else args[0], len(args), len(args)))
+        return Value(key, _list_of(plain, key))
     kinds = {float: number(key), int: Annotated[int, Field(ge=key.at_least, le=key.at_most)]}
     kind = kinds.get(plain, plain)
     return Value(key, Annotated[kind, *notes] if notes else kind)

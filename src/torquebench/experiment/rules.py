@@ -19,7 +19,9 @@ from torquebench.fuzzy import BUILTIN
 from torquebench.keys import declared_keys, values_of
 from torquebench.laws.law import find_law
 from torquebench.metrics.chattering import COARSEST
+from torquebench.references.reference import depends_on_arm
 from torquebench.robot import load_model
+from torquebench.robot.inverse_kinematics import PathError
 from torquebench.robot.library import model_folder
 from torquebench.sim.plants.kinds import PlantKeys
 from torquebench.timing import FAR_OFF, RELATIVE, Timing, multiple_of
@@ -165,6 +167,17 @@ def lengths_of_vectors(items: Items, plant: PlantKeys, n: int) -> Iterator[Fault
             if isinstance(value, tuple) and len(value) != n:
                 wanted = f"one number or {n}, one for each joint of '{plant.model}'"
                 yield Fault((*path, key), got=f"{len(value)} numbers", wanted=wanted)
+
+
+@rule
+def paths_that_the_arm_can_follow(reference: Any, plant: PlantKeys, n: int) -> Iterator[Fault]:
+    """The arm's tool can follow a path, and its joints do not jump on the way."""
+    start = getattr(reference, "start", 0.0)
+    if depends_on_arm(reference) and not (isinstance(start, tuple) and len(start) != n):
+        try:
+            reference.on_arm(load_model(plant.model))
+        except PathError as error:
+            yield Fault(("reference",), str(error), at="key")
 
 
 @rule

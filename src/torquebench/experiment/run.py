@@ -20,6 +20,8 @@ from torquebench.experiment.store import machine, model_checksums, versions
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import JointRecord, Metrics, from_joints, measured, record_of
+from torquebench.references.reference import depends_on_arm
+from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.perturbation import FACTORS, links_in
 from torquebench.robot.puma560.symbols import CONSTANTS
@@ -246,6 +248,7 @@ def recorded(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Traj
         step_like=experiment.reference.is_step_like,
         phi=None if band is None else as_vector(band, experiment.n),
         chattering_from_hz=experiment.chattering_from_hz,
+        arm=load_model(experiment.plant.model) if depends_on_arm(experiment.reference) else None,
     )
 
 

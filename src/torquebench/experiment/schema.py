@@ -24,7 +24,7 @@ from torquebench.figures import FIGURES
 from torquebench.keys import Key, Vector
 from torquebench.metrics.chattering import corner_hz
 from torquebench.references import REFERENCES
-from torquebench.references.reference import highest_frequency
+from torquebench.references.reference import depends_on_arm, highest_frequency
 from torquebench.registry import SLUG
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
@@ -271,6 +271,15 @@ class Experiment:
         return joint_count(self.plant.model)
 
     @property
+    def motion(self) -> Any:
+        """The desired motion: of a kind that depends on the arm, what it makes of this one.
+
+        Raises:
+            PathError: this arm cannot follow it.
+        """
+        return self.reference.on_arm(load_model(self.plant.model)) if depends_on_arm(self.reference) else self.reference
+
+    @property
     def laws(self) -> dict[str, str]:
         """Controller -> name of its law."""
         return {keys.name: keys.law for keys in self.controllers}
@@ -288,7 +297,7 @@ class Experiment:
     @cached_property
     def chattering_from_hz(self) -> float:
         """Frequency from which the torque counts as chattering [Hz]: that of the config, or one above the motion's."""
-        run, motion = self.run, self.reference
+        run, motion = self.run, self.motion
         if run.chattering_from_hz is not None:
             return run.chattering_from_hz
         if hasattr(motion, "highest_hz"):

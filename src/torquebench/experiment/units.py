@@ -44,7 +44,7 @@ def without_unit(raw: Any, unit: str) -> Any:
         unit: The key's unit.
     """
     if isinstance(raw, list):
-        return [without_unit(item, unit) for item in raw] if any(isinstance(item, str) for item in raw) else raw
+        return [without_unit(item, unit) for item in raw] if any(isinstance(item, str | list) for item in raw) else raw
     found = _QUANTITY.fullmatch(raw) if isinstance(raw, str) and len(raw) <= 64 else None
     if found is None or found[2] not in units_of(unit):
         return raw

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from torquebench.metrics.declare import METRICS, MetricInfo, metric
+from torquebench.metrics.declare import METRICS, MetricInfo, applicable, metric
 from torquebench.metrics.record import JointRecord, shared
 
 # isort: off
 # the order of tables
-from torquebench.metrics import errors, step_response, chattering, torque, band
+from torquebench.metrics import errors, tool, step_response, chattering, torque, band
 
 # isort: on
 from torquebench.metrics.values import (
@@ -29,6 +29,7 @@ __all__ = [
     "MetricInfo",
     "Metrics",
     "PerJoint",
+    "applicable",
     "band",
     "chattering",
     "errors",
@@ -41,5 +42,6 @@ __all__ = [
     "record_of",
     "shared",
     "step_response",
+    "tool",
     "torque",
 ]

@@ -31,6 +31,7 @@ class MetricInfo:
     better: Literal["lower", "higher"]
     over_joints: str
     steps_only: bool
+    of_tool: bool
     column: str
     shown_unit: str
     scale: float
@@ -38,12 +39,14 @@ class MetricInfo:
     @property
     def headline(self) -> str:
         """How the joints make one number, in words."""
+        if self.of_tool:
+            return "the tool's own"
         return IN_WORDS.get(self.over_joints) or f"joint with the worst `{self.over_joints}`"
 
     @property
     def is_angle(self) -> bool:
         """Whether joints that turn have it in rad and joints that slide in m."""
-        return self.unit.startswith("rad")
+        return self.unit.startswith("rad") and not self.of_tool
 
     @property
     def short_title(self) -> str:
@@ -80,6 +83,11 @@ METRICS: Registry[MetricInfo] = Registry("metric", SNAKE)
 """Every metric, in the order of tables: those of this package, then those of plug-in files."""
 
 
+def applicable(tool: bool) -> tuple[MetricInfo, ...]:
+    """Return the metrics that a run has, those of the tool only where the reference is a path of the `tool`."""
+    return tuple(info for info in METRICS.values() if tool or not info.of_tool)
+
+
 def metric(
     key: str,
     *,
@@ -89,6 +97,7 @@ def metric(
     better: Literal["lower", "higher"] = "lower",
     over_joints: str = "mean",
     steps_only: bool = False,
+    of_tool: bool = False,
     column: str | None = None,
     shown_as: tuple[str, float] | None = None,
 ) -> Callable[[_F], _F]:
@@ -103,6 +112,8 @@ def metric(
         over_joints: How the joints make one number, the headline: ``mean``, ``worst``, ``rms`` for the root of the
             mean square, or the key of a metric before it: the joint that is worst in that one is taken; not for angles.
         steps_only: Whether only a reference that is like a step has it; only joints that have a step count then.
+        of_tool: Whether it is one number of the tool, shape (), and not one for each joint; only where the reference is
+            a path of the tool do runs have it.
         column: Title of its column in tables of headlines; the title by default, empty for no column.
         shown_as: Unit in that column, and by how much the SI value is multiplied; the SI unit by default, for rad
             thousandths of it.
@@ -129,6 +140,7 @@ def metric(
             better=better,
             over_joints=over_joints,
             steps_only=steps_only,
+            of_tool=of_tool,
             column=title if column is None else column,
             shown_unit=shown_unit,
             scale=scale,

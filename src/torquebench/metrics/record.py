@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from torquebench.kernel import Array
+from torquebench.robot import RobotModel
 from torquebench.sim.trajectory import Trajectory
 
 T = TypeVar("T")
@@ -46,6 +47,8 @@ class JointRecord:
     """Frequency from which the torque counts as chattering [Hz]."""
     step_like: bool
     """Whether the reference goes from one position to another and stays there."""
+    arm: RobotModel | None = None
+    """The true arm, where the reference is a path of its tool."""
     _shared: dict[Callable[..., Any] | str, Any] = field(default_factory=dict)
 
     @property

@@ -21,6 +21,7 @@ from torquebench.metrics.chattering import LEAST_CORNER_HZ
 from torquebench.metrics.declare import IN_WORDS, METRICS, MetricInfo, reduce_joints
 from torquebench.metrics.record import JointRecord
 from torquebench.metrics.step_response import response_of
+from torquebench.robot import RobotModel
 from torquebench.sim.trajectory import Trajectory
 
 BLOCK = 200_000
@@ -60,8 +61,8 @@ class Metrics:
         self._values = dict(values)
 
     def __getitem__(self, key: str) -> Metric:
-        METRICS.find(key)  # names the nearest key where there is none
-        return self._values[key]
+        info = METRICS.find(key)  # names the nearest key where there is none
+        return self._values.get(key, Metric(None, (), 0)) if info.of_tool else self._values[key]
 
     def __getattr__(self, key: str) -> Metric:
         if key.startswith("_") or key not in self._values:
@@ -146,8 +147,11 @@ def from_joints(joints: PerJoint) -> Metrics:
     rows = zip(METRICS.values(), headlines(joints).tolist(), joints.values.tolist(), strict=True)
     return Metrics(
         {
-            info.key: Metric(_known(value), tuple([_known(x) for x in row]), steps if info.steps_only else n)
+            info.key: Metric(value, (), 0)
+            if info.of_tool
+            else Metric(_known(value), tuple([_known(x) for x in row]), steps if info.steps_only else n)
             for info, value, row in rows
+            if not info.of_tool or math.isfinite(value)
         }
     )
 
@@ -169,7 +173,7 @@ def headlines_of(runs: Iterable[tuple[int, JointRecord]]) -> Iterator[tuple[int,
     own = not any(is_foreign(info.formula) for info in METRICS.values())  # a user's metric may join joints
     for number, run in runs:
         # of a single joint numpy adds up the lines of a spectrum in another order
-        if not own or run.q.shape[1] == 1 or 2 * run.q.size > BLOCK:
+        if not own or run.arm is not None or run.q.shape[1] == 1 or 2 * run.q.size > BLOCK:
             yield number, headlines(measured(run))
             continue
         steps = run.step_like, run.step_like and bool(np.any(run.q_ref != run.q_ref[0]))
@@ -230,6 +234,7 @@ def record_of(
     step_like: bool,
     phi: Array | float | None = None,
     chattering_from_hz: float = LEAST_CORNER_HZ,
+    arm: RobotModel | None = None,
 ) -> JointRecord:
     """Return a completed run as metrics see it.
 
@@ -245,6 +250,7 @@ def record_of(
             overshoot and settling time mean something.
         phi: Half-width of the law's boundary layer, scalar or (n,) [rad/s]; None when it has none.
         chattering_from_hz: Frequency from which the torque counts as chattering [Hz].
+        arm: The true arm, where errors of its tool are wanted.
 
     Raises:
         ResultError: the run did not complete, or its window holds fewer than two samples, or a limit is not
@@ -274,6 +280,7 @@ def record_of(
         phi=None if width is None else np.asarray(width, dtype=np.float64),
         chattering_from_hz=chattering_from_hz,
         step_like=step_like,
+        arm=arm,
     )
 
 
@@ -288,9 +295,9 @@ def measured(run: JointRecord) -> PerJoint:
     for row, info in enumerate(metrics):
         if run.step_like or not info.steps_only:
             try:
-                found = np.asarray(info.formula(run))
-                if found.shape != shape:
-                    raise ResultError(f"returned shape {found.shape}, wanted {shape}: a number for each joint")
+                found, wanted = np.asarray(info.formula(run)), () if info.of_tool else shape
+                if found.shape != wanted:
+                    raise ResultError(f"returned shape {found.shape}, wanted {wanted}: a number for each joint")
                 values[row] = found
             except Exception as error:  # a user's function may raise anything
                 said = str(error) if isinstance(error, ResultError) else f"{type(error).__name__}: {error}"

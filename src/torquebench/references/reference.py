@@ -9,7 +9,8 @@ and, if it likes, ``check(timing)``, which yields a `Fault` for each key that do
 time, overshoot and settling time have a meaning, by ``has_corners = True`` that its rates leave out jumps, and by a
 method ``highest_hz()`` what its highest frequency is [Hz], above a multiple of which torque counts as chattering; of
 one that does not say, `highest_frequency` finds it. Of a user's kind without corners it is checked that the rates are
-the derivatives of the positions.
+the derivatives of the positions. A kind that depends on the arm has ``on_arm(model)`` in place of ``sample``: it
+returns an object with that method, or raises a `PathError`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -43,7 +44,7 @@ ReferenceSource = Callable[[Array], Reference]
 REFERENCES = Kinds(
     "reference",
     defaults={"metrics_from": 1.0, "is_step_like": False, "has_corners": False},
-    methods=("sample(t, n)",),
+    methods=("sample(t, n)|on_arm(model)",),
 )
 reference = REFERENCES
 """Decorator of a class: ``@reference("lemniscate")``."""
@@ -91,6 +92,11 @@ class Motion(ABC):
         return self.sample(t)
 
 
+def depends_on_arm(kind: Any) -> bool:
+    """Whether a motion is a path of the tool, which is another motion of the joints on each arm."""
+    return hasattr(kind, "on_arm")
+
+
 def highest_frequency(qd: Array, control_period: float) -> float:
     """Return the frequency below which 99.9 % of the power of each joint's desired velocity lies [Hz].
 
@@ -100,6 +106,8 @@ def highest_frequency(qd: Array, control_period: float) -> float:
     """
     n = len(qd)
     power = np.abs(np.fft.rfft(qd * np.hanning(n)[:, None], axis=0)) ** 2  # tapered: a motion cut off has no corners
+    whole = np.sum(power, axis=0)
+    power[:, whole < 1e-18 * np.max(whole)] = 0.0  # a joint that stands still but for round-off
     within = np.cumsum(power, axis=0) >= 0.999 * np.sum(power, axis=0)
     return float(np.fft.rfftfreq(n, control_period)[np.max(np.argmax(within, axis=0))])
 

@@ -17,6 +17,7 @@ from torquebench.errors import ModelError
 from torquebench.experiment.run import ExperimentResult, band_of
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
+from torquebench.references.reference import depends_on_arm
 from torquebench.scene.shapes import Triangles
 from torquebench.sim.trajectory import Trajectory
 
@@ -42,6 +43,7 @@ def replay_data(result: ExperimentResult, colours: Mapping[str, str]) -> dict[st
     longest = max(runs.values(), key=lambda run: len(run.t))
     every = math.ceil(sum(3 * run.q.size for run in runs.values()) / MOST_VALUES)
     arm, why = _arm(result)
+    reference = result.experiment.reference
     return {
         "period": result.experiment.run.control_period * every,
         "every": every,
@@ -64,6 +66,7 @@ def replay_data(result: ExperimentResult, colours: Mapping[str, str]) -> dict[st
             for band in [band_of(keys.law, keys.gains)]
             for metrics in [result.metrics.get(keys.name)]
         ],
+        "path_from": reference.metrics_from if depends_on_arm(reference) else None,
         "arm": arm,
         "why": why,
     }

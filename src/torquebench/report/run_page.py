@@ -48,6 +48,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         scripts=[UPLOT, THREE, "page", "run"],
         data=data,
         every=data["every"],
+        of_tool=data["path_from"] is not None,
         slides=any(shown["sliding"] for shown in data["controllers"]),
         title=experiment.name,
         lead=experiment.description or first,

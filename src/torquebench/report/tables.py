@@ -10,19 +10,21 @@ import numpy as np
 from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
 from torquebench.laws import find_law
-from torquebench.metrics import METRICS, Metric, MetricInfo
+from torquebench.metrics import Metric, MetricInfo, applicable
+from torquebench.references.reference import depends_on_arm
 
 Cells: TypeAlias = tuple[list[str], list[list[str]]]
 """Header and rows of a table."""
 
 
-def columns(steps: bool) -> list[MetricInfo]:
+def columns(steps: bool, tool: bool = False) -> list[MetricInfo]:
     """Return the metrics with a column in tables of headlines; those of the step response come last.
 
     Args:
         steps: Whether to include those.
+        tool: Whether to include those of the tool.
     """
-    shown = [info for info in METRICS.values() if info.column]
+    shown = [info for info in applicable(tool) if info.column]
     return [info for info in shown if not info.steps_only] + [info for info in shown if steps and info.steps_only]
 
 
@@ -37,14 +39,15 @@ def heading(info: MetricInfo, slides: Sequence[bool]) -> str:
     return info.column if unit == "1" else f"{info.column} [{unit}]"
 
 
-def headlines(slides: Sequence[bool], steps: bool = False) -> dict[str, tuple[str, float]]:
+def headlines(slides: Sequence[bool], steps: bool = False, tool: bool = False) -> dict[str, tuple[str, float]]:
     """Return title with unit, and scale, of each metric with a column, all joints making one number.
 
     Args:
         slides: Of each joint, whether it slides.
         steps: Whether to include those of the step response.
+        tool: Whether to include those of the tool.
     """
-    return {info.key: (heading(info, slides), info.scale) for info in columns(steps)}
+    return {info.key: (heading(info, slides), info.scale) for info in columns(steps, tool)}
 
 
 def outcome_text(result: ExperimentResult, name: str) -> str:
@@ -62,7 +65,7 @@ def headline_columns(result: ExperimentResult) -> list[tuple[MetricInfo, bool, d
 
     Errors have a column in mrad for the joints that turn, and one in mm for those that slide.
     """
-    both = sorted(set(result.slides))
+    both, reference = sorted(set(result.slides)), result.experiment.reference
     return [
         (
             info,
@@ -74,7 +77,7 @@ def headline_columns(result: ExperimentResult) -> list[tuple[MetricInfo, bool, d
                 for keys in result.experiment.controllers
             },
         )
-        for info in columns(result.experiment.reference.is_step_like)
+        for info in columns(reference.is_step_like, depends_on_arm(reference))
         for slides in (both if info.is_angle else both[:1])
     ]
 
@@ -141,7 +144,8 @@ def joint_row(info: MetricInfo, metric: Metric, slides: Sequence[bool]) -> list[
     """
     unit = joint_units(info.unit, slides) if info.is_angle else info.unit
     value = None if info.is_angle and len(set(slides)) > 1 else metric.value
-    return [info.title, unit, number(value), *map(number, metric.per_joint)]
+    each = [number(one) for one in metric.per_joint] or [""] * len(slides)
+    return [info.title, unit, number(value), *each]
 
 
 def certificate_table(result: ExperimentResult) -> Cells:

@@ -15,7 +15,8 @@ from torquebench.certificates import FIGURES
 from torquebench.errors import ResultError
 from torquebench.experiment.sweep_section import Axis, Value
 from torquebench.kernel import Array
-from torquebench.metrics import METRICS
+from torquebench.metrics import METRICS, applicable
+from torquebench.references.reference import depends_on_arm
 from torquebench.sim.trajectory import Outcome
 from torquebench.sweep.plan import Plan
 
@@ -43,7 +44,10 @@ def empty_columns(plan: Plan, rows: int) -> dict[str, NDArray[Any]]:
     kinds: dict[str, Any] = dict(zip(FIXED, fixed, strict=True))
     kinds |= {key: floats for key in (*(axis.key for axis in plan.keys.axes), *(r.key for r in plan.keys.random))}
     kinds |= {axis.key: _text(words(axis)) for axis in _axes(plan) if not axis.numeric}
-    kinds |= dict.fromkeys(METRICS.names(), floats)
+    keep = plan.keys.keep
+    asked = {"" if isinstance(keep, str) else keep.by} & set(METRICS.names())
+    shown = {info.key for info in applicable(depends_on_arm(plan.first.reference))} | asked
+    kinds |= dict.fromkeys((key for key in METRICS.names() if key in shown), floats)
     kinds |= dict.fromkeys(FIGURES if plan.keys.certificates else (), floats)
     return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
 

@@ -131,7 +131,7 @@ class Worker:
             for at, key in keyed:  # a row that was not run follows the one that was
                 metrics[at] = known.metrics.setdefault(key, metrics[at].copy())
                 known.ended.setdefault(key, seen[key])
-        columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names())}
+        columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names()) if key in columns}
         return columns
 
     def pair(self, case: int, draw: int, seen: Mapping[bytes, Ended] | None = None) -> Iterator[Ended]:

@@ -23,7 +23,7 @@ from torquebench.video.process import CrashedError, answers
 FILM = "video.mp4"
 SILENCE = 300.0
 """Longest time between two frames [s]."""
-HEADLINES = (("rmse", "RMSE", 1e3, "mrad"), ("chattering", "chattering", 1.0, "%"))
+HEADLINES = (("rmse", "RMSE", 1e3, "mrad"), ("tool_rmse", "tool", 1e3, "mm"), ("chattering", "chattering", 1.0, "%"))
 """Metrics quoted beside a controller's name: key, title, factor and unit."""
 LEAST = 1e-3
 """Smaller figures are written as ``<0.001``."""
@@ -64,7 +64,9 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         colours = {name: look.colour for name, look in looks(laws).items()}  # the same, whichever are shown
         shots = tuple(_shot(folder, name, laws[name], metrics.get(name), colours[name]) for name in controllers or laws)
         period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
-        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots, corner)
+        since = config["reference"].get("approach")
+        begins = None if since is None else float(since)
+        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots, corner, begins)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ResultError(f"{folder}: its files are not those of a run ({type(error).__name__}: {error})") from error
 
@@ -73,7 +75,7 @@ def _shot(folder: Path, name: str, law: str, metrics: Any, colour: str) -> Shot:
     path = folder / name / "trajectory.npz"
     figures = []
     for key, title, factor, unit in HEADLINES if metrics else ():
-        value = metrics[key]["value"]
+        value = metrics.get(key, {}).get("value")
         if value is not None:
             text = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
             figures.append(f"{title} {text} {unit}")

@@ -45,6 +45,8 @@ class Footage:
     shots: tuple[Shot, ...]
     chattering_from_hz: float = 0.0
     """Frequency from which the torque counts as chattering [Hz]."""
+    path_from: float | None = None
+    """Time at which a path of the tool begins [s]; None where the reference is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,12 +21,14 @@ from torquebench.video.layout import timeline
 from torquebench.video.opengl import STICK
 from torquebench.video.overlay import Overlay
 from torquebench.video.sound import heard, write_sound
-from torquebench.video.stage import OpenGlStage, StickStage
+from torquebench.video.stage import NOWHERE, OpenGlStage, StickStage
 
 POINTS = 3
 """Points of the tool's trail per frame."""
 TRAIL = POINTS * FPS
 """Length of the trail in points: one second of the film."""
+MOST_POINTS = 600
+"""Points of a path of the tool."""
 POSES = 300
 """Poses that the camera's picture is cut to."""
 
@@ -55,6 +57,15 @@ class FilmRenderer:
         poses = [shown_poses(run, settings.exaggerate) for run in runs]
         self._poses = [q[np.minimum(samples, len(q) - 1)] for q in poses]
         self._reference = longest.q_ref[np.minimum(samples, len(longest.t) - 1)]
+        since = footage.path_from
+        every, whole = 1, POINTS * self.timeline.total
+        self._since: int | None = None
+        wanted = NOWHERE
+        if since is not None:  # of a path of the tool the whole is shown
+            self._since, every = int(np.searchsorted(fine, since / footage.control_period)), -(-whole // MOST_POINTS)
+            shown = np.minimum(fine, len(longest.t) - 1)[self._since :: every]
+            wanted = tool_path(scene.model, longest.q_ref[shown])
+        self._every = every
         self._paths = [tool_path(scene.model, q[np.minimum(fine, len(q) - 1)]) for q in poses]
         self.camera = settings.camera or camera_names(footage.model)[0]
         camera = mujoco.mj_name2id(scene.model, mujoco.mjtObj.mjOBJ_CAMERA, self.camera)
@@ -62,9 +73,9 @@ class FilmRenderer:
         shown = np.concatenate([self._reference, *self._poses])
         self.part = window(scene, camera, shown[:: max(1, len(shown) // POSES)], size[0] / size[1])
         self._stage = (
-            StickStage(scene, size, camera, self.part)
+            StickStage(scene, size, camera, self.part, wanted)
             if job.backend == STICK
-            else OpenGlStage(scene, size, camera, self.part, settings.quality, TRAIL + 1)
+            else OpenGlStage(scene, size, camera, self.part, settings.quality, max(TRAIL, MOST_POINTS) + 2, wanted)
         )
 
     def _listen(self, job: Job, runs: Sequence[Trajectory], limits: Array) -> tuple[Footage, dict[str, Any]]:
@@ -84,9 +95,11 @@ class FilmRenderer:
 
     def draw(self, i: int) -> Image.Image:
         """Return frame `i`."""
-        trail = slice(max(0, POINTS * i - TRAIL), POINTS * i + 1)
+        now = POINTS * i
+        first = max(0, now - TRAIL) if self._since is None else min(self._since, now)
+        trail = [*range(first, now, self._every), now]
         views = [
-            self._stage.draw(q[i], self._reference[i], path[trail])
+            self._stage.draw(q[i], self._reference[i], path[np.minimum(trail, len(path) - 1)])
             for q, path in zip(self._poses, self._paths, strict=True)
         ]
         return self._overlay.draw(i, views)

@@ -21,17 +21,20 @@ TRAIL, PALE = np.array([0.86, 0.32, 0.05]), np.array([0.97, 0.82, 0.70])
 """Colours of the tool's path, where it is now and where it was."""
 TRAIL_SIZE = 0.004
 """Half its width, as a fraction of the stretched arm."""
+WANTED_SIZE = 0.0025
+"""That of the path which the tool should follow."""
 TOOL = np.array([0.90, 0.0, 0.45, 1.0], dtype=np.float32)
 TOOL_SIZE = 0.014
 """Radius of the ball that marks the tool, as a fraction of the stretched arm."""
 STICK_BACKGROUND, STICK_GROUND, STICK_ARM, STICK_GHOST = "#f2f5f8", "#d5d9de", "#2b3039", "#afd0f3"
-STICK_TRAIL, STICK_TOOL = "#db520d", "#e60073"
+STICK_TRAIL, STICK_TOOL, STICK_WANTED = "#db520d", "#e60073", "#4d99f2"
+NOWHERE: Array = np.empty((0, 3))
 _GROUND = 5
 """Group of planes here; nothing else that can be seen is of a group above `VISIBLE_GROUPS`."""
 _FLAGS, _KIND = mujoco.mjtRndFlag, mujoco.mjtGeom
 
 
-def add_trail(view: Any, points: Array, reach: float, line: Any = _KIND.mjGEOM_CAPSULE) -> None:
+def add_trail(view: Any, points: Array, reach: float, line: Any = _KIND.mjGEOM_CAPSULE, *, fading: bool = True) -> None:
     """Add the tool's path and a ball at its end to a scene of MuJoCo.
 
     Args:
@@ -39,18 +42,27 @@ def add_trail(view: Any, points: Array, reach: float, line: Any = _KIND.mjGEOM_C
         points: The path, (K, 3) [m].
         reach: Length of the stretched arm [m].
         line: Kind of the geoms that it is made of.
+        fading: Whether it is paler where the tool was earlier.
     """
-    nothing = np.zeros(3), np.zeros(3), np.zeros(9)
-    for i in range(1, len(points)):
-        geom = _next_geom(view)
-        fresh = i / len(points)
-        colour = np.array([*(fresh * TRAIL + (1.0 - fresh) * PALE), 1.0], dtype=np.float32)
-        mujoco.mjv_initGeom(geom, line, *nothing, colour)
-        mujoco.mjv_connector(geom, line, TRAIL_SIZE * reach, points[i - 1], points[i])
-        geom.emission = 0.5
+    fresh = np.arange(1, len(points))[:, None] / len(points) if fading else np.ones((len(points), 1))
+    _add_lines(view, points, fresh * TRAIL + (1.0 - fresh) * PALE, TRAIL_SIZE * reach, line)
     geom, size = _next_geom(view), np.full(3, TOOL_SIZE * reach)
     mujoco.mjv_initGeom(geom, _KIND.mjGEOM_SPHERE, size, points[-1], np.eye(3).ravel(), TOOL)
     geom.emission = 0.6
+
+
+def add_wanted(view: Any, points: Array, reach: float, line: Any = _KIND.mjGEOM_CAPSULE) -> None:
+    """Add the path that the tool should follow to a scene of MuJoCo; arguments as for `add_trail`."""
+    _add_lines(view, points, np.tile(GHOST[:3], (len(points), 1)), WANTED_SIZE * reach, line)
+
+
+def _add_lines(view: Any, points: Array, colours: Array, size: float, line: Any) -> None:
+    nothing = np.zeros(3), np.zeros(3), np.zeros(9)
+    for i in range(1, len(points)):
+        geom = _next_geom(view)
+        mujoco.mjv_initGeom(geom, line, *nothing, np.array([*colours[i - 1], 1.0], dtype=np.float32))
+        mujoco.mjv_connector(geom, line, size, points[i - 1], points[i])
+        geom.emission = 0.5
 
 
 def add_ghost(
@@ -95,10 +107,20 @@ class OpenGlStage:
         part: Part of the camera's picture that is shown, as `scene.window` returns it.
         quality: As in a config.
         trail: Most points a trail can have.
+        wanted: Path that the tool should follow, (K, 3) [m]; none if left out.
     """
 
-    def __init__(self, scene: Scene, size: tuple[int, int], camera: int, part: Array, quality: str, trail: int) -> None:
-        self._arm, self._part, m = scene, part, scene.model
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int],
+        camera: int,
+        part: Array,
+        quality: str,
+        trail: int,
+        wanted: Array = NOWHERE,
+    ) -> None:
+        self._arm, self._part, self._wanted, m = scene, part, wanted, scene.model
         self._layered = quality == "fast"
         wide, high = FINE * size[0], FINE * size[1]
         m.vis.global_.offwidth, m.vis.global_.offheight = wide, high
@@ -114,7 +136,7 @@ class OpenGlStage:
         self._gl = mujoco.MjrContext(m, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._gl)
         self._frame = mujoco.MjrRect(0, 0, wide, high)
-        self._view = mujoco.MjvScene(m, maxgeom=2 * m.ngeom + trail + 8)
+        self._view = mujoco.MjvScene(m, maxgeom=2 * m.ngeom + trail + len(wanted) + 8)
         self._options, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
         self._camera.type, self._camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
         self._data, self._reference = mujoco.MjData(m), mujoco.MjData(m)
@@ -137,7 +159,9 @@ class OpenGlStage:
         self._pose(self._reference, q_ref)
         self._update(surroundings=not self._layered)
         # with shadows every light adds its share to a line, up to white
-        add_trail(self._view, trail, self._arm.reach, _KIND.mjGEOM_LINE if self._layered else _KIND.mjGEOM_CAPSULE)
+        line = _KIND.mjGEOM_LINE if self._layered else _KIND.mjGEOM_CAPSULE
+        add_wanted(self._view, self._wanted, self._arm.reach, line)
+        add_trail(self._view, trail, self._arm.reach, line, fading=not len(self._wanted))
         solid = self._render()
         eye = (self._view.camera[0].pos + self._view.camera[1].pos) / 2.0
         add_ghost(self._view, self._arm, self._reference, eye=eye)
@@ -179,10 +203,12 @@ class StickStage:
         size: Width and height of the view [px]; pictures are `FINE` times as large.
         camera: Number of the camera.
         part: Part of the camera's picture that is shown, as `scene.window` returns it.
+        wanted: Path that the tool should follow, (K, 3) [m]; none if left out.
     """
 
-    def __init__(self, scene: Scene, size: tuple[int, int], camera: int, part: Array) -> None:
-        self._m = m = scene.model
+    def __init__(self, scene: Scene, size: tuple[int, int], camera: int, part: Array, wanted: Array = NOWHERE) -> None:
+        self._m, self._wanted = scene.model, wanted
+        m = self._m
         self._wide, self._high = FINE * size[0], FINE * size[1]
         d = mujoco.MjData(m)
         mujoco.mj_kinematics(m, d)
@@ -209,6 +235,8 @@ class StickStage:
         arm, ghost = (np.concatenate([self._base, joint_points(self._m, pose[None])]) for pose in (q, q_ref))
         self._draw_line(picture, ghost, STICK_GHOST, 12.5, dots=12.5)
         self._draw_line(picture, arm, STICK_ARM, 4.4, dots=7.6)
+        if len(self._wanted):
+            self._draw_line(picture, self._wanted, STICK_WANTED, 2.6)
         self._draw_line(picture, trail, STICK_TRAIL, 1.7)
         self._draw_line(picture, arm[-1:], STICK_TOOL, 0.0, dots=8.4)
         return picture

@@ -114,15 +114,28 @@ function stage(canvas) {
   const ghostly = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.55, polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8 });
   const body = tree((rgb) => new THREE.MeshLambertMaterial({ color: new THREE.Color(...rgb) }), false), ghost = tree(() => ghostly, true);
   const mark = new THREE.Mesh(new THREE.SphereGeometry(0.02 * arm.reach), new THREE.MeshBasicMaterial({ depthTest: false, transparent: true }));
-  const trail = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial()), sun = new THREE.DirectionalLight(0xffffff, 1.6);
+  const [trail, wanted] = [1, 0].map((order) => {
+    const line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial());
+    line.renderOrder = order;
+    return line;
+  });
+  const sun = new THREE.DirectionalLight(0xffffff, 1.6);
   const grid = new THREE.GridHelper(3.2 * arm.reach, 12);
   grid.rotation.x = Math.PI / 2;
   grid.position.z = arm.floor;
   grid.material.vertexColors = false;
   sun.position.set(-0.45, 0.55, 0.9);
-  scene.add(new THREE.AmbientLight(0xffffff, 1.9), sun, grid, ghost.root, body.root, mark, trail);
+  scene.add(new THREE.AmbientLight(0xffffff, 1.9), sun, grid, ghost.root, body.root, mark, trail, wanted);
   canvas.after(labels);
   const point = (q) => { body.pose(q); body.root.updateMatrixWorld(true); return body.tip.getWorldPosition(new THREE.Vector3()); };
+  // Of a path of the tool the whole is shown, wanted and travelled; of other motions the last second.
+  const drawn = DATA.path_from !== null, first = Math.round(DATA.path_from / period), stride = Math.max(1, Math.floor((samples - first) / 800));
+  const walks = new Map();
+  function walk(name, pose) {
+    if (!walks.has(name)) walks.set(name, Array.from({ length: Math.floor((samples - 1 - first) / stride) + 1 }, (_, n) => point(pose(first + n * stride))));
+    return walks.get(name);
+  }
+  if (drawn) wanted.geometry.setFromPoints(walk("reference", (k) => joints.map((_, j) => reference(j)[k])));
   return (factor) => { // a part of the canvas for each controller that is shown
     const all = [...shown], { clientWidth: width, clientHeight: height } = canvas.parentNode;
     if (!width || !all.length) return;
@@ -130,17 +143,19 @@ function stage(canvas) {
     const w = width / across, h = height / Math.ceil(all.length / across), k = Math.round(time / period), step = Math.max(1, Math.round(0.02 / period));
     renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     renderer.setSize(width, height, false);
-    for (const [material, name] of [[ghostly, "ghost"], [mark.material, "tool"], [trail.material, "trail"], [grid.material, "ground"]]) material.color.set(ink(name));
+    for (const [material, name] of [[ghostly, "ghost"], [wanted.material, "ghost"], [mark.material, "tool"], [trail.material, "trail"], [grid.material, "ground"]]) material.color.set(ink(name));
     camera.aspect = w / h;
     camera.fov = (360 / Math.PI) * Math.atan(Math.tan(arm.opening / 2) * Math.max(1, h / w));
     camera.updateProjectionMatrix();
     ghost.pose(joints.map((_, j) => reference(j)[k]));
     labels.replaceChildren(...all.map((c, i) => {
       const x = (i % across) * w, y = Math.floor(i / across) * h, last = Math.min(k, c.samples - 1);
-      const path = Array.from({ length: 50 }, (_, n) => last - (49 - n) * step).filter((n) => n > 0);
-      trail.geometry.dispose();
-      trail.geometry = new THREE.BufferGeometry().setFromPoints(path.map((n) => point(positions(c, n, factor))));
+      const recent = drawn ? [] : Array.from({ length: 50 }, (_, n) => last - (49 - n) * step).filter((n) => n > 0);
+      const whole = drawn ? walk(`${c.name} ${factor}`, (n) => positions(c, n, factor)).slice(0, Math.max(0, Math.ceil((last - first) / stride))) : [];
+      const path = [...whole, ...recent.map((n) => point(positions(c, n, factor)))];
       mark.position.copy(point(positions(c, k, factor)));
+      trail.geometry.dispose();
+      trail.geometry = new THREE.BufferGeometry().setFromPoints(whole.length ? [...path, mark.position] : path);
       renderer.setViewport(x, height - y - h, w, h);
       renderer.setScissor(x, height - y - h, w, h);
       renderer.render(scene, camera);
