@@ -157,7 +157,12 @@ class Video:
 
     quality: Annotated[Literal["fast", "pretty"], Key("pretty has shadows and takes many times as long")] = "fast"
     size: Annotated[
-        tuple[Side, Side], Key("Width and height, even numbers", "px", wanted="width and height, as [640, 480]")
+        tuple[Side, Side],
+        Key(
+            "Width and height, even numbers; one controller wants 170 of height",
+            "px",
+            wanted="width and height, as [640, 480]",
+        ),
     ] = (640, 480)
     speed: Annotated[float, Key("Simulated seconds shown in one second", "1", at_least=1e-3, at_most=1e3)] = 1.0
     camera: Annotated[
