@@ -110,8 +110,8 @@ def sweep(**given: Any) -> int:
 
 def _start(options: Options) -> StoredSweep | None:
     """Check, estimate and run a sweep; None if only the estimate is wanted."""
-    from torquebench.experiment.store import RunDirectory, claim_folder, runs_folder
     from torquebench.experiment.dump import dump_tree
+    from torquebench.experiment.store import RunDirectory, claim_folder, runs_folder
     from torquebench.sweep.checking import check_plan
     from torquebench.sweep.estimate import MOST_STEPS, shard_size
     from torquebench.sweep.folder import create_sweep

@@ -19,7 +19,8 @@ from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import AllOr, Many, Named, NameOr, OneOf
 from torquebench.experiment.units import without_unit
 from torquebench.experiment.values import Here, Slug
-from torquebench.experiment.yaml_tree import shortened
+from torquebench.experiment.words import shown
+from torquebench.experiment.yaml_tree import BROKEN, shortened
 from torquebench.figures import FIGURES
 from torquebench.keys import Key, Vector
 from torquebench.metrics.chattering import corner_hz
@@ -69,6 +70,9 @@ class Disturbances(Many):
         share = without_unit(raw, "1")
         if isinstance(raw, str) and isinstance(share, float) and 0.0 < share < math.inf:
             return (BandLimitedNoise(relative=share),)
+        if isinstance(raw, int | float) and not isinstance(raw, bool) and 0.0 < raw < math.inf:
+            here.add(got=shown(raw), wanted=self.wanted, note=f"of {raw:g} times the motion's torque: {100 * raw:g} %")
+            return BROKEN
         return super().read(raw, here)
 
 
