@@ -114,6 +114,10 @@ def _subtables(key: str, node: Node, definitions: Node) -> list[str]:
     parts = []
     for name in _groups(node):
         parts += [f"Keys of `{key}`: {definitions[name]['description']}\n", _table(definitions[name], definitions)]
+        if "items" in node:  # what is inside one thing of a kind is told with the list of such
+            parts += [
+                part for item in definitions[name]["properties"].items() for part in _subtables(*item, definitions)
+            ]
     return parts
 
 
@@ -133,9 +137,10 @@ def _table(group: Node, definitions: Node) -> str:
 
 def _groups(node: Node) -> list[str]:
     """Return the names of the groups of keys that may stand at a key, or in the list there."""
-    choices = [choice for n in (node, *_inner(node)) for choice in (n, *n.get("oneOf", ()), *n.get("anyOf", ()))]
+    outer = [choice for n in (node, *_inner(node)) for choice in (n, *n.get("oneOf", ()), *n.get("anyOf", ()))]
+    choices = [choice for n in outer for choice in (n, *n.get("oneOf", ()))]
     names = [choice["$ref"].rpartition("/")[2] for choice in choices if "$ref" in choice]
-    return [name for name in names if name != "Another"]
+    return [name for name in dict.fromkeys(names) if name != "Another"]
 
 
 def _inner(node: Node) -> list[Node]:
@@ -157,7 +162,7 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
         most = f"list of {node.get('minItems', 0)} to {node['maxItems']}, " if "items" in node else ""
         most = f"mapping of at most {node['maxProperties']}, " if "patternProperties" in node else most
         words = [_kind(key, choice, definitions) for choice in node.get("anyOf", ()) if "$ref" not in choice]
-        return ", or ".join([*words, f"{most}see below"])
+        return ", or ".join(dict.fromkeys([*words, f"{most}see below"]))
     if "anyOf" in node:
         return ", or ".join(_kind(key, choice, definitions) for choice in node["anyOf"])
     if node.get("type") == "array":

@@ -499,3 +499,49 @@ def test_every_sweep_that_ships_is_one(path, command):
     status, out, err = command("sweep", path, "--dry-run", "--set", "run.duration=2.5")
     assert (status, err) == (0, "")
     assert "runs, " in out
+
+
+def test_output_that_nobody_reads(quick):
+    """The status is that of a program that SIGPIPE ends, and the run is complete."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as output:
+        arguments = [sys.executable, "-m", "torquebench", "run", str(quick), "--out", "unread"]
+        done = subprocess.run(arguments, stdout=output, stderr=subprocess.PIPE, text=True, timeout=300, check=False)
+    assert (done.returncode, done.stderr) == (141, "")
+    check_run(quick.parent / "unread")
+
+
+def test_a_folder_that_cannot_be_made_for_its_name(quick, command):
+    """A name of 300 letters is bad input, told as that of --out."""
+    status, _, err = command("run", quick, "--out", "n" * 300)
+    assert status == 2
+    assert err.startswith("--out: cannot make ")
+    assert "File name too long" in err
+
+
+def test_a_full_disk_is_told_with_the_file(quick, command, monkeypatch):
+    """What could not be written is named."""
+
+    def full(_file):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    status, _, err = command("run", quick, "--out", "r")
+    assert status == 3
+    assert "No space left on device: 'r/experiment.yaml'" in err
+
+
+def test_the_config_that_is_shown_is_the_one_that_would_be_stored(quick, command):
+    """It is experiment.yaml to the byte, runs again to the same numbers, and nothing is run or written to show it."""
+    quick.with_name("short.yaml").write_text(f"extends: {quick.name}\ncontrollers: [linear-band]\n")
+    before = sorted(quick.parent.iterdir())
+    status, shown, err = command("run", "short.yaml", "--show-config", "--set", "run.seed=3")
+    assert (status, err) == (0, "")
+    assert sorted(quick.parent.iterdir()) == before
+    assert json.loads(command("run", "short.yaml", "--show-config", "--json")[1])["experiment"]["name"] == "short"
+    assert command("run", "short.yaml", "--set", "run.seed=3", "--out", "one")[0] == 0
+    assert (quick.parent / "one" / "experiment.yaml").read_text() == shown
+    quick.with_name("shown.yaml").write_text(shown)
+    assert command("run", "shown.yaml", "--out", "two")[0] == 0
+    assert check_run(quick.parent / "one")["files"] == check_run(quick.parent / "two")["files"]

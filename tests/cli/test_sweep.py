@@ -25,6 +25,7 @@ from torquebench.experiment.store import check_run
 from torquebench.metrics import applicable
 from torquebench.registry import restored
 from torquebench.sweep.folder import decisive_versions, open_sweep
+from torquebench.sweep.plan import Plan, Source
 from torquebench.sweep.run import state_of
 from torquebench.sweeps import load_sweep
 
@@ -509,3 +510,12 @@ def test_far_too_many_draws_are_refused_at_once(small, command):
     assert status == 2
     assert err.startswith("sweep: needs about ")
     assert not Path("s").exists()
+
+
+def test_the_config_that_is_shown_is_the_sweep(small, command):
+    """With what is set, and the section sweep: the rows of the shown text are those of the file."""
+    status, shown, err = command("sweep", small, "--show-config", "--set", "sweep.draws=2")
+    assert (status, err) == (0, "")
+    plans = [Plan(Source(small.read_bytes(), "a.yaml", ("sweep.draws=2",))), Plan(Source(shown.encode(), "a.yaml"))]
+    assert plans[0].rows == plans[1].rows
+    assert plans[0].experiment(0, 1) == plans[1].experiment(0, 1)

@@ -224,8 +224,13 @@ def test_a_changed_arm_is_told(run, command, tmp_path, monkeypatch):
 def test_too_many_controllers_for_the_frame(run, command):
     """What does not fit is refused with what helps."""
     status, _, err = command("video", run, "--size", "160x160", "--out", "a.mp4")
-    assert status == 3
-    assert "larger --size or fewer --controllers" in err
+    assert status == 2
+    assert err.startswith(
+        "--size: 2 controllers do not fit in 160x160: each wants 150x150 or more below a line of 20 px"
+    )
+    assert "a larger frame, or fewer --controllers" in err
+    status, _, err = command("video", run, "--size", "160x168", "--controllers", "conventional", "--out", "a.mp4")
+    assert (status, "--size: 1 controller does not fit in 160x168" in err) == (2, True)
 
 
 @pytest.mark.parametrize("gl", ["nonsense", "egl", "osmesa", "off"])

@@ -294,6 +294,7 @@ BAD_YAML = [
     Bad("  seed: 7", "  seed: 7\n  seed: 8", "run.seed", "duplicate key"),
     Bad("  seed: 7", "  seed: &anchor 7", "run.seed", "anchors"),
     Bad("seed: 7", "seed: *anchor", "run.seed", "aliases"),
+    Bad("  seed: 7", "  seed: 7\n  6: 1", "run", "the decimal sign is a point"),
     Bad("  seed: 7", "  seed: 7\n  <<: {draw: 4}", "run", "merge keys"),
     Bad("seed: 7", "seed: !!int 7", "run.seed", "!!int"),
     Bad("seed: 7", "seed: ! 7", "run.seed", "tags"),

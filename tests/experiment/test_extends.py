@@ -231,3 +231,64 @@ def test_another_law_takes_no_gains_over(write) -> None:
     own = "extends: base.yaml\ncontrollers: [{extends: second, law: pd, gains: {lam: 5, kv: 10}}]\n"
     (found,) = load_experiment(write(own=own, base=BASE)).controllers
     assert (found.name, found.law, found.gains) == ("pd", "pd", {"lam": 5.0, "kv": 10.0})
+
+
+def test_a_name_given_twice_points_at_where_it_is_given(write) -> None:
+    """Both places are in the file that takes the controller over, not where the parent defines it."""
+    found = problems(write(own="extends: base.yaml\ncontrollers: [first, {extends: first}]\n", base=BASE))
+    assert found == [
+        "own.yaml:2:32: controllers[1].name: 'first' is already the name of another controller (own.yaml:2:15), "
+        "wanted a name of its own"
+    ]
+
+
+def test_what_null_takes_away_is_missed_where_it_was_taken(write) -> None:
+    """The place is the key's that is null."""
+    (found,) = problems(write(own="extends: base.yaml\nrun: {seed: 1}\nreference: null\n", base=BASE))
+    assert found.startswith("own.yaml:3:1: reference: missing")
+
+
+def test_an_unknown_parent_hides_nothing(write) -> None:
+    """Mistakes in the file's own keys are told with it; what only the parent would have given is not called missing."""
+    own = "extends: bas\ncontrollers: [first, {extends: second, gains: {lam: x}}]\nrun: {duratoin: 3}\nreference: 3\n"
+    found = problems(write(own=own, base=BASE))
+    assert [line.partition(": ")[0] for line in found] == ["own.yaml:1:10", "own.yaml:3:7", "own.yaml:4:12"]
+    middle = "extends: nothing.yaml\nrun: {sede: 1}\n"
+    found = problems(write(own="extends: b.yaml\nchain: fats\ncontrollers: [first]\n", b=middle))
+    assert [line.partition(": ")[0] for line in found] == ["own.yaml:2:8", "b.yaml:1:10", "b.yaml:2:7"]
+
+
+def test_slips_in_short_files_are_told_with_the_cure(write) -> None:
+    """A share of noise without its sign, and a variant that does not say of which controller."""
+    own = "extends: base.yaml\ndisturbances: 0.3\ncontrollers: [{name: first, gains: {k: 1}}]\n"
+    found = problems(write(own=own, base=BASE))
+    assert len(found) == 2
+    assert found[0].startswith("own.yaml:2:15: disturbances: got 0.3, wanted a list")
+    assert "0.3 times the motion's torque: 30 %" in found[0]
+    assert found[1].startswith("own.yaml:3:15: controllers[0].law: missing")
+    assert "{extends: first, ...}" in found[1]
+
+
+def test_an_override_may_take_over_what_only_the_parent_has(write) -> None:
+    """``--set controllers=[first]`` of a file that lists another one."""
+    path = write(own="extends: base.yaml\ncontrollers: [second]\n", base=BASE)
+    assert [keys.name for keys in load_experiment(path, ["controllers=[first]"]).controllers] == ["first"]
+
+
+def test_the_short_files_of_the_documents(write) -> None:
+    """Fig 9 in three lines is the shipped Fig 9 with the sine; five lines are a sweep over noise of that motion."""
+    found = load_experiment(write(fig9="extends: paper/sine\ncontrollers: [conventional, band, linear-band]\n"))
+    shipped = load_experiment("configs/paper/fig9-chattering.yaml")
+    assert found.controllers == shipped.controllers
+    assert (found.plant, found.reference, found.model) == (shipped.plant, shipped.reference, shipped.model)
+    (other,) = load_experiment("configs/paper/fig9-chattering.yaml", ["controllers=[proposed-m]"]).controllers
+    assert other.gains["phi"] == 1.0
+    text = """\
+extends: paper/sine
+controllers: [proposed-m, {law: pd-gravity, gains: {lam: 10, kv: 20}}]
+disturbances: 30 %
+sweep: {draws: 30}
+"""
+    plan = Plan(Source(text.encode(), "mine.yaml"))
+    assert plan.draws == 30
+    assert plan.first.disturbances[0].sigma == pytest.approx((5.06, 16.59, 3.30, 0.54, 0.62, 0.81), abs=0.01)

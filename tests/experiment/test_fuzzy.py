@@ -26,8 +26,8 @@ def test_keys_become_the_system_they_describe() -> None:
     x = parse(FUZZY)
     three, other = (fuzzy_system(name, x.fuzzy[name]) for name in ("three", "list"))
     assert (three.inputs[0].low, three.inputs[0].high, three.inputs[1].low) == (-2.0, 2.0, -1.0)
-    assert [term[1:] for term in three.inputs[0].terms] == [(-4, -2, -2, 0), (-2, 0, 0, 2), (0, 2, 2, 4)]
-    assert three.inputs[1].terms[1][1:] == (-0.5, -0.1, 0.1, 0.5)
+    assert [term.corners for term in three.inputs[0].terms] == [(-4, -2, -2, 0), (-2, 0, 0, 2), (0, 2, 2, 4)]
+    assert three.inputs[1].terms[1].corners == (-0.5, -0.1, 0.1, 0.5)
     assert three.table.tolist() == [[0, 0, 1], [0, 1, -1], [1, 2, 2]]
     assert (three.conjunction, three.aggregation, three.defuzzification) == ("product", "max-bounded-product", "cog")
     assert other.rules == (Rule(("low",), "down"), Rule(("high",), "up"))

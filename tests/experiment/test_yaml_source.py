@@ -314,3 +314,17 @@ def test_pythons_own_parser_says_the_same(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(yaml_tree, "_LOADER", yaml.SafeLoader)
     assert outcomes()[:-1] == native[:-1]
     assert outcomes()[-1]
+
+
+def test_a_merge_key_alone_is_told() -> None:
+    """The keys that it would have given are not called missing; another mistake beside it is told."""
+    with pytest.raises(ConfigError) as refused:
+        parse_experiment(edited("      lam: 10\n", "      <<: {lam: 1}\n      kk: 2\n"))
+    assert [problem.text.partition(" (")[0] for problem in refused.value.problems] == ["merge keys", "unknown gain"]
+
+
+@pytest.mark.parametrize("code", ["00A0", "2009", "202F", "3000"])
+def test_a_character_that_looks_like_a_space_is_named(code: str) -> None:
+    """Where it leaves the file without meaning, it is told with its code and its line."""
+    with pytest.raises(ConfigError, match=rf"line 2 has the character U\+{code}"):
+        parse_experiment("# a comment\nname:" + chr(int(code, 16)) + "x\nplant: {model: two-link}\n")

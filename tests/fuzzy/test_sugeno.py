@@ -56,11 +56,11 @@ def test_functions_of_the_inputs() -> None:
 def test_ranges_need_not_be_about_zero() -> None:
     """An input from 10 to 30 and one from -1 to 5 enter the functions as what they are, not as what the law sees."""
     first, second = (
-        Variable.of({"any": (0.0, 10.0, 30.0, 40.0)}, 10.0, 30.0),
+        Variable.of({"each": (0.0, 10.0, 30.0, 40.0)}, 10.0, 30.0),
         Variable.of({"all": (-9, -1, 5, 9)}, -1, 5),
     )
     functions = Functions.of({"f": (7.0, 0.5, -2.0)}, -10.0, 30.0)
-    prepared = prepare(FuzzySystem("far", (first, second), functions, (Rule(("any", "all"), "f"),)))
+    prepared = prepare(FuzzySystem("far", (first, second), functions, (Rule(("each", "all"), "f"),)))
     # the law's 0.4 and -0.5 are 24 and 0.5
     assert prepared.outputs(np.array(0.4), np.array(-0.5)) == pytest.approx((7.0 + 12.0 - 1.0 - 10.0) / 20.0, rel=EXACT)
 

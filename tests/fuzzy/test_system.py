@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from dataclasses import FrozenInstanceError, replace
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from torquebench.errors import ControllerError, FuzzyError
-from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable, builtin_system, prepare
+from torquebench.fuzzy import Bell, Functions, FuzzySystem, Gaussian, Rule, Sigmoid, Variable, builtin_system, prepare
 from torquebench.fuzzy.fis import STAIRCASE
 from torquebench.fuzzy.inference import fill_memberships
 from torquebench.fuzzy.system import CONJUNCTIONS, DEFUZZIFICATIONS, rules_of_table
@@ -23,7 +24,7 @@ BASE = builtin_system("pd-9")
 def test_a_peak_reaches_to_its_neighbours() -> None:
     """Feet lie under the neighbours' peaks or shoulders; a triangle at the end is symmetric."""
     terms = Variable.of({"A": -1.0, "B": 0.0, "C": (0.0, 0.5, 0.7, 1.0), "D": 2.0}, -1.0, 2.0).terms
-    assert [term[1:] for term in terms] == [
+    assert [term.corners for term in terms] == [
         (-2.0, -1.0, -1.0, 0.0),
         (-1.0, 0.0, 0.0, 0.5),
         (0.0, 0.5, 0.7, 1.0),
@@ -54,7 +55,7 @@ def test_membership_is_scikit_fuzzys() -> None:
     )
     x = np.append(np.linspace(-2.0, 2.0, 801), variable.corners().ravel() * 2.0)
     got = np.empty((len(x), 5))
-    fill_memberships(variable.corners(), x / 2.0, got)
+    fill_memberships(variable.rows(), x / 2.0, got)
     assert got == pytest.approx(degrees(variable, x), abs=1e-12)
     assert set(np.unique(got[[0, 800]])) <= {0.0, 1.0}
 
@@ -140,11 +141,15 @@ BAD = {
     "infinite range": ({"inputs": (replace(V, high=np.inf), V)}, ("inputs", 0, "range"), "two finite numbers"),
     "endless range": ({"output": replace(V, low=-1.7e308, high=1.7e308)}, ("output", "range"), "two finite numbers"),
     "far": ({"inputs": (V, Variable.of({"N": -1.0, "Z": 0.0, "P": 3e6}))}, ("inputs", 1, "terms", "P"), "the range"),
+    "thin curve": ({"inputs": (V, Variable.of({"N": Gaussian(0.0, 1e-7)}))}, ("inputs", 1, "terms", "N"), "narrower"),
+    "far curve": ({"inputs": (V, Variable.of({"N": Gaussian(3e6, 1.0)}))}, ("inputs", 1, "terms", "N"), "beyond"),
     "twice": ({"inputs": (V, replace(V, terms=(V.terms[0], *V.terms)))}, ("inputs", 1, "terms", "N"), "given twice"),
     "no rule": ({"rules": ()}, ("rules",), "there is no rule"),
     "antecedent": ({"rules": (Rule(("N", "Q"), "P"),)}, ("rules", 0), "unknown term 'Q' of input 2"),
     "consequent": ({"rules": (Rule(("N", "P"), "PP"),)}, ("rules", 0), "'PP' (did you mean 'P'?)"),
-    "short rule": ({"rules": (Rule(("N",), "P"),)}, ("rules", 0), "names 1 terms after 'if'"),
+    "long rule": ({"rules": (Rule(("N", "Z", "P"), "P"),)}, ("rules", 0), "names 3 terms after 'if'"),
+    "empty rule": ({"rules": (Rule((), "P"),)}, ("rules", 0), "names 0 terms after 'if'"),
+    "open or": ({"rules": (Rule(("N",), "P", either=True),)}, ("rules", 0), "'or' wants a term of each of two inputs"),
     "function": (
         {"output": Functions.of({"N": (1.0, 2.0), "Z": 0.0, "P": 1.0})},
         ("output", "functions", "N"),
@@ -193,6 +198,12 @@ SHAPES = {
     "nan": ({"A": float("nan"), "B": 1.0}, ("terms", "A"), "finite"),
     "infinite": ({"A": (0.0, 1.0, float("inf")), "B": 1.0}, ("terms", "A"), "finite"),
     "reserved": ({"none": 0.0, "B": 1.0}, ("terms", "none"), "missing rule"),
+    "any": ({"any": 0.0, "B": 1.0}, ("terms", "any"), "leaves the input open"),
+    "no sigma": ({"A": Gaussian(0.0, 0.0)}, ("terms", "A"), "its sigma is 0, wanted more than 0"),
+    "endless": ({"A": Gaussian(math.inf, 1.0)}, ("terms", "A"), "its mean is inf, wanted a finite number"),
+    "slow bell": ({"A": Bell(0.0, 1.0, 0.01)}, ("terms", "A"), "its slope is 0.01, wanted at least 0.1"),
+    "level": ({"A": Sigmoid(0.0, 0.0)}, ("terms", "A"), "its slope is 0, wanted more than 0 for a term that rises"),
+    "curves": ({"A": Gaussian(1.0, 1.0), "B": Bell(0.5, 1.0, 1.0)}, ("terms", "B"), "its peak, 0.5, is not above"),
     "spaces": ({"very big": 0.0, "B": 1.0}, ("terms", "very big"), "letters"),
 }
 

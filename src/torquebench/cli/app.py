@@ -32,7 +32,7 @@ PROGRAM = "torquebench"
 ENVIRONMENT = "TORQUEBENCH"
 """Prefix of the environment variables that give options their defaults: TORQUEBENCH_RUN_OUT for ``run --out``."""
 
-BAD_INPUT, INTERNAL, INTERRUPTED, TERMINATED = 2, 3, 130, 143
+BAD_INPUT, INTERNAL, INTERRUPTED, UNREAD, TERMINATED = 2, 3, 130, 141, 143
 """Exit statuses of commands that ended early; one that did not returns 0, or 1 where something did not hold."""
 
 COMMANDS = {
@@ -258,8 +258,8 @@ def app() -> None:
     """Compare torque laws for robot arms on a plant that an analytic model agrees with to round-off.
 
     Exit status: 0 done and every check held; 1 a run failed unexpectedly or a check did not hold; 2 bad input, nothing
-    written; 3 disk or internal error; 130 interrupted; 143 terminated. Defaults of options come from the environment:
-    TORQUEBENCH_RUN_OUT is that of run --out.
+    written; 3 disk or internal error; 130 interrupted; 141 nobody reads the output; 143
+    terminated. Defaults of options come from the environment: TORQUEBENCH_RUN_OUT is that of run --out.
     """
 
 
@@ -357,7 +357,7 @@ def guarded(work: Callable[[], int], ending: Ending) -> int:
         return status
     except BrokenPipeError:
         sys.stdout = None  # nobody reads it any more; the interpreter must not complain when it closes it
-        return INTERNAL
+        return UNREAD
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  the last resort: one line, and where to look
         return _ended(error, ending)
 

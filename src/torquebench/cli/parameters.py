@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 import os
 import sys
 from collections.abc import Collection, Iterable
@@ -111,6 +112,22 @@ class Number(click.ParamType[float]):
         if self.low is not None and not self.low <= number <= (sys.float_info.max if self.high is None else self.high):
             raise Wrong(got=str(value), wanted=span)
         return number
+
+
+class Numbers(click.ParamType[list[float]]):
+    """Numbers separated by commas."""
+
+    name = "numbers"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
+        """Return the numbers."""
+        if isinstance(value, list):
+            return value
+        with contextlib.suppress(ValueError):
+            found = [float(word) for word in str(value).split(",")]
+            if all(map(math.isfinite, found)):
+                return found
+        raise Wrong(got=f"'{value}'", wanted="numbers separated by commas, such as 6.5,9.8")
 
 
 class Words(click.ParamType[list[str]]):

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 @settings(help="change one key, for example run.duration=2 or controllers.band.gains.phi=0.1")
 @plugins
 @option("--no-figures", is_flag=True, help="draw nothing that the config asks for: no figures, no film")
+@option("--show-config", is_flag=True, help="print the whole experiment, as experiment.yaml would hold it; run nothing")
 @click.pass_obj
 def run(
     gl: str | None,
@@ -38,6 +39,7 @@ def run(
     overrides: Sequence[str],
     plugin: Sequence[Path],
     no_figures: bool,
+    show_config: bool,
 ) -> int:
     """Run one experiment: every controller in it, side by side."""
     _check_options(config, from_sweep, index, overrides)
@@ -45,6 +47,7 @@ def run(
     from torquebench.experiment.build import build
     from torquebench.experiment.certify import flags
     from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
+    from torquebench.experiment.dump import dump_experiment, plain
     from torquebench.experiment.folder import write_experiment, write_trajectory
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
@@ -60,6 +63,10 @@ def run(
         experiment = load_experiment(config, overrides)
     elif from_sweep is not None and index is not None:
         experiment = _row_of_sweep(from_sweep, index, plugin)
+    if show_config:
+        tell(experiment=plain(experiment))
+        say(dump_experiment(experiment).rstrip("\n"), fold=False)
+        return 0
     for line in chosen_text(experiment):
         say(line)
     loop = build(experiment)

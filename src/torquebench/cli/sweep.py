@@ -46,6 +46,7 @@ class Options:
     plugin: Sequence[Path]
     no_cap: bool
     dry_run: bool
+    show_config: bool
 
     def check(self) -> None:
         """Refuse what does not go together."""
@@ -79,6 +80,7 @@ class Options:
 @plugins
 @option("--no-cap", is_flag=True, help="start whatever it takes")
 @option("--dry-run", is_flag=True, help="check and estimate only")
+@option("--show-config", is_flag=True, help="print the config, with what it extends written out; run nothing")
 def sweep(**given: Any) -> int:
     """Run grids and random draws over any keys of an experiment.
 
@@ -110,6 +112,7 @@ def sweep(**given: Any) -> int:
 
 def _start(options: Options) -> StoredSweep | None:
     """Check, estimate and run a sweep; None if only the estimate is wanted."""
+    from torquebench.experiment.dump import dump_tree
     from torquebench.experiment.store import RunDirectory, claim_folder, runs_folder
     from torquebench.sweep.checking import check_plan
     from torquebench.sweep.estimate import MOST_STEPS, shard_size
@@ -119,6 +122,10 @@ def _start(options: Options) -> StoredSweep | None:
 
     begun = time.perf_counter() - time.process_time()  # with the time of the imports, which a worker needs too
     plan = Plan(_source(options))
+    if options.show_config:
+        tell(experiment=plan.raw)
+        say(dump_tree(plan.raw).rstrip("\n"), fold=False)
+        return None
     ready = time.process_time()
     steps = plan.rows * plan.first.n_steps
     if steps > FAR_TOO_MANY * MOST_STEPS and not options.no_cap:

@@ -1,6 +1,6 @@
 """Experiments as YAML files: strict reading, resolved writing, and the schema of every key."""
 
-from torquebench.experiment.config import load_experiment, parse_experiment
+from torquebench.experiment.config import load_experiment, load_systems, parse_experiment
 from torquebench.experiment.dump import config_hash, dump_experiment
 from torquebench.experiment.reference import experiment_json_schema
 from torquebench.experiment.schema import Controller, Experiment
@@ -14,5 +14,6 @@ __all__ = [
     "dump_experiment",
     "experiment_json_schema",
     "load_experiment",
+    "load_systems",
     "parse_experiment",
 ]

@@ -11,12 +11,14 @@ import numpy as np
 
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.extends import AUTO
+from torquebench.experiment.fuzzy_schema import fuzzy_system
 from torquebench.experiment.groups import group_of
 from torquebench.experiment.rules import check_rules
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, apply_overrides, read_bytes, read_document
 from torquebench.experiment.start import write_keyframe
 from torquebench.experiment.values import Here
+from torquebench.fuzzy import FuzzySystem
 from torquebench.kernel import Array
 from torquebench.keys import altered
 from torquebench.laws import find_law
@@ -117,6 +119,33 @@ def with_gains(experiment: Experiment) -> Experiment:
             keys = dataclasses.replace(keys, gains=gains)
         controllers.append(keys)
     return altered(experiment, controllers=tuple(controllers), chosen=chosen)
+
+
+SYSTEMS_ALONE = frozenset({"name", "description", "fuzzy"})
+"""Keys of a file that defines fuzzy systems and nothing else."""
+
+
+def load_systems(path: Path | str) -> dict[str, FuzzySystem] | None:
+    """Read and check the fuzzy systems of a file that defines nothing else.
+
+    Args:
+        path: The YAML file: a mapping with the key ``fuzzy``.
+
+    Returns:
+        The systems by name; None of a file that has other keys, an experiment's.
+
+    Raises:
+        ConfigError: the file cannot be read, or has mistakes; all of them at once.
+    """
+    document = read_document(read_bytes(path), str(path))
+    if not document.root.keys() <= SYSTEMS_ALONE or "fuzzy" not in document.root:
+        return None
+    top = group_of(Experiment)
+    here = Here(document, top)
+    values = {key: here.read(top.nodes[key], key, document.root[key]) for key in document.root}
+    check_rules(document, values)
+    document.raise_problems()
+    return {name: fuzzy_system(name, keys) for name, keys in values["fuzzy"].items()}
 
 
 def motion_torque(experiment: Experiment) -> Array:

@@ -42,10 +42,13 @@ def merged(own: Map, parent: Map) -> Map:
     Values that are mappings themselves merge, unless a key of `TAGS` differs; ``null`` takes a parent's key away.
     """
     found = Map()
+    found.is_whole = own.is_whole and parent.is_whole
     for key, value in parent.items():
         if key not in own:
             found.put(key, copied(value), *parent.places[key])
-        elif own[key] is not None:
+        elif own[key] is None:
+            found.places[key] = own.places[key]  # where it was taken away
+        else:
             if key in PRESET and isinstance(value, str):
                 value = preset_of(value, parent.places[key][1])
             found.put(key, joined(own[key], value), *own.places[key])
@@ -65,6 +68,7 @@ def preset_of(name: str, place: Place) -> Map:
 def without(mapping: Map, *keys: str) -> Map:
     """Return a mapping without some keys."""
     found = Map()
+    found.is_whole = mapping.is_whole
     for key, value in mapping.items():
         if key not in keys:
             found.put(key, value, *mapping.places[key])
@@ -115,13 +119,40 @@ def with_names(items: Seq, known: Iterable[Any], report: Report) -> Seq:
             report(path, text, place=where, got=got, nearest=near or "", wanted="" if near else wanted)
             own = BROKEN
         elif name is not None:
+            is_named = "name" in own
             own = joined(own, there[name])
+            if "name" in own and not is_named:
+                own.places["name"] = where, where
+        elif isinstance(own, Map) and "law" not in own and own.get("name") in there:
+            wanted = f"the key 'law', or {{extends: {own['name']}, ...}} to take over the one of that name"
+            report((*path, "law"), "missing", place=where, wanted=wanted)
+            own.is_whole = False
         _name_by_law(own)
         if isinstance(own, Map) and isinstance(own.get("name"), str):
             there.setdefault(own["name"], own)
         found.append(own)
         found.places.append(place)
     return found
+
+
+def orphaned(own: Map) -> Map:
+    """Return a config that extends one that cannot be read: what it leaves out, or takes over by name, is not known."""
+    found = without(own, EXTENDS)
+    items = found.get("controllers")
+    if isinstance(items, Seq):
+        taken = [BROKEN if isinstance(item, str) else item for item in items]
+        kept = [without(item, EXTENDS) if isinstance(item, Map) else item for item in taken]
+        found["controllers"] = Seq(kept, items.places)
+    _mark(found)
+    return found
+
+
+def _mark(node: Any) -> None:
+    """Note of all mappings in a tree that keys may be missing."""
+    if isinstance(node, Map):
+        node.is_whole = False
+    for value in node.values() if isinstance(node, Map) else node if isinstance(node, Seq) else ():
+        _mark(value)
 
 
 def _name_by_law(item: Any) -> None:

@@ -2,36 +2,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, Union
 
 from pydantic import Field
 
 from torquebench.errors import Fault, FuzzyError
-from torquebench.experiment.groups import Many, Named, group_of
+from torquebench.experiment.groups import Group, Many, Named, OneOf, group_of
 from torquebench.experiment.values import Here, Node, Value, number, one_or_some, some
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.fuzzy import Functions, FuzzySystem, Rule, Variable
 from torquebench.fuzzy.system import rules_of_table
-from torquebench.fuzzy.terms import MAX_TERMS, NONE, range_error, shape_errors
+from torquebench.fuzzy.terms import MAX_TERMS, NONE, SHAPES, Shape, range_error, shape_errors
 from torquebench.keys import Key, Kinds
 
 MAX_SYSTEMS = 64
 MAX_RULES = 2 * MAX_TERMS * MAX_TERMS
 RULES = "rules"
-SHAPE = "one number (a peak), 3 numbers (a triangle) or 4 (a trapezoid)"
+SHAPE = "one number (a peak), 3 numbers (a triangle), 4 (a trapezoid), or a curve such as {kind: gaussian, ...}"
 FUNCTION = "one number, or a list of a constant and a factor of each input"
 RULE_FORMS = "rows of consequents, one row of them for one input, or rules {if: [...], then: ...}"
 
 SYSTEMS = Kinds("kind of fuzzy system")
 
 
-def _shapes(key: Key, least: int, most: int) -> Named:
-    """Return the node of a mapping of names to one number, or a list of some."""
+def _numbers(key: Key, least: int, most: int) -> Value:
+    """Return the node of one number, or a list of some."""
     one = number(key)
-    item = Value(key, one_or_some(one, some(one, least, most)))
+    return Value(key, one_or_some(one, some(one, least, most)))
+
+
+class ShapeForms(Node):
+    """The shape of a term: one number, some numbers, or a curve.
+
+    Args:
+        key: What it means.
+    """
+
+    def __init__(self, key: Key) -> None:
+        self._numbers = _numbers(key, 3, 4)
+        self._curve = OneOf(SHAPES, "Curve of the degree.", closed=True)
+        self.wanted = key.wanted
+
+    def groups(self) -> Iterable[Group]:
+        """Return the groups of keys of the curves."""
+        return self._curve.groups()
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the shape."""
+        return (self._curve if isinstance(raw, dict) else self._numbers).read(raw, here)
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        return Union[self._numbers.type(), self._curve.type()]  # noqa: UP007  (computed types)
+
+
+def _shapes(key: Key, item: Node) -> Named:
+    """Return the node of a mapping of names to shapes or functions."""
     return Named(f"a mapping of names to {key.wanted}", item)
 
 
@@ -42,11 +71,12 @@ _FUNCTIONS = Key(
 _TERMS = Key("Name and shape, as of an input", "1", wanted=SHAPE)
 _OVERLAPPING = Key(
     "Name and shape, from low to high: a number is the peak of a triangle that reaches to the peaks beside it; "
-    "3 numbers are a triangle, 4 a trapezoid",
+    "3 numbers are a triangle, 4 a trapezoid; a mapping is a curve",
     "1",
     wanted=SHAPE,
 )
-Shapes: TypeAlias = Mapping[str, float | tuple[float, ...]]
+FunctionNumbers: TypeAlias = Mapping[str, float | tuple[float, ...]]
+Shapes: TypeAlias = Mapping[str, Shape]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +84,7 @@ class FuzzyFunctions:
     """The output of a Sugeno system: named functions of the inputs."""
 
     range: Annotated[tuple[float, float], _RANGE] = (-1.0, 1.0)
-    functions: Annotated[Shapes, _FUNCTIONS, _shapes(_FUNCTIONS, 1, 3)]
+    functions: Annotated[FunctionNumbers, _FUNCTIONS, _shapes(_FUNCTIONS, _numbers(_FUNCTIONS, 1, 3))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,14 +92,14 @@ class FuzzyTerms:
     """The output of a Mamdani system: named terms, which may reach beyond the range."""
 
     range: Annotated[tuple[float, float], _RANGE] = (-1.0, 1.0)
-    terms: Annotated[Shapes, _TERMS, _shapes(_TERMS, 3, 4)]
+    terms: Annotated[Shapes, _TERMS, _shapes(_TERMS, ShapeForms(_TERMS))]
 
 
 @dataclass(frozen=True, kw_only=True)
 class FuzzyInput(FuzzyTerms):
     """A range, to which the input is clipped, and named terms that overlap on it."""
 
-    terms: Annotated[Shapes, _OVERLAPPING, _shapes(_OVERLAPPING, 3, 4)]
+    terms: Annotated[Shapes, _OVERLAPPING, _shapes(_OVERLAPPING, ShapeForms(_OVERLAPPING))]
 
 
 def _variable_faults(path: KeyPath, keys: FuzzyTerms | FuzzyFunctions) -> Iterator[Fault]:
@@ -82,15 +112,32 @@ def _variable_faults(path: KeyPath, keys: FuzzyTerms | FuzzyFunctions) -> Iterat
 
 
 _WORDS: Any = some(str, 1)
-_WHEN = Key("A term of each input; all must hold", name="if", wanted="names of one or two terms")
+_WHEN = Key(
+    "A term of each input, of which all must hold; any, or fewer terms, for an input left open; [A, or, B] where one "
+    "is enough",
+    name="if",
+    wanted="names of one or two terms, with or between them where one is enough",
+)
+OR = "or"
 
 
 @dataclass(frozen=True)
 class FuzzyRule:
     """One rule, where rules are not a table."""
 
-    when: Annotated[str | tuple[str, ...], _WHEN, Value(_WHEN, one_or_some(str, some(str, 1, 2)))]
+    when: Annotated[str | tuple[str, ...], _WHEN, Value(_WHEN, one_or_some(str, some(str, 1, 3)))]
     then: Annotated[str, Key("Name of the consequent")]
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield what is wrong with three words."""
+        if isinstance(self.when, tuple) and len(self.when) == 3 and self.when[1] != OR:
+            yield Fault(("if",), got=f"3 names, {shown(self.when[1])} in the middle", wanted=_WHEN.wanted)
+
+    @property
+    def rule(self) -> Rule:
+        """The rule."""
+        when = (self.when,) if isinstance(self.when, str) else self.when
+        return Rule((when[0], when[2]), self.then, either=True) if len(when) == 3 else Rule(when, self.then)
 
 
 class RuleForms(Node):
@@ -149,7 +196,9 @@ class AnyFuzzy:
         ),
         RuleForms(),
     ]
-    conjunction: Annotated[Literal["min", "product"], Key("AND of two inputs")] = "min"
+    conjunction: Annotated[
+        Literal["min", "product"], Key("AND of two inputs; OR is its dual, the maximum or a + b - a b")
+    ] = "min"
     output: Any
 
     def faults(self) -> Iterator[Fault]:
@@ -246,7 +295,7 @@ def _rules(keys: AnyFuzzy) -> tuple[Rule, ...]:
     if isinstance(rules[0], str | tuple):
         names = [tuple(variable.terms) for variable in keys.inputs]
         return rules_of_table(names, [rules] if isinstance(rules[0], str) else rules)
-    return tuple(Rule((rule.when,) if isinstance(rule.when, str) else rule.when, rule.then) for rule in rules)
+    return tuple(rule.rule for rule in rules)
 
 
 def places_of_rules(keys: AnyFuzzy) -> list[KeyPath]:

@@ -96,7 +96,7 @@ class Group(Node):
                 found[name] = declared.default
             else:
                 found[name] = BROKEN
-                if name not in meant:
+                if name not in meant and getattr(raw, "is_whole", True):
                     what = f"gain '{name}' is missing" if self.noun == "gain" else "missing"
                     here.add(what, (name,), at="key", wanted=a_value(declared.key))
         return found

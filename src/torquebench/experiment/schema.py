@@ -19,7 +19,8 @@ from torquebench.experiment.fuzzy_schema import MAX_SYSTEMS, SYSTEMS, FuzzyKeys
 from torquebench.experiment.groups import AllOr, Many, Named, NameOr, OneOf
 from torquebench.experiment.units import without_unit
 from torquebench.experiment.values import Here, Slug
-from torquebench.experiment.yaml_tree import shortened
+from torquebench.experiment.words import shown
+from torquebench.experiment.yaml_tree import BROKEN, shortened
 from torquebench.figures import FIGURES
 from torquebench.keys import Key, Vector
 from torquebench.metrics.chattering import corner_hz
@@ -69,6 +70,9 @@ class Disturbances(Many):
         share = without_unit(raw, "1")
         if isinstance(raw, str) and isinstance(share, float) and 0.0 < share < math.inf:
             return (BandLimitedNoise(relative=share),)
+        if isinstance(raw, int | float) and not isinstance(raw, bool) and 0.0 < raw < math.inf:
+            here.add(got=shown(raw), wanted=self.wanted, note=f"of {raw:g} times the motion's torque: {100 * raw:g} %")
+            return BROKEN
         return super().read(raw, here)
 
 
@@ -158,7 +162,12 @@ class Video:
 
     quality: Annotated[Literal["fast", "pretty"], Key("pretty has shadows and takes many times as long")] = "fast"
     size: Annotated[
-        tuple[Side, Side], Key("Width and height, even numbers", "px", wanted="width and height, as [640, 480]")
+        tuple[Side, Side],
+        Key(
+            "Width and height, even numbers; one controller wants 170 of height",
+            "px",
+            wanted="width and height, as [640, 480]",
+        ),
     ] = (640, 480)
     speed: Annotated[float, Key("Simulated seconds shown in one second", "1", at_least=1e-3, at_most=1e3)] = 1.0
     camera: Annotated[

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, NoReturn
 
 from torquebench.errors import ConfigError, Fault, Problem, did_you_mean_path, nearest, nearest_path
-from torquebench.experiment.extends import EXTENDS, MAX_PARENTS, Text, extended, with_names
+from torquebench.experiment.extends import EXTENDS, MAX_PARENTS, Text, extended, orphaned, with_names
 from torquebench.experiment.presets import GAINS, MOTION, write_presets
 from torquebench.experiment.yaml_tree import (
     BROKEN,
@@ -58,6 +58,8 @@ class Document:
         """What to call the file, that which it extends, and so on; see `Place.file`."""
         self.parents: tuple[Text, ...] = ()
         """The files that it extends, nearest first."""
+        self.inherited: tuple[Any, ...] = ()
+        """Controllers of the nearest of them."""
         self.root: Any = None
         self.start = Place(0, 1, 1)
         """Where the root was written."""
@@ -75,7 +77,7 @@ class Document:
     def copy(self) -> Document:
         """Return another document of the same content and places, without mistakes so far."""
         other = Document(self.filename)
-        other.files, other.parents = list(self.files), self.parents
+        other.files, other.parents, other.inherited = list(self.files), self.parents, self.inherited
         other.root, other.start, other.overrides = copied(self.root), self.start, list(self.overrides)
         return other
 
@@ -87,6 +89,8 @@ class Document:
             if isinstance(node, Map) and isinstance(part, str) and part in node.places:
                 key, value = node.places[part]
                 here = value if last and at == "value" else key
+                if part not in node:
+                    break
             elif isinstance(node, Seq) and isinstance(part, int) and part < len(node):
                 here = node.places[part]
             else:
@@ -264,6 +268,9 @@ def _inherit(document: Document, root: Map, folder: Path, given: Sequence[Text] 
     while EXTENDS in trees[-1]:
         name, place = trees[-1][EXTENDS], trees[-1].places[EXTENDS][1]
         text = given[len(texts)] if given is not None else _parent(document, name, place, folder, len(texts))
+        if text is None:
+            trees = [orphaned(tree) for tree in trees]
+            break
         texts.append(text)
         document.files.append(_printable(text.filename))
         folder = Path(text.filename).parent
@@ -274,25 +281,28 @@ def _inherit(document: Document, root: Map, folder: Path, given: Sequence[Text] 
     if isinstance(items := found.get("controllers"), Seq):
         found["controllers"] = with_names(items, (), document.add)
     while trees:
+        document.inherited = tuple(known) if isinstance(known := found.get("controllers"), Seq) else ()
         found = extended(trees.pop(), found, document.add)
     write_presets(found, document.add)
     document.root = found
 
 
-def _parent(document: Document, name: Any, place: Place, folder: Path, depth: int) -> Text:
-    """Return the file that a config extends.
+def _parent(document: Document, name: Any, place: Place, folder: Path, depth: int) -> Text | None:
+    """Return the file that a config extends; None, with the mistake recorded, where there is none.
 
     Raises:
-        ConfigError: there is none, or too many extend one another.
+        ConfigError: too many extend one another.
     """
     wanted = "the name of a shipped config, or of a .yaml file beside this one"
     if not isinstance(name, str) or not name:
-        document.fail("", place, (EXTENDS,), got="no name", wanted=wanted)
+        document.add((EXTENDS,), place=place, got="no name", wanted=wanted)
+        return None
     is_file = re.search(rf"{YAML}$", name) is not None and not name.startswith("configs/")
     path = folder / name if is_file else shipped_config(name)
     if path is None or (is_file and (Path(name).is_absolute() or not path.is_file())):
         near = nearest_path(folder / name, YAML) if is_file else nearest(name, shipped_names())
-        document.fail(f"there is no {shortened(name)}", place, (EXTENDS,), nearest=near or "", wanted=wanted)
+        document.add((EXTENDS,), f"there is no {shortened(name)}", place=place, nearest=near or "", wanted=wanted)
+        return None
     if depth == MAX_PARENTS or str(path.resolve()) in [str(Path(file).resolve()) for file in document.files if file]:
         document.fail(f"{shortened(name)} extends itself, or more than {MAX_PARENTS} files", place, (EXTENDS,))
     return Text(str(path), read_bytes(path))
@@ -373,13 +383,13 @@ def assign(document: Document, parts: Sequence[str | int], value: Any, key_place
         path = (*path, index)
         last = depth == len(parts) - 1
         if last and path == ("controllers",) and isinstance(value, Seq):
-            value = with_names(value, node.get("controllers") or (), document.add)
+            value = with_names(value, (*document.inherited, *(node.get("controllers") or ())), document.add)
         if isinstance(node, Map) and (last or node.get(part) is None):  # type: ignore[arg-type]
             node.put(str(index), value if last else Map(), key_place, value_place)
         elif last:
             node[index], node.places[index] = value, value_place
         node = node[index]
-    if isinstance(value, str) and parts[-1] in (MOTION, GAINS):
+    if path == ("controllers",) or (isinstance(value, str) and parts[-1] in (MOTION, GAINS)):
         write_presets(document.root, document.add)
 
 

@@ -44,6 +44,10 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(path)
+    except OSError as error:
+        if error.filename is None:  # a full disk does not say which file it had no room for
+            error.filename = str(path)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
     sync_folder(path.parent)
@@ -74,8 +78,9 @@ def claim_folder(out: Path | None, name: str) -> Path:
         ConfigError: the chosen folder is not empty or cannot be made.
     """
     if out is not None:
-        fresh = not out.exists()
+        fresh = False
         try:
+            fresh = not out.exists()
             out.mkdir(parents=True, exist_ok=True)
             if any(out.iterdir()):
                 raise ConfigError([Problem("--out", "", f"{out} is not empty, wanted a new or empty folder")])

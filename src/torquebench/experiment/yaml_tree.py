@@ -30,6 +30,7 @@ _LONGEST_INT = 100  # digits; longer ones are read as floats, which no whole-num
 FORBIDDEN = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ufeff\ud800-\udfff\ufffe\uffff]"
 )
+_ODD_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u3000]")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
 
@@ -61,10 +62,12 @@ class Place(NamedTuple):
 class Map(dict[str, Any]):
     """A mapping that knows where each key and its value were written."""
 
-    __slots__ = ("places",)
+    __slots__ = ("is_whole", "places")
 
     def __init__(self) -> None:
         super().__init__()
+        self.is_whole = True
+        """Whether no key was refused that stands for others."""
         self.places: dict[str, tuple[Place, Place]] = {}
         """Key -> place of the key, place of its value."""
 
@@ -93,6 +96,7 @@ def copied(node: Any) -> Any:
     """Return a copy of a tree; places are shared, as they never change."""
     if isinstance(node, Map):
         mapping = Map()
+        mapping.is_whole = node.is_whole
         for key, value in node.items():
             mapping.put(key, copied(value), *node.places[key])
         return mapping
@@ -190,6 +194,9 @@ def _syntax_message(error: yaml.MarkedYAMLError, text: str, here: Place) -> str:
     hint = ""
     if "\t" in line[: here.column]:
         hint = "; indent with spaces, not tabs"
+    elif odd := _ODD_SPACE.search("\n".join(lines[: here.line])):
+        at = f"line {text.count(chr(10), 0, odd.start()) + 1}"
+        hint = f"; {at} has the character U+{ord(odd.group()):04X}, which looks like a space: write a space"
     elif "cannot start any token" in problem:
         hint = "; put the text in quotes"
     elif "mapping values" in problem or "did not find expected" in problem:
@@ -277,6 +284,8 @@ class _Builder:
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             key = self._key(event, path, depth)
             if key is None:
+                # what a merge key would have given is not known
+                values.is_whole = values.is_whole and getattr(event, "value", "") != "<<"
                 self._skip(next(self._events), path, depth + 1)
             elif key in values:
                 first = "" if self._place else f" on line {values.places[key][0].line}"
@@ -304,7 +313,9 @@ class _Builder:
             self._add(path, "merge keys (<<) are not accepted; write the keys out", event)
             return None
         if not isinstance(key, str):
-            self._add(path, f"a key must be a word, got {shortened(event.value)}", event)
+            comma = "; a comma separates keys, and the decimal sign is a point"
+            hint = comma if isinstance(key, int | float) and not isinstance(key, bool) else ""
+            self._add(path, f"a key must be a word, got {shortened(event.value)}{hint}", event)
             return None
         return key
 

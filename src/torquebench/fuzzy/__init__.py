@@ -4,16 +4,19 @@ from torquebench.fuzzy.fis import Fis
 from torquebench.fuzzy.inference import infer
 from torquebench.fuzzy.prepare import Prepared, prepare
 from torquebench.fuzzy.system import BUILTIN, DEFAULT, FuzzySystem, Rule, builtin_system
-from torquebench.fuzzy.terms import Functions, Term, Variable
+from torquebench.fuzzy.terms import Bell, Functions, Gaussian, Sigmoid, Term, Variable
 
 __all__ = [
     "BUILTIN",
     "DEFAULT",
+    "Bell",
     "Fis",
     "Functions",
     "FuzzySystem",
+    "Gaussian",
     "Prepared",
     "Rule",
+    "Sigmoid",
     "Term",
     "Variable",
     "builtin_system",

@@ -20,7 +20,9 @@ TABLE = 4
 """Method: bilinear interpolation in a table of outputs."""
 
 MIN, PRODUCT = 0, 1
-"""Codes of the conjunction (AND)."""
+"""Codes of the conjunction (AND); OR is its dual: the maximum, or a + b - a b."""
+STRAIGHT, GAUSSIAN, BELL, SIGMOID = 0.0, 1.0, 2.0, 3.0
+"""Codes of a term's shape: a trapezoid, or a curve."""
 
 
 class Fis(NamedTuple):
@@ -36,11 +38,13 @@ class Fis(NamedTuple):
     inputs: int
     """Number of inputs, 1 or 2."""
     rules: Annotated[IntArray, 2]
-    """Index of each rule's consequent, (n1, n2); -1 where there is no rule."""
+    """Index of each rule's consequent, (n1, n2); -1 where there is no rule. Where rules leave an input open, its last
+    term is one to which everything belongs."""
     x_terms: Annotated[Array, 2]
-    """Feet and shoulders a <= b <= c <= d of the terms of input 1, (n1, 4)."""
+    """Terms of input 1, (n1, 5): feet and shoulders a <= b <= c <= d and the code STRAIGHT; or centre, width, exponent
+    or slope, nothing, and the code of a curve."""
     y_terms: Annotated[Array, 2]
-    """The same of input 2, (n2, 4)."""
+    """The same of input 2, (n2, 5)."""
     scale: float = 1.0
     """Exact methods: spacing of the output's terms."""
     offset: float = 0.0
@@ -58,3 +62,6 @@ class Fis(NamedTuple):
     """TABLE: cells between two breaks of input 1."""
     y_cells: int = 1
     """The same of input 2."""
+    either: Annotated[IntArray, 2] = np.zeros((0, 0), dtype=np.int64)
+    """Index of the consequent of each rule that fires where one of two terms does (OR), (n1, n2), -1 where there is
+    none; (0, 0) if there is no such rule."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from torquebench.fuzzy.fis import PRODUCT, STAIRCASE, SUGENO, SUM, UNION, Fis
+from torquebench.fuzzy.fis import BELL, GAUSSIAN, PRODUCT, STAIRCASE, STRAIGHT, SUGENO, SUM, UNION, Fis
 from torquebench.kernel import Array, kernel, sat
 
 TRACE = 1e-12
@@ -23,6 +23,14 @@ def both(conjunction: int, a: float, b: float) -> float:
     if conjunction == PRODUCT:
         return a * b
     return a if a < b else b
+
+
+@kernel
+def one_of(conjunction: int, a: float, b: float) -> float:
+    """Return the degree of a OR b, the dual of AND: their maximum, or a + b - a b."""
+    if conjunction == PRODUCT:
+        return a + b - a * b
+    return a if a > b else b
 
 
 @kernel
@@ -172,8 +180,30 @@ def slower(fis: Fis, x: float, y: float) -> float:
 
 
 @kernel
+def logistic(s: float) -> float:
+    """Return 1 / (1 + exp(-s)), without an exponential that overflows."""
+    if s < 0.0:
+        grown = math.exp(s)
+        return grown / (1.0 + grown)
+    return 1.0 / (1.0 + math.exp(-s))
+
+
+@kernel
+def curved(centre: float, width: float, slope: float, code: float, x: float) -> float:
+    """Return the degree to which x is a curved term; arguments as in a row of `Fis.x_terms`."""
+    z = (x - centre) / width
+    if code == GAUSSIAN:
+        return math.exp(-0.5 * z * z)
+    if code == BELL:
+        return logistic(-slope * math.log(abs(z))) if z != 0.0 else 1.0
+    return logistic(slope * z)
+
+
+@kernel
 def membership(terms: Array, k: int, x: float) -> float:
-    """Return the degree to which x is term k: a trapezoid with feet a, d and shoulders b, c; `terms` is (n, 4)."""
+    """Return the degree to which x is term k, a trapezoid or a curve; `terms` is (n, 5), as `Fis.x_terms`."""
+    if terms[k, 4] != STRAIGHT:
+        return curved(terms[k, 0], terms[k, 1], terms[k, 2], terms[k, 4], x)
     if x < terms[k, 1]:
         return (x - terms[k, 0]) / (terms[k, 1] - terms[k, 0]) if x > terms[k, 0] else 0.0
     if x > terms[k, 2]:
@@ -183,7 +213,7 @@ def membership(terms: Array, k: int, x: float) -> float:
 
 @kernel
 def fill_memberships(terms: Array, x: Array, degrees: Array) -> None:
-    """Fill `degrees` (N, n) with the degree to which each of `x` (N,) is each of `terms` (n, 4)."""
+    """Fill `degrees` (N, n) with the degree to which each of `x` (N,) is each of `terms` (n, 5)."""
     for i in range(len(x)):
         for k in range(len(terms)):
             degrees[i, k] = membership(terms, k, x[i])
@@ -205,6 +235,13 @@ def weighted_mean(fis: Fis, x: float, y: float) -> float:
                     w = both(fis.conjunction, u, membership(fis.y_terms, j, y))
                     weight += w
                     total += w * (fis.functions[k, 0] + fis.functions[k, 1] * x + fis.functions[k, 2] * y)
+    for i in range(len(fis.either)):
+        for j in range(fis.either.shape[1]):
+            k = fis.either[i, j]
+            if k >= 0:
+                w = one_of(fis.conjunction, membership(fis.x_terms, i, x), membership(fis.y_terms, j, y))
+                weight += w
+                total += w * (fis.functions[k, 0] + fis.functions[k, 1] * x + fis.functions[k, 2] * y)
     if not weight > 0.0:
         return 0.0
     return total / weight
@@ -239,7 +276,7 @@ def fill_outputs(fis: Fis, x: Array, y: Array, outputs: Array) -> None:
 
 @kernel
 def fill_activations(fis: Fis, x: float, y: float, degrees: Array) -> None:
-    """Fill `degrees` (n1, n2) with how much the rule of each pair of terms fires; 0 where there is no rule.
+    """Fill `degrees` (n1, n2) with how much the rules of each pair of terms fire; 0 where there is no rule.
 
     Args:
         fis: The system.
@@ -251,3 +288,7 @@ def fill_activations(fis: Fis, x: float, y: float, degrees: Array) -> None:
         for j in range(len(fis.y_terms)):
             fires = both(fis.conjunction, membership(fis.x_terms, i, x), membership(fis.y_terms, j, y))
             degrees[i, j] = fires if fis.rules[i, j] >= 0 else 0.0
+    for i in range(len(fis.either)):
+        for j in range(fis.either.shape[1]):
+            if fis.either[i, j] >= 0:
+                degrees[i, j] += one_of(fis.conjunction, membership(fis.x_terms, i, x), membership(fis.y_terms, j, y))

@@ -15,7 +15,7 @@ from torquebench.errors import Finding
 from torquebench.fuzzy.fis import TABLE
 from torquebench.fuzzy.prepare import Prepared
 from torquebench.fuzzy.system import POINTS, FuzzySystem
-from torquebench.fuzzy.terms import SAME, Variable
+from torquebench.fuzzy.terms import ANY, SAME, Variable
 
 WEAK = 0.5
 """An output that reaches less than this part of its range is worth a warning."""
@@ -28,10 +28,15 @@ _ODD = 1e-9  # asymmetry above rounding
 Place = tuple[str | int, ...]
 
 
-def lint(prepared: Prepared) -> tuple[Finding, ...]:
-    """Return the warnings about a system, in the order of its definition."""
+def lint(prepared: Prepared, is_law: bool = True) -> tuple[Finding, ...]:
+    """Return the warnings about a system, in the order of its definition.
+
+    Args:
+        prepared: The system.
+        is_law: Whether its output acts on a joint, so that it has to be odd about the origin, and to reach its range.
+    """
     system = prepared.system
-    findings = [*_terms(system), *_thin_terms(prepared), *_rules(system), *_outputs(prepared)]
+    findings = [*_terms(system), *_thin_terms(prepared), *_rules(system), *(_outputs(prepared) if is_law else ())]
     return tuple(Finding(code, "warning", where, message) for code, where, message in findings)
 
 
@@ -40,7 +45,9 @@ def _terms(system: FuzzySystem) -> Iterator[tuple[str, Place, str]]:
         where = ("inputs", i, "terms")
         outside = "lies outside the range, so no rule with it ever fires: move it, or widen the range"
         yield from (("dead-term", (*where, name), outside) for name in variable.names if not variable.reaches(name))
-        for low, high in gaps(variable):
+        others = [[None] if k == i else range(len(v.terms)) for k, v in enumerate(system.inputs)]
+        matters = not all(map(system.covers, itertools.product(*others)))
+        for low, high in gaps(variable) if matters else ():
             nothing = f"no term covers {low:g} to {high:g}; there no rule fires and the output is 0"
             yield "gap", where, f"{nothing}: widen the terms beside it"
     used = {rule.then for rule in system.rules}
@@ -56,7 +63,7 @@ def _thin_terms(prepared: Prepared) -> Iterator[tuple[str, Place, str]]:
         return
     low, high = output.reach
     for term in output.terms:
-        if term.d - term.a < THIN * (high - low) / (POINTS - 1):
+        if term.base < THIN * (high - low) / (POINTS - 1):
             steps = f"{THIN} of the {POINTS - 1} steps from {low:g} to {high:g} in which the output is computed"
             yield "thin-term", ("output", "terms", term.name), f"is narrower than {steps}: widen it"
 
@@ -74,26 +81,29 @@ def gaps(variable: Variable) -> list[tuple[float, float]]:
 
 
 def _rules(system: FuzzySystem) -> Iterator[tuple[str, Place, str]]:
-    for place in np.argwhere(system.table < 0):
+    for place in itertools.product(*(range(len(variable.names)) for variable in system.inputs)):
+        if system.covers(place):
+            continue
         words = [v.names[k] for v, k in zip(system.inputs, place, strict=True)]
         message = f"no rule for {' and '.join(words)}: where only that would fire the output is 0; add it"
         yield "missing-rule", ("rules",), message
     first = {rule: k for k, rule in reversed([*enumerate(system.rules)])}
     for k, rule in enumerate(system.rules):
         if first[rule] < k:
-            yield "duplicate-rule", ("rules", k), f"repeats an earlier rule (if {' and '.join(rule.when)}): remove one"
+            yield "duplicate-rule", ("rules", k), f"repeats an earlier rule (if {rule.condition}): remove one"
         dead = [w for v, w in zip(system.inputs, rule.when, strict=True) if not v.reaches(w)]
-        if dead:
+        if not rule.fires(system.inputs):
             yield "dead-rule", ("rules", k), f"never fires, because {' and '.join(dead)} lies outside the range"
     if isinstance(system.output, Variable):
         yield from _jumps(system, system.output)
 
 
 def _jumps(system: FuzzySystem, output: Variable) -> Iterator[tuple[str, Place, str]]:
-    """Neighbouring rules are continuous when their consequents overlap."""
+    """Neighbouring rules are continuous when their consequents overlap; one with OR has no place among them."""
     at: dict[tuple[str, ...], int] = {}
     for k, rule in enumerate(system.rules):
-        at.setdefault(rule.when, k)
+        if not rule.either:
+            at.setdefault(rule.when, k)
     terms = dict(zip(output.names, output.terms, strict=True))
     for axis, variable in enumerate(system.inputs):
         after = dict(itertools.pairwise(variable.names))
@@ -135,7 +145,14 @@ def _outputs(prepared: Prepared) -> Iterator[tuple[str, Place, str]]:
 
 def _lopsided(system: FuzzySystem) -> list[str]:
     """Rules whose place, mirrored at the origin, does not hold the mirrored consequent, by number of terms."""
-    table = system.table
-    wrong = (table >= 0) & (np.flip(table) != len(system.output.names) - 1 - table)
-    places = {tuple(v.names[k] for v, k in zip(system.inputs, place, strict=True)) for place in np.argwhere(wrong)}
-    return [" and ".join(when) for when in dict.fromkeys(rule.when for rule in system.rules) if when in places]
+    mirrored = [
+        dict(zip(names, reversed(names), strict=True)) | {ANY: ANY}
+        for names in (*(variable.names for variable in system.inputs), system.output.names)
+    ]
+    rules = set(system.rules)
+    odd = []
+    for rule in dict.fromkeys(system.rules):
+        *when, then = (names[word] for names, word in zip(mirrored, (*rule.when, rule.then), strict=True))
+        if rule._replace(when=tuple(when), then=then) not in rules:
+            odd.append(rule.condition)
+    return odd

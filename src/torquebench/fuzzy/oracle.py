@@ -18,7 +18,7 @@ from torquebench.fuzzy.fis import TABLE
 from torquebench.fuzzy.prepare import Prepared
 from torquebench.fuzzy.system import AGGREGATIONS, POINTS, FuzzySystem
 from torquebench.fuzzy.table import activations, degrees, fuzzy_set, moments, over_rules, universe
-from torquebench.fuzzy.terms import Functions, Variable
+from torquebench.fuzzy.terms import ANY, TRACE, Bell, Functions, Gaussian, Sigmoid, Variable
 from torquebench.kernel import Array
 
 COUNTS = (32, 30)
@@ -89,7 +89,23 @@ def compare(prepared: Prepared, counts: tuple[int, int] = COUNTS) -> Comparison:
     )
 
 
-CONTROL, DEFUZZ, MEMBERSHIP = "skfuzzy.control", "skfuzzy.defuzz", "skfuzzy.trimf and trapmf"
+CONTROL, DEFUZZ, MEMBERSHIP = "skfuzzy.control", "skfuzzy.defuzz", "skfuzzy's membership functions"
+
+
+def memberships(variable: Variable, values: Array) -> Array:
+    """Return what scikit-fuzzy says the degree of each of `values` (N,), in own units, to each term is, (N, n)."""
+    from skfuzzy import gaussmf, gbellmf, sigmf
+
+    columns = degrees(variable, values)  # of the straight terms, scikit-fuzzy's own
+    for column, term in zip(columns.T, variable.terms, strict=True):
+        match term.curve:
+            case Gaussian(mean, sigma):
+                column[:] = gaussmf(values, mean, sigma)
+            case Bell(centre, width, slope):
+                column[:] = gbellmf(values, width, slope, centre)
+            case Sigmoid(centre, slope):
+                column[:] = sigmf(values, centre, slope)
+    return columns
 
 
 def scikit_fuzzy(system: FuzzySystem, x: Array, y: Array) -> tuple[str, Array]:
@@ -99,11 +115,11 @@ def scikit_fuzzy(system: FuzzySystem, x: Array, y: Array) -> tuple[str, Array]:
         system: The system.
         x, y: Normalised inputs, (N,), within [-1, 1]; y is ignored by a system of one input.
     """
-    fires = activations(system, x, y)
+    fires = activations(system, x, y, memberships)
     if isinstance(system.output, Variable) and (system.aggregation, system.defuzzification) != ("max-min", "coa"):
         return DEFUZZ, (_defuzzified(system, system.output, fires) - system.output.middle) / system.output.half
     normalised = np.zeros(len(x))
-    live = np.max(fires, axis=1) > 0.0
+    live = np.max(fires, axis=1) > TRACE
     own = [v.middle + v.half * values[live] for v, values in zip(system.inputs, (x, y), strict=False)]
     if isinstance(system.output, Functions):
         by, outputs = MEMBERSHIP, _weighted_mean(system, system.output, fires[live], own)
@@ -118,16 +134,22 @@ def _controlled(system: FuzzySystem, output: Variable, values: list[Array]) -> A
     from skfuzzy import control
 
     inputs = []
-    for i, variable in enumerate(system.inputs):
-        inputs.append(control.Antecedent(_points(variable, np.array([variable.low, variable.high])), f"x{i}"))
+    for i, (variable, own) in enumerate(zip(system.inputs, values, strict=True)):
+        # between the points of a universe scikit-fuzzy draws a membership straight
+        points = own if any(term.curve for term in variable.terms) else ()
+        ends = np.array([variable.low, variable.high, *points])
+        inputs.append(control.Antecedent(_points(variable, ends), f"x{i}"))
         _add_terms(inputs[-1], variable, variable.names)
+        inputs[-1][ANY] = np.ones(len(inputs[-1].universe))
     result = control.Consequent(_points(output, universe(output, POINTS)), "u")
     _add_terms(result, output, {rule.then for rule in system.rules})  # a term that no rule has would be an error
     rules = []
     for rule in dict.fromkeys(system.rules):
         terms = [variable[name] for variable, name in zip(inputs, rule.when, strict=True)]
-        both = np.multiply if system.conjunction == "product" else np.fmin
-        rules.append(control.Rule(reduce(operator.and_, terms), result[rule.then], and_func=both))
+        condition = reduce(operator.or_ if rule.either else operator.and_, terms)
+        is_product = system.conjunction == "product"
+        both, one_of = (np.multiply, _probabilistic_or) if is_product else (np.fmin, np.fmax)
+        rules.append(control.Rule(condition, result[rule.then], and_func=both, or_func=one_of))
     simulation = control.ControlSystemSimulation(control.ControlSystem(rules))
     for i, value in enumerate(values):
         simulation.input[f"x{i}"] = value
@@ -139,9 +161,13 @@ def _controlled(system: FuzzySystem, output: Variable, values: list[Array]) -> A
     return outputs
 
 
+def _probabilistic_or(a: Any, b: Any) -> Any:
+    return a + b - a * b
+
+
 def _points(variable: Variable, points: Array) -> Array:
     """Return points of a universe with the corners of its terms, and with both sides of a term's upright sides."""
-    corners = np.array([term[1:] for term in variable.terms])
+    corners = np.array([term.corners for term in variable.terms if term.curve is None]).reshape(-1, 4)
     upright = np.concatenate([corners[corners[:, 0] == corners[:, 1], 0], corners[corners[:, 2] == corners[:, 3], 3]])
     sides = np.nextafter(upright, -np.inf), np.nextafter(upright, np.inf)
     every: Array = np.unique(np.concatenate([points, corners.ravel(), *sides]))
@@ -149,7 +175,7 @@ def _points(variable: Variable, points: Array) -> Array:
 
 
 def _add_terms(variable: Any, own: Variable, names: Collection[str]) -> None:
-    for name, membership in zip(own.names, degrees(own, variable.universe).T, strict=True):
+    for name, membership in zip(own.names, memberships(own, variable.universe).T, strict=True):
         if name in names:
             variable[name] = membership
 
@@ -159,7 +185,7 @@ def _defuzzified(system: FuzzySystem, output: Variable, fires: Array) -> Array:
     from skfuzzy import defuzz
 
     u = universe(output, POINTS)
-    terms = degrees(output, u)
+    terms = memberships(output, u)
     join, combine = over_rules(system), AGGREGATIONS[system.aggregation].combine
     consequents = [terms[:, output.names.index(rule.then)] for rule in system.rules]
     centres = np.full(len(fires), output.middle)

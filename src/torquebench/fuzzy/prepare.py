@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from torquebench.fuzzy.fis import MIN, PRODUCT, STAIRCASE, SUGENO, SUM, TABLE, UNION, Fis
 from torquebench.fuzzy.inference import fill_outputs
 from torquebench.fuzzy.system import FuzzySystem
-from torquebench.fuzzy.table import error_bound, grid_for, outputs_on
-from torquebench.fuzzy.terms import SAME, Functions, Variable
+from torquebench.fuzzy.table import defined_outputs, error_bound, grid_for, outputs_on
+from torquebench.fuzzy.terms import EVERYTHING, SAME, Functions, Variable
 from torquebench.kernel import Array, IntArray
 
 METHODS = {
@@ -42,6 +42,32 @@ class Prepared:
         name = METHODS[self.fis.method]
         return name if self.fis.method != TABLE else f"{name} of {' x '.join(map(str, self.fis.table.shape))} nodes"
 
+    def evaluate(self, *values: float) -> float:
+        """Return the output for one value of each input, all in the variables' own units.
+
+        It is by definition: of a table, what the table was made of.
+
+        Args:
+            values: One for each input; each is clipped to its range.
+
+        Raises:
+            ValueError: there are more or fewer than inputs.
+        """
+        x, y = self._normalised(values)
+        exact = self.outputs if self.fis.method != TABLE else partial(defined_outputs, self.system)
+        output = self.system.output
+        return output.middle + output.half * float(exact(x, y)[0])
+
+    def in_loop(self, *values: float) -> float:
+        """Return the output as the loop evaluates it; see `evaluate`."""
+        output = self.system.output
+        return output.middle + output.half * float(self.outputs(*self._normalised(values))[0])
+
+    def _normalised(self, values: tuple[float, ...]) -> tuple[Array, Array]:
+        pairs = zip(self.system.inputs, values, strict=True)
+        at = [np.array([(value - variable.middle) / variable.half]) for variable, value in pairs]
+        return at[0], at[-1]
+
     def outputs(self, x: Array, y: Array) -> Array:
         """Return the outputs at pairs of normalised inputs, of the shape that `x` and `y` have together."""
         xx, yy = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
@@ -62,9 +88,12 @@ def prepare(system: FuzzySystem) -> Prepared:
     first, second = system.inputs[0], system.inputs[1] if len(system.inputs) == 2 else None
     rules = system.table if second is not None else np.repeat(system.table[:, None], 2, axis=1)
     # of the input that is not there everything is each of two terms
-    y_terms = np.tile([-1.0, -1.0, 1.0, 1.0], (2, 1)) if second is None else second.corners()
+    y_terms = np.tile(EVERYTHING, (2, 1)) if second is None else second.rows(system.is_open[1])
     conjunction = PRODUCT if system.conjunction == "product" else MIN
-    fis = Fis(TABLE, conjunction, len(system.inputs), rules.astype(np.int64), first.corners(), y_terms)
+    x_terms = first.rows(system.is_open[0])
+    fis = Fis(TABLE, conjunction, len(system.inputs), rules.astype(np.int64), x_terms, y_terms)
+    if system.either_table.size:
+        fis = fis._replace(either=system.either_table.astype(np.int64))
     if isinstance(system.output, Functions):
         return Prepared(system, fis._replace(method=SUGENO, functions=_functions(system, system.output)), 0.0)
     form = _closed_form(system, system.output, rules)
@@ -90,6 +119,8 @@ def _functions(system: FuzzySystem, output: Functions) -> Array:
 
 def _closed_form(system: FuzzySystem, output: Variable, rules: IntArray) -> dict[str, Any] | None:
     """Return the fields of a `Fis` that is exact: method, spacing and middle of the output's terms, and the table."""
+    if any(system.is_open) or system.either_table.size or any(term.curve for term in output.terms):
+        return None
     corners = output.corners()
     last = len(corners) - 1
     if system.aggregation not in ("max-min", "sum-min") or last < 1 or not all(map(_is_partition, system.inputs)):
@@ -111,7 +142,7 @@ def _is_partition(variable: Variable) -> bool:
 
     What lies outside [-1, 1] does not matter, as inputs are clipped: the outer terms may have any shape there.
     """
-    if len(variable.terms) < 2:
+    if len(variable.terms) < 2 or any(term.curve for term in variable.terms):
         return False
     corners, peaks = variable.corners(), np.linspace(-1.0, 1.0, len(variable.terms))
     off = np.abs(corners - np.column_stack([np.roll(peaks, 1), peaks, peaks, np.roll(peaks, -1)]))

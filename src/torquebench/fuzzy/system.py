@@ -31,7 +31,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from torquebench.errors import ControllerError, Finding, FuzzyError, did_you_mean
-from torquebench.fuzzy.terms import NONE, SAME, Functions, Variable
+from torquebench.fuzzy.terms import ANY, NONE, SAME, Functions, Variable
 from torquebench.kernel import Array, IntArray
 
 CONJUNCTIONS = ("min", "product")
@@ -71,10 +71,25 @@ AGGREGATIONS: dict[str, Aggregation] = {
 
 
 class Rule(NamedTuple):
-    """If input 1 is when[0] (and input 2 is when[1]) then the output is `then`."""
+    """If input 1 is when[0] (and input 2 is when[1]) then the output is `then`.
+
+    An input for which `ANY` stands, or for which nothing is said, is left open.
+    """
 
     when: tuple[str, ...]
     then: str
+    either: bool = False
+    """Whether it is enough that one of the two holds (OR)."""
+
+    @property
+    def condition(self) -> str:
+        """Its terms in words."""
+        return f" {'or' if self.either else 'and'} ".join(self.when)
+
+    def fires(self, inputs: Sequence[Variable]) -> bool:
+        """Whether it does so anywhere in the ranges of the inputs."""
+        reached = [variable.reaches(name) for variable, name in zip(inputs, self.when, strict=True)]
+        return any(reached) if self.either else all(reached)
 
 
 @dataclass(frozen=True)
@@ -91,7 +106,7 @@ class FuzzySystem:
     """Terms: Mamdani's method. Functions: Sugeno's, where aggregation and defuzzification play no part."""
     rules: tuple[Rule, ...]
     conjunction: str = "min"
-    """AND: ``min`` (131) or ``product``."""
+    """AND: ``min`` (131) or ``product``; OR is its dual, the maximum or a + b - a b."""
     aggregation: str = "max-min"
     """See `AGGREGATIONS`."""
     defuzzification: str = "coa"
@@ -99,6 +114,9 @@ class FuzzySystem:
     counted on its own (135); how the aggregation joins the rules then plays no part."""
 
     def __post_init__(self) -> None:
+        open_ = (ANY,) * len(self.inputs)
+        rules = (rule._replace(when=rule.when + open_[len(rule.when) :]) if rule.when else rule for rule in self.rules)
+        object.__setattr__(self, "rules", tuple(rules))
         errors = self.errors()
         if errors:
             raise FuzzyError(self.name, errors)
@@ -124,26 +142,30 @@ class FuzzySystem:
 
     def _rule_errors(self) -> list[Finding]:
         findings: list[Finding] = []
-        said: dict[tuple[str, ...], str] = {}
+        said: dict[tuple[tuple[str, ...], bool], str] = {}
         for k, rule in enumerate(self.rules):
             unknown = []
             if len(rule.when) != len(self.inputs):
                 unknown.append(
                     f"names {len(rule.when)} terms after 'if', wanted one for each of {len(self.inputs)} inputs"
                 )
+            if rule.either and (len(self.inputs) != 2 or ANY in rule.when):
+                unknown.append("'or' wants a term of each of two inputs")
             for i, (word, variable) in enumerate(zip(rule.when, self.inputs, strict=False)):
-                if word not in variable.names:
-                    unknown.append(f"unknown term '{word}' of input {i + 1}{did_you_mean(word, variable.names)}")
+                if word not in (*variable.names, ANY):
+                    names = (*variable.names, ANY)
+                    unknown.append(f"unknown term '{word}' of input {i + 1}{did_you_mean(word, names)}")
             if rule.then not in self.output.names:
                 unknown.append(f"unknown consequent '{rule.then}'{did_you_mean(rule.then, self.output.names)}")
             findings += [Finding("rule", "error", ("rules", k), message) for message in unknown]
-            if said.setdefault(rule.when, rule.then) != rule.then:
-                both = f"if {' and '.join(rule.when)} then both {said[rule.when]} and {rule.then}"
+            condition = rule.when, rule.either
+            if said.setdefault(condition, rule.then) != rule.then:
+                both = f"if {rule.condition} then both {said[condition]} and {rule.then}"
                 message = f"contradicts an earlier rule: {both}; remove one of them"
                 findings.append(Finding("contradiction", "error", ("rules", k), message))
         if not self.rules:
             findings.append(Finding("no-rule", "error", ("rules",), "there is no rule, wanted at least one"))
-        elif not findings and not any(all(map(Variable.reaches, self.inputs, rule.when)) for rule in self.rules):
+        elif not findings and not any(rule.fires(self.inputs) for rule in self.rules):
             message = (
                 "no rule ever fires: each names a term outside its input's range; widen the ranges or move the terms"
             )
@@ -153,13 +175,44 @@ class FuzzySystem:
         return findings
 
     @cached_property
+    def is_open(self) -> tuple[bool, ...]:
+        """Whether some rule leaves an input open, for each input."""
+        return tuple(any(rule.when[i] == ANY for rule in self.rules) for i in range(len(self.inputs)))
+
+    @cached_property
+    def columns(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the terms along each axis of the rule table, with `ANY` as the last where a rule has it."""
+        return tuple(
+            (*v.names, ANY) if is_open else v.names for v, is_open in zip(self.inputs, self.is_open, strict=True)
+        )
+
+    @cached_property
     def table(self) -> IntArray:
-        """Index of each rule's consequent, (n1, n2) or (n1,); -1 where there is no rule."""
-        table = np.full([len(variable.terms) for variable in self.inputs], -1)
+        """Index of each rule's consequent, (n1, n2) or (n1,), axes as `columns`; -1 where there is no rule."""
+        return self._table(False)
+
+    @cached_property
+    def either_table(self) -> IntArray:
+        """The same of the rules with OR; of no size where there are none."""
+        has_any = any(rule.either for rule in self.rules)
+        return self._table(True) if has_any else np.zeros((0,) * len(self.inputs), dtype=np.int64)
+
+    def _table(self, either: bool) -> IntArray:
+        table = np.full([len(names) for names in self.columns], -1)
         for rule in self.rules:
-            place = tuple(v.names.index(word) for v, word in zip(self.inputs, rule.when, strict=True))
-            table[place] = self.output.names.index(rule.then)
+            if rule.either == either:
+                place = tuple(names.index(word) for names, word in zip(self.columns, rule.when, strict=True))
+                table[place] = self.output.names.index(rule.then)
         return table
+
+    def covers(self, place: Sequence[int | None]) -> bool:
+        """Whether some rule fires where the inputs are the terms of these numbers, None for none of them."""
+        words = [None if k is None else v.names[k] for v, k in zip(self.inputs, place, strict=True)]
+        for rule in self.rules:
+            holds = [term in (ANY, word) for term, word in zip(rule.when, words, strict=True)]
+            if any(holds) if rule.either else all(holds):
+                return True
+        return False
 
 
 def rules_of_table(inputs: Sequence[Sequence[str]], rows: Sequence[Sequence[str]]) -> tuple[Rule, ...]:

@@ -1,22 +1,25 @@
 """What a Mamdani system's output is by definition, on points of the output's universe, and tables of it.
 
-Terms are scikit-fuzzy's `trimf` and `trapmf`. The centre of a set is that of `skfuzzy.defuzz(..., "centroid")`, exact
+Terms are scikit-fuzzy's `trimf` and `trapmf`, and its curves by the loop's own kernel, as numpy's exponential differs
+from one processor to another. The centre of a set is that of `skfuzzy.defuzz(..., "centroid")`, exact
 for the broken line through the points, here for many sets at once.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from torquebench.fuzzy.fis import Fis
-from torquebench.fuzzy.inference import fill_outputs
+from torquebench.fuzzy.inference import fill_memberships, fill_outputs
 from torquebench.fuzzy.system import AGGREGATIONS, POINTS, FuzzySystem
-from torquebench.fuzzy.terms import SAME, Variable
+from torquebench.fuzzy.terms import ANY, SAME, Variable
 from torquebench.kernel import Array
 
+Degrees: TypeAlias = Callable[[Variable, Array], Array]
 _CHUNK = 2_000_000  # numbers in a temporary array: 16 MB
 
 
@@ -29,18 +32,33 @@ def degrees(variable: Variable, values: Array) -> Array:
     """Return the degree of each of `values` (N,), in the variable's own units, to each term, (N, n)."""
     from skfuzzy import trapmf, trimf
 
-    columns = [trimf(values, [t.a, t.b, t.d]) if t.b == t.c else trapmf(values, t[1:]) for t in variable.terms]
-    return np.column_stack(columns)
+    columns = np.empty((len(values), len(variable.terms)))
+    if any(term.curve for term in variable.terms):
+        fill_memberships(variable.rows(), (values - variable.middle) / variable.half, columns)
+    for k, t in enumerate(variable.terms):
+        if t.curve is None:
+            columns[:, k] = trimf(values, [t.a, t.b, t.d]) if t.b == t.c else trapmf(values, t.corners)
+    return columns
 
 
-def activations(system: FuzzySystem, x: Array, y: Array) -> Array:
-    """Return how much each rule fires, (N, rules), for normalised inputs x, y (N,); y is ignored by one input."""
+def activations(system: FuzzySystem, x: Array, y: Array, degrees: Degrees = degrees) -> Array:
+    """Return how much each rule fires, (N, rules).
+
+    Args:
+        system: The system.
+        x, y: Normalised inputs, (N,); y is ignored by a system of one input.
+        degrees: From a variable and values in its own units to the degree of each to each term.
+    """
     fires = np.ones((len(x), len(system.rules)))
+    some = np.zeros_like(fires)
+    is_product = system.conjunction == "product"
     for i, (variable, values) in enumerate(zip(system.inputs, (x, y), strict=False)):
         degree = degrees(variable, variable.middle + variable.half * np.clip(values, -1.0, 1.0))
-        chosen = degree[:, [variable.names.index(rule.when[i]) for rule in system.rules]]
-        fires = fires * chosen if system.conjunction == "product" else np.fmin(fires, chosen)
-    return fires
+        every = np.column_stack([degree, np.ones(len(values))])
+        chosen = every[:, [(*variable.names, ANY).index(rule.when[i]) for rule in system.rules]]
+        fires = fires * chosen if is_product else np.fmin(fires, chosen)
+        some = some + chosen - some * chosen if is_product else np.fmax(some, chosen)
+    return np.where([rule.either for rule in system.rules], some, fires)
 
 
 def defined_outputs(system: FuzzySystem, x: Array, y: Array, points: int = POINTS) -> Array:
@@ -141,10 +159,10 @@ class Grid(NamedTuple):
 
 
 def grid_for(variable: Variable | None) -> Grid:
-    """Return nodes that include every corner of an input's terms; None stands for an input that is not there."""
+    """Return nodes that include the breaks of an input's terms; None stands for an input that is not there."""
     if variable is None:
         return Grid(np.array([-1.0, 1.0]), 1)
-    corners = np.sort(np.clip(np.append(variable.corners().ravel(), [-1.0, 1.0]), -1.0, 1.0))
+    corners = np.sort(np.clip(np.append(variable.breaks(), [-1.0, 1.0]), -1.0, 1.0))
     breaks = corners[np.append(True, np.diff(corners) > SAME)]
     breaks[-1] = 1.0
     return Grid(breaks, math.ceil(CELLS / (len(breaks) - 1)))

@@ -79,6 +79,11 @@ def check_settings(settings: Mapping[str, Any], footage: Footage) -> Video:
     found = Video(**{key: value for key, value in values.items() if not is_broken(value)})
     for fault in found.mistakes(footage.model, [shot.name for shot in footage.shots]):
         document.add_fault(fault)
+    from torquebench.video.layout import misfit
+
+    text = misfit(len(footage.shots), found.size)
+    if text and not document.found:
+        document.add(("size",), text, wanted="a larger frame, or fewer --controllers")
     if document.found:
         problems = (problem for _, problem in document.found)
         raise ConfigError(replace(one, source=f"--{one.key.partition('[')[0]}", key="") for one in problems)

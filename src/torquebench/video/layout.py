@@ -78,11 +78,20 @@ def layout(count: int, size: tuple[int, int], joints: int, title: Callable[[floa
             if score > most and wide >= LEAST_PANEL[0] and high >= LEAST_PANEL[1]:
                 best, most = Layout(unit, Box(0, 0, width, top), tuple(panels)), score
     if best is None:
-        raise VideoError(
-            f"{count} controllers do not fit in {width}x{height}: each wants {LEAST_PANEL[0]}x{LEAST_PANEL[1]} or "
-            "more; ask for a larger --size or fewer --controllers"
-        )
+        raise VideoError(misfit(count, size) + "; ask for a larger --size or fewer --controllers")
     return best
+
+
+def misfit(count: int, size: tuple[int, int]) -> str:
+    """Return why so many panels do not fit in a frame of some size [px]; nothing if they do."""
+    width, height = size
+    top = round(26 * max(0.75, min(width / 640.0, height / 480.0)))
+    for columns in range(1, count + 1):
+        if width // columns >= LEAST_PANEL[0] and (height - top) // -(-count // columns) >= LEAST_PANEL[1]:
+            return ""
+    do = "controller does" if count == 1 else "controllers do"
+    wants = f"each wants {LEAST_PANEL[0]}x{LEAST_PANEL[1]} or more"
+    return f"{count} {do} not fit in {width}x{height}: {wants} below a line of {top} px"
 
 
 def _panel(box: Box, unit: float, above: int, joints: int, beside: bool) -> Panel:

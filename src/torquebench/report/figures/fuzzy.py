@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
@@ -20,13 +22,23 @@ DIVERGING = LinearSegmentedColormap.from_list("output", ["#0072B2", "#FFFFFF", "
 SCALES = {"too small": 0.25, "right": 1.0, "too large": 4.0}
 """What the paper's Fig 6 compares: the input's scale over the largest input that occurs."""
 
+RISING = LinearSegmentedColormap.from_list("value", ["#FFFFFF", "#0072B2"])
 _SAMPLES = 6401
+_OUTLINE = 361
+_SIDE = 241
 
 
-def system_figures(prepared: Prepared) -> dict[str, Figure]:
-    """Draw a fuzzy system: `membership` (the paper's Fig 7), `surface` and `scaling` (Fig 6)."""
+def system_figures(prepared: Prepared, is_law: bool = True) -> dict[str, Figure]:
+    """Draw a fuzzy system: `membership` (the paper's Fig 7), `surface` and `scaling` (Fig 6).
+
+    Args:
+        prepared: The system.
+        is_law: Whether a law scales its inputs to [-1, 1]; otherwise the surface has the variables' own units, and
+            there is nothing to scale.
+    """
     with style.journal_style():
-        return {"membership": _membership(prepared), "surface": _surface(prepared), "scaling": _scaling(prepared)}
+        figures = {"membership": _membership(prepared), "surface": _surface(prepared, is_law)}
+        return {**figures, "scaling": _scaling(prepared)} if is_law else figures
 
 
 def _titles(prepared: Prepared) -> tuple[str, str]:
@@ -47,13 +59,15 @@ def _membership(prepared: Prepared) -> Figure:
         shapes = _shapes(variable)
         ends = [variable.low, variable.high]
         if what == "output":  # its terms count beyond the range, too
-            ends += [x for corners in shapes.values() for x in corners]
+            ends += [x for at, _, _ in shapes.values() for x in at]
         low, high = min(ends), max(ends)
-        for place, (text, corners) in enumerate(shapes.items()):
+        for place, (text, (x, degrees, peak)) in enumerate(shapes.items()):
             colour = series_colour(place)
-            ax.plot(corners, (0.0, 1.0, 1.0, 0.0), color=colour, linewidth=1.2)
-            at = min(max(0.5 * (corners[1] + corners[2]), low), high)
-            ax.text(at, 1.03, text, ha="center", va="bottom", fontsize=7.5, color=colour)
+            ax.plot(x, degrees, color=colour, linewidth=1.2)
+            at = min(max(peak, low), high)
+            end = 0.04 * (high - low)  # a name at an end must not run over the edge
+            side = "left" if at < low + end else "right" if at > high - end else "center"
+            ax.text(at, 1.03, text, ha=side, va="bottom", fontsize=7.5, color=colour)
         room = 0.03 * (high - low)
         ax.set_xlim(low - room, high + room)
         ax.set_ylim(0.0, 1.22)
@@ -66,18 +80,35 @@ def _membership(prepared: Prepared) -> Figure:
     return fig
 
 
-def _shapes(variable: Variable | Functions) -> dict[str, tuple[float, ...]]:
-    """Return the four corners of each term by its name; all are at the constant of a function, which is written out."""
-    if isinstance(variable, Variable):
-        return {term.name: term[1:] for term in variable.terms}
+def _shapes(variable: Variable | Functions) -> dict[str, tuple[Sequence[float], Sequence[float], float]]:
+    """Return the outline of each term by its name, places and degrees, and its peak.
+
+    A function, which is written out, is an upright line at its constant.
+    """
+    height = (0.0, 1.0, 1.0, 0.0)
+    if isinstance(variable, Functions):
+        return {
+            name + "".join(f" {factor:+g} x{i + 1}" for i, factor in enumerate(factors)): (
+                [constant] * 4,
+                height,
+                constant,
+            )
+            for name, (constant, *factors) in variable.coefficients
+        }
+    x = np.linspace(variable.low, variable.high, _OUTLINE)
+    normalised = np.linspace(-1.0, 1.0, _OUTLINE)
+    degrees = np.empty((_OUTLINE, len(variable.terms)))
+    fill_memberships(variable.rows(), normalised, degrees)
     return {
-        name + "".join(f" {factor:+g} x{i + 1}" for i, factor in enumerate(factors)): (constant,) * 4
-        for name, (constant, *factors) in variable.coefficients
+        term.name: (x.tolist(), column.tolist(), term.peak) if term.curve else (term.corners, height, term.peak)
+        for term, column in zip(variable.terms, degrees.T, strict=True)
     }
 
 
-def _surface(prepared: Prepared) -> Figure:
-    x = np.linspace(-1.0, 1.0, 241)
+def _surface(prepared: Prepared, is_law: bool) -> Figure:
+    if not is_law:
+        return _own_surface(prepared)
+    x = np.linspace(-1.0, 1.0, _SIDE)
     fig = new_page(1, 3.0, 3.0)
     if len(prepared.system.inputs) == 2:
         contours, ax = fig.subplots(1, 2, width_ratios=(1.2, 1.0))
@@ -96,6 +127,38 @@ def _surface(prepared: Prepared) -> Figure:
     ax.set_ylabel("output, normalised [1]")
     ax.set_xlim(-1.0, 1.0)
     ax.locator_params(nbins=5)
+    finish_page(fig, *_titles(prepared), handles)
+    return fig
+
+
+def _own_surface(prepared: Prepared) -> Figure:
+    """Draw the output over the inputs, all in their own units: a map, and sections at each quarter of input 2."""
+    system, grid = prepared.system, np.linspace(-1.0, 1.0, _SIDE)
+    own = [variable.middle + variable.half * grid for variable in system.inputs]
+    output = system.output
+    fig = new_page(1, 3.0, 3.0)
+    if len(system.inputs) == 2:
+        z = output.middle + output.half * prepared.outputs(grid[:, None], grid[None, :])
+        area, ax = fig.subplots(1, 2, width_ratios=(1.2, 1.0))
+        mesh = area.pcolormesh(*own, z.T, cmap=RISING, shading="gouraud", rasterized=True)
+        if np.ptp(z) > 0.0:
+            area.contour(*own, z.T, levels=12, colors="0.25", linewidths=0.5)
+        fig.colorbar(mesh, ax=area, pad=0.02, label="output [1]")
+        area.grid(False)
+        area.set_xlabel("input 1 [1]")
+        area.set_ylabel("input 2 [1]")
+        second = system.inputs[1]
+        places = np.linspace(second.low, second.high, 5)
+        sections = {f"input 2 = {place:.4g}": (place - second.middle) / second.half for place in places}
+    else:
+        ax, sections = fig.subplots(), {"output": 0.0}
+    handles = []
+    for place, (name, y) in enumerate(sections.items()):
+        z = output.middle + output.half * prepared.outputs(grid, 0.0 * grid + y)
+        handles += ax.plot(own[0], z, color=series_colour(place), label=name)
+    ax.set_xlabel("input 1 [1]")
+    ax.set_ylabel("output [1]")
+    ax.set_xlim(own[0][0], own[0][-1])
     finish_page(fig, *_titles(prepared), handles)
     return fig
 
@@ -123,7 +186,7 @@ def _scaling(prepared: Prepared) -> Figure:
     panels = fig.subplots(2, len(SCALES), sharex=True, sharey="row")
     for (above, below), (name, scale) in zip(panels.T, SCALES.items(), strict=True):
         degrees = np.empty((_SAMPLES, len(variable.terms)))
-        fill_memberships(variable.corners(), np.clip(signal / scale, -1.0, 1.0), degrees)
+        fill_memberships(variable.rows(), np.clip(signal / scale, -1.0, 1.0), degrees)
         for place, degree in enumerate(degrees.T):
             above.plot(signal, np.where(degree > 0.0, degree, np.nan), color=series_colour(place), linewidth=1.0)
         below.plot(signal, prepared.outputs(signal / scale, 0.0 * signal), color=series_colour(0))

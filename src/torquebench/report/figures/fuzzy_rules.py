@@ -76,7 +76,7 @@ def rule_tables(prepared: Prepared, shares: Array, joint_names: Sequence[str], t
         title, subtitle: Heading of the page.
     """
     system = prepared.system
-    columns = len(system.inputs[1].names) if len(system.inputs) == 2 else 1
+    columns = len(system.columns[1]) if len(system.inputs) == 2 else 1
     second = "input 2 [term]" if columns > 1 else ""
     fig, panels = panel_grid(joint_names, "input 1 [term]", [second] * len(joint_names))
     top = max(float(shares.max()), 1e-12)
@@ -101,7 +101,7 @@ def _table(ax: Axes, system: FuzzySystem, share: Array, top: float) -> None:
             text = f"{percent:.0f}" if percent >= 9.95 else f"{percent:.2g}" if percent >= 0.1 else "<0.1"
             ax.text(i + 0.5, j + 0.5, text, ha="center", va="center", fontsize=6.0, color="white" if light else "0.2")
     ax.grid(False)
-    ax.set_xticks(np.arange(share.shape[0]) + 0.5, system.inputs[0].names)
-    second = system.inputs[1].names if len(system.inputs) == 2 else ()
+    ax.set_xticks(np.arange(share.shape[0]) + 0.5, system.columns[0])
+    second = system.columns[1] if len(system.inputs) == 2 else ()
     ax.set_yticks(np.arange(len(second)) + 0.5, second)
     ax.tick_params(length=0.0)
