@@ -17,7 +17,7 @@ from torquebench.robot.importing.findings import Part, RefusedArmError
 from torquebench.robot.importing.forces import forces_of
 from torquebench.robot.importing.plain import tool_of, write
 from torquebench.robot.importing.proof import LIMIT, Proof, prove
-from torquebench.robot.importing.source import Source, read
+from torquebench.robot.importing.source import Source, listening, read
 
 __all__ = ["ImportedArm", "Options", "Part", "Proof", "RefusedArmError", "import_arm"]
 
@@ -70,10 +70,11 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
     if any(part.verdict == "refused" for part in chain.findings):
         raise RefusedArmError(path, _sorted(chain.findings))
     try:
-        plain = mujoco.MjModel.from_xml_string(text)
+        with listening([]):
+            plain = mujoco.MjModel.from_xml_string(text)
+            proof = prove(chain, plain, forces.gravity, lambda d: tool_of(chain, d, options)[0])
     except ValueError as error:
         raise ModelError(f"{path}: what is left does not compile: {' '.join(str(error).split())}") from error
-    proof = prove(chain, plain, forces.gravity, lambda d: tool_of(chain, d, options)[0])
     if not proof.holds:
         text = f"the flattened arm differs from the published one by {proof.worst:.1e} of its size, limit {LIMIT}"
         raise ModelError(f"{path}: {text}")
@@ -121,6 +122,8 @@ def _tell(chain: Chain, source: Source, home: str) -> None:
         first.append(Part("mapped", "links without inertia", source.guessed, text))
     if source.missing:
         first.append(Part("dropped", "mesh files", source.missing, "not there, or not read by MuJoCo; they only look"))
+    if source.warnings:
+        first.append(Part("dropped", "what MuJoCo warns of", source.warnings, "said when it read the file"))
     touching = int(np.sum((m.geom_contype != 0) | (m.geom_conaffinity != 0)))
     if touching:
         first.append(Part("dropped", "contacts", (f"{touching} shapes",), "links touch nothing here"))

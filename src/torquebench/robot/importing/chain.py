@@ -13,6 +13,8 @@ from torquebench.errors import did_you_mean
 from torquebench.kernel import Array
 from torquebench.robot.importing.findings import Part
 
+ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""Kinds of actuators that drive one joint."""
 _ONE_DOF = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
@@ -203,15 +205,15 @@ def _check(chain: Chain) -> None:
         if len(branches) == 1:
             point = branches[0]
             continue
-        size = {b: sum(int(m.jnt_bodyid[j]) in subtree(m, b) for j in chain.joints) for b in branches}
-        first, second = sorted(size.values(), reverse=True)[:2]
-        trunk = max(branches, key=lambda b: size[b]) if first >= second + 3 else None
+        size = {b: _size(chain, b) for b in branches}
+        trunk = _trunk(size)
         others = [b for b in branches if b != trunk]
         names = tuple(body_name(m, b) for b in branches)
         where = body_name(m, point) if point else "the world"
-        if point == 0 and trunk is None and first >= 3:
-            tips = " or ".join(f"--tip {body_name(m, _last(chain, b, children))}" for b in branches if size[b] == first)
-            tip = body_name(m, _last(chain, branches[0], children))
+        if point == 0 and trunk is None and max(size.values()) >= (0, 3):
+            largest = [b for b in branches if size[b] == max(size.values())]
+            tips = " or ".join(f"--tip {body_name(m, _last(b, children))}" for b in largest)
+            tip = body_name(m, _last(largest[0], children))
             findings.append(
                 Part("refused", "branches", names, f"several arms stand on {where}: {tips} takes one", ("--tip", tip))
             )
@@ -225,7 +227,28 @@ def _check(chain: Chain) -> None:
         point = trunk
 
 
-def _last(chain: Chain, body: int, children: Mapping[int, list[int]]) -> int:
+def _size(chain: Chain, body: int) -> tuple[int, int]:
+    """Return how many kept joints from a body on an actuator drives, and how many there are."""
+    m, inside = chain.model, subtree(chain.model, body)
+    here = {j for j in chain.joints if int(m.jnt_bodyid[j]) in inside}
+    return len(here & driven(m)), len(here)
+
+
+def driven(m: Any) -> set[int]:
+    """Return the joints that actuators drive."""
+    return {int(m.actuator_trnid[a, 0]) for a in range(m.nu) if int(m.actuator_trntype[a]) in ON_JOINT}
+
+
+def _trunk(size: Mapping[int, tuple[int, int]]) -> int | None:
+    """Return the branch that is the arm: the only one that is driven, or by far the longest; None where none is."""
+    moved = [b for b, (driving, _) in size.items() if driving]
+    if len(moved) == 1:
+        return moved[0]
+    first, second = sorted(size.values(), key=lambda pair: pair[1], reverse=True)[:2]
+    return max(size, key=lambda b: size[b][1]) if first[1] >= second[1] + 3 else None
+
+
+def _last(body: int, children: Mapping[int, list[int]]) -> int:
     """Return the last moving body of the chain that begins at one, up to where it branches."""
     while len(children.get(body, ())) == 1:
         body = children[body][0]

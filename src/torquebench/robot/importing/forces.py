@@ -11,11 +11,10 @@ import numpy as np
 
 from torquebench.errors import did_you_mean
 from torquebench.kernel import Array
-from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero, joint_name, name_of
+from torquebench.robot.importing.chain import ON_JOINT, Chain, Options, body_name, is_zero, joint_name, name_of
 from torquebench.robot.importing.findings import Part
 
 _OBJ, _OFF, _TRN, _EQ = mujoco.mjtObj, mujoco.mjtDisableBit, mujoco.mjtTrn, mujoco.mjtEq
-_ON_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
 _STATES = 20
 _SAME = 1e-12
 DROPS = ("springs", "fluid", "tendons", "equalities", "gravcomp", "nonlinear-damping")
@@ -55,7 +54,7 @@ def forces_of(chain: Chain, options: Options) -> Forces:
     armature, damping, nonlinear = m.dof_armature[dofs].copy(), m.dof_damping[dofs].copy(), m.dof_dampingpoly[dofs] != 0
     nonlinear = nonlinear.any(axis=1)
     for a in range(m.nu):
-        if int(m.actuator_trntype[a]) in _ON_JOINT and m.actuator_trnid[a, 0] in joints:
+        if int(m.actuator_trntype[a]) in ON_JOINT and int(m.actuator_trnid[a, 0]) in joints:
             i, gear = joints.index(int(m.actuator_trnid[a, 0])), float(m.actuator_gear[a, 0])
             armature[i] += gear * gear * float(m.actuator_armature[a])
             damping[i] += gear * gear * float(m.actuator_damping[a])
@@ -259,7 +258,7 @@ def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> Arra
     skewed, idle, others = list[str](), list[str](), list[str]()
     for a in range(m.nu):
         name = name_of(m, _OBJ.mjOBJ_ACTUATOR, a)
-        if int(m.actuator_trntype[a]) not in _ON_JOINT:
+        if int(m.actuator_trntype[a]) not in ON_JOINT:
             others.append(name)
             continue
         joint = int(m.actuator_trnid[a, 0])

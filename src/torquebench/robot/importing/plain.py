@@ -48,7 +48,7 @@ def write(chain: Chain, forces: Forces, options: Options, name: str, source: str
         if not np.array_equal(quat, [1.0, 0.0, 0.0, 0.0]):
             parent.set("quat", _text(quat))
         R, p = turn, d.xpos[body].copy()
-        _inertial(parent, m, d, rigid, R, p)
+        _inertial(parent, chain, d, rigid, R, p)
         for i, j in enumerate(chain.joints):
             if int(m.jnt_bodyid[j]) == body:
                 at = _exact(R.T @ (d.xanchor[j] - p), m.jnt_pos[j])
@@ -142,35 +142,50 @@ def _joint(parent: Any, chain: Chain, forces: Forces, i: int, place: Array, axis
         joint.set("range", _text(forces.range[i]))
 
 
-def _inertial(parent: Any, m: Any, d: Any, bodies: Sequence[int], R: Array, p: Array) -> None:
+def _inertial(parent: Any, chain: Chain, d: Any, bodies: Sequence[int], R: Array, p: Array) -> None:
     """Write the inertia of bodies that move as one, in the frame of the first."""
+    m = chain.model
     heavy = [b for b in bodies if m.body_mass[b] > 0 or not is_zero(m.body_inertia[b])]
-    if not heavy:
-        return
     if heavy == [bodies[0]]:
         b = heavy[0]
-        inertial = ElementTree.SubElement(parent, "inertial", mass=_text([m.body_mass[b]]), pos=_text(m.body_ipos[b]))
-        if not np.array_equal(m.body_iquat[b], [1.0, 0.0, 0.0, 0.0]):
-            inertial.set("quat", _text(m.body_iquat[b]))
-        inertial.set("diaginertia", _text(m.body_inertia[b]))
+        mass, centre, turn, moments = float(m.body_mass[b]), m.body_ipos[b], m.body_iquat[b], m.body_inertia[b]
+    else:
+        mass, centre, turn, moments = _lump(m, d, heavy, R, p)
+    low, middle, high = np.sort(moments)
+    last = bodies[0] == int(m.jnt_bodyid[chain.joints[-1]])
+    several = int(np.sum(m.jnt_bodyid[list(chain.joints)] == bodies[0])) > 1
+    if mass <= 0 or low <= 0:
+        where = body_name(m, bodies[0])
+        if heavy or last or not several:
+            text = "neither it nor what is welded to it has mass and inertia: give it an <inertial> in the file"
+            chain.findings.append(Part("refused", "link without inertia", (where,), text))
         return
-    mass = float(sum(m.body_mass[b] for b in heavy))
-    centre = sum((m.body_mass[b] * (d.xipos[b] - p) for b in heavy), np.zeros(3)) / mass if mass > 0 else np.zeros(3)
+    if low + middle < high * (1.0 - 1e-9):
+        text = f"no body has such moments, {_text(moments)} kg m^2: the two smaller add up to less than the largest"
+        chain.findings.append(Part("refused", "impossible inertia", (body_name(m, bodies[0]),), text))
+    inertial = ElementTree.SubElement(parent, "inertial", mass=_text([mass]), pos=_text(centre))
+    if not np.array_equal(turn, [1.0, 0.0, 0.0, 0.0]):
+        inertial.set("quat", _text(turn))
+    inertial.set("diaginertia", _text(moments))
+
+
+def _lump(m: Any, d: Any, bodies: Sequence[int], R: Array, p: Array) -> tuple[float, Array, Array, Array]:
+    """Return mass, centre, turn of the principal axes and moments of bodies that move as one, in a frame (R, p)."""
+    mass = float(sum(m.body_mass[b] for b in bodies))
+    centre = sum((m.body_mass[b] * (d.xipos[b] - p) for b in bodies), np.zeros(3)) / mass if mass > 0 else np.zeros(3)
     inertia = np.zeros((3, 3))
-    for b in heavy:
+    for b in bodies:
         axes, away = d.ximat[b].reshape(3, 3), d.xipos[b] - p - centre
         inertia += axes @ np.diag(m.body_inertia[b]) @ axes.T
         inertia += m.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
-    inertia = R.T @ inertia @ R
-    scale = float(np.max(np.abs(inertia)))
-    full = [inertia[i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    ElementTree.SubElement(
-        parent,
-        "inertial",
-        mass=_text([mass]),
-        pos=_text(_clean(R.T @ centre)),
-        fullinertia=_text(_clean(np.array(full), scale)),
-    )
+    moments, directions = np.linalg.eigh(R.T @ inertia @ R)
+    moments, directions = moments[::-1], directions[:, ::-1].copy()
+    directions[:, 2] *= np.sign(np.linalg.det(directions))
+    turn = np.zeros(4)
+    mujoco.mju_mat2Quat(turn, directions.ravel())
+    if turn[int(np.argmax(np.abs(turn)))] < 0:
+        turn = -turn
+    return mass, _clean(R.T @ centre), _clean(turn), moments
 
 
 def _exact(values: Array, *published: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any, NamedTuple
 
 import mujoco
@@ -15,14 +16,18 @@ LIMIT = 1e-12
 
 
 class Proof(NamedTuple):
-    """Largest relative differences between a flattened arm and the published file, of all states and joints."""
+    """Largest relative differences between a flattened arm and the published file, over all states.
+
+    Torques are held against the largest torque of any joint: a light wrist's own may be the small difference of large
+    moments. The mass matrix is held against each joint's own inertia, so that no light joint hides behind a heavy one.
+    """
 
     mass_matrix: float
     """abs(A - B) over sqrt(A_ii A_jj)."""
     bias: float
-    """Torque of gravity and velocity, over the joint's largest inverse dynamics torque."""
+    """Torque of gravity and velocity, over the largest inverse dynamics torque."""
     inverse_dynamics: float
-    """Torque for a random acceleration, over the joint's largest."""
+    """Torque for a random acceleration, over the largest."""
     tool: float
     """Distance of the tools, over the largest distance of the tool from the world's origin."""
 
@@ -52,6 +57,8 @@ def prove(chain: Chain, plain: Any, gravity: Array, tool: Any) -> Proof:
     m.opt.gravity[:] = gravity
     for b in chain.removed:
         m.body_mass[b], m.body_inertia[b] = 0.0, 0.0
+        first, count = int(m.body_dofadr[b]), int(m.body_dofnum[b])
+        m.dof_armature[first : first + count] += 1.0  # so that MuJoCo's mass matrix has an inverse
     other = _bare(plain)
     random, dofs, places = np.random.default_rng(0), chain.dofs, chain.places
     n = len(dofs)
@@ -62,7 +69,6 @@ def prove(chain: Chain, plain: Any, gravity: Array, tool: Any) -> Proof:
         elif m.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE:
             low[i], high[i] = -0.5, 0.5
     a, b = mujoco.MjData(m), mujoco.MjData(other)
-    rows: list[tuple[Array, Array]] = []
     columns: list[list[tuple[Array, Array]]] = [[], [], [], []]
     for _ in range(STATES):
         q, qd, qdd = random.uniform(low, high), random.normal(0.0, 1.0, n), random.normal(0.0, 3.0, n)
@@ -76,24 +82,21 @@ def prove(chain: Chain, plain: Any, gravity: Array, tool: Any) -> Proof:
         mujoco.mj_fullM(other, b, N)
         M = M[np.ix_(dofs, dofs)]
         scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
-        columns[0].append(((M - N) / scale, np.ones((n, n))))
+        columns[0].append(((M - N) / scale, np.ones(1)))
         columns[1].append((a.qfrc_bias[dofs] - b.qfrc_bias, a.qfrc_inverse[dofs].copy()))
         columns[2].append((a.qfrc_inverse[dofs] - b.qfrc_inverse, a.qfrc_inverse[dofs].copy()))
-        columns[3].append((tool(a) - b.site("tool").xpos, np.linalg.norm(b.site("tool").xpos) * np.ones(3)))
-    del rows
+        columns[3].append((tool(a) - b.site("tool").xpos, np.atleast_1d(np.linalg.norm(b.site("tool").xpos))))
     return Proof(*(_relative(column) for column in columns))
 
 
 def _relative(pairs: list[tuple[Array, Array]]) -> float:
+    """Return the largest difference of some, over the largest size of what differs."""
     differences, sizes = (np.abs(np.array(column)) for column in zip(*pairs, strict=True))
-    size = np.maximum(sizes.max(axis=0), 1e-300)
-    return float(np.max(differences.max(axis=0) / size))
+    return float(np.max(differences)) / max(float(np.max(sizes)), 1e-300)
 
 
 def _bare(model: Any) -> Any:
     """Return a copy of a model that has nothing but weight and inertia."""
-    import copy
-
     m = copy.copy(model)
     for name in (
         "dof_damping",
