@@ -16,10 +16,29 @@ from torquebench.robot.importing.chain import Chain, Options, body_name, find_ch
 from torquebench.robot.importing.findings import Part, RefusedArmError
 from torquebench.robot.importing.forces import forces_of
 from torquebench.robot.importing.plain import tool_of, write
-from torquebench.robot.importing.proof import LIMIT, Proof, prove
+from torquebench.robot.importing.proof import LIMIT, STATES, Proof, prove
 from torquebench.robot.importing.source import Source, listening, read
 
-__all__ = ["ImportedArm", "Options", "Part", "Proof", "RefusedArmError", "import_arm"]
+__all__ = [
+    "LIMIT",
+    "STATES",
+    "ImportedArm",
+    "Options",
+    "Part",
+    "Proof",
+    "RefusedArmError",
+    "UnprovedArmError",
+    "arm_name",
+    "import_arm",
+    "with_flags",
+]
+
+
+class UnprovedArmError(ModelError):
+    """A flattened arm is not the published one."""
+
+    def __init__(self, path: Path, proof: Proof) -> None:
+        super().__init__(f"{path}: the flattened arm differs by {proof.worst:.1e} of its size, limit {LIMIT:g}")
 
 
 @dataclass(frozen=True)
@@ -36,6 +55,7 @@ class ImportedArm:
     proof: Proof
     source: Source
     chain: Chain
+    options: Options
 
 
 def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa: B008  frozen
@@ -51,7 +71,8 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
     Raises:
         RefusedArmError: the arm is no chain of hinges and slides, or has forces or torque limits that need an option;
             says all of it at once, and carries what else was found.
-        ModelError: the file cannot be read or compiled, or the chain is not the same arm.
+        ModelError: the file cannot be read or compiled.
+        UnprovedArmError: the chain is not the same arm.
     """
     source = read(path)
     m = source.model
@@ -64,7 +85,7 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
             raise RefusedArmError(path, refused)
         chain.findings.extend(refused)
     forces = forces_of(chain, options)
-    name = options.name or re.sub(r"[^A-Za-z0-9_-]+", "-", path.stem).strip("-_") or "arm"
+    name = arm_name(options.name or path.stem)
     _tell(chain, source, said)
     text, _ = write(chain, forces, options, name, path.name)
     if any(part.verdict == "refused" for part in chain.findings):
@@ -76,10 +97,16 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
     except ValueError as error:
         raise ModelError(f"{path}: what is left does not compile: {' '.join(str(error).split())}") from error
     if not proof.holds:
-        text = f"the flattened arm differs from the published one by {proof.worst:.1e} of its size, limit {LIMIT}"
-        raise ModelError(f"{path}: {text}")
+        raise UnprovedArmError(path, proof)
     joints = tuple(joint_name(m, j) for j in chain.joints)
-    return ImportedArm(name, text, joints, home[chain.places].copy(), _sorted(chain.findings), proof, source, chain)
+    return ImportedArm(
+        name, text, joints, home[chain.places].copy(), _sorted(chain.findings), proof, source, chain, options
+    )
+
+
+def arm_name(text: str) -> str:
+    """Return a plain name of an arm, made of that of a file or folder."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[:64] or "arm"
 
 
 def with_flags(options: Options, flags: Sequence[str]) -> Options:

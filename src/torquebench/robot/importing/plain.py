@@ -33,7 +33,7 @@ def write(chain: Chain, forces: Forces, options: Options, name: str, source: str
     m, d = chain.model, chain.at(np.zeros(len(chain.joints)))
     root = ElementTree.Element("mujoco", model=name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false")
-    option = ElementTree.SubElement(root, "option", timestep="0.001", integrator="RK4", gravity=_text(forces.gravity))
+    option = ElementTree.SubElement(root, "option", timestep="0.001", integrator="RK4", gravity=text_of(forces.gravity))
     ElementTree.SubElement(option, "flag", contact="disable", autoreset="disable")
     parent = ElementTree.SubElement(root, "worldbody")
     R, p, names = np.eye(3), np.zeros(3), _Names()
@@ -44,9 +44,9 @@ def write(chain: Chain, forces: Forces, options: Options, name: str, source: str
         mujoco.mju_mat2Quat(quat, (R.T @ turn).ravel())
         place = _exact(R.T @ (d.xpos[body] - p), m.body_pos[body])
         quat = _exact(quat, m.body_quat[body], -m.body_quat[body])
-        parent = ElementTree.SubElement(parent, "body", name=names(body_name(m, body)), pos=_text(place))
+        parent = ElementTree.SubElement(parent, "body", name=names(body_name(m, body)), pos=text_of(place))
         if not np.array_equal(quat, [1.0, 0.0, 0.0, 0.0]):
-            parent.set("quat", _text(quat))
+            parent.set("quat", text_of(quat))
         R, p = turn, d.xpos[body].copy()
         _inertial(parent, chain, d, rigid, R, p)
         for i, j in enumerate(chain.joints):
@@ -54,20 +54,20 @@ def write(chain: Chain, forces: Forces, options: Options, name: str, source: str
                 at = _exact(R.T @ (d.xanchor[j] - p), m.jnt_pos[j])
                 _joint(parent, chain, forces, i, at, _exact(R.T @ d.xaxis[j], m.jnt_axis[j]))
     where, axes, what = tool_of(chain, d, options)
-    site = ElementTree.SubElement(parent, "site", name="tool", pos=_text(_clean(R.T @ (where - p))))
+    site = ElementTree.SubElement(parent, "site", name="tool", pos=text_of(clean(R.T @ (where - p))))
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, (R.T @ axes).ravel())
-    if not np.array_equal(_clean(quat), [1.0, 0.0, 0.0, 0.0]):
-        site.set("quat", _text(_clean(quat)))
+    if not np.array_equal(clean(quat), [1.0, 0.0, 0.0, 0.0]):
+        site.set("quat", text_of(clean(quat)))
     chain.findings.append(Part("kept", "tool", (what,), "the site tool of the last link"))
     motors = ElementTree.SubElement(root, "actuator")
     for j, limit in zip(chain.joints, forces.torque_limits, strict=True):
         joint, most = joint_name(m, j), float(limit)
         ElementTree.SubElement(
-            motors, "motor", name=joint, joint=joint, ctrllimited="true", ctrlrange=_text([-most, most])
+            motors, "motor", name=joint, joint=joint, ctrllimited="true", ctrlrange=text_of([-most, most])
         )
     keys = ElementTree.SubElement(root, "keyframe")
-    ElementTree.SubElement(keys, "key", name="home", qpos=_text(chain.home[chain.places]))
+    ElementTree.SubElement(keys, "key", name="home", qpos=text_of(chain.home[chain.places]))
     return to_text(
         root, f"Imported from {source} by torquebench; README.md says what was kept and what was left out."
     ), root
@@ -131,15 +131,15 @@ def _joint(parent: Any, chain: Chain, forces: Forces, i: int, place: Array, axis
     """Write joint `i` of a chain."""
     m, j = chain.model, chain.joints[i]
     kind = "slide" if m.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE else "hinge"
-    joint = ElementTree.SubElement(parent, "joint", name=joint_name(m, j), type=kind, axis=_text(axis))
+    joint = ElementTree.SubElement(parent, "joint", name=joint_name(m, j), type=kind, axis=text_of(axis))
     if not is_zero(place):
-        joint.set("pos", _text(place))
+        joint.set("pos", text_of(place))
     for key, value in (("armature", forces.armature), ("damping", forces.damping), ("frictionloss", forces.friction)):
         if value[i]:
-            joint.set(key, _text([value[i]]))
+            joint.set(key, text_of([value[i]]))
     if not is_zero(forces.range[i]):
         joint.set("limited", "true" if forces.limited[i] else "false")
-        joint.set("range", _text(forces.range[i]))
+        joint.set("range", text_of(forces.range[i]))
 
 
 def _inertial(parent: Any, chain: Chain, d: Any, bodies: Sequence[int], R: Array, p: Array) -> None:
@@ -161,12 +161,12 @@ def _inertial(parent: Any, chain: Chain, d: Any, bodies: Sequence[int], R: Array
             chain.findings.append(Part("refused", "link without inertia", (where,), text))
         return
     if low + middle < high * (1.0 - 1e-9):
-        text = f"no body has such moments, {_text(moments)} kg m^2: the two smaller add up to less than the largest"
+        text = f"no body has such moments, {text_of(moments)} kg m^2: the two smaller add up to less than the largest"
         chain.findings.append(Part("refused", "impossible inertia", (body_name(m, bodies[0]),), text))
-    inertial = ElementTree.SubElement(parent, "inertial", mass=_text([mass]), pos=_text(centre))
+    inertial = ElementTree.SubElement(parent, "inertial", mass=text_of([mass]), pos=text_of(centre))
     if not np.array_equal(turn, [1.0, 0.0, 0.0, 0.0]):
-        inertial.set("quat", _text(turn))
-    inertial.set("diaginertia", _text(moments))
+        inertial.set("quat", text_of(turn))
+    inertial.set("diaginertia", text_of(moments))
 
 
 def _lump(m: Any, d: Any, bodies: Sequence[int], R: Array, p: Array) -> tuple[float, Array, Array, Array]:
@@ -185,7 +185,7 @@ def _lump(m: Any, d: Any, bodies: Sequence[int], R: Array, p: Array) -> tuple[fl
     mujoco.mju_mat2Quat(turn, directions.ravel())
     if turn[int(np.argmax(np.abs(turn)))] < 0:
         turn = -turn
-    return mass, _clean(R.T @ centre), _clean(turn), moments
+    return mass, clean(R.T @ centre), clean(turn), moments
 
 
 def _exact(values: Array, *published: Array) -> Array:
@@ -198,10 +198,10 @@ def _exact(values: Array, *published: Array) -> Array:
     for numbers in published:
         if np.max(np.abs(values - numbers)) <= _ROUNDING:
             return np.array(numbers) + 0.0
-    return _clean(values)
+    return clean(values)
 
 
-def _clean(values: Array, scale: float = 1.0) -> Array:
+def clean(values: Array, scale: float = 1.0) -> Array:
     """Return computed numbers, those of few digits without the rounding of their computation.
 
     Args:
@@ -213,6 +213,6 @@ def _clean(values: Array, scale: float = 1.0) -> Array:
     return cleaned
 
 
-def _text(values: Any) -> str:
+def text_of(values: Any) -> str:
     """Return numbers as they are written in a file, each read back as the same number."""
     return " ".join(repr(float(x)).removesuffix(".0") for x in values)
