@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
-import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
@@ -148,10 +147,11 @@ def _tell(chain: Chain, source: Source, home: str) -> None:
         text = "no mass: their inertia is not stated, and a URDF's collision shapes weigh nothing"
         first.append(Part("mapped", "links without inertia", source.guessed, text))
     if source.missing:
-        first.append(Part("dropped", "mesh files", source.missing, "not there, or not read by MuJoCo; they only look"))
+        names = tuple(dict.fromkeys(name.rpartition("/")[2] for name in source.missing))
+        first.append(Part("dropped", "mesh files", names, "not there, or not read by MuJoCo; they only look"))
     if source.warnings:
         first.append(Part("dropped", "what MuJoCo warns of", source.warnings, "said when it read the file"))
-    touching = int(np.sum((m.geom_contype != 0) | (m.geom_conaffinity != 0)))
-    if touching:
-        first.append(Part("dropped", "contacts", (f"{touching} shapes",), "links touch nothing here"))
+    if source.touching:
+        count = f"{source.touching} shape{'s' * (source.touching > 1)}"
+        first.append(Part("dropped", "contacts", (count,), "links touch nothing here"))
     chain.findings[:0] = first

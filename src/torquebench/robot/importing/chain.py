@@ -221,7 +221,9 @@ def _check(chain: Chain) -> None:
         weld = ",".join(body_name(m, b) for b in others)
         leave = body_name(m, point) if point and trunk is None else ""
         also = f" welds them; --tip {leave} leaves them out" if leave else " welds the smaller"
-        findings.append(Part("refused", "branches", names, f"part at {where}: --fix {weld}{also}", ("--fix", weld)))
+        findings.append(
+            Part("refused", "branches", names, f"they part at {where}: --fix {weld}{also}", ("--fix", weld))
+        )
         if trunk is None:
             return
         point = trunk

@@ -308,8 +308,12 @@ def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> Arra
     if not np.all(np.isfinite(table[asked]) & (table[asked] > 0)):
         add(Part("refused", "--torque-limits", _where(names, asked), "wanted finite numbers above zero"))
     if np.any(asked):
-        add(Part("mapped", "torque limits", _where(names, asked), "given by --torque-limits"))
+        add(Part("mapped", "--torque-limits", _where(names, asked), "in place of the file's"))
     limits = np.where(asked, table, limits)
+    if not np.all(np.isnan(limits)):
+        some = ~np.isnan(limits)
+        text = " ".join(f"{x:g}" for x in limits[some]) + " N m (N for slides)"
+        add(Part("mapped", "torque limits", _where(names, some), text))
     if np.any(np.isnan(limits)):
         text = f"the file states none; --torque-limits takes {n} numbers [N m], or NAME=NUMBER of these joints alone"
         add(Part("refused", "torque limits", _where(names, np.isnan(limits)), text))

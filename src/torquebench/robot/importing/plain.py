@@ -59,7 +59,7 @@ def write(chain: Chain, forces: Forces, options: Options, name: str, source: str
     mujoco.mju_mat2Quat(quat, (R.T @ axes).ravel())
     if not np.array_equal(clean(quat), [1.0, 0.0, 0.0, 0.0]):
         site.set("quat", text_of(clean(quat)))
-    chain.findings.append(Part("kept", "tool", (what,), "the site tool of the last link"))
+    chain.findings.append(Part("kept", "tool", (what,), "the site tool of the last link; --tool names another"))
     motors = ElementTree.SubElement(root, "actuator")
     for j, limit in zip(chain.joints, forces.torque_limits, strict=True):
         joint, most = joint_name(m, j), float(limit)
@@ -158,7 +158,8 @@ def _inertial(parent: Any, chain: Chain, d: Any, bodies: Sequence[int], R: Array
         where = body_name(m, bodies[0])
         if heavy or last or not several:
             text = "neither it nor what is welded to it has mass and inertia: give it an <inertial> in the file"
-            chain.findings.append(Part("refused", "link without inertia", (where,), text))
+            flags = ("--fix", where) if last and len(chain.joints) > 1 else ()
+            chain.findings.append(Part("refused", "link without inertia", (where,), text, flags))
         return
     if low + middle < high * (1.0 - 1e-9):
         text = f"no body has such moments, {text_of(moments)} kg m^2: the two smaller add up to less than the largest"

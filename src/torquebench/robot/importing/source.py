@@ -37,6 +37,8 @@ class Source:
     """Links of a URDF that state no inertia: they have none here, where MuJoCo takes it from their collision shapes."""
     warnings: tuple[str, ...]
     """What MuJoCo said when it read the file."""
+    touching: int
+    """How many shapes could touch others."""
     healed: bool
     """Whether some links have no inertia, or one that no body has alone."""
 
@@ -56,6 +58,7 @@ def read(path: Path) -> Source:
         spec, urdf = parse(path)
         try:
             guessed = _massless(spec) if urdf else ()
+            touching = sum(bool(geom.contype or geom.conaffinity) for geom in spec.geoms)
             missing = _strip(spec, path)
             healed = _heal(spec)
             model = spec.compile()
@@ -63,7 +66,7 @@ def read(path: Path) -> Source:
             raise ModelError(f"{path}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
     for body, mass, inertia in healed:
         model.body_mass[body.id], model.body_inertia[body.id] = mass, inertia
-    return Source(path, urdf, model, missing, guessed, tuple(dict.fromkeys(said)), bool(healed))
+    return Source(path, urdf, model, missing, guessed, tuple(dict.fromkeys(said)), touching, bool(healed))
 
 
 @contextlib.contextmanager
