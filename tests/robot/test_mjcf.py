@@ -6,7 +6,8 @@ import pytest
 from torquebench import load_model
 from torquebench.comparison import compare_terms, random_states
 from torquebench.errors import ModelError
-from torquebench.robot.mjcf import MAX_BYTES, compile_mjcf
+from torquebench.robot.library import MAX_BYTES
+from torquebench.robot.mjcf import compile_arm
 from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
 
 MOTORS = (
@@ -63,10 +64,8 @@ def test_torque_limits_come_from_gear_and_ranges(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('armature="0.02"', 'armature="0.02" damping="1"', "joint damping"),
-        ('armature="0.02"', 'armature="0.02" frictionloss="1"', "joint friction"),
-        ('armature="0.02"', 'armature="0.02" stiffness="1"', "joint stiffness"),
-        ('armature="0.02"', 'armature="0.02" limited="true" range="-1 1"', "enforced joint limits"),
+        ('armature="0.02"', 'armature="0.02" damping="0 1"', "joint damping that grows with speed .'a'."),
+        ('armature="0.02"', 'armature="0.02" stiffness="1"', "joint stiffness .'a'.: leave it out, or"),
         ('name="hand"', 'name="hand" gravcomp="1"', "gravity compensation"),
         ('type="slide" axis="0 1 1" pos="0.01 0 0"', 'type="ball"', "joints other than hinges and slides"),
         ('<option gravity="1 -2 -9">', '<option gravity="1 -2 -9" density="1000">', "a fluid"),
@@ -95,8 +94,13 @@ def test_what_the_analytic_side_lacks_is_refused_by_name(tmp_path, old, new, mes
     ("text", "message"),
     [
         ("<mujoco><worldbody/></mujoco>", "no joint at all"),
-        ("<mujoco><include file='/etc/passwd'/></mujoco>", "<include> is refused"),
-        ("<mujoco><asset><mesh file='x.stl'/></asset></mujoco>", "<mesh> is refused"),
+        ("<mujoco><include file='/etc/passwd'/></mujoco>", '<include file="/etc/passwd"> is refused'),
+        ("<mujoco><extension><plugin plugin='x'/></extension></mujoco>", "<plugin> is refused: it runs code"),
+        ("<mujoco><size memory='900G'/></mujoco>", "<size> is refused: it asks for memory"),
+        ("<mujoco><asset><texture builtin='flat' width='90000' height='9'/></asset></mujoco>", "at most 4096 is read"),
+        ("<mujoco><custom><numeric name='x' size='99999999'/></custom></mujoco>", "at most 65536 is read"),
+        ("<mujoco>" + "<body>" * 300 + "</body>" * 300 + "</mujoco>", "nested more than 200 deep"),
+        ("<svg/>", "<svg> is no arm"),
         ("<!DOCTYPE x [<!ENTITY a 'b'>]><mujoco/>", "entities are refused"),
         ("not xml", "not a readable MJCF"),
         ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "does not compile"),
@@ -115,7 +119,7 @@ def test_malformed_or_reaching_out_is_refused(tmp_path, text, message):
 def test_too_large_a_file_is_refused_unread(tmp_path):
     """The size is checked before the file is parsed."""
     with pytest.raises(ModelError, match="larger than"):
-        compile_mjcf(write(tmp_path, "<mujoco>" + " " * MAX_BYTES + "</mujoco>"))
+        compile_arm(write(tmp_path, "<mujoco>" + " " * MAX_BYTES + "</mujoco>"))
 
 
 @pytest.mark.parametrize("name", ["../../etc/passwd", "puma560/../puma560", "/etc", "", "puma56O"])

@@ -34,6 +34,9 @@ OPTION = '<option timestep="0.001" integrator="RK4" gravity="0.5 0 -9.81"/>'
 WORLD = "<worldbody>"
 LIMITS = 'ctrllimited="true" ctrlrange="-30 30"'
 
+GEOM = '<geom size="0.05" mass="0.1"/>'
+JOINT = '<joint name="{}" axis="0 0 1" armature="0.1" actuatorfrcrange="-5 5" actuatorfrclimited="true"/>'
+
 RIGHT = {
     "as it is": ("", ""),
     "reference angle": (B, '<joint name="b" type="hinge" axis="1 1 0" ref="0.4"/>'),
@@ -55,6 +58,9 @@ RIGHT = {
     "discrete inverse dynamics": (OPTION, OPTION.replace("/>", '><flag invdiscrete="enable"/></option>')),
     "names that look like numbers": (B, B + '<site name="nan"/><frame name="inf"/>'),
     "degrees": ('angle="radian"', 'angle="degree"'),
+    "geoms of neighbours": (B, B + GEOM + f"<body pos='1 0 0'>{JOINT.format('c')}{GEOM}</body>"),
+    "a force in the parent's frame": (MB, f'<motor name="mb" jointinparent="b" {LIMITS}/>'),
+    "numbers that are none": (WORLD, '<custom><numeric name="x" data="nan inf"/></custom>' + WORLD),
 }
 
 REFUSED = {
@@ -73,7 +79,7 @@ REFUSED = {
     ),
     "motor armature": (MB, MB.replace("/>", ' armature="0.3"/>'), "actuator armature"),
     "motor damping": (MB, MB.replace("/>", ' damping="0.3"/>'), "actuator damping"),
-    "damping polynomial": (B, B.replace("/>", ' damping="0 1"/>'), "joint damping"),
+    "damping polynomial": (B, B.replace("/>", ' damping="0 1"/>'), "joint damping that grows"),
     "stiffness polynomial": (B, B.replace("/>", ' stiffness="0 2"/>'), "joint stiffness"),
     "reference on a body with two joints": (
         B,
@@ -90,7 +96,11 @@ REFUSED = {
         '<tendon><fixed><joint joint="a" coef="1"/></fixed></tendon><actuator>',
         "tendons",
     ),
-    "colliding geom": (B, B + '<geom size="0.05" mass="0.1"/>', "colliding geoms"),
+    "colliding geom": (
+        B,
+        B + GEOM + f"<body>{JOINT.format('c')}{GEOM}<body pos='1 0 0'>{JOINT.format('d')}{GEOM}</body></body>",
+        "colliding geoms",
+    ),
     "contact pair": (
         WORLD,
         '<contact><pair geom1="g" geom2="h"/></contact>'
@@ -101,7 +111,7 @@ REFUSED = {
     "flexible body": (
         WORLD,
         WORLD + '<flexcomp name="f" type="grid" dim="2" count="3 3 1" spacing=".1 .1 .1" mass="1" rigid="true"/>',
-        "flexible bodies",
+        "flexcomp .* is refused",
     ),
     "tool on another link": (
         '<body name="two"',

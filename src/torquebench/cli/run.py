@@ -42,6 +42,7 @@ def run(
     """Run one experiment: every controller in it, side by side."""
     _check_options(config, from_sweep, index, overrides)
     from torquebench.experiment import load_experiment
+    from torquebench.experiment.arm import range_remarks
     from torquebench.experiment.build import build
     from torquebench.experiment.certify import flags
     from torquebench.experiment.describe import fuzzy_facts, fuzzy_remarks
@@ -61,7 +62,7 @@ def run(
     elif from_sweep is not None and index is not None:
         experiment = _row_of_sweep(from_sweep, index, plugin)
     loop = build(experiment)
-    for flag in flags(experiment, loop):
+    for flag in [*flags(experiment, loop), *experiment.plant.remarks()]:
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(out, experiment.name))
     write_experiment(directory, experiment)
@@ -91,6 +92,8 @@ def run(
         from torquebench.cli.video import film_of_run
 
         film_of_run(result, directory.folder, gl)
+    for remark in range_remarks(experiment, result.runs):
+        warn(f"torquebench: {remark}")
     return _print_failures(result)
 
 

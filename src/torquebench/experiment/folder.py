@@ -27,6 +27,7 @@ from torquebench.experiment.store import (
     refuse_without_experiment,
 )
 from torquebench.metrics import METRICS, Metric, Metrics
+from torquebench.robot.library import ArmFile
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 
 T = TypeVar("T")
@@ -109,7 +110,9 @@ def write_trajectory(directory: RunDirectory, name: str, run: Trajectory) -> Non
 
 
 def write_experiment(directory: RunDirectory, experiment: Experiment) -> None:
-    """Write the experiment, every default filled in."""
+    """Write the experiment, every default filled in, and beside it its arm, where that is from a file."""
+    if isinstance(experiment.plant.model, ArmFile):
+        directory.write(str(experiment.plant.model), experiment.plant.model.text.encode())
     directory.write(EXPERIMENT, dump_experiment(experiment).encode())
 
 

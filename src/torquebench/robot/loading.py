@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from torquebench.robot.library import mjcf_path
+from torquebench.robot.library import ArmSource
 from torquebench.robot.puma560.puma import NAME, Puma560
 from torquebench.robot.robot_model import RobotModel
 
 
-def load_model(source: str | Path, structure: str = "exact", constants: str = "fitted") -> RobotModel:
+def load_model(source: ArmSource, structure: str = "exact", constants: str = "fitted") -> RobotModel:
     """Load an analytic model.
 
     The PUMA 560 is read from ``links.yaml``, without MuJoCo. Any other model, and any MJCF file, is read through
     MuJoCo's compiler and must be a serial arm of hinges and slides; it has the structure ``exact`` only.
 
     Args:
-        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+        source: Name of a model in ``models/``, path of an MJCF or URDF file, or an arm that was read from one.
         structure: ``exact``; for the PUMA also ``corrected`` and ``printed``.
         constants: ``fitted``; for the PUMA's closed forms also ``printed``.
 
@@ -30,6 +28,6 @@ def load_model(source: str | Path, structure: str = "exact", constants: str = "f
         raise ValueError(f"model '{source}' has structure 'exact' and constants 'fitted' only")
     from torquebench.robot import mjcf
 
-    path = mjcf_path(source)
-    compiled = mjcf.compile_mjcf(path)
-    return RobotModel(path.stem, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, str(source)))
+    arm = mjcf.read_arm(source)
+    compiled, passive = mjcf.compile_arm(arm)
+    return RobotModel(arm.name, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, str(arm)), passive)

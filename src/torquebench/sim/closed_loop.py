@@ -10,7 +10,7 @@ from numba.extending import register_jitable
 from torquebench.kernel import Array, clip, kernel
 from torquebench.sim.job import Job
 
-COMPLETED, BAD_TORQUE, CONTROLLER_ERROR, DIVERGED, RAISED = range(5)
+COMPLETED, BAD_TORQUE, CONTROLLER_ERROR, DIVERGED, RAISED, OUT_OF_RANGE = range(6)
 """How a stretch of the loop ended; RAISED: the law left the domain of arithmetic and produced no torque."""
 
 MAX_POSITION = 1e4
@@ -108,6 +108,15 @@ def inside(q: Array, qd: Array) -> bool:
 
 
 @kernel
+def within(q: Array, ends: Array) -> bool:
+    """Whether every position is between the least and the greatest one of its joint, `ends` (2, n) [rad]."""
+    for i in range(len(q)):
+        if q[i] < ends[0, i] or q[i] > ends[1, i]:
+            return False
+    return True
+
+
+@kernel
 def copy_row(source: Array, target: Array) -> None:
     """Copy one row of a signal, (n,)."""
     for i in range(len(source)):
@@ -129,6 +138,7 @@ def closed_loop(
     q, qd, memory, record_memory, at = job.q, job.qd, job.memory, job.record_memory, job.at
     record_q, record_qd, record_tau_law = job.record_q, job.record_qd, job.record_tau_law
     measured, delayed, lagging = len(job.record_q_meas) > 0, len(job.late) > 0, len(job.decay) > 0
+    bounded = len(job.ends) > 0
     for k in range(first, last):
         at[0] = k
         copy_row(q, record_q[k])
@@ -163,6 +173,8 @@ def closed_loop(
             step(job, job.substeps, 0)
         if not inside(q, qd):
             return DIVERGED
+        if bounded and not within(q, job.ends):
+            return OUT_OF_RANGE
     return COMPLETED
 
 
