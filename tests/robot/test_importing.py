@@ -417,3 +417,29 @@ def test_what_is_no_arm_is_refused(put, text: str, word: str) -> None:
     """Files without an arm, or with code, end in one message."""
     with pytest.raises((ModelError, RefusedArmError), match=word):
         import_arm(put(text))
+
+
+def test_a_run_is_drawn_with_the_looks_of_its_arm_while_they_are_there(put, tmp_path: Path) -> None:
+    """The scene file beside an imported arm is found from a run's folder; without its meshes the links are drawn."""
+    from torquebench.experiment.folder import _with_meshes
+    from torquebench.robot.library import scene_path
+    from torquebench.scene.look import build_scene
+
+    (tmp_path / "m.stl").write_bytes(tetrahedron())
+    look = '<geom type="mesh" mesh="m" contype="0" conaffinity="0"/>'
+    arm = import_arm(put(two(settings='<asset><mesh name="m" file="m.stl"/></asset>', inside=look)))
+    home, run = tmp_path / "arms" / "arm", tmp_path / "runs" / "one"
+    write_folder(arm, home, "")
+    run.mkdir(parents=True)
+    (run / "arm.xml").write_text(arm.mjcf, encoding="utf-8")
+    scene = scene_path(home / "arm.xml")
+    assert scene == home / "scene.xml"
+    (run / "scene.xml").write_bytes(_with_meshes(scene, run))
+    zero = np.zeros((1, 2))
+    for file in (home / "arm.xml", run / "arm.xml"):
+        assert build_scene(file, zero).model.nmesh == 1
+        assert build_scene(file, zero, bare=True).model.nmesh == 0
+    (home / "meshes" / "m.stl").unlink()
+    assert build_scene(run / "arm.xml", zero).model.nmesh == 0
+    (run / "scene.xml").write_text("<mujoco/>", encoding="utf-8")  # somebody else's
+    assert scene_path(run / "arm.xml") is None

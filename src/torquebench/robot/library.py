@@ -118,15 +118,25 @@ CAMERAS = ("overview", "side")
 
 
 def scene_path(source: ArmSource) -> Path | None:
-    """Return the scene file of a shipped arm, ``scene.xml`` beside its MJCF file; None if there is none.
+    """Return the scene file of an arm, ``scene.xml`` beside its file; None if there is none.
+
+    Beside a file that was given by its path, one that begins with `LOOKS` counts: others may be of another arm.
 
     Raises:
         ModelError: there is no such arm.
     """
-    if not isinstance(source, str) or is_path(source):
+    file = source.origin if isinstance(source, ArmFile) else mjcf_path(source)
+    path = None if file is None else file.with_name("scene.xml")
+    if path is None or not path.is_file():
         return None
-    path = mjcf_path(source).with_name("scene.xml")
-    return path if path.is_file() else None
+    if isinstance(source, str) and not is_path(source):
+        return path
+    with path.open(encoding="utf-8", errors="replace") as text:
+        return path if text.read(len(LOOKS)) == LOOKS else None
+
+
+LOOKS = "<!-- The arm with the looks of "
+"""Beginning of the scene file that ``torquebench import`` writes."""
 
 
 def camera_names(source: ArmSource) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from torquebench.kernel import Array
 from torquebench.robot.importing.chain import Chain
 from torquebench.robot.importing.plain import clean, text_of, to_text
 from torquebench.robot.importing.source import MESHES, listening, mesh_file, parse
+from torquebench.robot.library import LOOKS
 
 VISIBLE_GROUPS = 2
 MOST_FACES = 200_000
@@ -87,7 +88,9 @@ def pictures(path: Path, chain: Chain, mjcf: str) -> dict[str, bytes]:
         geom.set("rgba", " ".join(f"{x:.4g}" for x in _colour(m, g)))
         for key, value in (("contype", "0"), ("conaffinity", "0"), ("mass", "0"), ("group", "2")):
             geom.set(key, value)
-    return {"scene.xml": to_text(root, f"The arm with the looks of {path.name}; for pictures only.").encode()} | files
+    return {
+        "scene.xml": to_text(root, f"{LOOKS.removeprefix('<!-- ')}{path.name}; for pictures only.").encode()
+    } | files
 
 
 def _looks(path: Path) -> Any:
