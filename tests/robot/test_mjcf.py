@@ -170,7 +170,7 @@ def test_what_a_flag_switches_off_is_not_there(flag):
     geoms = '<geom size="0.1"/><body pos="0 0 0.05"><joint name="b"/><geom size="0.1"/></body>'
     joint = JOINT.replace("damping", 'stiffness="3" damping')
     text = f"""<mujoco><option><flag {flag}="disable"/></option><worldbody>{LINK.format(joint)}{LINK.format(geoms)}
-    </worldbody></mujoco>"""
+    </worldbody><actuator>{MOTOR}{MOTOR.replace('"m"', '"n"').replace('"a"', '"b"')}</actuator></mujoco>"""
     m = mujoco.MjModel.from_xml_string(text)
     d = mujoco.MjData(m)
     d.qpos[0], d.qvel[0] = 2.5, 1.0
