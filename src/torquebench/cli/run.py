@@ -10,7 +10,20 @@ from typing import TYPE_CHECKING
 import click
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import Config, File, Number, argument, option, out_folder, plugins, refuse, settings
+from torquebench.cli.parameters import (
+    Config,
+    File,
+    Number,
+    allow_outside,
+    argument,
+    model,
+    option,
+    out_folder,
+    plugins,
+    refuse,
+    settings,
+    with_arm,
+)
 from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, voice, warn
 from torquebench.errors import Problem
 
@@ -25,6 +38,8 @@ if TYPE_CHECKING:
 @option("--index", type=Number(int, 0), metavar="K", help="number of that row, from 0")
 @out_folder(help="folder for the results, new or empty (default: runs/NAME-UTC)")
 @settings(help="change one key, for example run.duration=2 or controllers.band.gains.phi=0.1")
+@model
+@allow_outside
 @plugins
 @option("--no-figures", is_flag=True, help="draw nothing that the config asks for: no figures, no film")
 @click.pass_obj
@@ -36,10 +51,13 @@ def run(
     index: int | None,
     out: Path | None,
     overrides: Sequence[str],
+    model: Path | None,
+    allow_outside: bool,
     plugin: Sequence[Path],
     no_figures: bool,
 ) -> int:
     """Run one experiment: every controller in it, side by side."""
+    overrides = with_arm(overrides, model)
     _check_options(config, from_sweep, index, overrides)
     from torquebench.experiment import load_experiment
     from torquebench.experiment.arm import range_remarks
@@ -58,7 +76,7 @@ def run(
     for file in plugin:
         load_plugin(file)
     if config is not None:
-        experiment = load_experiment(config, overrides)
+        experiment = load_experiment(config, overrides, allow_outside)
     elif from_sweep is not None and index is not None:
         experiment = _row_of_sweep(from_sweep, index, plugin)
     loop = build(experiment)

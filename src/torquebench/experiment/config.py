@@ -20,31 +20,36 @@ from torquebench.sim.signals import control_instants
 MILLISECOND = 0.001
 
 
-def load_experiment(path: Path | str, overrides: Sequence[str] = ()) -> Experiment:
+def load_experiment(path: Path | str, overrides: Sequence[str] = (), outside: bool = False) -> Experiment:
     """Read and check an experiment's file.
 
     Args:
         path: The YAML file.
         overrides: Edits ``key=value`` made before the check.
+        outside: Whether the arm's file may be outside the folder of the config.
 
     Raises:
         ConfigError: the file cannot be read, or it or an override has mistakes; all of them at once.
     """
-    return parse_experiment(read_bytes(path), str(path), overrides)
+    return parse_experiment(read_bytes(path), str(path), overrides, outside)
 
 
-def parse_experiment(text: str | bytes, filename: str = "", overrides: Sequence[str] = ()) -> Experiment:
+def parse_experiment(
+    text: str | bytes, filename: str = "", overrides: Sequence[str] = (), outside: bool = False
+) -> Experiment:
     """Check an experiment given as YAML text.
 
     Args:
         text: The YAML.
         filename: What to call it in messages.
         overrides: Edits ``key=value`` made before the check.
+        outside: As of `load_experiment`.
 
     Raises:
         ConfigError: something in it or in an override is wrong; all mistakes at once, in reading order.
     """
     document = read_document(text, filename)
+    document.outside = outside
     apply_overrides(document, overrides)
     return check_experiment(document)
 

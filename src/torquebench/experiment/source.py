@@ -105,7 +105,7 @@ class Document:
     def folder(self, path: KeyPath) -> Path | None:
         """Return the folder from which a path that stands at a key starts; None where a person gave it otherwise."""
         place = self.place(path)
-        return None if place.override else self.folders[place.file]
+        return self.folders[place.file] if place.line and not place.override else None
 
     def written(self, path: KeyPath) -> bool:
         """Whether a key is given."""

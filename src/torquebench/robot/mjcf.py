@@ -6,6 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
@@ -17,7 +18,7 @@ from torquebench.robot.flat_model import HINGE, SLIDE, Model, rigid_model
 from torquebench.robot.library import ArmFile, ArmSource, file_of_arm
 from torquebench.robot.links import check_physical
 from torquebench.robot.mjcf_links import at_zero, carrier, frames, links_of, moving_parent
-from torquebench.robot.mjcf_text import standing_alone
+from torquebench.robot.mjcf_text import refused_inside, standing_alone
 from torquebench.robot.robot_model import Passive, RobotModel
 
 _ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
@@ -66,9 +67,36 @@ def _read(arm: ArmFile, is_serial: bool) -> ArmFile:
             reasons = (*reasons, *torque_limits(m)[1], *(unrepresented(m) if is_serial else ()))
     except ModelError as error:  # without what it needs it may well not compile
         reasons = reasons or tuple(reason.removeprefix(f"{read}: ") for reason in error.reasons)
+    if reasons and arm.origin is not None:
+        return _imported(arm, arm.origin, reasons)
     if reasons:
-        raise ModelError.of_file(str(arm.origin or arm), reasons)
+        raise ModelError.of_file(str(arm), reasons)
     return read
+
+
+def _imported(arm: ArmFile, path: Path, reasons: Sequence[str]) -> ArmFile:
+    """Return the plain chain that an import makes of a file which cannot be taken as it is, for `reasons`."""
+    if inside := refused_inside(path):
+        raise ModelError.of_file(str(path), dict.fromkeys((*reasons, *inside)))
+    from torquebench.robot.importing import RefusedArmError, import_arm
+
+    try:
+        made = import_arm(path)
+    except RefusedArmError as error:
+        told = [": ".join(filter(None, (problem.key, problem.message))) for problem in error.problems]
+        flags = " ".join(error.flags)
+        hint = [f"torquebench import {path.name} {flags} makes an arm of it"] if flags else []
+        raise ModelError.of_file(str(path), [*told, *hint]) from error
+    except ModelError as error:
+        text = " ".join(str(error).removeprefix(f"{path}: ").split())
+        raise ModelError.of_file(str(path), dict.fromkeys((*reasons, text))) from error
+    told = [
+        f"{part.verdict} {part.what} ({_few(part.places)})" if part.places else f"{part.verdict} {part.what}"
+        for part in made.findings
+        if part.verdict != "kept"
+    ]
+    text = f"is made a plain chain: {'; '.join(told) or 'nothing is left out'}"
+    return _read(ArmFile(arm.name, made.mjcf, (text,)), is_serial=True)
 
 
 @functools.lru_cache(maxsize=32)

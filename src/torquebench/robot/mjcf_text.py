@@ -10,12 +10,16 @@ import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import NamedTuple, TypeAlias
+
+from torquebench.robot.library import MAX_BYTES
 
 Element: TypeAlias = ElementTree.Element
 ROOTS = ("mujoco", "robot")
 """Names of the outermost element of MJCF and of URDF."""
+MAX_MEMORY, MAX_COUNT, MAX_INCLUDES = 1 << 28, 100_000, 64
+"""Bytes and counts that a file may ask for, and files that it may include."""
 MAX_DEPTH = 200
 """Elements may be nested so deeply."""
 LARGEST = {"width": 4096, "height": 4096, "size": 65536, "params": 1000, "nsample": 4096}
@@ -100,8 +104,9 @@ def _greedy(root: Element) -> Iterator[str]:
             yield f"{named(element)} is refused: a model must stand alone; put in what it stands for"
         elif "file" in element.attrib and element.tag not in (*LOOKS, "skin"):
             yield f"{named(element)} is refused: a model must stand alone"
-        if element.tag == "size" and element.attrib.keys() - {"nkey"}:
-            yield "<size> is refused: it asks for memory, of which an arm needs none; leave it out"
+        for key, value in element.attrib.items() if element.tag == "size" else ():
+            if not _bytes(value) <= (MAX_MEMORY if key == "memory" else MAX_COUNT):
+                yield f'<size {key}="{value}"> is refused: it asks for more memory than any arm needs; leave it out'
         for key, most in LARGEST.items():
             if key in element.attrib and (key != "size" or element.tag == "numeric"):
                 too_large = [x for x in _floats(element.attrib[key]) if not x <= most]
@@ -125,6 +130,39 @@ def _floats(text: str) -> list[float]:
         return [float(word) for word in text.split()]
     except ValueError:
         return []
+
+
+def _bytes(text: str) -> float:
+    """Return a number, with a unit such as M for 2^20 if it has one; infinity for what is none."""
+    found = re.fullmatch(r"\s*([0-9.]+)\s*([KMGTPE]?)\s*", text)
+    return float(found[1]) * 1024.0 ** " KMGTPE".index(found[2] or " ") if found else math.inf
+
+
+def refused_inside(path: Path) -> list[str]:
+    """Return what must not even be parsed by MuJoCo, in a file and in those that it includes: code, memory, far files.
+
+    Args:
+        path: The file; what it includes is at or below its folder.
+    """
+    folder, todo, seen, reasons = path.resolve().parent, [path.resolve()], set[Path](), list[str]()
+    while todo and len(seen) < MAX_INCLUDES:
+        file = todo.pop()
+        if file in seen:
+            continue
+        seen.add(file)
+        if not file.is_relative_to(folder) or not file.is_file() or file.stat().st_size > MAX_BYTES:
+            reasons.append(f"it includes {file}: wanted a file of at most {MAX_BYTES >> 20} MiB at or below {folder}")
+            continue
+        try:
+            root = ElementTree.fromstring(text := file.read_text(encoding="utf-8-sig"))
+        except (OSError, ValueError, ElementTree.ParseError) as error:
+            reasons.append(f"{file.name} is not readable ({error})")
+            continue
+        reasons += ["document types and entities are refused"] * ("<!DOCTYPE" in text or "<!ENTITY" in text)
+        reasons += ["elements are nested too deeply"] * (_depth(root) > MAX_DEPTH)
+        reasons += [reason for reason in (*_greedy(root), *_numbers(root)) if not reason.startswith("<include")]
+        todo += [(folder / element.get("file", "")).resolve() for element in root.iter("include")]
+    return reasons
 
 
 def _without_visuals(root: Element) -> list[str]:

@@ -64,6 +64,7 @@ def build_scene(source: ArmSource, poses: Array, bare: bool = False) -> Scene:
     reach = max(float(np.sum(np.linalg.norm(np.diff(joint_chain(arm), axis=0), axis=1))), 1e-3)
     try:
         spec = mujoco.MjSpec.from_file(str(look)) if look else mujoco.MjSpec.from_string(read_arm(source).text)
+        spec.compiler.discardvisual = False  # which a URDF's is: what is drawn here would go
         check_same_arm(arm, spec.compile(), str(look))
         dress(spec, arm, poses, reach)
         m = spec.compile()

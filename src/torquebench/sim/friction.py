@@ -156,7 +156,8 @@ def acting(
     if given is not None:
         check_stable(given.of_joints(n), M, timestep, integrator)
         return given, given.of_joints(n)
-    friction = Friction(own.viscous, own.coulomb)
+    viscous, coulomb = (each[0] if len(set(each)) == 1 else each for each in (own.viscous, own.coulomb))
+    friction = Friction(viscous, coulomb)
     for speed in SPEEDS if any(own.coulomb) else ():
         friction = replace(friction, speed=speed)
         if decay(friction.of_joints(n), M) * timestep <= STABLE[integrator]:
