@@ -422,7 +422,7 @@ def test_what_is_no_arm_is_refused(put, text: str, word: str) -> None:
 def test_a_run_is_drawn_with_the_looks_of_its_arm_while_they_are_there(put, tmp_path: Path) -> None:
     """The scene file beside an imported arm is found from a run's folder; without its meshes the links are drawn."""
     from torquebench.experiment.folder import _with_meshes
-    from torquebench.robot.library import scene_path
+    from torquebench.robot.library import ArmFile, scene_path
     from torquebench.scene.look import build_scene
 
     (tmp_path / "m.stl").write_bytes(tetrahedron())
@@ -441,5 +441,6 @@ def test_a_run_is_drawn_with_the_looks_of_its_arm_while_they_are_there(put, tmp_
         assert build_scene(file, zero, bare=True).model.nmesh == 0
     (home / "meshes" / "m.stl").unlink()
     assert build_scene(run / "arm.xml", zero).model.nmesh == 0
+    assert scene_path(ArmFile("arm", arm.mjcf, origin=run / "arm.xml")) == run / "scene.xml"
     (run / "scene.xml").write_text("<mujoco/>", encoding="utf-8")  # somebody else's
-    assert scene_path(run / "arm.xml") is None
+    assert scene_path(ArmFile("arm", arm.mjcf, origin=run / "arm.xml")) is None

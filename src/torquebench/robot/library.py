@@ -118,9 +118,9 @@ CAMERAS = ("overview", "side")
 
 
 def scene_path(source: ArmSource) -> Path | None:
-    """Return the scene file of an arm, ``scene.xml`` beside its file; None if there is none.
+    """Return an arm's scene file, ``scene.xml`` beside its file; None if there is none.
 
-    Beside a file that was given by its path, one that begins with `LOOKS` counts: others may be of another arm.
+    Of an arm in memory only one that ``torquebench import`` wrote counts: others may show more than the arm.
 
     Raises:
         ModelError: there is no such arm.
@@ -129,14 +129,17 @@ def scene_path(source: ArmSource) -> Path | None:
     path = None if file is None else file.with_name("scene.xml")
     if path is None or not path.is_file():
         return None
-    if isinstance(source, str) and not is_path(source):
-        return path
-    with path.open(encoding="utf-8", errors="replace") as text:
-        return path if text.read(len(LOOKS)) == LOOKS else None
+    return path if has_imported_looks(path) or not isinstance(source, ArmFile) else None
 
 
 LOOKS = "<!-- The arm with the looks of "
 """Beginning of the scene file that ``torquebench import`` writes."""
+
+
+def has_imported_looks(path: Path) -> bool:
+    """Return whether a scene file is one that ``torquebench import`` wrote, whose meshes may be gone."""
+    with path.open(encoding="utf-8", errors="replace") as text:
+        return text.read(len(LOOKS)) == LOOKS
 
 
 def camera_names(source: ArmSource) -> tuple[str, ...]:

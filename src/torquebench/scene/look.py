@@ -11,7 +11,7 @@ import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.library import CAMERAS, ArmSource, model_names, scene_path
+from torquebench.robot.library import CAMERAS, ArmSource, has_imported_looks, scene_path
 from torquebench.robot.mjcf import compile_arm, joint_names, read_arm, tool_frame, torque_limits
 from torquebench.sim.trajectory import Trajectory
 
@@ -69,8 +69,8 @@ def build_scene(source: ArmSource, poses: Array, bare: bool = False) -> Scene:
         dress(spec, arm, poses, reach)
         m = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        if look and not (isinstance(source, str) and source in model_names()):
-            return build_scene(source, poses, bare=True)  # its meshes are no longer where they were
+        if look and has_imported_looks(look):
+            return build_scene(source, poses, bare=True)  # the meshes are no longer where they were
         raise ModelError(f"{look or source}: cannot be drawn: {' '.join(str(error).split())}") from error
     visible = np.flatnonzero(m.geom_group <= VISIBLE_GROUPS)
     moving = tuple(int(g) for g in visible if m.body_weldid[m.geom_bodyid[g]] != 0)
