@@ -444,3 +444,18 @@ def test_a_run_is_drawn_with_the_looks_of_its_arm_while_they_are_there(put, tmp_
     assert scene_path(ArmFile("arm", arm.mjcf, origin=run / "arm.xml")) == run / "scene.xml"
     (run / "scene.xml").write_text("<mujoco/>", encoding="utf-8")  # somebody else's
     assert scene_path(ArmFile("arm", arm.mjcf, origin=run / "arm.xml")) is None
+
+
+def test_moments_that_no_body_has(put) -> None:
+    """A link with them is refused, or gets their mean when asked; one that is welded to a link need not be possible."""
+    odd = two().replace("0.01 0.02 0.02", "0.01 0.02 0.04", 1)
+    with pytest.raises(RefusedArmError, match=r"impossible inertia of one; .*0.01 0.02 0.04") as caught:
+        import_arm(put(odd))
+    assert caught.value.flags == ("--drop", "impossible-inertia")
+    arm = import_arm(put(odd), with_flags(Options(), caught.value.flags))
+    mean = (0.01 + 0.02 + 0.04) / 3
+    assert mujoco.MjModel.from_xml_string(arm.mjcf).body_inertia[1] == pytest.approx([mean] * 3, rel=1e-15)
+    welded = '<body><inertial mass="0.1" pos="0 0 0" diaginertia="0.001 0.002 0.004"/></body>'
+    m = mujoco.MjModel.from_xml_string(import_arm(put(two(inside=welded))).mjcf)
+    rod = 0.004 + 0.02 + 2 * 0.2**2 - (2 * 0.2) ** 2 / 2.1  # about the z axis and the common centre
+    assert np.sort(m.body_inertia[2])[-1] == pytest.approx(rod, rel=1e-14)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from torquebench.robot.importing import Part
 
-DROPS = ("springs", "fluid", "tendons", "equalities", "gravcomp", "nonlinear-damping")
+DROPS = ("springs", "fluid", "tendons", "equalities", "gravcomp", "nonlinear-damping", "impossible-inertia")
 
 
 class TorqueLimits(click.ParamType[Any]):

@@ -73,7 +73,7 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
         ModelError: the file cannot be read or compiled.
         UnprovedArmError: the chain is not the same arm.
     """
-    source = read(path)
+    source = read(path, "impossible-inertia" in options.drop)
     m = source.model
     home, said = home_of(m)
     chain = find_chain(m, options, home)
@@ -149,6 +149,9 @@ def _tell(chain: Chain, source: Source, home: str) -> None:
     if source.missing:
         names = tuple(dict.fromkeys(name.rpartition("/")[2] for name in source.missing))
         first.append(Part("dropped", "mesh files", names, "not there, or not read by MuJoCo; they only look"))
+    if source.balanced:
+        text = "no body has their moments: each is their mean, so that the arm moves a little differently"
+        first.append(Part("mapped", "impossible inertia", source.balanced, text))
     if source.warnings:
         first.append(Part("dropped", "what MuJoCo warns of", source.warnings, "said when it read the file"))
     if source.touching:

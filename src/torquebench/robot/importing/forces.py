@@ -17,7 +17,7 @@ from torquebench.robot.importing.findings import Part
 _OBJ, _OFF, _TRN, _EQ = mujoco.mjtObj, mujoco.mjtDisableBit, mujoco.mjtTrn, mujoco.mjtEq
 _STATES = 20
 _SAME = 1e-12
-DROPS = ("springs", "fluid", "tendons", "equalities", "gravcomp", "nonlinear-damping")
+DROPS = ("springs", "fluid", "tendons", "equalities", "gravcomp", "nonlinear-damping", "impossible-inertia")
 """Forces that `Options.drop` leaves out."""
 
 

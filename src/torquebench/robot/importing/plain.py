@@ -158,12 +158,15 @@ def _inertial(parent: Any, chain: Chain, d: Any, bodies: Sequence[int], R: Array
         where = body_name(m, bodies[0])
         if heavy or last or not several:
             text = "neither it nor what is welded to it has mass and inertia: give it an <inertial> in the file"
-            flags = ("--fix", where) if last and len(chain.joints) > 1 else ()
+            before = any(part.what == "link without inertia" for part in chain.findings)
+            flags = ("--fix", where) if last and not before and len(chain.joints) > 1 else ()
             chain.findings.append(Part("refused", "link without inertia", (where,), text, flags))
         return
     if low + middle < high * (1.0 - 1e-9):
-        text = f"no body has such moments, {text_of(moments)} kg m^2: the two smaller add up to less than the largest"
-        chain.findings.append(Part("refused", "impossible inertia", (body_name(m, bodies[0]),), text))
+        text = f"the two smaller of {' '.join(f'{x:.4g}' for x in moments)} kg m^2 add up to less than the largest, "
+        text += "which no body has; --drop impossible-inertia makes each their mean"
+        flags = ("--drop", "impossible-inertia")
+        chain.findings.append(Part("refused", "impossible inertia", (body_name(m, bodies[0]),), text, flags))
     inertial = ElementTree.SubElement(parent, "inertial", mass=text_of([mass]), pos=text_of(centre))
     if not np.array_equal(turn, [1.0, 0.0, 0.0, 0.0]):
         inertial.set("quat", text_of(turn))

@@ -41,13 +41,16 @@ class Source:
     """How many shapes could touch others."""
     healed: bool
     """Whether some links have no inertia, or one that no body has alone."""
+    balanced: tuple[str, ...]
+    """Bodies whose moments no body has, which are given their mean."""
 
 
-def read(path: Path) -> Source:
+def read(path: Path, balance: bool = False) -> Source:
     """Read a published arm.
 
     Args:
         path: An MJCF or URDF file, with what it includes beside it.
+        balance: Whether a body whose moments no body has gets their mean, as of MuJoCo's ``balanceinertia``.
 
     Raises:
         ModelError: it cannot be read, names a plugin, has a mass that comes from a mesh that is not there, or MuJoCo
@@ -60,13 +63,14 @@ def read(path: Path) -> Source:
             guessed = _massless(spec) if urdf else ()
             touching = sum(bool(geom.contype or geom.conaffinity) for geom in spec.geoms)
             missing = _strip(spec, path)
-            healed = _heal(spec)
+            spec.compiler.balanceinertia = bool(spec.compiler.balanceinertia or balance)
+            healed, balanced = _heal(spec)
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
             raise ModelError(f"{path}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
     for body, mass, inertia in healed:
         model.body_mass[body.id], model.body_inertia[body.id] = mass, inertia
-    return Source(path, urdf, model, missing, guessed, tuple(dict.fromkeys(said)), touching, bool(healed))
+    return Source(path, urdf, model, missing, guessed, tuple(dict.fromkeys(said)), touching, bool(healed), balanced)
 
 
 @contextlib.contextmanager
@@ -174,17 +178,18 @@ def weighs(spec: Any, body: Any, geom: Any) -> bool:
     return not (stated or massless or not low <= geom.group <= high)
 
 
-def _heal(spec: Any) -> list[tuple[Any, float, Array]]:
+def _heal(spec: Any) -> tuple[list[tuple[Any, float, Array]], tuple[str, ...]]:
     """Give bodies that MuJoCo would refuse an inertia that it takes.
 
     A link may have none, or one that no body has alone, where what is welded to it makes up for that.
 
     Returns:
-        Such bodies, with the mass [kg] and the principal moments (3,) [kg m^2] that they have in truth.
+        Such bodies, with the mass [kg] and the principal moments (3,) [kg m^2] that they have in truth; and the names
+        of those that MuJoCo balances, as it is asked to.
     """
-    compiler, healed = spec.compiler, list[tuple[Any, float, Array]]()
-    if compiler.balanceinertia or compiler.boundmass > 0 or compiler.boundinertia > 0 or compiler.settotalmass > 0:
-        return healed  # MuJoCo changes them itself, as the file asks
+    compiler, healed, balanced = spec.compiler, list[tuple[Any, float, Array]](), list[str]()
+    if compiler.boundmass > 0 or compiler.boundinertia > 0 or compiler.settotalmass > 0:
+        return healed, ()  # MuJoCo changes them itself, as the file asks
     for body in spec.bodies[1:]:
         if any(weighs(spec, body, geom) for geom in body.geoms):
             continue
@@ -198,6 +203,9 @@ def _heal(spec: Any) -> list[tuple[Any, float, Array]]:
         low, middle, high = np.sort(moments)
         if mass > _LEAST and low > _LEAST and low + middle > high * (1.0 + 1e-9):
             continue
+        if mass > _LEAST and low > _LEAST and compiler.balanceinertia:
+            balanced.append(body.name or "a body without a name")
+            continue
         if not np.isnan(full[0]):
             own, turn = np.zeros(4), np.zeros(4)
             mujoco.mju_mat2Quat(own, directions.ravel())
@@ -208,7 +216,7 @@ def _heal(spec: Any) -> list[tuple[Any, float, Array]]:
             body.explicitinertial, body.ipos = True, np.zeros(3)
         body.mass, body.inertia = 1.0, np.ones(3)
         healed.append((body, mass, moments))
-    return healed
+    return healed, tuple(balanced)
 
 
 def _strip(spec: Any, path: Path) -> tuple[str, ...]:
