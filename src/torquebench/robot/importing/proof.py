@@ -13,6 +13,8 @@ from torquebench.robot.importing.chain import Chain
 
 STATES = 100
 LIMIT = 1e-12
+_LIGHT = 1e-4
+"""Joints that have less than this fraction of the heaviest one's inertia show MuJoCo's own rounding."""
 
 
 class Proof(NamedTuple):
@@ -23,7 +25,7 @@ class Proof(NamedTuple):
     """
 
     mass_matrix: float
-    """abs(A - B) over sqrt(A_ii A_jj)."""
+    """abs(A - B) over sqrt(A_ii A_jj), very light joints being held against a ten-thousandth of the heaviest."""
     bias: float
     """Torque of gravity and velocity, over the largest inverse dynamics torque."""
     inverse_dynamics: float
@@ -81,7 +83,8 @@ def prove(chain: Chain, plain: Any, gravity: Array, tool: Any) -> Proof:
         mujoco.mj_fullM(m, a, M)
         mujoco.mj_fullM(other, b, N)
         M = M[np.ix_(dofs, dofs)]
-        scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
+        own = np.sqrt(np.maximum(np.diag(M), _LIGHT * np.max(np.diag(M))))
+        scale = np.outer(own, own)
         columns[0].append(((M - N) / scale, np.ones(1)))
         columns[1].append((a.qfrc_bias[dofs] - b.qfrc_bias, a.qfrc_inverse[dofs].copy()))
         columns[2].append((a.qfrc_inverse[dofs] - b.qfrc_inverse, a.qfrc_inverse[dofs].copy()))
