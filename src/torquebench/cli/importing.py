@@ -10,7 +10,7 @@ import click
 
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Choice, File, Words, Wrong, argument, option, out_folder, refuse
-from torquebench.cli.terminal import bad, good, say, table, tell
+from torquebench.cli.terminal import LEAST, bad, good, say, table, tell, width
 from torquebench.errors import ModelError, Problem
 
 if TYPE_CHECKING:
@@ -140,13 +140,28 @@ def import_(
 
 
 def _show(findings: Sequence[Part]) -> None:
-    """Print the table of what became of the parts of a file."""
-    from torquebench.robot.importing.folder import shortened
-
+    """Print the table of what became of the parts of a file, narrow enough to stay one."""
     tell(findings=[part._asdict() for part in findings])
-    colour = {"kept": good, "refused": bad}
-    rows = [[colour.get(part.verdict, str)(part.verdict), part.what, shortened(part), part.reason] for part in findings]
+    colour, limit = {"kept": good, "refused": bad}, width()
+    others = len("refused") + max(len(part.what) for part in findings) + LEAST + 4 * 2
+    room = 48 if limit is None else max(12, min(48, limit - others))
+    rows = [
+        [colour.get(part.verdict, str)(part.verdict), part.what, _names(part.places, room), part.reason]
+        for part in findings
+    ]
     say(table(["", "what", "in the file", "why"], rows, left=4, prose=True), fold=False)
+
+
+def _names(names: Sequence[str], room: int) -> str:
+    """Return the first of some names, and how many more there are, in so much room; at least one, cut if need be."""
+    for count in range(len(names), 0, -1):
+        more = f" +{len(names) - count}" if count < len(names) else ""
+        text = ", ".join(names[:count])
+        if len(text + more) <= room:
+            return text + more
+        if count == 1:
+            return text[: room - len(more) - 3] + "..." + more
+    return ""
 
 
 def _line(file: Path, out: Path | None, options: Any) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 
 from torquebench.errors import ModelError
-from torquebench.robot.importing import ImportedArm, Part, UnprovedArmError
+from torquebench.robot.importing import ImportedArm, UnprovedArmError
 from torquebench.robot.importing.pictures import pictures
 from torquebench.robot.importing.plain import tool_of
 from torquebench.robot.importing.proof import LIMIT, STATES, Proof, prove
@@ -133,14 +133,3 @@ def page(arm: ImportedArm, whole: Proof | None, command: str, files: Iterable[st
 
 def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|")
-
-
-def shortened(part: Part, most: int = 3) -> str:
-    """Return the names of some parts, the first ones where there are many.
-
-    Args:
-        part: The parts.
-        most: How many are named.
-    """
-    names = part.places
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

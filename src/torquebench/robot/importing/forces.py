@@ -312,7 +312,9 @@ def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> Arra
     limits = np.where(asked, table, limits)
     if not np.all(np.isnan(limits)):
         some = ~np.isnan(limits)
-        text = " ".join(f"{x:g}" for x in limits[some]) + " N m (N for slides)"
+        slides = [int(m.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE) for j in chain.joints]
+        unit = "N" if all(slides) else "N m, N for slides" if any(slides) else "N m"
+        text = " ".join(f"{x:g}" for x in limits[some]) + f" {unit}"
         add(Part("mapped", "torque limits", _where(names, some), text))
     if np.any(np.isnan(limits)):
         text = f"the file states none; --torque-limits takes {n} numbers [N m], or NAME=NUMBER of these joints alone"
