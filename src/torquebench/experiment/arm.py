@@ -67,7 +67,7 @@ class ArmValue(Node):
             arm = read_arm(path)
         except ModelError as error:
             for reason in error.reasons:
-                here.add(" ".join(reason.split()))
+                here.add(" ".join(reason.removeprefix(f"{path}: ").split()))
             return BROKEN
         document.arms[raw] = folder, arm
         return arm

@@ -118,12 +118,12 @@ CAMERAS = ("overview", "side")
 
 
 def scene_path(source: ArmSource) -> Path | None:
-    """Return the scene file of a shipped arm, ``scene.xml`` beside its MJCF file; None if there is none.
+    """Return an arm's scene file, ``scene.xml`` beside its file; None if there is none, or the arm is in memory.
 
     Raises:
         ModelError: there is no such arm.
     """
-    if not isinstance(source, str) or is_path(source):
+    if isinstance(source, ArmFile):
         return None
     path = mjcf_path(source).with_name("scene.xml")
     return path if path.is_file() else None
