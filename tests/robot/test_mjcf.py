@@ -183,6 +183,20 @@ def test_what_a_flag_switches_off_is_not_there(flag):
     assert (features(compiled)["colliding geoms"] != []) == (d.ncon > 0)
 
 
+def test_a_urdf_with_words_for_other_programs(tmp_path):
+    """Plug-ins that Gazebo would run are nothing to MuJoCo; those that the file gives to MuJoCo itself are refused."""
+    text = """<robot name="r"><gazebo><plugin name="g" filename="g.so"/></gazebo>{}<link name="base"/><link name="rod">
+    <visual><geometry><mesh filename="package://r/rod.dae"/></geometry></visual><inertial><mass value="1.5"/>
+    <inertia ixx="0.05" iyy="0.05" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="swing" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+    <dynamics damping="0.7" friction="0.2"/><limit effort="40" velocity="5" lower="-3" upper="3"/></joint></robot>"""
+    model = load_model(write(tmp_path, text.format("")))
+    assert model.passive == ((0.7,), (0.2,), (-3.0,), (3.0,))
+    assert model.flat.tau_max == [40.0]
+    with pytest.raises(ModelError, match="<plugin> is refused: it runs code"):
+        load_model(write(tmp_path, text.format("<mujoco><extension><plugin plugin='x'/></extension></mujoco>")))
+
+
 def test_an_import_does_not_mend_what_is_wrong(tmp_path):
     """A servo alone is imported; beside a negative mass, code or a wish for memory the file is refused."""
     servo = '<position name="servo" joint="a" kp="9" forcerange="-60 60"/>'

@@ -13,6 +13,7 @@ from torquebench.experiment.values import Here, Node
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN
 from torquebench.robot import load_model
+from torquebench.robot.described import described_arm
 from torquebench.robot.library import MJCF, ArmFile, is_path, model_names
 from torquebench.sim.trajectory import Trajectory
 
@@ -38,14 +39,24 @@ class ArmValue(Node):
             return BROKEN
         if isinstance(raw, str) and raw in model_names():
             return raw
+        described = None
         if isinstance(raw, str) and not (is_path(raw) or "/" in raw or "\\" in raw):
-            return raw  # the rules know which names there are
-        return self._file(str(raw), here)
+            if raw not in here.document.arms:
+                try:
+                    described = described_arm(raw)
+                except ModelError as error:
+                    here.add(str(error))
+                    return BROKEN
+                if described is None:
+                    return raw  # the rules know which names there are
+            return self._file(raw, described, here)
+        return self._file(str(raw), Path(raw) if isinstance(raw, Path) else None, here)
 
-    def _file(self, raw: str, here: Here) -> Any:
+    def _file(self, raw: str, given: Path | None, here: Here) -> Any:
+        """Return the arm of a file; `given` is its path where that is not below the config's folder."""
         document = here.document
-        folder = document.folder(here.path)
-        path = (folder or Path()) / raw
+        folder = None if given else document.folder(here.path)
+        path = given or (folder or Path()) / raw
         known = document.arms.get(raw)
         if known is not None and known[0] in (None, folder):
             return known[1]
@@ -67,7 +78,7 @@ class ArmValue(Node):
             arm = read_arm(path)
         except ModelError as error:
             for reason in error.reasons:
-                here.add(" ".join(reason.split()))
+                here.add(" ".join(reason.removeprefix(f"{path}: ").split()))
             return BROKEN
         document.arms[raw] = folder, arm
         return arm

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from torquebench.errors import ModelError, did_you_mean, did_you_mean_path
+from torquebench.robot.described import described_arm
 from torquebench.shipped import data_root as data_root
 
 MJCF = r"\.(?:xml|urdf|mjcf)"
@@ -102,6 +103,8 @@ def model_folder(name: str) -> Path:
 def mjcf_path(source: str | Path) -> Path:
     """Return the file of an arm's name, or `source` itself when it is the path of an MJCF or URDF file.
 
+    A name is that of a folder in ``models/``, or one of the package ``robot_descriptions``.
+
     Raises:
         ModelError: there is no such model or file.
     """
@@ -110,6 +113,8 @@ def mjcf_path(source: str | Path) -> Path:
         if not path.is_file():
             raise ModelError(f"{path}: no such file{did_you_mean_path(path, MJCF)}")
         return path
+    if source not in model_names() and (described := described_arm(source)):
+        return described
     return model_folder(source) / f"{source}.xml"
 
 

@@ -96,8 +96,9 @@ def _listed(names: list[str], most: int = 4) -> str:
 
 
 def _greedy(root: Element) -> Iterator[str]:
-    """Yield what asks for other files, code or memory."""
-    for element in root.iter():
+    """Yield what asks for other files, code or memory; of a URDF MuJoCo reads such things in its own element alone."""
+    parts = root.findall("mujoco") if root.tag == "robot" else [root]
+    for element in (inner for part in parts for inner in part.iter()):
         if element.tag in CODE:
             yield f"{named(element)} is refused: it {CODE[element.tag]}"
         elif element.tag in FILES:
