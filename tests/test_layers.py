@@ -44,7 +44,7 @@ LAYERS = (
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 
 HOMES = {
-    "mujoco": ("robot/mjcf", "scene/", "sim/plants/", "video/", "view/"),
+    "mujoco": ("robot/mjcf", "robot/importing/", "scene/", "sim/plants/", "video/", "view/"),
     "glfw": ("video/", "view/"),
     "OpenGL": ("video/",),
     "imageio_ffmpeg": ("video/",),

@@ -15,6 +15,7 @@ from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.flat_model import STRUCTURES, own_copy
+from torquebench.robot.library import is_path
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.simulate import simulate
@@ -99,7 +100,7 @@ class Side:
 
 
 def parse_side(text: str, argument: str) -> Side:
-    """Read ``mujoco:MODEL``, ``analytic:MODEL[:STRUCTURE[:CONSTANTS]]`` or ``FILE.xml``.
+    """Read ``mujoco:MODEL``, ``analytic:MODEL[:STRUCTURE[:CONSTANTS]]`` or a file.
 
     Args:
         text: What the user wrote.
@@ -109,7 +110,7 @@ def parse_side(text: str, argument: str) -> Side:
         ConfigError: it is none of these, or the model cannot be used.
     """
     engine, _, rest = text.partition(":")
-    if text.endswith(".xml"):
+    if is_path(text):
         engine, rest = ("mujoco", text) if engine not in ENGINES else (engine, rest)
     try:
         if engine == "mujoco":
@@ -124,12 +125,12 @@ def parse_side(text: str, argument: str) -> Side:
             exact = not more or more[0] == "exact"
             return Side(text, engine, source, model, model if exact else None)
         raise ModelError(
-            f"unknown engine '{engine}', wanted mujoco:MODEL, analytic:MODEL[:STRUCTURE[:CONSTANTS]] or FILE.xml"
+            f"unknown engine '{engine}', wanted mujoco:MODEL, analytic:MODEL[:STRUCTURE[:CONSTANTS]] or a file"
             + did_you_mean(engine, ENGINES)
         )
     except (ModelError, ValueError) as error:
-        message = str(error).removeprefix(f"{source_of(text)}: ")
-        raise ConfigError([Problem(argument, text, message)]) from error
+        reasons, source = getattr(error, "reasons", (str(error),)), f"{source_of(text)}: "
+        raise ConfigError([Problem(argument, text, reason.removeprefix(source)) for reason in reasons]) from error
 
 
 def parse_sides(first: str, second: str, places: tuple[str, str]) -> tuple[Side, Side]:
@@ -162,12 +163,12 @@ def source_of(text: str) -> str:
 
 def _mujoco_side(text: str, source: str) -> Side:
     from torquebench.robot import mjcf
-    from torquebench.robot.library import mjcf_path
     from torquebench.sim.plants.mujoco import MujocoModel
 
-    compiled = mjcf.compile_mjcf(mjcf_path(source))
-    links = RobotModel(source, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, source))
-    return Side(text, "mujoco", source, MujocoModel(source), links)
+    arm = mjcf.read_arm(source)
+    compiled, passive = mjcf.compile_arm(arm)
+    links = RobotModel(source, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, source), passive)
+    return Side(text, "mujoco", source, MujocoModel(arm), links)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,22 @@ class TorquebenchError(Exception):
 
 
 class ModelError(TorquebenchError):
-    """A robot model is missing, malformed, or has something the analytic side cannot represent."""
+    """A robot model is missing, malformed, or has something the analytic side cannot represent.
+
+    Args:
+        message: What is wrong.
+        reasons: All that is wrong, where that is several things; the message has them all if none is given.
+    """
+
+    def __init__(self, message: str, reasons: Iterable[str] = ()) -> None:
+        self.reasons = tuple(reasons) or (message,)
+        super().__init__(message)
+
+    @classmethod
+    def of_file(cls, where: str, reasons: Iterable[str]) -> ModelError:
+        """Return the error of a file that is refused for several reasons, each of them with the file's name."""
+        told = [f"{where}: {reason}" for reason in reasons]
+        return cls("\n".join(told), told)
 
 
 class ControllerError(TorquebenchError):

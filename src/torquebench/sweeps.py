@@ -22,6 +22,7 @@ from torquebench.metrics import METRICS
 from torquebench.report.render import PAGE
 from torquebench.report.sweep import dependences, info_of, jobs_of, report_files
 from torquebench.results import Source as Config
+from torquebench.robot.library import ArmFile
 from torquebench.shipped import find_config
 from torquebench.sweep import run as runs
 from torquebench.sweep.best import best_choices
@@ -72,11 +73,12 @@ def run_sweep(
     files = tuple(Path(plugin).absolute() for plugin in plugins)
     for file in files:
         load_plugin(file)
-    text, name = _config(experiment)
+    text, name, arms = _config(experiment)
     given = {"grid": grid, "random": random, "draws": draws}
     keys = {key: value for key, value in given.items() if value is not None}
     edits = edits_of(dict(changes or {}) | {f"{SWEEP}.{key}": value for key, value in keys.items()})
-    plan = Plan(Source(text, name, tuple(edits), files))
+    by_hand = isinstance(experiment, Mapping)  # whose paths start where the person works
+    plan = Plan(Source(text, name, tuple(edits), files, arms=arms, outside=by_hand))
     count = workers or os.cpu_count() or 1
     if count < 1:
         raise ConfigError([Problem("workers", "", f"got {workers}, wanted at least 1")])
@@ -94,17 +96,19 @@ def run_sweep(
     return Sweep(stored)
 
 
-def _config(experiment: Experiment | Config) -> tuple[bytes, str]:
-    """Return the text of a sweep, with a section ``sweep``, and what to call it in messages."""
+def _config(experiment: Experiment | Config) -> tuple[bytes, str, tuple[tuple[str, ArmFile], ...]]:
+    """Return the text of a sweep, with a section ``sweep``, what to call it in messages, and arms that it names."""
+    arms = tuple[tuple[str, ArmFile], ...]()
     if isinstance(experiment, Experiment):
         text, name = dump_experiment(experiment).encode(), experiment.name
+        arms = ((str(arm), arm),) if isinstance(arm := experiment.plant.model, ArmFile) else ()
     elif isinstance(experiment, Mapping):
         text, name = dump_tree(tree_of(experiment)).encode(), "experiment"
     else:
         path = find_config(str(experiment))
         text, name = read_bytes(path), str(path)
     root = read_document(text, name).root
-    return (text if SWEEP in root else text + f"\n{SWEEP}: {{}}\n".encode()), name
+    return (text if SWEEP in root else text + f"\n{SWEEP}: {{}}\n".encode()), name, arms
 
 
 def edits_of(changes: Mapping[str, Any]) -> list[str]:

@@ -195,9 +195,9 @@ BAD_NUMBERS = [
 BAD_NAMES = [
     Bad("engine: mujoco", "engine: mujocco", "plant.engine", "did you mean 'mujoco'"),
     Bad("model: puma560", "model: pumma560", "plant.model", "did you mean 'puma560'"),
-    Bad("model: puma560", "model: ../../etc/passwd", "plant.model", "not a plain name"),
-    Bad("model: puma560", "model: /etc/passwd", "plant.model", "not a plain name"),
-    Bad("model: puma560", "model: models/puma560/puma560.xml", "plant.model", "not a plain name"),
+    Bad("model: puma560", "model: ../../etc/passwd", "plant.model", "is outside the folder"),
+    Bad("model: puma560", "model: /etc/passwd", "plant.model", "is outside the folder"),
+    Bad("model: puma560", "model: arms/none.xml", "plant.model", "there is no file"),
     Bad("model: puma560", "model: ''", "plant.model", "not a plain name"),
     Bad("integrator: rk4", "integrator: rk45", "plant.integrator", "did you mean 'rk4'"),
     Bad("structure: corrected", "structure: corected", "model.structure", "did you mean 'corrected'"),

@@ -90,6 +90,7 @@ SCENARIO = (
     viscous: [5.8, 9.3, 4.0, 0.36, 0.36, 0.22]
     coulomb: 0.9
     speed: 0.02
+  limits: stop
   perturb:
     relative: 0.1
 model:

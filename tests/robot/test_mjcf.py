@@ -1,12 +1,14 @@
 """Any serial arm of hinges and slides becomes an analytic model; anything else is refused by name."""
 
+import mujoco
 import numpy as np
 import pytest
 
 from torquebench import load_model
 from torquebench.comparison import compare_terms, random_states
 from torquebench.errors import ModelError
-from torquebench.robot.mjcf import MAX_BYTES, compile_mjcf
+from torquebench.robot.library import MAX_BYTES, ArmFile
+from torquebench.robot.mjcf import compile_arm, features, read_arm
 from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
 
 MOTORS = (
@@ -63,10 +65,8 @@ def test_torque_limits_come_from_gear_and_ranges(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('armature="0.02"', 'armature="0.02" damping="1"', "joint damping"),
-        ('armature="0.02"', 'armature="0.02" frictionloss="1"', "joint friction"),
-        ('armature="0.02"', 'armature="0.02" stiffness="1"', "joint stiffness"),
-        ('armature="0.02"', 'armature="0.02" limited="true" range="-1 1"', "enforced joint limits"),
+        ('armature="0.02"', 'armature="0.02" damping="0 1"', "joint damping that grows with speed .'a'."),
+        ('armature="0.02"', 'armature="0.02" stiffness="1"', "joint stiffness .'a'.: leave it out, or"),
         ('name="hand"', 'name="hand" gravcomp="1"', "gravity compensation"),
         ('type="slide" axis="0 1 1" pos="0.01 0 0"', 'type="ball"', "joints other than hinges and slides"),
         ('<option gravity="1 -2 -9">', '<option gravity="1 -2 -9" density="1000">', "a fluid"),
@@ -81,22 +81,27 @@ def test_torque_limits_come_from_gear_and_ranges(tmp_path):
         (' actuatorfrcrange="-7 7" actuatorfrclimited="true"', "", "no torque limit for c"),
     ],
 )
-def test_what_the_analytic_side_lacks_is_refused_by_name(tmp_path, old, new, message):
+def test_what_the_analytic_side_lacks_is_refused_by_name(old, new, message):
     """Each feature without an analytic counterpart is named in the error."""
     text = ODD_ARM.replace(old, new)
     if "ball" in new:
         text = text.replace(MOTORS, "")
     assert text != ODD_ARM
     with pytest.raises(ModelError, match=message):
-        load_model(write(tmp_path, text))
+        load_model(ArmFile("arm", text))
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("<mujoco><worldbody/></mujoco>", "no joint at all"),
-        ("<mujoco><include file='/etc/passwd'/></mujoco>", "<include> is refused"),
-        ("<mujoco><asset><mesh file='x.stl'/></asset></mujoco>", "<mesh> is refused"),
+        ("<mujoco><include file='/etc/passwd'/></mujoco>", '<include file="/etc/passwd"> is refused'),
+        ("<mujoco><extension><plugin plugin='x'/></extension></mujoco>", "<plugin> is refused: it runs code"),
+        ("<mujoco><size memory='900G'/></mujoco>", "more memory than any arm needs"),
+        ("<mujoco><asset><texture builtin='flat' width='90000' height='9'/></asset></mujoco>", "at most 4096 is read"),
+        ("<mujoco><custom><numeric name='x' size='99999999'/></custom></mujoco>", "at most 65536 is read"),
+        ("<mujoco>" + "<body>" * 300 + "</body>" * 300 + "</mujoco>", "nested more than 200 deep"),
+        ("<svg/>", "<svg> is no arm"),
         ("<!DOCTYPE x [<!ENTITY a 'b'>]><mujoco/>", "entities are refused"),
         ("not xml", "not a readable MJCF"),
         ("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "does not compile"),
@@ -106,16 +111,115 @@ def test_what_the_analytic_side_lacks_is_refused_by_name(tmp_path, old, new, mes
         (ODD_ARM.replace("0.03 0.04 0.05", "0.03 0.04 0.5"), "does not compile"),
     ],
 )
-def test_malformed_or_reaching_out_is_refused(tmp_path, text, message):
+def test_malformed_or_reaching_out_is_refused(text, message):
     """A model must be readable, stand alone and compile."""
     with pytest.raises(ModelError, match=message):
-        load_model(write(tmp_path, text))
+        load_model(ArmFile("arm", text))
+
+
+LINK = '<body><inertial mass="2" pos="0.3 0 0" diaginertia="0.02 0.03 0.03"/>{}</body>'
+PUBLISHED = f"""<mujoco><compiler angle="radian" meshdir="assets"/>
+<asset><mesh name="shell" file="shell.stl"/><texture name="t" file="t.png" type="2d"/>
+<material name="m" texture="t"/></asset>
+<worldbody>{LINK}</worldbody><actuator>{{}}</actuator></mujoco>"""
+JOINT = '<joint name="a" axis="0 1 0" damping="1.5" frictionloss="0.4" range="-2 2"/>'
+LOOK = '<geom name="look" type="mesh" mesh="shell" material="m" contype="0" conaffinity="0"/>'
+MOTOR = '<motor name="m" joint="a" ctrlrange="-60 60"/>'
+
+
+def published(look=LOOK, motor=MOTOR, joint=JOINT):
+    """An arm as they are published, whose mesh and texture are not there."""
+    return PUBLISHED.format(joint + look, motor)
+
+
+def test_looks_in_files_are_left_out_and_told():
+    """What neither touches nor weighs is left out; friction and limits are the plant's, and no part of the belief."""
+    arm = read_arm(ArmFile("arm", published()))
+    assert arm.remarks == ("left out, as they only look: mesh shell, texture t",)
+    assert read_arm(ArmFile("arm", arm.text)).text == arm.text  # kept beside results it is read as it is
+    model = load_model(arm)
+    assert model.passive == ((1.5,), (0.4,), (-2.0,), (2.0,))
+    bare = load_model(ArmFile("arm", published("", joint='<joint name="a" axis="0 1 0"/>')))
+    assert model.inverse_dynamics([0.3], [1.0], [2.0]) == bare.inverse_dynamics([0.3], [1.0], [2.0])
+
+
+def test_all_reasons_come_at_once():
+    """A geom that touches, one that weighs, a spring and a servo: four reasons, each with its element and a way out."""
+    text = published(
+        '<geom name="hard" type="mesh" mesh="shell"/>',
+        '<position name="servo" joint="a" kp="9" ctrlrange="-1 1"/>',
+        JOINT.replace("damping", 'stiffness="3" damping'),
+    )
+    text = text.replace("</worldbody>", LINK.format(JOINT.replace('"a"', '"b"') + LOOK) + "</worldbody>")
+    text = text.replace(
+        '<inertial mass="2" pos="0.3 0 0" diaginertia="0.02 0.03 0.03"/><joint name="b"', '<joint name="b"'
+    )
+    with pytest.raises(ModelError) as refused:
+        load_model(ArmFile("arm", text))
+    for told in ("mesh file (hard), as they collide", "mesh file (look), as the mass of their bodies comes from them"):
+        assert told in str(refused.value)
+    text = published("", '<position name="servo" joint="a" kp="9"/>', JOINT.replace("damping", 'stiffness="3" damping'))
+    with pytest.raises(ModelError) as refused:
+        load_model(ArmFile("arm", text))
+    assert len(refused.value.reasons) == 2
+
+
+@pytest.mark.parametrize("flag", ["damper", "spring", "limit", "frictionloss", "constraint", "contact"])
+def test_what_a_flag_switches_off_is_not_there(flag):
+    """Each flag takes away just what MuJoCo takes away: its passive forces and constraints at a random state."""
+    geoms = '<geom size="0.1"/><body pos="0 0 0.05"><joint name="b"/><geom size="0.1"/></body>'
+    joint = JOINT.replace("damping", 'stiffness="3" damping')
+    text = f"""<mujoco><option><flag {flag}="disable"/></option><worldbody>{LINK.format(joint)}{LINK.format(geoms)}
+    </worldbody><actuator>{MOTOR}{MOTOR.replace('"m"', '"n"').replace('"a"', '"b"')}</actuator></mujoco>"""
+    m = mujoco.MjModel.from_xml_string(text)
+    d = mujoco.MjData(m)
+    d.qpos[0], d.qvel[0] = 2.5, 1.0
+    mujoco.mj_forward(m, d)
+    compiled, passive = compile_arm(ArmFile("arm", text))
+    assert (passive.viscous[0] > 0) == (d.qfrc_damper[0] != 0)
+    assert (features(compiled)["joint stiffness"] != []) == (d.qfrc_spring[0] != 0)
+    assert (passive.coulomb[0] > 0) == (mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF in d.efc_type.tolist())
+    assert (passive.high[0] < np.inf) == (mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT in d.efc_type.tolist())
+    assert (features(compiled)["colliding geoms"] != []) == (d.ncon > 0)
+
+
+def test_a_urdf_with_words_for_other_programs(tmp_path):
+    """Plug-ins that Gazebo would run are nothing to MuJoCo; those that the file gives to MuJoCo itself are refused."""
+    text = """<robot name="r"><gazebo><plugin name="g" filename="g.so"/></gazebo>{}<link name="base"/><link name="rod">
+    <visual><geometry><mesh filename="package://r/rod.dae"/></geometry></visual><inertial><mass value="1.5"/>
+    <inertia ixx="0.05" iyy="0.05" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="swing" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+    <dynamics damping="0.7" friction="0.2"/><limit effort="40" velocity="5" lower="-3" upper="3"/></joint></robot>"""
+    model = load_model(write(tmp_path, text.format("")))
+    assert model.passive == ((0.7,), (0.2,), (-3.0,), (3.0,))
+    assert model.flat.tau_max == [40.0]
+    with pytest.raises(ModelError, match="<plugin> is refused: it runs code"):
+        load_model(write(tmp_path, text.format("<mujoco><extension><plugin plugin='x'/></extension></mujoco>")))
+
+
+def test_an_import_does_not_mend_what_is_wrong(tmp_path):
+    """A servo alone is imported; beside a negative mass, code or a wish for memory the file is refused."""
+    servo = '<position name="servo" joint="a" kp="9" forcerange="-60 60"/>'
+    arm = read_arm(write(tmp_path, published(motor=servo)))
+    assert load_model(arm).flat.tau_max == [60.0]
+    assert any("servo" in remark or "plain chain" in remark for remark in arm.remarks)
+    for old, new in (
+        ('mass="2"', 'mass="-2"'),
+        ("<asset>", '<size memory="90G"/><asset>'),
+        ("<asset>", "<extension/><asset>"),
+    ):
+        with pytest.raises(ModelError, match=r"negative|memory|code"):
+            load_model(write(tmp_path, published(motor=servo).replace(old, new)))
+    (tmp_path / "arms").mkdir()
+    (tmp_path / "far.xml").write_text("<mujoco/>")
+    with pytest.raises(ModelError, match="at or below"):
+        load_model(write(tmp_path / "arms", '<mujoco><include file="../far.xml"/></mujoco>'))
 
 
 def test_too_large_a_file_is_refused_unread(tmp_path):
     """The size is checked before the file is parsed."""
     with pytest.raises(ModelError, match="larger than"):
-        compile_mjcf(write(tmp_path, "<mujoco>" + " " * MAX_BYTES + "</mujoco>"))
+        compile_arm(write(tmp_path, "<mujoco>" + " " * MAX_BYTES + "</mujoco>"))
 
 
 @pytest.mark.parametrize("name", ["../../etc/passwd", "puma560/../puma560", "/etc", "", "puma56O"])

@@ -18,7 +18,7 @@ from torquebench.kernel import Array
 from torquebench.robot import Puma560, load_model
 from torquebench.robot.flat_model import Model
 from torquebench.robot.links import check_physical, pseudo_inertia
-from torquebench.robot.mjcf import compile_mjcf, flatten
+from torquebench.robot.mjcf import compile_arm, flatten
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.perturbation import FACTORS, Links, draw_factors, links_in, perturbed, scaled
 from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
@@ -144,7 +144,7 @@ def test_arms_of_other_kinds(name: str, tmp_path: Path) -> None:
     """The links read back from MuJoCo's changed model are those that were meant, joints turned and bodies welded on."""
     file = tmp_path / "arm.xml"
     file.write_text(LEAN[name]())
-    m = compile_mjcf(file)
+    m = compile_arm(file).model
     wanted = scaled(links_of(m), factors_of(m.nv, 0.3))
     plant = MujocoPlant(file, factors=factors_of(m.nv, 0.3))
     for x, y in zip(links_of(plant._m), wanted, strict=True):

@@ -72,29 +72,31 @@ LEAN: dict[str, Callable[[], str]] = {
     "two joints on a body": lambda: _arm(DOUBLE, "a d b c"),
     "a body welded on": lambda: _arm(_link("a", HAND + _link("b", HAND)), "a b"),
     "no gravity": lambda: _arm(SERIAL, "a b c", _flag('gravity="disable"')),
-    "damping": lambda: _arm(_joint('damping="0.7"'), "a b c"),
-    "damping in a tree": lambda: _arm(TREE.replace('armature="0.2"', 'armature="0.2" damping="0.4"'), "a b c d e"),
-    "explicit damping": lambda: _arm(_joint('damping="0.7"'), "a b c", _flag('eulerdamp="disable"')),
     "damping switched off": lambda: _arm(_joint('damping="0.7"'), "a b c", _flag('damper="disable"')),
+    "enforced limits": lambda: _arm(_joint('limited="true" range="-0.1 0.1"'), "a b c"),
     "constraints switched off": lambda: _arm(SERIAL, "a b c", _flag('constraint="disable"')),
     "actuation switched off": lambda: _arm(SERIAL, "a b c", _flag('actuation="disable"')),
     "limits that are not enforced": lambda: _arm(_joint('limited="false" range="-0.1 0.1"'), "a b c"),
     "a spring reference without a spring": lambda: _arm(_joint('springref="0.4"'), "a b c"),
     "a reference angle": lambda: _arm(_joint('ref="0.4"'), "a b c"),
 }
-"""Arms of hinges, slides, viscous damping and motors."""
+"""Arms of hinges, slides and motors."""
+RUBBING: dict[str, Callable[[], str]] = {
+    "damping": lambda: _arm(_joint('damping="0.7"'), "a b c"),
+    "damping in a tree": lambda: _arm(TREE.replace('armature="0.2"', 'armature="0.2" damping="0.4"'), "a b c d e"),
+    "explicit damping": lambda: _arm(_joint('damping="0.7"'), "a b c", _flag('eulerdamp="disable"')),
+    "joint friction": lambda: _arm(_joint('frictionloss="0.6"'), "a b c"),
+}
+"""Arms with friction of their own, which acts as a torque beside the step."""
 
 BALL = '<geom type="sphere" size="0.05" mass="0.1" pos="0.1 0 0"/>'
 FLOOR = '<geom type="plane" size="5 5 1" pos="0 0 0.29"/>'
 CONTACT = HEAD.replace('<flag contact="disable"/>', "")
 TENDON = '<tendon><fixed {}><joint joint="a" coef="1"/><joint joint="b" coef="-0.5"/></fixed></tendon>'
 REFUSED: dict[str, Callable[[], str]] = {
-    "joint friction": lambda: _arm(_joint('frictionloss="0.6"'), "a b c"),
-    "enforced limits": lambda: _arm(_joint('limited="true" range="-0.1 0.1"'), "a b c"),
     "contacts": lambda: _arm(SERIAL.replace("</body>", BALL + "</body>", 1) + FLOOR, "a b c", CONTACT),
     "a spring": lambda: _arm(_joint('stiffness="20" springref="0.3"'), "a b c"),
     "a spring polynomial": lambda: _arm(_joint('stiffness="0 20"'), "a b c"),
-    "a damping polynomial": lambda: _arm(_joint('damping="0.2 0.3"'), "a b c"),
     "a damping polynomial alone": lambda: _arm(_joint('damping="0 0.3"'), "a b c"),
     "gravity compensation": lambda: _arm(SERIAL.replace('<body name="b"', '<body name="b" gravcomp="0.7"'), "a b c"),
     "a stiff tendon": lambda: _arm(SERIAL, "a b c", extra=TENDON.format('stiffness="9" damping="0.3"')),

@@ -15,7 +15,7 @@ import pytest
 from tests.arms import pack, slider
 from tests.errata.independent import Arm
 from tests.sampled import simulate_sampled
-from tests.sim.arm_files import LEAN, REFUSED, plant_from, start_of
+from tests.sim.arm_files import LEAN, REFUSED, RUBBING, plant_from, start_of
 from tests.sim.protocol import HOME, REFERENCES, differing_bytes
 from tests.sim.test_native_lag import control
 from tests.sim.test_native_refused import anything
@@ -198,10 +198,10 @@ ARMS = (
 def test_friction_is_mj_step_with_a_torque_of_velocity(
     name: str, substeps: int, integrator: str, tmp_path: Path
 ) -> None:
-    """In every byte, on both paths, lean or not, beside the arm's own damping, springs, limits and contacts."""
-    plant_from((LEAN | REFUSED)[name](), tmp_path, integrator)
+    """In every byte, on both paths, lean or not, in place of the arm's own friction, beside springs and contacts."""
+    plant_from((LEAN | REFUSED | RUBBING)[name](), tmp_path, integrator)
     plant = MujocoPlant(tmp_path / "arm.xml", 0.001, integrator, friction=BOTH)
-    assert plant.native().structure.lean == (name in LEAN)  # type: ignore[attr-defined]
+    assert plant.native().structure.lean == (name not in REFUSED)  # type: ignore[attr-defined]
     run = rubbing(plant, substeps)
     assert run.path == "native"
     assert run.q.tobytes() == by_mujoco(plant, run, BOTH, substeps).tobytes()

@@ -1,4 +1,4 @@
-"""The lean step is `mujoco.mj_step` in every byte, on arms of hinges, slides, viscous damping and motors."""
+"""The lean step is `mujoco.mj_step` in every byte, on arms of hinges, slides and motors."""
 
 from __future__ import annotations
 
@@ -75,36 +75,16 @@ def payload(m: Any, d: Any) -> None:
     mujoco.mj_setConst(m, d)
 
 
-def damp(m: Any, d: Any) -> None:
-    """Give each joint damping of its own."""
-    m.dof_damping[:] = 0.3 + 0.1 * np.arange(m.nv)
-
-
-def undamped(m: Any, d: Any) -> None:
-    """Give each joint damping, and switch it off."""
-    damp(m, d)
-    m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_DAMPER
-
-
-def explicitly(m: Any, d: Any) -> None:
-    """Give each joint damping that Euler's method takes explicitly."""
-    damp(m, d)
-    m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-
-
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("change", [payload, damp, undamped, explicitly])
 @pytest.mark.parametrize("arm", ["puma560", "two-link"])
-def test_the_lean_step_of_a_changed_model_is_mj_step(
-    arm: str, change: Callable[[Any, Any], None], integrator: str
-) -> None:
+def test_the_lean_step_of_a_changed_model_is_mj_step(arm: str, integrator: str) -> None:
     """A model changed in memory, as for a payload, is stepped as changed; and the change shows in the motion."""
     plain, plant = (MujocoPlant(arm, 0.001, integrator) for _ in range(2))
-    change(plant._m, plant._d)
+    payload(plant._m, plant._d)
     assert plant.native().structure.lean  # type: ignore[attr-defined]
     unequal, motion = unequal_steps(plant, 500)
     assert unequal == 0
-    assert (motion.tobytes() == unequal_steps(plain, 500)[1].tobytes()) == (change is undamped)
+    assert motion.tobytes() != unequal_steps(plain, 500)[1].tobytes()
 
 
 def test_the_comparison_sees_one_ulp() -> None:

@@ -23,7 +23,7 @@ from torquebench.comparison import random_states
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot import Puma560, RobotModel
-from torquebench.robot.mjcf import compile_mjcf
+from torquebench.robot.mjcf import compile_arm
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload, carrying
 from torquebench.sim.native import NativeRun
@@ -124,7 +124,7 @@ def test_mujocos_loaded_arm_has_a_body_more(name: str, tmp_path: Path) -> None:
     """
     file = tmp_path / "arm.xml"
     file.write_text(LEAN[name]())
-    m = compile_mjcf(file)
+    m = compile_arm(file).model
     payload = Payload(2.0, offset=HERE)
     loaded = with_links(m, add_payload(links_of(m), payload))
     body, d = int(m.jnt_bodyid[-1]), mujoco.MjData(m)

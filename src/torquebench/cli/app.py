@@ -7,6 +7,7 @@ import functools
 import inspect
 import io
 import json
+import keyword
 import os
 import signal
 import sys
@@ -37,6 +38,7 @@ BAD_INPUT, INTERNAL, INTERRUPTED, UNREAD, TERMINATED = 2, 3, 130, 141, 143
 
 COMMANDS = {
     "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "audit"},
+    "Arms": {"import": "importing"},
     "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
     "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
     "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},
@@ -203,7 +205,8 @@ class Commands(click.Group):
         module = next((names[name] for names in COMMANDS.values() if name in names), None)
         if module is None:
             return None
-        found: click.Command = getattr(import_module(f"torquebench.cli.{module}"), name.replace("-", "_"))
+        attribute = name.replace("-", "_") + "_" * keyword.iskeyword(name)
+        found: click.Command = getattr(import_module(f"torquebench.cli.{module}"), attribute)
         return found
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

@@ -67,9 +67,11 @@ class Milliseconds(Number):
 
 @command(example="torquebench compare mujoco:puma560 analytic:puma560 --rollout 5")
 @argument(
-    "a", type=SideName(".xml"), help="a model or plant: mujoco:MODEL, analytic:MODEL[:STRUCTURE[:CONSTANTS]], FILE.xml"
+    "a",
+    type=SideName(".xml", ".urdf"),
+    help="a model or plant: mujoco:MODEL, analytic:MODEL[:STRUCTURE[:CONSTANTS]], FILE.xml, FILE.urdf",
 )
-@argument("b", type=SideName(".xml"), help="the other one")
+@argument("b", type=SideName(".xml", ".urdf"), help="the other one")
 @option("--states", type=Number(int, 1, 1_000_000), default=1000, help="random states (default 1000)")
 @option("--seed", type=Number(int, 0), default=0, help="seed of the states (default 0)")
 @option(

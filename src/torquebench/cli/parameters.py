@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import json
 import math
 import os
 import sys
@@ -206,6 +207,22 @@ plugins = option(
 settings = functools.partial(
     option, "-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", shell_complete=_complete_settings
 )
+
+
+model = option(
+    "--model",
+    type=File(".xml", ".urdf"),
+    metavar="ARM",
+    help="another arm than the config's: an MJCF or URDF file anywhere, or a name",
+)
+
+
+allow_outside = option("--allow-outside", is_flag=True, help="let the config name an arm's file outside its own folder")
+
+
+def with_arm(overrides: Iterable[str], arm: Path | None) -> tuple[str, ...]:
+    """Return changes of keys, with that of the arm where one is given."""
+    return (*overrides, *([] if arm is None else [f"plant.model={json.dumps(str(arm))}"]))
 
 
 workers = functools.partial(option, "-j", "--workers", metavar="N", type=Number(int, 1, 4096))

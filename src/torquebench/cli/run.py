@@ -10,7 +10,20 @@ from typing import TYPE_CHECKING
 import click
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import Config, File, Number, argument, option, out_folder, plugins, refuse, settings
+from torquebench.cli.parameters import (
+    Config,
+    File,
+    Number,
+    allow_outside,
+    argument,
+    model,
+    option,
+    out_folder,
+    plugins,
+    refuse,
+    settings,
+    with_arm,
+)
 from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, voice, warn
 from torquebench.errors import Problem
 
@@ -25,6 +38,8 @@ if TYPE_CHECKING:
 @option("--index", type=Number(int, 0), metavar="K", help="number of that row, from 0")
 @out_folder(help="folder for the results, new or empty (default: runs/NAME-UTC)")
 @settings(help="change one key, for example run.duration=2 or controllers.band.gains.phi=0.1")
+@model
+@allow_outside
 @plugins
 @option("--no-figures", is_flag=True, help="draw nothing that the config asks for: no figures, no film")
 @option("--show-config", is_flag=True, help="print the whole experiment, as experiment.yaml would hold it; run nothing")
@@ -37,13 +52,17 @@ def run(
     index: int | None,
     out: Path | None,
     overrides: Sequence[str],
+    model: Path | None,
+    allow_outside: bool,
     plugin: Sequence[Path],
     no_figures: bool,
     show_config: bool,
 ) -> int:
     """Run one experiment: every controller in it, side by side."""
+    overrides = with_arm(overrides, model)
     _check_options(config, from_sweep, index, overrides)
     from torquebench.experiment import load_experiment
+    from torquebench.experiment.arm import range_remarks
     from torquebench.experiment.build import build
     from torquebench.experiment.certify import flags
     from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
@@ -60,7 +79,7 @@ def run(
     for file in plugin:
         load_plugin(file)
     if config is not None:
-        experiment = load_experiment(config, overrides)
+        experiment = load_experiment(config, overrides, allow_outside)
     elif from_sweep is not None and index is not None:
         experiment = _row_of_sweep(from_sweep, index, plugin)
     if show_config:
@@ -70,7 +89,7 @@ def run(
     for line in chosen_text(experiment):
         say(line)
     loop = build(experiment)
-    for flag in flags(experiment, loop):
+    for flag in [*flags(experiment, loop), *experiment.plant.remarks()]:
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(out, experiment.name))
     write_experiment(directory, experiment)
@@ -102,6 +121,8 @@ def run(
         from torquebench.cli.video import film_of_run
 
         film_of_run(result, directory.folder, gl)
+    for remark in range_remarks(experiment, result.runs):
+        warn(f"torquebench: {remark}")
     return _print_failures(result)
 
 

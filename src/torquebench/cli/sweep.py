@@ -12,7 +12,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import Choice, Config, File, argument, option, out_folder, plugins, refuse, settings
+from torquebench.cli.parameters import (
+    Choice,
+    Config,
+    File,
+    allow_outside,
+    argument,
+    model,
+    option,
+    out_folder,
+    plugins,
+    refuse,
+    settings,
+    with_arm,
+)
 from torquebench.cli.parameters import workers as workers_option
 from torquebench.cli.terminal import complain, following, height, progress_bar, say, table, tell, warn
 from torquebench.errors import Problem, ResultError, TorquebenchError
@@ -43,6 +56,8 @@ class Options:
     executor: str | None
     cluster: str | None
     overrides: Sequence[str]
+    model: Path | None
+    allow_outside: bool
     plugin: Sequence[Path]
     no_cap: bool
     dry_run: bool
@@ -60,7 +75,7 @@ class Options:
             problems.append(Problem("CONFIG", text="missing", wanted=wanted))
         if self.resume is not None and self.out is not None:
             problems.append(("--out", "has no effect with --resume, which goes on in the sweep's own folder"))
-        if self.resume is not None and self.config is None and self.overrides:
+        if self.resume is not None and self.config is None and (self.overrides or self.model):
             problems.append(("--set", "has no effect with --resume alone: what was set is stored"))
         refuse(problems)
 
@@ -77,6 +92,8 @@ class Options:
     help="run on a Dask cluster: tcp://HOST:PORT or tls://HOST:PORT of its scheduler; local or local:N makes one here",
 )
 @settings(help="change one key, for example sweep.draws=10 or run.duration=2")
+@model
+@allow_outside
 @plugins
 @option("--no-cap", is_flag=True, help="start whatever it takes")
 @option("--dry-run", is_flag=True, help="check and estimate only")
@@ -182,7 +199,8 @@ def _source(options: Options) -> Source:
     from torquebench.sweep.plan import Source
 
     path = options.config or Path()
-    return Source(read_bytes(path), str(path), tuple(options.overrides), tuple(p.absolute() for p in options.plugin))
+    overrides, plugins = with_arm(options.overrides, options.model), tuple(p.absolute() for p in options.plugin)
+    return Source(read_bytes(path), str(path), overrides, plugins, outside=options.allow_outside)
 
 
 def _print_estimate(plan: Plan, survey: Survey, executor: Executor, begun: float, ready: float) -> Estimate:

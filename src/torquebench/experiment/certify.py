@@ -121,7 +121,7 @@ def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
 
 def resistance(experiment: schema.Experiment, qd: Array) -> Array:
     """Return the torque of an experiment's friction at joint velocities (N, n) [rad/s], as it acts, (N, n) [N m]."""
-    friction, n = experiment.plant.friction, experiment.n
+    friction, n = experiment.plant.acting, experiment.n
     if friction is None:
         return np.zeros_like(qd)
     rising = np.clip(qd / friction.speed, -1.0, 1.0)

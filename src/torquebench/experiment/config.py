@@ -30,31 +30,36 @@ MOTIONS = 64
 """Motions whose torque `MotionTorques` keeps."""
 
 
-def load_experiment(path: Path | str, overrides: Sequence[str] = ()) -> Experiment:
+def load_experiment(path: Path | str, overrides: Sequence[str] = (), outside: bool = False) -> Experiment:
     """Read and check an experiment's file.
 
     Args:
         path: The YAML file.
         overrides: Edits ``key=value`` made before the check.
+        outside: Whether the arm's file may be outside the folder of the config.
 
     Raises:
         ConfigError: the file cannot be read, or it or an override has mistakes; all of them at once.
     """
-    return parse_experiment(read_bytes(path), str(path), overrides)
+    return parse_experiment(read_bytes(path), str(path), overrides, outside)
 
 
-def parse_experiment(text: str | bytes, filename: str = "", overrides: Sequence[str] = ()) -> Experiment:
+def parse_experiment(
+    text: str | bytes, filename: str = "", overrides: Sequence[str] = (), outside: bool = False
+) -> Experiment:
     """Check an experiment given as YAML text.
 
     Args:
         text: The YAML.
         filename: What to call it in messages.
         overrides: Edits ``key=value`` made before the check.
+        outside: As of `load_experiment`.
 
     Raises:
         ConfigError: something in it or in an override is wrong; all mistakes at once, in reading order.
     """
     document = read_document(text, filename)
+    document.outside = outside
     apply_overrides(document, overrides)
     return check_experiment(document)
 
@@ -71,8 +76,8 @@ def check_experiment(document: Document) -> Experiment:
 
 def unsized(document: Document) -> Experiment:
     """Check an experiment as `check_experiment` does; what is relative to the motion, or to be chosen, stays so."""
-    write_keyframe(document)
     top = group_of(Experiment)
+    write_keyframe(document, top)
     values = top.values(document.root, Here(document, top))
     check_rules(document, values)
     document.raise_problems()

@@ -16,6 +16,8 @@ from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document
 from torquebench.experiment.yaml_tree import NUMBER, Map, Seq
 from torquebench.keys import values_of
+from torquebench.robot.library import ArmFile
+from torquebench.sim.friction import FRICTIONS, Friction
 
 
 class _Dumper(yaml.SafeDumper):
@@ -46,8 +48,11 @@ def plain_values(item: Any) -> Any:
         fuzzy = {} if item.fuzzy is None else {"fuzzy": item.fuzzy}
         common = {"name": item.name, "law": item.law}
         return {**common, **item.options, **fuzzy, "gains": plain_values(item.gains), "expect": item.expect}
-    if isinstance(item, Chain) and item.name in CHAINS and CHAINS[item.name] == item:
-        return item.name
+    for kind, known in ((Chain, CHAINS), (Friction, FRICTIONS)):
+        if isinstance(item, kind) and item.name in known and known[item.name] == item:
+            return item.name
+    if isinstance(item, ArmFile):
+        return str(item)
     if isinstance(item, Mapping):
         return {key: plain_values(value) for key, value in item.items()}
     if isinstance(item, tuple | list):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
+from xml.sax.saxutils import quoteattr, unescape
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
@@ -27,6 +30,7 @@ from torquebench.experiment.store import (
     refuse_without_experiment,
 )
 from torquebench.metrics import METRICS, Metric, Metrics
+from torquebench.robot.library import ArmFile, scene_path
 from torquebench.sim.trajectory import Trajectory, load_trajectory
 
 T = TypeVar("T")
@@ -109,8 +113,22 @@ def write_trajectory(directory: RunDirectory, name: str, run: Trajectory) -> Non
 
 
 def write_experiment(directory: RunDirectory, experiment: Experiment) -> None:
-    """Write the experiment, every default filled in."""
+    """Write the experiment, every default filled in, and beside it its arm, where that is from a file."""
+    if isinstance(experiment.plant.model, ArmFile):
+        directory.write(str(experiment.plant.model), experiment.plant.model.text.encode())
+        if looks := scene_path(experiment.plant.model):
+            directory.write(looks.name, _with_meshes(looks, directory.folder))
     directory.write(EXPERIMENT, dump_experiment(experiment).encode())
+
+
+def _with_meshes(looks: Path, folder: Path) -> bytes:
+    """Return a scene file for another folder, from which its meshes are found where they lie."""
+
+    def moved(match: re.Match[str]) -> str:
+        meshes = (looks.parent / unescape(match[1])).resolve()
+        return f"meshdir={quoteattr(os.path.relpath(meshes, folder.resolve()))}"
+
+    return re.sub(r'meshdir="([^"]*)"', moved, looks.read_text(encoding="utf-8"), count=1).encode()
 
 
 def write_numbers(directory: RunDirectory, result: ExperimentResult) -> None:

@@ -13,11 +13,14 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from torquebench.errors import Fault, nearest
+from torquebench.experiment.arm import ArmValue
 from torquebench.experiment.values import Anything, Here, Node, Slug, Value, Word, number, some, vector
 from torquebench.experiment.words import SLUG_IN_WORDS, a_value, shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.keys import Declared, Key, declared_keys
 from torquebench.registry import Registry
+from torquebench.robot.library import ArmFile
+from torquebench.sim.friction import FRICTIONS, Friction
 
 SWEEP, AUDIT = "sweep", "audit"
 MANY = {
@@ -465,9 +468,13 @@ def node_of(declared: Declared) -> Node:
         return vector(key, *words)
     if words:
         return Word(words)
+    if ArmFile in members:
+        return ArmValue()
     if len(members) == 1:
         (plain,) = members
     args = get_args(plain)
+    if plain is Friction:
+        return NameOr(FRICTIONS, Friction)
     if isinstance(plain, type) and dataclasses.is_dataclass(plain):
         return group_of(plain)
     if get_origin(plain) is dict:

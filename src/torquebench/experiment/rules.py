@@ -72,10 +72,12 @@ def check_rules(document: Document, values: Mapping[str, Any]) -> None:
     plant, run = known.get("plant"), known.get("run")
     if plant is not None:
         try:
-            model_folder(plant.model)
+            if isinstance(plant.model, str):
+                model_folder(plant.model)
             known["n"] = joint_count(plant.model)
         except ModelError as error:
-            document.add(("plant", "model"), " ".join(str(error).split()))
+            for reason in error.reasons:
+                document.add(("plant", "model"), " ".join(reason.split()))
             del known["plant"]
     if run is not None:
         whole = plant is None or not list(multiple_of((), run.control_period, "", plant.timestep))

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 from torquebench.certificates import Certificate
 from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
+from torquebench.experiment.arm import range_remarks
 from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags
 from torquebench.experiment.describe import conditions_text
@@ -93,8 +94,9 @@ class ExperimentResult:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """What was wrong with the controllers before the run: switching gains that are too small."""
-        return tuple(str(flag) for flag in flags(self.experiment, self.loop))
+        """What was wrong with the controllers before the run, what the arm's file lost, and joints out of range."""
+        before = [*map(str, flags(self.experiment, self.loop)), *self.experiment.plant.remarks()]
+        return (*before, *range_remarks(self.experiment, self.runs))
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:

@@ -29,7 +29,7 @@ from torquebench.references.reference import depends_on_arm, highest_frequency
 from torquebench.registry import SLUG
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
-from torquebench.robot.library import camera_names
+from torquebench.robot.library import ArmSource, camera_names
 from torquebench.robot.puma560.mismatch import Mismatch
 from torquebench.sim.plants.kinds import PLANTS, ConstantsName, PlantKeys, StructureName
 from torquebench.sim.signals import control_instants
@@ -44,22 +44,22 @@ SLOWEST_SOUND = 0.25
 MAX_SEED = 2**63 - 1
 
 
-def joint_count(model_name: str) -> int:
-    """Return the number of joints of the model called `model_name`.
+def joint_count(arm: ArmSource) -> int:
+    """Return the number of joints of an arm.
 
     Raises:
         ModelError: there is no such model, or it is malformed.
     """
-    return load_model(model_name).n
+    return load_model(arm).n
 
 
-def slide_joints(model_name: str) -> tuple[bool, ...]:
-    """Return whether each joint of the model called `model_name` slides instead of turning.
+def slide_joints(arm: ArmSource) -> tuple[bool, ...]:
+    """Return whether each joint of an arm slides instead of turning.
 
     Raises:
         ModelError: there is no such model, or it is malformed.
     """
-    return tuple(kind == SLIDE for kind in load_model(model_name).flat.kind)
+    return tuple(kind == SLIDE for kind in load_model(arm).flat.kind)
 
 
 class Disturbances(Many):
@@ -194,7 +194,7 @@ class Video:
         """Whether something is heard."""
         return self.sound or self.ears is not None
 
-    def mistakes(self, model: str, names: Sequence[str]) -> Iterator[Fault]:
+    def mistakes(self, model: ArmSource, names: Sequence[str]) -> Iterator[Fault]:
         """Yield what cannot be filmed of a run of the arm `model` with the controllers `names`."""
         cameras = camera_names(model)
         if self.camera is not None and self.camera not in cameras:
@@ -340,10 +340,15 @@ class Experiment:
         return check_experiment(document)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values, keys as in a file, every default filled in; `from_dict` gives an equal experiment."""
+        """Return plain values, keys as in a file, every default filled in; `from_dict` gives an equal experiment.
+
+        An arm that was read from a file is there as a whole.
+        """
         from torquebench.experiment.dump import plain
 
-        return plain(self)
+        values = plain(self)
+        values["plant"]["model"] = self.plant.model
+        return values
 
     def with_(self, changes: Mapping[str, Any] | None = None, **more: Any) -> Experiment:
         """Return an experiment with other values for some keys, checked as a whole.

@@ -24,6 +24,7 @@ from torquebench.experiment.yaml_tree import (
     value_at,
 )
 from torquebench.registry import SLUG
+from torquebench.robot.library import ArmFile
 from torquebench.shipped import YAML, shipped_config, shipped_names
 
 MAX_BYTES = 1 << 20
@@ -56,10 +57,16 @@ class Document:
     def __init__(self, filename: str) -> None:
         self.files = [_printable(filename)]
         """What to call the file, that which it extends, and so on; see `Place.file`."""
+        self.folders: list[Path | None] = [None]
+        """Where these files are; None for what is in no file."""
         self.parents: tuple[Text, ...] = ()
         """The files that it extends, nearest first."""
         self.inherited: tuple[Any, ...] = ()
         """Controllers of the nearest of them."""
+        self.arms: dict[str, tuple[Path | None, ArmFile]] = {}
+        """Arms read from files: path as it was written -> the folder it starts from, None for any, and the arm."""
+        self.outside = False
+        """Whether an arm's file may be outside the folder of the config."""
         self.root: Any = None
         self.start = Place(0, 1, 1)
         """Where the root was written."""
@@ -77,7 +84,9 @@ class Document:
     def copy(self) -> Document:
         """Return another document of the same content and places, without mistakes so far."""
         other = Document(self.filename)
-        other.files, other.parents, other.inherited = list(self.files), self.parents, self.inherited
+        other.files, other.folders = list(self.files), list(self.folders)
+        other.parents, other.inherited = self.parents, self.inherited
+        other.arms, other.outside = self.arms, self.outside  # one reading serves all copies
         other.root, other.start, other.overrides = copied(self.root), self.start, list(self.overrides)
         return other
 
@@ -97,6 +106,11 @@ class Document:
                 break
             node = node[part]
         return here
+
+    def folder(self, path: KeyPath) -> Path | None:
+        """Return the folder from which a path that stands at a key starts; None where a person gave it otherwise."""
+        place = self.place(path)
+        return self.folders[place.file] if place.line and not place.override else None
 
     def written(self, path: KeyPath) -> bool:
         """Whether a key is given."""
@@ -220,6 +234,7 @@ def read_document(source: str | bytes, filename: str, parents: Sequence[Text] | 
             it extends.
     """
     document = Document(filename)
+    document.folders = [Path(filename).parent if filename else None]
     root, document.start = _parsed(document, source, 0)
     _inherit(document, root, Path(filename).parent if filename else Path(), parents)
     stem = Path(filename).stem.lower().replace("_", "-")
@@ -274,6 +289,7 @@ def _inherit(document: Document, root: Map, folder: Path, given: Sequence[Text] 
         texts.append(text)
         document.files.append(_printable(text.filename))
         folder = Path(text.filename).parent
+        document.folders.append(folder)
         tree, _ = _parsed(document, text.content, len(texts))
         trees.append(tree)
     document.parents = tuple(texts)

@@ -5,7 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from torquebench.errors import ModelError, nearest
+from torquebench.experiment.arm import ArmValue
+from torquebench.experiment.groups import Group
 from torquebench.experiment.source import Document
+from torquebench.experiment.values import Here
 from torquebench.experiment.yaml_tree import BROKEN, Map, Seq
 from torquebench.kernel import Array
 from torquebench.keys import declared_keys
@@ -16,16 +19,22 @@ KEY = "key:"
 """Before the name of a keyframe."""
 
 
-def _keyframes(model: Any) -> dict[str, Array] | None:
+def _keyframes(model: Any, document: Document, top: Group) -> dict[str, Array] | None:
     """Return an arm's keyframes; None where there is no such arm, which is told where the arm is read."""
+    arm = ArmValue().read(model, Here(document.copy(), top, ("plant", "model")))
     try:
-        return keyframes(model) if isinstance(model, str) else None
+        return None if arm is BROKEN else keyframes(arm)
     except ModelError:
         return None
 
 
-def write_keyframe(document: Document) -> None:
-    """Put numbers in place of the keyframe at which the run starts, and let its reference start there."""
+def write_keyframe(document: Document, top: Group) -> None:
+    """Put numbers in place of the keyframe at which the run starts, and let its reference start there.
+
+    Args:
+        document: The config; changed.
+        top: Its sections.
+    """
     root: Any = document.root
     run, plant, reference = (root.get(name) for name in ("run", "plant", "reference"))
     given = run.get("initial_q") if isinstance(run, Map) else None
@@ -33,7 +42,7 @@ def write_keyframe(document: Document) -> None:
         return
     places, name = run.places["initial_q"], given.removeprefix(KEY)
     pose: Any = BROKEN
-    poses = _keyframes(plant.get("model") if isinstance(plant, Map) else None)
+    poses = _keyframes(plant.get("model") if isinstance(plant, Map) else None, document, top)
     if poses is not None and name in poses:
         pose = Seq(poses[name].tolist(), [places[1]] * len(poses[name]))
     elif poses is not None:

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 
 import torquebench
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
-from torquebench.robot.library import PRESETS, model_folder
+from torquebench.robot.library import PRESETS, ArmFile, ArmSource, model_folder
 
 PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
 MANIFEST = "manifest.json"
@@ -158,13 +158,15 @@ def add_to_run(folder: Path, files: Mapping[str, bytes | None], facts: Mapping[s
     atomic_write(folder / MANIFEST, json_bytes(manifest | told))
 
 
-def model_checksums(name: str) -> dict[str, str]:
+def model_checksums(arm: ArmSource) -> dict[str, str]:
     """Return the SHA-256 of each file of an arm, by its name; presets are no part of it.
 
     Raises:
         ModelError: there is no such arm.
     """
-    files = (path for path in model_folder(name).iterdir() if path.is_file() and path.name != PRESETS)
+    if isinstance(arm, ArmFile):
+        return {str(arm): arm.digest}
+    files = (path for path in model_folder(str(arm)).iterdir() if path.is_file() and path.name != PRESETS)
     return checksums(sorted(files))
 
 

@@ -29,7 +29,7 @@ BLOCK = 128
 MOST_VALUES = 6_000_000
 """More values than that are thinned: the page of a long run stays one that a browser opens."""
 MOST_TRIANGLES = 60_000
-"""An arm of more is not drawn on the page."""
+"""An arm whose looks have more is drawn by its links on the page; one of more without its looks is not drawn."""
 
 
 def replay_data(result: ExperimentResult, colours: Mapping[str, str]) -> dict[str, Any]:
@@ -137,11 +137,14 @@ def _arm(result: ExperimentResult) -> tuple[dict[str, Any] | None, str]:
     except ImportError as error:  # the analytic plant runs without MuJoCo
         return None, f"MuJoCo cannot be loaded ({error})"
     try:
-        scene = scene_of_runs(result.experiment.plant.model, list(result.runs.values()))
-        arm = read_arm(scene)
+        for bare in (False, True):
+            scene = scene_of_runs(result.experiment.plant.model, list(result.runs.values()), bare)
+            arm = read_arm(scene)
+            count = sum(len(part.surface.corners) for body in arm.bodies for part in body.parts)
+            if count <= MOST_TRIANGLES:
+                break
     except ModelError as error:
         return None, str(error)
-    count = sum(len(part.surface.corners) for body in arm.bodies for part in body.parts)
     if count > MOST_TRIANGLES:
         return None, f"its shape has {count} triangles, more than {MOST_TRIANGLES}; torquebench video draws it"
     nodes, last = _nodes(arm)

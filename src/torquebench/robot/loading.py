@@ -2,36 +2,34 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from torquebench.kernel import Array
-from torquebench.robot.library import mjcf_path
+from torquebench.robot.library import ArmSource
 from torquebench.robot.puma560.puma import NAME, Puma560
 from torquebench.robot.robot_model import RobotModel
 
 
-def keyframes(source: str | Path) -> dict[str, Array]:
-    """Return the keyframes of an arm's file by name, each a position (n,) [rad]; those without a name are left out.
+def keyframes(source: ArmSource) -> dict[str, Array]:
+    """Return the keyframes of an arm by name, each a position (n,) [rad]; those without a name are left out.
 
     Args:
-        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+        source: As of `load_model`.
 
     Raises:
-        ModelError: there is no such file, or it does not compile.
+        ModelError: there is no such arm, or it does not compile.
     """
     from torquebench.robot import mjcf
 
-    return mjcf.keyframes(mjcf.compile_mjcf(mjcf_path(source)))
+    return mjcf.keyframes(mjcf.compile_arm(mjcf.read_arm(source))[0])
 
 
-def load_model(source: str | Path, structure: str = "exact", constants: str = "fitted") -> RobotModel:
+def load_model(source: ArmSource, structure: str = "exact", constants: str = "fitted") -> RobotModel:
     """Load an analytic model.
 
     The PUMA 560 is read from ``links.yaml``, without MuJoCo. Any other model, and any MJCF file, is read through
     MuJoCo's compiler and must be a serial arm of hinges and slides; it has the structure ``exact`` only.
 
     Args:
-        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+        source: Name of a model in ``models/``, path of an MJCF or URDF file, or an arm that was read from one.
         structure: ``exact``; for the PUMA also ``corrected`` and ``printed``.
         constants: ``fitted``; for the PUMA's closed forms also ``printed``.
 
@@ -45,6 +43,6 @@ def load_model(source: str | Path, structure: str = "exact", constants: str = "f
         raise ValueError(f"model '{source}' has structure 'exact' and constants 'fitted' only")
     from torquebench.robot import mjcf
 
-    path = mjcf_path(source)
-    compiled = mjcf.compile_mjcf(path)
-    return RobotModel(path.stem, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, str(source)))
+    arm = mjcf.read_arm(source)
+    compiled, passive = mjcf.compile_arm(arm)
+    return RobotModel(arm.name, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, str(arm)), passive)

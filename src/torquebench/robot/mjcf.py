@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
+import dataclasses
+import functools
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -13,116 +15,230 @@ import numpy as np
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.flat_model import HINGE, SLIDE, Model, rigid_model
+from torquebench.robot.library import ArmFile, ArmSource, file_of_arm
 from torquebench.robot.links import check_physical
 from torquebench.robot.mjcf_links import at_zero, carrier, frames, links_of, moving_parent
-from torquebench.robot.robot_model import RobotModel
+from torquebench.robot.mjcf_text import refused_inside, standing_alone
+from torquebench.robot.robot_model import Passive, RobotModel
 
-MAX_BYTES = 4 * 1024 * 1024
-_OUTSIDE = ("include", "plugin", "extension", "mesh", "hfield", "texture", "skin", "model", "attach", "replicate")
-_JOINT = mujoco.mjtTrn.mjTRN_JOINT
-_TEXT = ("name", "class", "childclass", "model", "joint", "body", "site")
-_NOT_NEGATIVE = ("mass", "density", "armature", "diaginertia", "damping", "frictionloss")
+_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+_OFF = mujoco.mjtDisableBit
 
 
-def compile_mjcf(path: Path) -> Any:
-    """Compile an MJCF file that stands alone.
+class Compiled(NamedTuple):
+    """An arm's file, compiled."""
 
-    Args:
-        path: The XML file; at most 4 MiB, without includes, plugins or other files.
+    model: Any
+    """``MjModel`` without friction and limits of the joints, which act otherwise; not to be written to."""
+    passive: Passive
+    """The friction and the limits."""
 
-    Returns:
-        The compiled ``mujoco.MjModel``.
+
+def compile_arm(source: ArmSource) -> Compiled:
+    """Compile an arm: a shipped one, one that was read, or a file that stands alone.
 
     Raises:
-        ModelError: the file cannot be read, refers to other files, does not compile, or has a time step, mass or
-            inertia that MuJoCo's compiler lets pass although no simulation can use it.
+        ModelError: there is no such arm, its file cannot be read, refers to other files, does not compile, or has a
+            time step, mass or inertia that MuJoCo's compiler lets pass although no simulation can use it.
     """
+    return _compiled(read_arm(source, is_serial=False))
+
+
+def read_arm(source: ArmSource, is_serial: bool = True) -> ArmFile:
+    """Return an arm whose text stands alone.
+
+    Args:
+        source: The name of a shipped arm, a file, or an arm that was read already.
+        is_serial: Whether it must be an arm that the analytic side can represent.
+
+    Raises:
+        ModelError: it is not; all reasons at once.
+    """
+    return _read(file_of_arm(source), is_serial)
+
+
+@functools.lru_cache(maxsize=32)
+def _read(arm: ArmFile, is_serial: bool) -> ArmFile:
+    text, remarks, reasons, compiles = standing_alone(arm.text)
+    read = dataclasses.replace(arm, text=text, remarks=(*arm.remarks, *remarks))
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ModelError(f"{path}: larger than {MAX_BYTES // 2**20} MiB")
-        text = path.read_text(encoding="utf-8")
-        root = ElementTree.fromstring(text)
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
-        raise ModelError(f"{path}: not a readable MJCF file ({error})") from error
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ModelError(f"{path}: document types and entities are refused")
-    for element in root.iter():
-        if element.tag in _OUTSIDE:
-            raise ModelError(f"{path}: <{element.tag}> is refused: a model must stand alone")
-        if "file" in element.attrib:
-            raise ModelError(f"{path}: <{element.tag} file=...> is refused: a model must stand alone")
-        for key, value in element.attrib.items():
-            if key in _TEXT:
-                continue
-            numbers = _numbers(value)
-            if not np.all(np.isfinite(numbers)) or (key in _NOT_NEGATIVE and np.any(numbers < 0)):
-                # MuJoCo's compiler turns a negative mass into zero without a word
-                raise ModelError(f'{path}: <{element.tag} {key}="{value}"> is negative or not finite')
+        if compiles:
+            m = _compiled(read).model
+            reasons = (*reasons, *torque_limits(m)[1], *(unrepresented(m) if is_serial else ()))
+    except ModelError as error:  # without what it needs it may well not compile
+        reasons = reasons or tuple(reason.removeprefix(f"{read}: ") for reason in error.reasons)
+    if reasons and arm.origin is not None:
+        return _imported(arm, arm.origin, reasons)
+    if reasons:
+        raise ModelError.of_file(str(arm), reasons)
+    return read
+
+
+def _imported(arm: ArmFile, path: Path, reasons: Sequence[str]) -> ArmFile:
+    """Return the plain chain that an import makes of a file which cannot be taken as it is, for `reasons`."""
+    if inside := refused_inside(path):
+        raise ModelError.of_file(str(path), dict.fromkeys((*reasons, *inside)))
+    from torquebench.robot.importing import RefusedArmError, import_arm
+
     try:
-        m = mujoco.MjModel.from_xml_string(text)
+        made = import_arm(path)
+    except RefusedArmError as error:
+        told = [": ".join(filter(None, (problem.key, problem.message))) for problem in error.problems]
+        flags = " ".join(error.flags)
+        hint = [f"torquebench import {path.name} {flags} makes an arm of it"] if flags else []
+        raise ModelError.of_file(str(path), [*told, *hint]) from error
+    except ModelError as error:
+        text = " ".join(str(error).removeprefix(f"{path}: ").split())
+        raise ModelError.of_file(str(path), dict.fromkeys((*reasons, text))) from error
+    told = [
+        f"{part.verdict} {part.what} ({_few(part.places)})" if part.places else f"{part.verdict} {part.what}"
+        for part in made.findings
+        if part.verdict != "kept"
+    ]
+    text = f"is made a plain chain: {'; '.join(told) or 'nothing is left out'}"
+    return _read(ArmFile(arm.name, made.mjcf, (text,)), is_serial=True)
+
+
+@functools.lru_cache(maxsize=32)
+def _compiled(arm: ArmFile) -> Compiled:
+    try:
+        m = mujoco.MjModel.from_xml_string(arm.text)
     except ValueError as error:
-        raise ModelError(f"{path}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
+        raise ModelError(f"{arm}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
     if not (np.isfinite(m.opt.timestep) and m.opt.timestep > 0):
-        raise ModelError(f"{path}: timestep is {m.opt.timestep}, wanted finite and positive")
-    return m
+        raise ModelError(f"{arm}: timestep is {m.opt.timestep}, wanted finite and positive")
+    damped, rubs, limited = not _is_off(m, "DAMPER"), not _is_off(m, "FRICTIONLOSS", "CONSTRAINT"), _has_limits(m)
+    none = np.zeros(m.nv)
+    passive = Passive(
+        tuple((m.dof_damping if damped else none).tolist()),
+        tuple((m.dof_frictionloss if rubs else none).tolist()),
+        tuple(np.where(limited, m.jnt_range[:, 0], -np.inf).tolist()),
+        tuple(np.where(limited, m.jnt_range[:, 1], np.inf).tolist()),
+    )
+    m.dof_damping[:], m.dof_frictionloss[:], m.jnt_limited[:] = 0.0, 0.0, 0
+    return Compiled(m, passive)
 
 
-def _numbers(text: str) -> Array:
-    try:
-        return np.array([float(word) for word in text.split()])
-    except ValueError:
-        return np.zeros(0)
+def _is_off(m: Any, *flags: str) -> bool:
+    """Whether one of these flags of the file switches something off."""
+    return any(m.opt.disableflags & getattr(_OFF, f"mjDSBL_{flag}") for flag in flags)
 
 
-def features(m: Any) -> dict[str, bool]:
-    """Return what an arm of hinges, slides, rigid bodies and motors has not, and whether this model has it."""
+def _has_limits(m: Any) -> Array:
+    limited: Array = (m.jnt_limited != 0) & (not _is_off(m, "LIMIT", "CONSTRAINT"))
+    return limited
 
-    def nonzero(*names: str) -> bool:
-        return any(np.any(getattr(m, name) != 0) for name in names)
 
-    contacts = not m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
-    hinge_or_slide = np.isin(m.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
+def features(m: Any) -> dict[str, list[str]]:
+    """Return what an arm of hinges, slides, rigid bodies and motors has not, with what of this model has it.
+
+    What the file's own flags switch off counts as not there, and so do geoms without a partner to touch.
+    """
+
+    def at(kind: Any, *arrays: Any) -> list[str]:
+        found = np.unique([i for array in arrays for i in np.argwhere(array)[:, 0]])
+        return [f"'{_name(m, kind, int(i))}'" for i in found]
+
+    joint, body, actuator = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_ACTUATOR
+    other = ~np.isin(m.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
+    damper, spring, constraint = (not _is_off(m, flag) for flag in ("DAMPER", "SPRING", "CONSTRAINT"))
+    dof = m.dof_jntid
+    damped = np.zeros(m.njnt)
+    np.add.at(damped, dof, damper * np.abs(m.dof_dampingpoly).sum(axis=1))
+    whole = ["the file"]
     return {
-        "joints other than hinges and slides": not np.all(hinge_or_slide),
-        "joint damping": nonzero("dof_damping", "dof_dampingpoly"),
-        "joint friction": nonzero("dof_frictionloss"),
-        "joint stiffness": nonzero("jnt_stiffness", "jnt_stiffnesspoly"),
-        "enforced joint limits": nonzero("jnt_limited"),
-        "gravity compensation": nonzero("body_gravcomp"),
-        "equality constraints": m.neq > 0,
-        "tendons": m.ntendon > 0,
-        "a fluid": m.opt.density != 0 or m.opt.viscosity != 0,
-        "actuator states": m.na > 0,
-        "actuator armature": nonzero("actuator_armature"),
-        "actuator damping": nonzero("actuator_damping", "actuator_dampingpoly"),
-        "plugins": m.nplugin > 0,
-        "mocap bodies": m.nmocap > 0,
-        "flexible bodies": m.nflex > 0,
-        "colliding geoms": contacts and (m.npair > 0 or nonzero("geom_contype", "geom_conaffinity")),
-        "no joint at all": m.nv == 0,
+        "joints other than hinges and slides": at(joint, other),
+        "joint damping that grows with speed": at(joint, damped),
+        "joint stiffness": at(joint, spring * m.jnt_stiffness, spring * m.jnt_stiffnesspoly),
+        "gravity compensation": at(body, m.body_gravcomp),
+        "equality constraints": whole * (constraint and not _is_off(m, "EQUALITY") and m.neq > 0),
+        "tendons": whole * (m.ntendon > 0),
+        "a fluid": whole * (m.opt.density != 0 or m.opt.viscosity != 0),
+        "actuator states": whole * (m.na > 0),
+        "actuator armature": at(actuator, m.actuator_armature),
+        "actuator damping": at(actuator, m.actuator_damping, m.actuator_dampingpoly),
+        "plugins": whole * (m.nplugin > 0),
+        "mocap bodies": whole * (m.nmocap > 0),
+        "flexible bodies": whole * (m.nflex > 0),
+        "colliding geoms": touching(m),
+        "no joint at all": whole * (m.nv == 0),
     }
 
 
-def check_smooth(m: Any, where: str) -> None:
-    """Refuse what the analytic side has no counterpart for.
+CURES = {
+    "joint damping that grows with speed": "leave the polynomial out, or write the damping of usual speeds",
+    "joint stiffness": 'leave it out, or switch it off by <flag spring="disable"/>',
+    "gravity compensation": "leave gravcomp out: laws compensate gravity themselves",
+    "equality constraints": "leave them out",
+    "tendons": "leave them out",
+    "a fluid": "leave density and viscosity out",
+    "actuator armature": "give it to the joint",
+    "actuator damping": "give it to the joint",
+    "colliding geoms": 'switch contacts off by <flag contact="disable"/>, or by contype="0" conaffinity="0"',
+}
+"""Feature -> what to do about it."""
 
-    Raises:
-        ModelError: the model has anything but hinges, slides, rigid bodies and motors, or is not a single chain.
+
+def touching(m: Any) -> list[str]:
+    """Return names of two geoms that MuJoCo would let touch each other; none where no geom has such a partner."""
+    if _is_off(m, "CONTACT", "CONSTRAINT"):
+        return []
+    if m.npair > 0:
+        return ["the file's contact pairs"]
+    able = np.flatnonzero((m.geom_contype != 0) | (m.geom_conaffinity != 0))
+    weld, excluded = m.body_weldid, set(m.exclude_signature.tolist())
+    for i, a in enumerate(able):
+        for b in able[i + 1 :]:
+            masks = (m.geom_contype[a] & m.geom_conaffinity[b]) | (m.geom_contype[b] & m.geom_conaffinity[a])
+            bodies = sorted((int(m.geom_bodyid[a]), int(m.geom_bodyid[b])))
+            one, two = int(weld[bodies[0]]), int(weld[bodies[1]])
+            if not masks or one == two or (bodies[0] << 16) + bodies[1] in excluded:
+                continue
+            parents = int(weld[m.body_parentid[one]]), int(weld[m.body_parentid[two]])
+            if one and two and not _is_off(m, "FILTERPARENT") and (one == parents[1] or two == parents[0]):
+                continue
+            kind = mujoco.mjtObj.mjOBJ_GEOM
+            return [f"'{_name(m, kind, int(a))}' and '{_name(m, kind, int(b))}'"]
+    return []
+
+
+def _name(m: Any, kind: Any, i: int) -> str:
+    return mujoco.mj_id2name(m, kind, i) or f"number {i + 1}"
+
+
+def unrepresented(m: Any) -> list[str]:
+    """Return what the analytic side has no counterpart for: the element's name, and what to do about it.
+
+    That is anything but hinges, slides, rigid bodies and motors, and anything but a single chain.
     """
-    several = m.body_jntnum[m.jnt_bodyid] > 1
-    wrong = [name for name, present in features(m).items() if present]
-    if not wrong and np.any(several & (m.qpos0 != 0)):
-        wrong.append("a reference angle on a body with several joints")
+    found = [(name, _few(names)) for name, names in features(m).items() if names]
+    if not found and np.any((m.body_jntnum[m.jnt_bodyid] > 1) & (m.qpos0 != 0)):
+        found.append(("a reference angle on a body with several joints", "the file"))
     parents = [moving_parent(m, b) for b in range(1, m.nbody) if m.body_jntnum[b] > 0]
     if len(set(parents)) != len(parents):
-        wrong.append("branches (wanted one chain of moving bodies)")
-    if wrong:
-        raise ModelError(f"{where}: the analytic model cannot represent {', '.join(wrong)}")
+        found.append(("branches", "wanted one chain of moving bodies"))
+    texts = [
+        f"the analytic model cannot represent {name}{f' ({where})' * (where != 'the file')}" for name, where in found
+    ]
+    return [text + (f": {CURES[name]}" if name in CURES else "") for text, (name, _) in zip(texts, found, strict=True)]
+
+
+def _few(names: Sequence[str], most: int = 4) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def check_smooth(m: Any, where: str) -> None:
+    """Refuse what the analytic side has no counterpart for; see `unrepresented`.
+
+    Raises:
+        ModelError: there is such a thing; all of them at once.
+    """
+    if reasons := unrepresented(m):
+        raise ModelError.of_file(where, reasons)
 
 
 def _gravity(m: Any) -> Array:
-    off = bool(m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    return np.zeros(3) if off else np.array(m.opt.gravity)
+    return np.zeros(3) if _is_off(m, "GRAVITY") else np.array(m.opt.gravity)
 
 
 def flatten(m: Any, where: str) -> Model:
@@ -148,7 +264,7 @@ def flatten(m: Any, where: str) -> Model:
         gravity=_gravity(m),
         tool_rotation=world_R[n].T @ tool_R.reshape(3, 3),
         tool_offset=world_R[n].T @ (tool_p - world_p[n]),
-        tau_max=torque_limits(m, where),
+        tau_max=torque_limits(m)[0],
         inertia_scale=np.ones(n),
     )
     arm = RobotModel(where, tuple(joint_names(m)), model)
@@ -186,37 +302,39 @@ def keyframes(m: Any) -> dict[str, Array]:
     return {name: np.array(m.key_qpos[k]) for k, name in enumerate(names) if name}
 
 
-def torque_limits(m: Any, where: str) -> Array:
-    """Return each joint's torque limit (n,) [N m]: the sum of its motors' limits, at most its ``actuatorfrcrange``.
+def torque_limits(m: Any) -> tuple[Array, list[str]]:
+    """Return each joint's torque limit (n,) [N m], the sum of its motors' limits, at most its ``actuatorfrcrange``.
 
-    A motor's limit is gear x the smaller of gain x control range and force range.
-
-    Raises:
-        ModelError: an actuator is not a plain motor on a joint, a joint has no limit, or a range is not symmetric.
+    A motor's limit is gear x the smaller of gain x control range and force range. Where there are reasons why laws
+    cannot command torques by these actuators, the second part has them all.
     """
-    total, own = np.zeros(int(m.nv)), np.full(int(m.nv), np.inf)
+    total, own, reasons = np.zeros(int(m.nv)), np.full(int(m.nv), np.inf), list[str]()
+    names = joint_names(m)
+
+    def symmetric(limits: Array, what: str) -> float:
+        if not (limits[0] == -limits[1] and limits[1] > 0):
+            got = limits.tolist()
+            reasons.append(f"{what}: torque range {got} is not symmetric about zero: wanted [-x, x]")
+        return float(limits[1])
+
     for a in range(m.nu):
-        kinds = (m.actuator_trntype[a], m.actuator_gaintype[a], m.actuator_biastype[a], m.actuator_dyntype[a])
-        if kinds != (_JOINT, mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtDyn.mjDYN_NONE):
-            name = mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_ACTUATOR, a) or a + 1
-            raise ModelError(f"{where}: actuator {name} is not a plain motor on a joint (laws command torques)")
-        j, limit = int(m.actuator_trnid[a, 0]), np.inf
+        kinds = (m.actuator_gaintype[a], m.actuator_biastype[a], m.actuator_dyntype[a])
+        name = f"actuator '{_name(m, mujoco.mjtObj.mjOBJ_ACTUATOR, a)}'"
+        motor = (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtDyn.mjDYN_NONE)
+        if int(m.actuator_trntype[a]) not in _ON_JOINT or kinds != motor:
+            reasons.append(f"{name} is not a plain motor on a joint, <motor joint=...>: laws command torques")
+            continue
+        j, limit = int(m.jnt_dofadr[m.actuator_trnid[a, 0]]), np.inf
         if m.actuator_ctrllimited[a]:
-            limit = abs(float(m.actuator_gainprm[a, 0])) * _symmetric(m.actuator_ctrlrange[a], where, j)
+            limit = abs(float(m.actuator_gainprm[a, 0])) * symmetric(m.actuator_ctrlrange[a], name)
         if m.actuator_forcelimited[a]:
-            limit = min(limit, _symmetric(m.actuator_forcerange[a], where, j))
+            limit = min(limit, symmetric(m.actuator_forcerange[a], name))
         total[j] += abs(float(m.actuator_gear[a, 0])) * limit
-    for j in range(m.nv):
+    for j in range(m.njnt):
         if m.jnt_actfrclimited[j]:
-            own[j] = _symmetric(m.jnt_actfrcrange[j], where, j)
+            own[m.jnt_dofadr[j]] = symmetric(m.jnt_actfrcrange[j], f"joint '{names[j]}'")
     limits: Array = np.minimum(np.where(total > 0, total, np.inf), own)
-    if not np.all(np.isfinite(limits)):
-        missing = ", ".join(name for name, x in zip(joint_names(m), limits, strict=True) if not np.isfinite(x))
-        raise ModelError(f"{where}: no torque limit for {missing} (wanted a limited motor or actuatorfrcrange)")
-    return limits
-
-
-def _symmetric(limits: Array, where: str, joint: int) -> float:
-    if not (limits[0] == -limits[1] and limits[1] > 0):
-        raise ModelError(f"{where}: joint {joint + 1}: torque range {limits.tolist()} is not symmetric about zero")
-    return float(limits[1])
+    missing = [names[m.dof_jntid[j]] for j in np.flatnonzero(~np.isfinite(limits))]
+    if missing and not reasons:
+        reasons.append(f"no torque limit for {_few(missing)}: wanted a limited motor or actuatorfrcrange")
+    return limits, reasons

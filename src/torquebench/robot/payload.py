@@ -91,7 +91,9 @@ def carrying(model: RobotModel, payload: Payload) -> RobotModel:
                 "constants have no terms for any other point"
             )
         constants = constants + wrist_load(payload.mass, float(-flat.gravity[2]))
-    return RobotModel(model.name, model.joint_names, own_copy(flat, **links._asdict(), constants=constants))
+    return RobotModel(
+        model.name, model.joint_names, own_copy(flat, **links._asdict(), constants=constants), model.passive
+    )
 
 
 def phases(model: RobotModel, payload: Payload | None) -> tuple[RobotModel, RobotModel | None]:

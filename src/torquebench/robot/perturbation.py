@@ -74,7 +74,7 @@ def perturbed(model: RobotModel, factors: Array) -> RobotModel:
     if model.flat.structure != EXACT:
         raise ModelError("links can be perturbed in structure 'exact' only: the closed forms have constants, not links")
     flat = own_copy(model.flat, **scaled(links_in(model.flat), factors)._asdict())
-    return RobotModel(model.name, model.joint_names, flat)
+    return RobotModel(model.name, model.joint_names, flat, model.passive)
 
 
 @dataclass(frozen=True)

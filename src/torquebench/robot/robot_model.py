@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,29 @@ from torquebench.kernel.twin import map_states
 from torquebench.robot import dynamics
 from torquebench.robot.flat_model import EXACT, Model
 from torquebench.robot.rigid_body import place_frames
+
+
+class Passive(NamedTuple):
+    """What an arm's file says of its joints beside the dynamics, one number for each: plants have it, laws never do."""
+
+    viscous: tuple[float, ...]
+    """Viscous friction [N m s/rad]."""
+    coulomb: tuple[float, ...]
+    """Coulomb friction [N m]."""
+    low: tuple[float, ...]
+    """Least position [rad]; -inf for none."""
+    high: tuple[float, ...]
+    """Greatest position [rad]; inf for none."""
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is any friction."""
+        return any((*self.viscous, *self.coulomb))
+
+
+def nothing_passive(n: int) -> Passive:
+    """Return what a file says that knows neither friction nor limits of its `n` joints."""
+    return Passive((0.0,) * n, (0.0,) * n, (-math.inf,) * n, (math.inf,) * n)
 
 
 @kernel
@@ -42,12 +66,14 @@ class RobotModel:
         name: Name of the model.
         joint_names: Names of the joints, base first.
         flat: What the kernels and laws receive.
+        passive: Friction and limits of the joints, which are no part of `flat`.
     """
 
-    def __init__(self, name: str, joint_names: tuple[str, ...], flat: Model) -> None:
+    def __init__(self, name: str, joint_names: tuple[str, ...], flat: Model, passive: Passive | None = None) -> None:
         self.name = name
         self.joint_names = joint_names
         self.flat = flat
+        self.passive = nothing_passive(len(joint_names)) if passive is None else passive
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}, {self.n} joints>"

@@ -11,8 +11,8 @@ import numpy as np
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.library import CAMERAS, mjcf_path, scene_path
-from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
+from torquebench.robot.library import CAMERAS, ArmSource, has_imported_looks, scene_path
+from torquebench.robot.mjcf import compile_arm, joint_names, read_arm, tool_frame, torque_limits
 from torquebench.sim.trajectory import Trajectory
 
 FIELD_OF_VIEW = 32.0
@@ -49,36 +49,39 @@ class Scene(NamedTuple):
     """Torque limits, (n,) [N m]."""
 
 
-def build_scene(name: str, poses: Array) -> Scene:
+def build_scene(source: ArmSource, poses: Array, bare: bool = False) -> Scene:
     """Make the scene of an arm.
 
     Args:
-        name: Name of the arm, or path of its ``.xml`` file.
+        source: Name of the arm, its file, or one that was read.
         poses: Joint positions that cameras made here must show, (N, n) [rad].
+        bare: Whether the arm's ``scene.xml`` is left out, so that its own file alone says how it looks.
 
     Raises:
         ModelError: the arm cannot be read, or its ``scene.xml`` shows another arm.
     """
-    arm = compile_mjcf(mjcf_path(name))
-    look = scene_path(name) or mjcf_path(name)
+    arm, look = compile_arm(source).model, None if bare else scene_path(source)
     reach = max(float(np.sum(np.linalg.norm(np.diff(joint_chain(arm), axis=0), axis=1))), 1e-3)
     try:
-        spec = mujoco.MjSpec.from_file(str(look))
+        spec = mujoco.MjSpec.from_file(str(look)) if look else mujoco.MjSpec.from_string(read_arm(source).text)
+        spec.compiler.discardvisual = False  # which a URDF's is: what is drawn here would go
         check_same_arm(arm, spec.compile(), str(look))
         dress(spec, arm, poses, reach)
         m = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f"{look}: cannot be drawn: {' '.join(str(error).split())}") from error
+        if look and has_imported_looks(look):
+            return build_scene(source, poses, bare=True)  # the meshes are no longer where they were
+        raise ModelError(f"{look or source}: cannot be drawn: {' '.join(str(error).split())}") from error
     visible = np.flatnonzero(m.geom_group <= VISIBLE_GROUPS)
     moving = tuple(int(g) for g in visible if m.body_weldid[m.geom_bodyid[g]] != 0)
     kinds = ("m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for kind in arm.jnt_type)
-    return Scene(m, moving, reach, joint_names(arm), "/".join(dict.fromkeys(kinds)), torque_limits(arm, name))
+    return Scene(m, moving, reach, joint_names(arm), "/".join(dict.fromkeys(kinds)), torque_limits(arm)[0])
 
 
-def scene_of_runs(name: str, runs: Sequence[Trajectory]) -> Scene:
-    """Make the scene of an arm whose cameras show these runs and their references; errors as for `build_scene`."""
+def scene_of_runs(source: ArmSource, runs: Sequence[Trajectory], bare: bool = False) -> Scene:
+    """Make the scene of an arm whose cameras show these runs and their references; the rest as for `build_scene`."""
     poses = [x[:: max(1, len(x) // POSES)] for run in runs for x in (run.q, run.q_ref)]
-    return build_scene(name, np.nan_to_num(np.concatenate(poses)))
+    return build_scene(source, np.nan_to_num(np.concatenate(poses)), bare)
 
 
 def shown_poses(run: Trajectory, exaggerate: float = 1.0) -> Array:

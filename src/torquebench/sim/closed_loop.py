@@ -12,7 +12,7 @@ from torquebench.chain.sensors import measure
 from torquebench.kernel import Array, kernel
 from torquebench.sim.job import Job
 
-COMPLETED, BAD_TORQUE, CONTROLLER_ERROR, DIVERGED, RAISED = range(5)
+COMPLETED, BAD_TORQUE, CONTROLLER_ERROR, DIVERGED, RAISED, OUT_OF_RANGE = range(6)
 """How a stretch of the loop ended; RAISED: the law left the domain of arithmetic and produced no torque."""
 
 MAX_POSITION = 1e4
@@ -102,6 +102,15 @@ def inside(q: Array, qd: Array) -> bool:
 
 
 @kernel
+def within(q: Array, ends: Array) -> bool:
+    """Whether every position is between the least and the greatest one of its joint, `ends` (2, n) [rad]."""
+    for i in range(len(q)):
+        if q[i] < ends[0, i] or q[i] > ends[1, i]:
+            return False
+    return True
+
+
+@kernel
 def copy_row(source: Array, target: Array) -> None:
     """Copy one row of a signal, (n,)."""
     for i in range(len(source)):
@@ -124,6 +133,7 @@ def closed_loop(
     record_q, record_qd, record_tau_law = job.record_q, job.record_qd, job.record_tau_law
     measured, delayed = len(job.record_q_meas) > 0, len(job.late) > 0
     driven, lagging = job.drives.active, len(job.drives.decay) > 0
+    bounded = len(job.ends) > 0
     for k in range(first, last):
         at[0] = k
         copy_row(q, record_q[k])
@@ -162,6 +172,8 @@ def closed_loop(
             step(job, job.substeps, 0)
         if not inside(q, qd):
             return DIVERGED
+        if bounded and not within(q, job.ends):
+            return OUT_OF_RANGE
     return COMPLETED
 
 

@@ -32,6 +32,8 @@ class Job(Structure):
     """Time between control instants [s]."""
     tau_max: Array
     """Torque limits, (n,) [N m]."""
+    ends: Annotated[Array, 2]
+    """Least and greatest position of each joint, (2, n) [rad], beyond which the run ends; (0, n) for no such end."""
 
     q_ref: Annotated[Array, 2]
     """Desired position, (N, n) [rad]."""
@@ -149,6 +151,7 @@ def set_up(
         substeps=substeps,
         control_period=control_period,
         tau_max=np.array(plant.tau_max),
+        ends=none if (ends := getattr(plant, "range", None)) is None else np.array(ends),
         q_ref=inputs[0],
         qd_ref=inputs[1],
         qdd_ref=inputs[2],

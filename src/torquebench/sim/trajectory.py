@@ -22,6 +22,7 @@ from torquebench.sim.closed_loop import (
     DIVERGED,
     MAX_POSITION,
     MAX_VELOCITY,
+    OUT_OF_RANGE,
     RAISED,
 )
 from torquebench.sim.job import Setup
@@ -34,6 +35,7 @@ class Outcome(Enum):
     DIVERGED = "the plant state became non-finite or left the bounds"
     BAD_TORQUE = "the law returned a non-finite torque"
     CONTROLLER_ERROR = "the law raised an exception"
+    OUT_OF_RANGE = "a joint left its range"
 
 
 SIGNALS = ("q", "qd", "q_meas", "qd_meas", "q_ref", "qd_ref", "qdd_ref", "s", "tau_law", "tau", "tau_applied")
@@ -198,6 +200,7 @@ OUTCOMES = {
     RAISED: Outcome.BAD_TORQUE,
     CONTROLLER_ERROR: Outcome.CONTROLLER_ERROR,
     DIVERGED: Outcome.DIVERGED,
+    OUT_OF_RANGE: Outcome.OUT_OF_RANGE,
 }
 
 
@@ -253,6 +256,10 @@ def _forget(setup: Setup, k: int, status: int, detail: str) -> str:
         inside = (np.abs(job.q) <= MAX_POSITION) & (np.abs(job.qd) <= MAX_VELOCITY)
         joint = int(np.argmin(inside))
         return f"joint {joint + 1}: q = {job.q[joint]:g} rad, qd = {job.qd[joint]:g} rad/s after the step"
+    if status == OUT_OF_RANGE:
+        joint = int(np.argmax(np.maximum(job.ends[0] - job.q, job.q - job.ends[1])))
+        low, high = job.ends[:, joint]
+        return f"joint {joint + 1}: q = {job.q[joint]:g} rad after the step, its range is {low:g} to {high:g} rad"
     job.record_tau[k] = np.nan
     if len(job.record_tau_applied):
         job.record_tau_applied[k] = np.nan

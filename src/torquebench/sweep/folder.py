@@ -9,7 +9,7 @@ import io
 import json
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -33,6 +33,7 @@ from torquebench.experiment.store import (
     versions,
 )
 from torquebench.experiment.values import Count, from_json
+from torquebench.robot.library import ArmFile, arm_name, is_path
 from torquebench.sweep.plan import Plan, Source, flattened, pairs_of
 from torquebench.sweep.table import OUTCOMES, Table, empty_columns
 
@@ -78,6 +79,8 @@ class Facts:
     overrides: list[str]
     config: dict[str, Any]
     """The file as it is after the overrides."""
+    arms: dict[str, str] = field(default_factory=dict)
+    """Path of each arm's file as the sweep's file has it -> the file that keeps it here."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,8 @@ def create_sweep(directory: RunDirectory, plan: Plan, shard_size: int) -> Stored
         shard_size: Number of (case, draw) pairs in a shard.
     """
     facts = facts_of(plan, shard_size)
+    for path, arm in plan.source.arms:
+        directory.write(facts.arms[path], arm.text.encode())
     directory.write(CONFIG, plan.text)
     directory.write(PLAN, json_bytes(vars(facts)))
     return StoredSweep(directory.folder, plan, facts)
@@ -163,6 +168,7 @@ def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str, to_read: bo
     try:
         facts = from_json(Facts, (folder / PLAN).read_bytes())
         text = (folder / CONFIG).read_bytes()
+        kept = {path: (folder / file).read_bytes().decode() for path, file in facts.arms.items()}
     except (OSError, ValueError) as error:
         why = f"{PLAN} or {CONFIG} is missing or damaged"
         raise ConfigError([Problem(option, "", f"{folder} is no folder of a sweep: {why}")]) from error
@@ -173,7 +179,9 @@ def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str, to_read: bo
     if missing:
         message = f"the sweep uses laws of {', '.join(missing)}: wanted --plugin with each of these files"
         raise ConfigError([Problem(option, "", message)])
-    stored = StoredSweep(folder, Plan(Source(text, facts.filename, tuple(facts.overrides), plugins)), facts)
+    arms = tuple((path, ArmFile(arm_name(path), content)) for path, content in sorted(kept.items()))
+    source = Source(text, facts.filename, tuple(facts.overrides), plugins, arms=arms)
+    stored = StoredSweep(folder, Plan(source), facts)
     refuse_changes(stored, stored.plan, option, but=SOFTWARE if to_read else ())
     return stored
 
@@ -216,7 +224,7 @@ def facts_of(plan: Plan, shard_size: int) -> Facts:
     made_of = {
         "software": decisive_versions(),
         "plugins": checksums(source.plugins),
-        "model_files": model_checksums(first.plant.model),
+        "model_files": model_checksums(first.plant.model) | {path: arm.digest for path, arm in plan.source.arms},
     }
     decides = made_of | {"first": plain(first), "sweep": plan.keys.plain(), "shard_size": shard_size}
     text = json.dumps(decides, sort_keys=True, separators=(",", ":"))
@@ -233,7 +241,17 @@ def facts_of(plan: Plan, shard_size: int) -> Facts:
         filename=source.filename,
         overrides=list(source.overrides),
         config=plan.raw,
+        arms={path: _kept_at(path, arm) for path, arm in plan.source.arms},
     )
+
+
+def _kept_at(path: str, arm: ArmFile) -> str:
+    """Return the file of a sweep's folder that keeps an arm: where the sweep's file has it, if that is inside."""
+    parts = Path(path).parts
+    inside = (
+        is_path(path) and not Path(path).is_absolute() and ".." not in parts and parts[0] not in (SHARDS, TRAJECTORIES)
+    )
+    return path if inside else f"arms/{arm.name}-{arm.digest[:8]}.xml"
 
 
 def decisive_versions() -> dict[str, str]:
@@ -318,7 +336,7 @@ def write_manifest(stored: StoredSweep, facts: Mapping[str, Any], more: Sequence
     """
     folder = stored.folder
     kept = sorted(path for path in (folder / TRAJECTORIES).glob("*.npz"))
-    files = [folder / name for name in (CONFIG, PLAN, TABLE, TEXT, *more)] + kept
+    files = [folder / name for name in (CONFIG, PLAN, TABLE, TEXT, *stored.facts.arms.values(), *more)] + kept
     plan = {key: getattr(stored.facts, key) for key in ("name", "digest", "rows", "software", "plugins", "model_files")}
     digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
     atomic_write(folder / MANIFEST, json_bytes(plan | dict(facts) | {"machine": machine(), "files": digests}))

@@ -29,6 +29,7 @@ from torquebench.experiment.sweep_section import (
 )
 from torquebench.experiment.yaml_tree import KeyPath
 from torquebench.keys import altered
+from torquebench.robot.library import ArmFile
 
 Combination: TypeAlias = tuple[int, ...]
 """For each random key with choices, the number of its choice."""
@@ -46,6 +47,10 @@ class Source(NamedTuple):
     plugins: tuple[Path, ...] = ()
     parents: tuple[Text, ...] | None = None
     """Texts of the files that it extends; None until they are read."""
+    arms: tuple[tuple[str, ArmFile], ...] = ()
+    """Arms that were read from files, each with the path that the sweep's file has for it."""
+    outside: bool = False
+    """Whether such a file may be outside the folder of the sweep's file."""
 
 
 class Row(NamedTuple):
@@ -81,7 +86,9 @@ class Plan:
 
     def __init__(self, source: Source) -> None:
         self.document: Document = read_document(source.text, source.filename, source.parents)
-        self.source = source._replace(parents=self.document.parents)
+        self.document.arms = {path: (None, arm) for path, arm in source.arms}
+        self.document.outside = source.outside
+        self._source = source._replace(parents=self.document.parents)
         self.text = flat_text(self.document, source.text)
         """The file with what it extends, as one."""
         apply_overrides(self.document, source.overrides)
@@ -97,6 +104,11 @@ class Plan:
         self._fixed = functools.lru_cache(maxsize=REMEMBERED)(self._checked)
         self._draw = functools.lru_cache(maxsize=DRAWS_REMEMBERED)(self._drawn)
         self.pairs = self.cases * self.draws
+
+    @property
+    def source(self) -> Source:
+        """The sweep's file and its changes, with what has been read besides."""
+        return self._source._replace(arms=tuple((path, arm) for path, (_, arm) in sorted(self.document.arms.items())))
 
     @functools.cached_property
     def first(self) -> Experiment:

@@ -14,7 +14,7 @@ from torquebench.experiment.schema import Video
 from torquebench.experiment.source import read_document
 from torquebench.experiment.store import EXPERIMENT, add_to_run, checksums, refuse_without_experiment
 from torquebench.report.looks import looks
-from torquebench.robot.library import mjcf_path
+from torquebench.robot.library import is_path, mjcf_path
 from torquebench.video.encode import ffmpeg_program
 from torquebench.video.job import SEPARATOR, Footage, Job, Shot
 from torquebench.video.opengl import STICK, Backend, advice, candidates, probe, reason
@@ -64,9 +64,11 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         colours = {name: look.colour for name, look in looks(laws).items()}  # the same, whichever are shown
         shots = tuple(_shot(folder, name, laws[name], metrics.get(name), colours[name]) for name in controllers or laws)
         period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
+        arm = str(config["plant"]["model"])
+        arm = str(folder / arm) if is_path(arm) else arm
         since = config["reference"].get("approach")
         begins = None if since is None else float(since)
-        return Footage(str(config["name"]), str(config["plant"]["model"]), period, duration, shots, corner, begins)
+        return Footage(str(config["name"]), arm, period, duration, shots, corner, begins)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ResultError(f"{folder}: its files are not those of a run ({type(error).__name__}: {error})") from error
 

@@ -13,6 +13,7 @@ from torquebench.errors import Fault, ModelError, did_you_mean
 from torquebench.kernel import Array, IntArray, kernel
 from torquebench.keys import Key, Units
 from torquebench.robot.flat_model import CLOSED_FORM, EXACT, own_copy
+from torquebench.robot.library import ArmSource
 from torquebench.robot.perturbation import draw_factors, perturbed
 from torquebench.robot.puma560.closed_form import fill_mass_pattern
 from torquebench.robot.puma560.consistent import (
@@ -214,7 +215,7 @@ class Mismatch:
         ),
     ] = None
 
-    def misfits(self, model: str, structure: str) -> Iterator[Fault]:
+    def misfits(self, model: ArmSource, structure: str) -> Iterator[Fault]:
         """Yield what a model of this name and structure cannot have."""
         for key in ("tolerance", "constants"):
             if getattr(self, key) is None:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import numpy as np
+
 from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure
 from torquebench.robot.payload import Payload
+from torquebench.robot.robot_model import Passive
 from torquebench.timing import substeps_per_period
 
 if TYPE_CHECKING:
@@ -48,6 +51,13 @@ class Plant(Protocol):
     def replica(self) -> Plant:
         """Return another plant of the same arm that shares nothing it writes to, for another thread."""
         ...
+
+
+class Bounded(Plant, Protocol):
+    """A plant whose run ends where a joint leaves its range; others need none of this."""
+
+    range: Array | None
+    """Least and greatest position of each joint, (2, n) [rad], inf where there is no such; None for no such end."""
 
 
 class Carrier(Plant, Protocol):
@@ -116,6 +126,11 @@ def attached_at(plant: Plant, control_period: float, n_steps: int) -> int:
 def stages(tau: Array) -> tuple[Array, Array, Array]:
     """Return the torque at the start, in the middle and at the end of a time step, from what `Plant.step` takes."""
     return (tau, tau, tau) if tau.ndim == 1 else (tau[0], tau[1], tau[2])
+
+
+def range_of(passive: Passive) -> Array:
+    """Return the least and the greatest position of each joint, (2, n) [rad]."""
+    return np.array([passive.low, passive.high])
 
 
 def check_scheme(timestep: float, integrator: str) -> None:

@@ -15,9 +15,9 @@ from torquebench.robot.dynamics import forward_dynamics
 from torquebench.robot.flat_model import Model, own_copy
 from torquebench.robot.payload import Payload, phases
 from torquebench.robot.robot_model import RobotModel
-from torquebench.sim.friction import NONE, Friction, Resistance, check_stable, poses, resist
+from torquebench.sim.friction import Friction, Resistance, acting, resist
 from torquebench.sim.native import STEP_SIGNATURE, NativeFunction
-from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
+from torquebench.sim.plants import NativePlant, check_own, check_scheme, range_of, stages
 
 
 class AnalyticPlant:
@@ -31,7 +31,8 @@ class AnalyticPlant:
         timestep: Integration step [s].
         integrator: ``rk4`` or ``euler``.
         payload: What the last link takes up, at the start or in the middle of a run.
-        friction: Friction of the joints.
+        friction: Friction of the joints; None for that which the model has of its own, if any.
+        stops: Whether a run ends where a joint leaves its range; see `Plant`.
 
     Raises:
         ValueError: the time step is not finite and positive, the integrator is unknown, or the friction does not fit
@@ -49,15 +50,14 @@ class AnalyticPlant:
         *,
         payload: Payload | None = None,
         friction: Friction | None = None,
+        stops: bool = False,
     ) -> None:
         check_scheme(timestep, integrator)
         self.n = model.n
         self.timestep = timestep
         self.tau_max = model.flat.tau_max.copy()
-        self.payload, self.friction = payload, friction
-        resistance = NONE if friction is None else friction.of_joints(model.n)
-        if friction is not None:
-            check_stable(resistance, model.mass_matrix(poses(model.n)), timestep, integrator)
+        self.payload, self.range = payload, range_of(model.passive) if stops else None
+        self.friction, resistance = acting(friction, model.passive, model.mass_matrix, timestep, integrator)
         n, (first, later) = model.n, phases(model, payload)
         self._empty = Integrated(
             own_copy(first.flat), resistance, integrator == "rk4", timestep, np.zeros(n), np.zeros(n), np.zeros((6, n))

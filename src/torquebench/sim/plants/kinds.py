@@ -6,6 +6,7 @@ imports what it needs when it is called.
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,9 +17,10 @@ from torquebench.errors import Fault
 from torquebench.kernel import Array
 from torquebench.keys import Key, Kinds, Units
 from torquebench.robot import RobotModel, load_model
+from torquebench.robot.library import ArmFile
 from torquebench.robot.payload import Payload
 from torquebench.robot.perturbation import Perturbation, perturbed
-from torquebench.sim.friction import Friction
+from torquebench.sim.friction import SPEED, Friction, acting
 from torquebench.sim.plants import Plant
 from torquebench.timing import Timing
 
@@ -34,14 +36,30 @@ class PlantKeys(ABC):
     """Keys that every plant has."""
 
     engine: ClassVar[str]
-    model: Annotated[str, Key("Arm: the name of a folder in models/")]
+    model: Annotated[
+        str | ArmFile,
+        Key(
+            "Arm: the name of a folder in models/, or an MJCF or URDF file at or below this config's folder; another "
+            "place takes --model FILE, or --allow-outside"
+        ),
+    ]
     timestep: Annotated[float, Key("Physics step", "s", above=0)] = 0.001
     integrator: Annotated[
         Literal["rk4", "euler"],
         Key("Integration scheme: rk4 is 4th-order Runge-Kutta; euler is semi-implicit, 1st-order"),
     ] = "rk4"
     payload: Annotated[Payload | None, Key("Load that the last link takes up")] = None
-    friction: Annotated[Friction | None, Key("Friction of the joints")] = None
+    friction: Annotated[
+        Friction | None,
+        Key("Friction of the joints; if left out that which the arm's file gives them, none for no friction at all"),
+    ] = None
+    limits: Annotated[
+        Literal["warn", "stop", "ignore"],
+        Key(
+            "What comes of a joint that leaves the range which the arm's file gives it: a remark, the end of the run "
+            "there (OUT_OF_RANGE), or nothing; no plant holds a joint back"
+        ),
+    ] = "warn"
     perturb: Annotated[
         Perturbation | None, Key("Drawn changes of the arm itself; not with structure corrected or printed")
     ] = None
@@ -80,6 +98,24 @@ class PlantKeys(ABC):
         model = load_model(self.model, *self.form)
         return model if factors is None else perturbed(model, factors)
 
+    @property
+    def acting(self) -> Friction | None:
+        """Friction that acts: the config's, else the arm's own, if any."""
+        if self.friction is not None:
+            return self.friction
+        own = _own_friction if isinstance(self.model, ArmFile) else _own_friction.__wrapped__
+        return own(self.model, self.timestep, self.integrator)
+
+    def remarks(self) -> list[str]:
+        """Return what was left out of the arm's file, or is not quite as it says."""
+        found = [f"arm {self.model}: {text}" for text in getattr(self.model, "remarks", ())]
+        own = self.acting if self.friction is None else None
+        if own is not None and own.speed > SPEED:
+            why = f"{self.integrator} at {1e3 * self.timestep:g} ms follows no steeper friction on joints so light"
+            text = f"its Coulomb friction is fully developed above {own.speed:g} rad/s, as {why}"
+            found.append(f"arm {self.model}: {text}")
+        return found
+
     @abstractmethod
     def build(self, factors: Array | None) -> Plant:
         """Make the plant.
@@ -98,7 +134,15 @@ class PlantKeys(ABC):
         form = "".join(f":{part}" for part in self.form) if "structure" in self.__dict__ else ""
         parts = [f"{self.engine}:{self.model}{form} ({self.integrator}, {1e3 * self.timestep:g} ms)"]
         burdens = (self.perturb, self.payload, self.friction)
-        return ", ".join([*parts, *(burden.describe(units) for burden in burdens if burden is not None)])
+        parts += [burden.describe(units) for burden in burdens if burden is not None]
+        own = self.acting if self.friction is None else None
+        return ", ".join([*parts, *([] if own is None else [f"the arm's own {own.describe(units)}"])])
+
+
+@functools.lru_cache(maxsize=64)
+def _own_friction(model: str | ArmFile, timestep: float, integrator: str) -> Friction | None:
+    arm = load_model(model)
+    return acting(None, arm.passive, arm.mass_matrix, timestep, integrator)[0]
 
 
 @plant("mujoco")
@@ -111,7 +155,13 @@ class Mujoco(PlantKeys):
         from torquebench.sim.plants.mujoco import MujocoPlant
 
         return MujocoPlant(
-            self.model, self.timestep, self.integrator, payload=self.load, friction=self.friction, factors=factors
+            self.model,
+            self.timestep,
+            self.integrator,
+            payload=self.load,
+            friction=self.friction,
+            factors=factors,
+            stops=self.limits == "stop",
         )
 
 
@@ -133,5 +183,10 @@ class Analytic(PlantKeys):
         from torquebench.sim.plants.analytic import AnalyticPlant
 
         return AnalyticPlant(
-            self.twin(factors), self.timestep, self.integrator, payload=self.load, friction=self.friction
+            self.twin(factors),
+            self.timestep,
+            self.integrator,
+            payload=self.load,
+            friction=self.friction,
+            stops=self.limits == "stop",
         )

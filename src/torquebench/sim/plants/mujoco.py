@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from pathlib import Path
+import functools
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -13,13 +13,14 @@ import numpy.typing as npt
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.kernel.twin import on_numbers
-from torquebench.robot.library import mjcf_path
-from torquebench.robot.mjcf import compile_mjcf, joint_names, tool_frame, torque_limits
+from torquebench.robot.library import ArmSource
+from torquebench.robot.mjcf import compile_arm, joint_names, tool_frame, torque_limits
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload
 from torquebench.robot.perturbation import scaled
-from torquebench.sim.friction import NONE, Friction, check_stable, poses, resist
-from torquebench.sim.plants import NativePlant, check_own, check_scheme, stages
+from torquebench.robot.robot_model import Passive
+from torquebench.sim.friction import Friction, acting, resist
+from torquebench.sim.plants import NativePlant, check_own, check_scheme, range_of, stages
 
 if TYPE_CHECKING:
     from torquebench.sim.native import NativeFunction
@@ -31,19 +32,21 @@ def _quiet(message: str) -> None:
     """Receive MuJoCo's warnings so that no MUJOCO_LOG.TXT is written; the loop checks the state itself."""
 
 
-def load_mujoco(source: str | Path) -> Any:
-    """Compile a model for stepping: joints must be hinges or slides, and a bad state must not reset itself.
+def load_mujoco(source: ArmSource) -> tuple[Any, Passive]:
+    """Return an arm for stepping, and what its file says of friction and limits, which the model has no more.
+
+    Joints must be hinges or slides, and a bad state must not reset itself.
 
     Raises:
         ModelError: no such model, it does not compile, or it has other joints.
     """
-    m = compile_mjcf(mjcf_path(source))
+    compiled, passive = compile_arm(source)
+    m = copy.copy(compiled)
     if m.nq != m.nv or m.nv == 0:
         raise ModelError(f"{source}: wanted hinge and slide joints only, at least one")
-    torque_limits(m, str(source))  # refuses actuators that would act by themselves
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     m.opt.enableflags = 0  # sleeping bodies freeze in mid-air; discrete inverse dynamics is another quantity
-    return m
+    return m, passive
 
 
 def mass_matrices(m: Any, q: Array) -> Array:
@@ -63,12 +66,13 @@ class MujocoPlant:
     own actuators stay at zero.
 
     Args:
-        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+        source: Name of a model in ``models/``, path of an MJCF or URDF file, or an arm that was read from one.
         timestep: Integration step [s]; overrides the file's.
         integrator: ``rk4`` or ``euler``; overrides the file's.
         payload: What the last joint's link takes up, at the start or in the middle of a run.
-        friction: Friction of the joints, beside what the model has of its own.
+        friction: Friction of the joints; None for that which the arm's file gives them, if any.
         factors: What the links' parameters are multiplied by, (n, 8): see `scaled`; None for the links as they are.
+        stops: Whether a run ends where a joint leaves its range; see `Bounded`.
 
     Raises:
         ModelError: the model cannot be used as a plant, or cannot carry the payload.
@@ -78,25 +82,25 @@ class MujocoPlant:
 
     def __init__(
         self,
-        source: str | Path,
+        source: ArmSource,
         timestep: float = 0.001,
         integrator: str = "rk4",
         *,
         payload: Payload | None = None,
         friction: Friction | None = None,
         factors: Array | None = None,
+        stops: bool = False,
     ) -> None:
         check_scheme(timestep, integrator)
         mujoco.set_mju_user_warning(_quiet)
-        self._m = load_mujoco(source)
+        self._m, passive = load_mujoco(source)
         self._m.opt.timestep = timestep
         self._m.opt.integrator = _CODES[integrator]
         if factors is not None:
             self._m = with_links(self._m, scaled(links_of(self._m), factors))
-        self.payload, self.friction = payload, friction
-        self._resistance = NONE if friction is None else friction.of_joints(int(self._m.nv))
-        if friction is not None:
-            check_stable(self._resistance, mass_matrices(self._m, poses(int(self._m.nv))), timestep, integrator)
+        self.payload, self.range = payload, range_of(passive) if stops else None
+        masses = functools.partial(mass_matrices, self._m)
+        self.friction, self._resistance = acting(friction, passive, masses, timestep, integrator)
         self._loaded: Any = None
         if payload is not None:
             self._loaded = with_links(self._m, add_payload(links_of(self._m), payload))
@@ -108,7 +112,7 @@ class MujocoPlant:
         self._lean: tuple[bool, bool] | None = None
         self.n = int(self._m.nv)
         self.timestep = timestep
-        self.tau_max = torque_limits(self._m, str(source))
+        self.tau_max = torque_limits(self._m)[0]
         self.joint_names = tuple(joint_names(self._m))
 
     def reset(self, q: Array, qd: Array) -> None:
@@ -204,11 +208,11 @@ class MujocoModel:
     """MuJoCo's terms of the dynamics under the method names of `RobotModel`, each computed by MuJoCo alone.
 
     Args:
-        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+        source: As of `MujocoPlant`.
     """
 
-    def __init__(self, source: str | Path) -> None:
-        self._m = load_mujoco(source)
+    def __init__(self, source: ArmSource) -> None:
+        self._m, _ = load_mujoco(source)
         self._d = mujoco.MjData(self._m)
         self.name = str(source)
         self.n = int(self._m.nv)

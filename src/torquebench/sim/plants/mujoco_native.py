@@ -2,7 +2,7 @@
 
 A step is `mj_step`, or on a plain arm only those of its stages that such an arm needs. The lean step calls MuJoCo's
 own kinematics, composite inertia, factorisation, Newton-Euler and solve, and then does what its integrators do. On an
-arm of hinges, slides, viscous damping and motors it is equal to `mj_step` in every byte, which is checked on the arm
+arm of hinges, slides and motors it is equal to `mj_step` in every byte, which is checked on the arm
 at hand before it is used.
 """
 
@@ -21,7 +21,7 @@ import numpy as np
 from numba import types
 from numba.extending import register_jitable
 
-from torquebench.kernel import Array, IntArray
+from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.robot.mjcf import features
 from torquebench.sim.friction import NONE, Resistance, resist
@@ -110,8 +110,6 @@ class Stepped(Structure):
     d: int
     lean: bool
     rk4: bool
-    implicit_damping: bool
-    """True if Euler's method treats damping implicitly, as MuJoCo does when there is any."""
     timestep: float
     q: Array
     qd: Array
@@ -119,25 +117,20 @@ class Stepped(Structure):
     applied: Array
     bias: Array
     warmstart: Array
-    damping: Array
     smooth: Array
-    """Views of ``qpos, qvel, qacc, qfrc_applied, qfrc_bias, qacc_warmstart, dof_damping, qfrc_smooth``, (n,)."""
+    """Views of ``qpos, qvel, qacc, qfrc_applied, qfrc_bias, qacc_warmstart, qfrc_smooth``, (n,)."""
     M: Array
     factor: Array
     inverse_diagonal: Array
-    damped: Array
-    damped_inverse_diagonal: Array
-    """Views of ``M, qLD, qLDiagInv, qH, qHDiagInv``: the mass matrix, its factors, and those with damping."""
+    """Views of ``M, qLD, qLDiagInv``: the mass matrix and its factors."""
     row_lengths: int
     row_addresses: int
     columns: int
     """Addresses of ``M_rownnz, M_rowadr, M_colind``, the sparsity of all these."""
-    diagonal: IntArray
-    """Index of each diagonal element in M, (n,)."""
     stages: Annotated[Array, 2]
     """Working memory of the Runge-Kutta method, and a row for the torque minus friction, (11, n)."""
     friction: Resistance
-    """Friction of the joints in addition to the model's damping."""
+    """Friction of the joints."""
 
 
 @register_jitable(_nrt=False)
@@ -169,7 +162,7 @@ def accelerate(arm: Stepped, torque: Array) -> None:
         0,
     )
     for i in range(n):
-        arm.smooth[i] = -arm.qd[i] * arm.damping[i] - arm.bias[i] + torque[i]
+        arm.smooth[i] = 0.0 - arm.bias[i] + torque[i]
         arm.qdd[i] = arm.smooth[i]
     solve(arm, arm.qdd, arm.factor, arm.inverse_diagonal)
 
@@ -192,25 +185,9 @@ def solve(arm: Stepped, x: Array, factor: Array, inverse_diagonal: Array) -> Non
 
 @register_jitable(_nrt=False)
 def euler(arm: Stepped, torque: Array) -> None:
-    """Semi-implicit Euler as ``mj_Euler`` does it; the damping of the new velocity where there is any."""
+    """Semi-implicit Euler as ``mj_Euler`` does it."""
     n, h = len(arm.q), arm.timestep
     accelerate(arm, torque)
-    if arm.implicit_damping:
-        for i in range(len(arm.M)):
-            arm.damped[i] = arm.M[i]
-        for i in range(n):
-            arm.damped[arm.diagonal[i]] += h * arm.damping[i]
-            arm.qdd[i] = arm.smooth[i]
-        mj_factorI(
-            arm.damped.ctypes.data,
-            arm.damped_inverse_diagonal.ctypes.data,
-            np.int32(n),
-            arm.row_lengths,
-            arm.row_addresses,
-            arm.columns,
-            0,
-        )
-        solve(arm, arm.qdd, arm.damped, arm.damped_inverse_diagonal)
     for i in range(n):
         arm.qd[i] += h * arm.qdd[i]
         arm.q[i] += h * arm.qd[i]
@@ -274,8 +251,6 @@ STEP = NativeFunction(STEP_SIGNATURE, _step)
 """The native step, (arm, torque, substeps, varying) -> 0; `library` must have been called before it is used."""
 PROOF_STEPS = 20
 """Steps over which the lean step is compared with ``mj_step`` before it is used."""
-SERVED = ("joint damping",)
-"""Features that the lean step supports although the analytic model does not."""
 
 
 def native_arm(m: Any, d: Any, friction: Resistance, lean: bool | None = None) -> Stepped:
@@ -284,7 +259,7 @@ def native_arm(m: Any, d: Any, friction: Resistance, lean: bool | None = None) -
     Args:
         m: The model, with its time step and integrator set.
         d: Its data; not changed.
-        friction: Friction beside the model's own damping; it enters as a torque, so that what is proven of the step
+        friction: Friction of the joints; it enters as a torque, so that what is proven of the step
             without it holds with it.
         lean: What was found of a model that this one is a copy of; None to find out.
 
@@ -295,9 +270,8 @@ def native_arm(m: Any, d: Any, friction: Resistance, lean: bool | None = None) -
 
 
 def _is_plain(m: Any) -> bool:
-    """True if an arm has only hinges, slides, viscous damping and motors."""
-    poly = np.any(m.dof_dampingpoly != 0.0) or m.opt.enableflags != 0 or m.nhistory > 0
-    return not poly and not any(present for name, present in features(m).items() if name not in SERVED)
+    """True if an arm has only hinges, slides and motors."""
+    return m.opt.enableflags == 0 and m.nhistory == 0 and not any(features(m).values())
 
 
 def _lean_is_equal(m: Any) -> bool:
@@ -321,15 +295,12 @@ def _lean_is_equal(m: Any) -> bool:
 
 
 def _stepped(m: Any, d: Any, friction: Resistance, lean: bool) -> Stepped:
-    disabled = m.opt.disableflags & (mujoco.mjtDisableBit.mjDSBL_EULERDAMP | mujoco.mjtDisableBit.mjDSBL_DAMPER)
-    undamped = m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER
     at = addresses(m, d)
     return Stepped(
         m=at[0],
         d=at[1],
         lean=lean,
         rk4=m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4,
-        implicit_damping=not disabled and bool(np.any(m.dof_damping > 0.0)),
         timestep=float(m.opt.timestep),
         q=d.qpos,
         qd=d.qvel,
@@ -337,17 +308,13 @@ def _stepped(m: Any, d: Any, friction: Resistance, lean: bool) -> Stepped:
         applied=d.qfrc_applied,
         bias=d.qfrc_bias,
         warmstart=d.qacc_warmstart,
-        damping=np.zeros(m.nv) if undamped else m.dof_damping,
         smooth=d.qfrc_smooth,
         M=d.M,
         factor=d.qLD,
         inverse_diagonal=d.qLDiagInv,
-        damped=d.qH,
-        damped_inverse_diagonal=d.qHDiagInv,
         row_lengths=m.M_rownnz.ctypes.data,
         row_addresses=m.M_rowadr.ctypes.data,
         columns=m.M_colind.ctypes.data,
-        diagonal=(m.M_rowadr + m.M_rownnz - 1).astype(np.int64),
         stages=np.zeros((11, m.nv)),
         friction=friction,
     )

@@ -1,0 +1,94 @@
+"""``torquebench import``: the table, the folder, the exit statuses, and what is refused before anything is written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from torquebench.cli.app import main
+from torquebench.robot import importing
+from torquebench.robot.importing.limits import read_limits
+
+LINK = '<inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.02 0.02"/>'
+FINGER = f'<body name="{{0}}" pos="0.4 0 0">{LINK}<joint name="{{0}}_joint" type="slide" axis="0 1 0"/></body>'
+ARM = f"""<mujoco><worldbody><body name="one">{LINK}<joint name="a" axis="0 1 0" damping="0.5"/>
+<body name="two" pos="0.5 0 0">{LINK}<joint name="b" axis="0 1 0"/>{FINGER.format("left")}{FINGER.format("right")}
+</body></body></worldbody></mujoco>"""
+
+
+@pytest.fixture
+def arm(tmp_path: Path, monkeypatch) -> Path:
+    """Return a file of an arm with two fingers and no motors, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("arm.xml").write_text(ARM, encoding="utf-8")
+    return Path("arm.xml")
+
+
+def test_a_refusal_shows_the_table_and_the_line_that_goes_on(arm: Path, capsys) -> None:
+    """Nothing is written, the status is 2, and the printed flags take what flags can take."""
+    assert main(["import", "arm.xml"]) == 2
+    out, err = capsys.readouterr()
+    assert "refused  branches" in out
+    assert "torquebench import arm.xml --fix left,right" in out
+    assert [line.partition(";")[0] for line in err.splitlines()] == [
+        "arm.xml: branches of left, right",
+        "arm.xml: torque limits of a, b",
+    ]
+    assert list(Path().iterdir()) == [arm]
+
+
+def test_an_arm_is_a_folder_with_its_readme(arm: Path, capsys) -> None:
+    """The folder has NAME.xml and a README with the command and the table; a second time it is refused."""
+    words = ["import", "arm.xml", "--fix", "left", "--fix", "right", "--torque-limits", "9,b=8"]
+    assert main(words) == 2
+    words[-1] = "9,8"
+    assert main([*words, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["joints"] == ["a", "b"]
+    assert document["proof"]["mass_matrix"] <= 1e-12
+    assert document["directory"] == "arms/arm"
+    assert sorted(path.name for path in Path("arms/arm").iterdir()) == document["files"] == ["README.md", "arm.xml"]
+    page = Path("arms/arm/README.md").read_text(encoding="utf-8")
+    assert "torquebench import arm.xml --fix left,right --torque-limits 9,8 --out arms/arm" in page
+    assert "| mapped | joint damping | a |" in page
+    before = Path("arms/arm/arm.xml").read_bytes()
+    assert main(words) == 2
+    assert "--out: arms/arm is not empty" in capsys.readouterr().err
+    assert main([*words, "--out", "arms/other"]) == 0
+    assert Path("arms/other/other.xml").read_bytes() == before.replace(b'model="arm"', b'model="other"')
+
+
+def test_limits_come_from_a_file(arm: Path, capsys) -> None:
+    """A YAML file of names or of a list is as good as the option; anything else is told."""
+    Path("limits.yaml").write_text("a: 9\nb: 8.5\n", encoding="utf-8")
+    assert read_limits(Path("limits.yaml")) == {"a": 9.0, "b": 8.5}
+    assert main(["import", "arm.xml", "--tip", "two", "--torque-limits", "limits.yaml"]) == 0
+    assert "9 8.5 N m" in capsys.readouterr().out
+    for text in ("a: much", "3", "[1, true]", "a: [", ""):
+        Path("limits.yaml").write_text(text, encoding="utf-8")
+        assert main(["import", "arm.xml", "--torque-limits", "limits.yaml"]) == 2
+        assert "--torque-limits: limits.yaml" in capsys.readouterr().err
+
+
+def test_bad_arguments_are_told_at_once(arm: Path, capsys) -> None:
+    """Unknown forces and limits that are no numbers are two lines; a missing file and one without an arm are one."""
+    assert main(["import", "arm.xml", "--drop", "spring", "--torque-limits", "much"]) == 2
+    err = capsys.readouterr().err
+    assert "--drop: got 'spring' (did you mean 'springs'?)" in err
+    assert "--torque-limits: got 'much'" in err
+    assert main(["import", "no.xml"]) == 2
+    assert "FILE: got 'no.xml'" in capsys.readouterr().err
+    Path("bad.xml").write_text("<mujoco", encoding="utf-8")
+    assert main(["import", "bad.xml"]) == 2
+    assert "FILE: bad.xml: MuJoCo does not read it" in capsys.readouterr().err
+
+
+def test_an_arm_that_is_not_the_published_one_is_not_written(arm: Path, monkeypatch, capsys) -> None:
+    """A proof that does not hold ends with status 1 and no folder."""
+    monkeypatch.setattr(importing, "LIMIT", 1e-12)
+    monkeypatch.setattr(importing, "prove", lambda *_: importing.Proof(1e-9, 0.0, 0.0, 0.0))
+    assert main(["import", "arm.xml", "--tip", "two", "--torque-limits", "9,8"]) == 1
+    assert "differs by 1.0e-09" in capsys.readouterr().out
+    assert not Path("arms").exists()
