@@ -108,7 +108,7 @@ def range_remarks(experiment: Experiment, runs: Mapping[str, Trajectory]) -> lis
         found.append(
             f"controller '{name}': {arm.joint_names[worst]} leaves its range, {low[worst]:.4g} to {high[worst]:.4g} "
             f"{unit}, at {at:.4g} s and goes up to {beyond[:, worst].max():.3g} {unit} beyond it"
-            + (f"; {', '.join(others)} leave{'s' * (len(others) == 1)} theirs too" if others else "")
+            + (f", as do {', '.join(others)} theirs" if others else "")
             + ("" if experiment.plant.limits == "stop" else "; no plant holds a joint back")
         )
     return found

@@ -39,7 +39,7 @@ def described_arm(name: str) -> Path | None:
             paths[target.id] = _path(node.value, paths, caches)
     path = next((Path(paths[key]) for key in FILES if paths.get(key)), None)
     if path is None:
-        raise ModelError(f"{name} of {PACKAGE} has no MJCF or URDF file of its own")
+        raise ModelError(f"{name} of {PACKAGE} is no MJCF or URDF but a xacro: expand it, and name that file")
     if not path.is_file():
         how = f"python -c 'import {PACKAGE}.{name}' fetches it from its repository"
         raise ModelError(f"{name} of {PACKAGE} is not in its cache ({path}): {how}")
