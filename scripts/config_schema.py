@@ -36,6 +36,10 @@ An arm's folder may name motions and gains, in `presets.yaml`: `reference: puma5
 keys, which count before the preset's: `gains: {from: puma560/l, k: 0.6}`. Of a set of gains a law takes those that it
 has, with the options that are chosen.
 
+`gains: auto` chooses them for the arm: from each joint's torque limit, and from what its inertia can stand at the
+control period and behind the chain; `gains: {from: auto, lam: 12}` those that are not given, to go with those that are.
+The run says which, and stores them as numbers. [Definitions](definitions.md#gains-that-are-chosen) has the rules.
+
 ```yaml
 extends: paper/sine
 controllers: [conventional, {extends: linear-band, name: narrow, gains: {phi: 0.1}}]

@@ -13,14 +13,16 @@ import pytest
 from tests.arms import PENDULUM_INERTIA, pendulum
 from tests.sampled import simulate_sampled
 from torquebench import CHAINS, AnalyticPlant, Chain, Controller, Puma560, find_law, load_model
-from torquebench.certificates import SlidingLaw, certify, coriolis_force, held_to, required_gain
+from torquebench.certificates import SlidingLaw, certify, held_to, required_gain
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment, parse_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.certify import Coarse, certificates, flags, sliding_law
+from torquebench.experiment.certify import Coarse, Overdriven, certificates, flags, sliding_law
 from torquebench.experiment.folder import manifest_of
 from torquebench.experiment.run import run_experiment
 from torquebench.references import Quintic, Sine, Step
+from torquebench.report.run_page import certificate_words
+from torquebench.report.tables import certificate_table, uncovered
 from torquebench.sim.trajectory import Outcome, Trajectory
 
 PERIOD = 0.001
@@ -50,7 +52,7 @@ def test_coriolis_force_makes_the_energy_balance(name: str) -> None:
     h = 1e-5
     rate = (arm.mass_matrix(q + h * qd) - arm.mass_matrix(q - h * qd)) / (2 * h)
     wanted = 0.5 * np.einsum("ki,kij,kj->k", s, rate, s)
-    found = np.einsum("ki,ki->k", s, coriolis_force(arm, q, qd, s))
+    found = np.einsum("ki,ki->k", s, arm.sliding_terms(q, qd, s)[1])
     assert np.max(np.abs(found - wanted)) < 1e-7 * np.max(np.abs(wanted))
 
 
@@ -64,7 +66,7 @@ def test_the_rate_of_V_is_that_of_the_equation() -> None:
     qdd = arm.forward_dynamics(run.q, run.qd, run.tau)
     ds = run.qdd_ref - qdd + 10.0 * de
     wanted = np.einsum("ki,kij,kj->k", s, arm.mass_matrix(run.q), ds)
-    wanted += np.einsum("ki,ki->k", s, coriolis_force(arm, run.q, run.qd, s))
+    wanted += np.einsum("ki,ki->k", s, arm.sliding_terms(run.q, run.qd, s)[1])
     assert np.max(np.abs(found.V_rate - wanted[:-1])) < 0.05 * np.max(np.abs(wanted))
     assert np.max(np.abs(found.V_rate + wanted[:-1])) > np.max(np.abs(wanted))  # the sign
 
@@ -77,7 +79,7 @@ def test_the_demand_is_the_disturbance_where_the_model_is_right() -> None:
     push, arm = np.array([3.0, -2.0]), load_model("two-link")
     run = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation", disturbance=np.tile(push, (1000, 1)))
     found = certify(run, arm, law_of(phi=PHI), PERIOD)
-    turning = coriolis_force(arm, run.q[:-1], run.qd[:-1], found.s)
+    turning = arm.sliding_terms(run.q[:-1], run.qd[:-1], found.s)[1]
     assert np.max(np.abs(turning)) > 0.2
     assert np.max(np.abs(found.demand - np.abs(turning - push))) < 0.05
     calm = run_of(Sine([1.0, -1.0], [0.5, 0.7]), switching="saturation")
@@ -234,9 +236,9 @@ class Block:
         """None."""
         return np.zeros_like(q)
 
-    def gravity(self, q: Any) -> Any:
-        """None."""
-        return np.zeros_like(q)
+    def sliding_terms(self, q: Any, qd: Any, s: Any) -> Any:
+        """The same mass matrix, and no torque."""
+        return self.mass_matrix(q), np.zeros_like(q), np.zeros_like(q)
 
 
 def along(qd: Any, tau: Any = None, tau_law: Any = None, q_ref: Any = 0.0, period: float = PERIOD) -> Trajectory:
@@ -505,11 +507,41 @@ def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, 
         assert result.metrics[name].max_error.value > 4.0
     assert result.metrics["gentle"].max_error.value < 1e-5
     assert manifest_of(result)["flags"] == [str(one) for one in found]
+    for name in ("sign", "layer"):  # s stays within a layer that is an error of 8.4 rad: nothing is shown
+        facts, phi = result.certified[name], 0.3 if name == "layer" else None
+        one = {"joint": 1, "layer": pytest.approx(84.0), "phi": phi, "error": pytest.approx(8.4)}
+        assert facts["too_wide"] == [one]
+        assert (facts["vacuous"], facts["reaching_time"], facts["reaching_bound"]) == (True, None, None)
+        assert facts["no_bound"] == "vacuous: the layer is too wide"
+    assert result.certified["gentle"]["too_wide"] == []
+    assert [line.split("'")[1] for line in uncovered(result)] == ["sign", "layer"]
+    assert "roll: K moves s by 84 rad/s, 280 phi, before the loop" in uncovered(result)[1]
+    assert [row[3] for row in certificate_table(result)[1]][:2] == ["vacuous", "vacuous"]
+    told = {name: [text for _, text in cells[1:]] for name, cells in certificate_words(result)}
+    assert told["sign"] == told["layer"] == ["so wide that it covers nothing", "nothing shown"]
+    assert told["gentle"] == ["never outside", "nothing to certify"]
     calm = experiment.with_({f"controllers.{one.controller}.gains.k": one.k_most for one in found[:2]})
     cured = run_experiment(calm.with_({"controllers.fast.gains.kv": 500}))
     assert cured.flags == ()
+    assert uncovered(cured) == []
     assert cured.metrics["sign"].max_error.value < 0.03
     assert cured.metrics["layer"].max_error.value < 1e-3
+
+
+def test_a_rate_gain_too_large_for_its_period_is_named_before_the_run(tmp_path: Path, monkeypatch: Any) -> None:
+    """T Kd / M = 2.1 grows from period to period, and is named; 1.9 dies out, and is not; nor is what auto chooses."""
+    (tmp_path / "models" / "wrist").mkdir(parents=True)
+    (tmp_path / "models" / "wrist" / "wrist.xml").write_text(WRIST)
+    monkeypatch.setenv("TORQUEBENCH_DATA", str(tmp_path))
+    laws = "".join(f"  - {{name: kv-{kv}, law: pd, gains: {{lam: 10, kv: {kv}}}}}\n" for kv in (1900, 2100))
+    text = LIGHT.partition("controllers:")[0] + f"controllers:\n{laws}  - {{law: pd, gains: auto}}\n"
+    experiment = parse_experiment(text + "reference:" + LIGHT.partition("reference:")[2])
+    (found,) = flags(experiment, build(experiment))
+    assert isinstance(found, Overdriven)
+    assert (found.controller, found.joint, found.times) == ("kv-2100", "roll", pytest.approx(2.1))
+    assert "Kd = 0.21 N m s/rad of roll, moves s by 2.1 s" in str(found)
+    errors = {name: values.max_error.value for name, values in run_experiment(experiment).metrics.items()}
+    assert errors["kv-2100"] > 100.0 * errors["kv-1900"]
 
 
 def test_no_shipped_config_has_a_joint_too_light_for_its_gain() -> None:
@@ -517,7 +549,9 @@ def test_no_shipped_config_has_a_joint_too_light_for_its_gain() -> None:
     for path in sorted(Path("configs").rglob("*.yaml")):
         if not re.search(r"^(sweep|audit):", path.read_text(encoding="utf-8"), re.MULTILINE):
             experiment = load_experiment(path)
-            assert not [one for one in flags(experiment, build(experiment)) if isinstance(one, Coarse)], path
+            assert not [one for one in flags(experiment, build(experiment)) if isinstance(one, Coarse | Overdriven)], (
+                path
+            )
 
 
 def test_a_slow_loop_widens_the_layer():

@@ -50,8 +50,8 @@ class Arm(Protocol):
         """Coriolis, centrifugal and gravity torque, (N, n) [N m]."""
         ...
 
-    def gravity(self, q: Array) -> Array:
-        """Gravity torque, (N, n) [N m]."""
+    def sliding_terms(self, q: Array, qd: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Mass matrix M, C(q, qd) s, and gravity torque; see `RobotModel.sliding_terms`."""
         ...
 
 
@@ -73,9 +73,11 @@ class Phases:
         k = self.at
         return np.concatenate([self.first.bias_forces(q[:k], qd[:k]), self.later.bias_forces(q[k:], qd[k:])])
 
-    def gravity(self, q: Array) -> Array:
-        """Gravity torque, (N, n) [N m]."""
-        return np.concatenate([self.first.gravity(q[: self.at]), self.later.gravity(q[self.at :])])
+    def sliding_terms(self, q: Array, qd: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Mass matrix M, C(q, qd) s, and gravity torque; see `RobotModel.sliding_terms`."""
+        parts = (self.first, slice(0, self.at)), (self.later, slice(self.at, None))
+        M, turning, g = zip(*(arm.sliding_terms(q[own], qd[own], s[own]) for arm, own in parts), strict=True)
+        return np.concatenate(M), np.concatenate(turning), np.concatenate(g)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +96,19 @@ class SlidingLaw:
     """Position gain of the law's linear term, (n,) [N m/rad]; None for a law without one, which has no (142)."""
     Kd: Array | None = None
     """Rate gain of that term, (n,) [N m s/rad]."""
+
+
+class TooWide(NamedTuple):
+    """A joint whose layer is so wide that a certificate shows nothing of it."""
+
+    joint: int
+    """Its number, from 1."""
+    layer: float
+    """Half-width of the layer [rad/s]."""
+    phi: float | None
+    """That of the law [rad/s]; None for a law that switches."""
+    error: float
+    """Error at the edge of the layer, where the joint rests, layer / lambda [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,6 +147,14 @@ class Certificate:
     """Bound on it, sqrt(2 V max sum |M_ij|) / min(-V_rate / sum |s|); infinite when V grew on the way."""
     set_point: SetPoint | None = None
     """The paper's own function for its law, (142), while the desired position stands still; None for other laws."""
+    too_wide: tuple[TooWide, ...] = ()
+    """Joints of which nothing is shown: what K moves s before the loop answers is over `WIDE` phi, or, without a phi,
+    over lambda times the joint's motion."""
+
+    @property
+    def covers_nothing(self) -> bool:
+        """Whether that is every joint."""
+        return len(self.too_wide) == len(self.K)
 
     @property
     def outside(self) -> npt.NDArray[np.bool_]:
@@ -140,12 +163,14 @@ class Certificate:
 
     @property
     def is_vacuous(self) -> bool:
-        """Whether no joint ever is outside its layer, so that nothing was demanded and nothing is shown."""
-        return not self.outside.any()
+        """Whether nothing is shown: no joint ever is outside its layer, or every layer is too wide."""
+        return self.covers_nothing or not self.outside.any()
 
     @property
     def no_bound(self) -> str | None:
         """Why there is no bound on the reaching time, in words; None where there is one that says something."""
+        if self.covers_nothing:
+            return "vacuous: the layer is too wide"
         if self.reaching_bound is None:
             return "vacuous: nothing is ever outside the layer"
         if math.isinf(self.reaching_bound):
@@ -172,19 +197,21 @@ class Certificate:
         k, joint = np.unravel_index(int(np.argmin(self.margin)), self.margin.shape)
         outside = self.outside
         rising = outside & (self.V_rate > 0.0)
-        time = self.reaching_time
+        time = None if self.covers_nothing else self.reaching_time
+        rises = float(np.sum(rising) / np.sum(outside)) if not self.is_vacuous else None
         return {
             "vacuous": self.is_vacuous,
             "V_max": float(np.max(self.V)),
             "V_rate_max_outside": float(np.max(self.V_rate[outside])) if outside.any() else None,
             "share_outside": float(np.mean(outside)),
-            "share_rising_outside": float(np.sum(rising) / np.sum(outside)) if outside.any() else None,
+            "share_rising_outside": rises,
             "least_eta_over_K": self.least_eta,
             "worst_margin": {"value": float(self.margin[k, joint]), "joint": int(joint) + 1, "t": float(self.t[k])},
             "margin_min": [float(x) for x in np.min(self.margin, axis=0)],
             "demand_max": [float(x) for x in np.max(self.demand, axis=0)],
             "K_u_printed": [float(x) for x in self.K_u],
             "layer": [float(x) for x in self.layer],
+            "too_wide": [one._asdict() for one in self.too_wide],
             "reaching_from": self.reaching_from,
             "reaching_time": None if time is None or math.isinf(time) else time,
             "reaching_bound": self.reaching_bound if self.no_bound is None else None,
@@ -243,20 +270,6 @@ def outside_of(s: Array, layer: Array) -> npt.NDArray[np.bool_]:
     return np.asarray(np.any(np.abs(s) > layer, axis=1))
 
 
-def coriolis_force(truth: Arm, q: Array, qd: Array, s: Array) -> Array:
-    """C(q, qd) s with the C of Christoffel's symbols, for which dM/dt - 2C is skew-symmetric, (N, n) [N m].
-
-    The velocity torque is a quadratic form v(x) = C(q, x) x, so C(q, qd) s = (v(qd + s) - v(qd) - v(s)) / 2.
-
-    Args:
-        truth: The arm.
-        q, qd, s: Position [rad], velocity [rad/s] and sliding variable [rad/s], (N, n).
-    """
-    return np.asarray(
-        0.5 * (truth.bias_forces(q, qd + s) - truth.bias_forces(q, qd) - truth.bias_forces(q, s) + truth.gravity(q))
-    )
-
-
 def certify(
     run: Trajectory, truth: Arm, law: SlidingLaw, control_period: float, reaction: float | None = None
 ) -> Certificate:
@@ -279,32 +292,48 @@ def certify(
     """
     if not run.completed or len(run.t) < 2:
         raise ResultError("certificates need a completed run of at least two control instants")
-    q, qd = run.q[:-1], run.qd[:-1]
     e, de = run.q_ref - run.q, run.qd_ref - run.qd
     s = de + law.lam * e
     ds = run.qdd_ref[:-1] + law.lam * de[:-1] - np.diff(run.qd, axis=0) / control_period
-    M = truth.mass_matrix(run.q)
+    M, turning, g = truth.sliding_terms(run.q, run.qd, s)
+    turning = turning[:-1]
     V = 0.5 * np.einsum("ki,kij,kj->k", s, M, s)
     if law.belief is None:
-        tau_eq = np.zeros_like(q)
+        tau_eq = np.zeros_like(turning)
     else:
         seen = law.lam * (run.qd_ref - run.qd_meas)[:-1]
         tau_eq = law.belief.inverse_dynamics(run.q_meas[:-1], run.qd_meas[:-1], run.qdd_ref[:-1] + seen)
     inertial = np.einsum("kij,kj->ki", M[:-1], ds)
-    turning = coriolis_force(truth, q, qd, s[:-1])
     demand = np.abs(inertial + turning + run.tau[:-1] - tau_eq)
     middle = s[:-1] + 0.5 * control_period * ds
     V_rate = np.einsum("ki,ki->k", middle, inertial + turning)
     eta = -np.sign(s[:-1]) * (inertial + turning)
     size = np.sum(np.abs(middle), axis=1)
     fall = -V_rate / np.where(size > 0.0, size, np.nan)
-    K_u = np.max(np.abs(inertial) + np.abs(turning) + np.abs(truth.gravity(q)), axis=0)
+    K_u = np.max(np.abs(inertial) + np.abs(turning) + np.abs(g[:-1]), axis=0)
     moved = (reaction or control_period) * np.max(np.abs(np.linalg.inv(M)) @ law.K, axis=0)
     layer = moved if law.phi is None else np.maximum(law.phi, moved)
     margin = law.K - demand
     first, time, bound = _reaching(run.t, s, V, M, fall, layer)
     found = Certificate(law.K, run.t[:-1], s[:-1], V[:-1], V_rate, demand, margin, eta, K_u, layer, first, time, bound)
+    found = replace(found, too_wide=_too_wide(law, moved, layer, np.max(np.abs(run.q_ref - run.q[0]), axis=0)))
     return found if law.Kp is None else replace(found, set_point=_set_point(found, run, law.Kp, M, V))
+
+
+def _too_wide(law: SlidingLaw, moved: Array, layer: Array, span: Array) -> tuple[TooWide, ...]:
+    """Return the joints whose layer is too wide.
+
+    Args:
+        law: Parameters of the law.
+        moved: What K moves s before the loop answers, (n,) [rad/s].
+        layer: The layers, (n,) [rad/s].
+        span: How far each joint's desired position is from where it starts, at most, (n,) [rad].
+    """
+    span = np.where(span > 0.0, span, np.max(span))
+    most = law.lam * span if law.phi is None else WIDE * law.phi
+    phi = [None] * len(layer) if law.phi is None else law.phi.tolist()
+    beyond = np.flatnonzero((moved > most) & (most > 0.0)).tolist()
+    return tuple(TooWide(i + 1, float(layer[i]), phi[i], float((layer / law.lam)[i])) for i in beyond)
 
 
 def _set_point(found: Certificate, run: Trajectory, Kp: Array, M: Array, V: Array) -> SetPoint:
@@ -369,6 +398,8 @@ def required_gain(
     return np.asarray(np.max(np.abs(needed), axis=0))
 
 
+WIDE = 10.0
+"""Times phi from which on a layer is so wide that nothing is shown of its joint [1]."""
 UNSTABLE = 2.0
 """T (K/phi + Kd) / M from which a joint sampled with period T does not come to rest in its layer [1]."""
 COARSE = 0.1

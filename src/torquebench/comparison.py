@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from torquebench import references
 from torquebench.errors import ConfigError, ModelError, Problem, did_you_mean
 from torquebench.kernel import Array
+from torquebench.laws import find_law
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.flat_model import STRUCTURES, own_copy
 from torquebench.sim.plants import Plant
@@ -21,11 +22,21 @@ from torquebench.sim.trajectory import Trajectory
 
 ROLLOUT_TOLERANCE = 1e-12
 """Largest joint-angle gap of two closed loops that still counts as agreement [rad]."""
-ROLLOUT_LAWS: tuple[tuple[str, str, dict[str, float]], ...] = (
-    ("sign", "smc", {"lam": 10, "k": 0.3}),
-    ("linear band", "linear-band-smc", {"lam": 10, "k": 0.3, "phi": 0.3, "kv": 20}),
-)
-"""Laws of the closed loops: title, name, gains."""
+STEP_TOLERANCE = 1e-11
+"""Largest torque that one step from equal states may leave unexplained, over the loop's own, to count as agreement."""
+ROUNDINGS = 8.0
+"""How many times the velocities of such a step may be rounded."""
+STEPS = 500
+"""Control instants of each closed loop from which one step is compared."""
+START = 0.01
+"""Position at which the closed loops start [rad]: not zero, where s is nothing but the sign of round-off."""
+ULP = 2.0**-52
+"""How far beside it the loop of one plant starts that is held against that plant itself [rad]."""
+AMPLIFIED = 1e3
+"""Times more than a plant apart from itself may two plants be apart for round-off to explain it: ULP enters that loop
+once, rounding at each of thousands of steps."""
+ROLLOUT_LAWS = (("sign", "smc"), ("linear band", "linear-band-smc"))
+"""Laws of the closed loops, title and name; their gains are chosen for the arm."""
 ROLLOUT_MOTIONS = ("sine", "step", "ramp")
 LOOPS = len(ROLLOUT_LAWS) * len(ROLLOUT_MOTIONS)
 """Number of closed loops on each side."""
@@ -175,11 +186,32 @@ class Row:
     """Largest value of `relative` (for rollouts: of `absolute`) that counts as agreement."""
     measure: str = "relative"
     """Which of the two is held against the limit."""
+    own: float | None = None
+    """Of a closed loop, how far A comes apart from itself when it starts `ULP` beside where it did [rad]."""
+    growth: float | None = None
+    """Of a closed loop, the rate at which it does, ln(own / ULP) over its length [1/s]; 0 where it does not."""
+
+    @property
+    def verdict(self) -> str:
+        """Whether it ``agrees``, ``differs``, or is ``undecided``: a closed loop that amplifies round-off.
+
+        A loop is undecided where the two are farther apart than the limit, and no more than `AMPLIFIED` times as far
+        as A is from itself: that says something about the loop, nothing about the two. NaN differs.
+        """
+        value = getattr(self, self.measure)
+        if value <= self.limit:
+            return "agrees"
+        amplified = self.own is not None and value <= AMPLIFIED * self.own
+        return "undecided" if amplified else "differs"
 
     @property
     def agrees(self) -> bool:
-        """Whether the difference is within the limit; NaN is not."""
-        return bool(getattr(self, self.measure) <= self.limit)
+        """Whether it shows no difference: it agrees, or is undecided."""
+        return self.verdict != "differs"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return its fields and the verdict."""
+        return asdict(self) | {"agrees": self.agrees, "verdict": self.verdict}
 
 
 def compare(
@@ -290,9 +322,12 @@ def compare_rollouts(
     timestep: float = 0.001,
     progress: Callable[[str], None] = lambda loop: None,
 ) -> list[Row]:
-    """Compare closed loops on both plants, linear band and sign, on `sine`, `step` and `ramp`.
+    """Compare closed loops on both plants, linear band and sign, on `sine`, `step` and `ramp`, and single steps.
 
-    The law computes with the same `model` on both sides; only the plants differ. RK4, zero-order hold.
+    The law computes with the same `model` on both sides; only the plants differ. RK4, zero-order hold. Gains are chosen
+    for the model. A loop is also run on A from a start `ULP` beside, and from states of A's run, `STEPS` a loop, B is
+    stepped once with A's torque: what that leaves of position, and of torque, M (qd_B - qd_A) / timestep, in which no
+    loop amplifies anything.
 
     Args:
         a, b: The two sides.
@@ -301,7 +336,7 @@ def compare_rollouts(
         timestep: Integration step and control period [s].
         progress: Called with the name of each loop before it runs.
     """
-    n, rows = model.n, []
+    n, rows, steps = model.n, list[Row](), list[tuple[Row, Row]]()
     odd = np.arange(n) % 2 == 1
     motions = (
         references.Sine(tuple(np.where(odd, -1.0, 1.2)), tuple(0.4 + 0.6 * (np.arange(1, n + 1) / n))),
@@ -309,24 +344,66 @@ def compare_rollouts(
         references.Ramp(tuple(np.where(odd, -1.5, 1.5)), 3.0),
     )
     plant_a, plant_b = a.plant(timestep), b.plant(timestep)
-    for title, law, gains in ROLLOUT_LAWS:
-        controller = Controller.of(law, n, gains, name=title)
+    start = np.full(n, START)
+    for title, law in ROLLOUT_LAWS:
+        controller = Controller.of(law, n, find_law(law).choose_gains(model, timestep), name=title)
         for name, motion in zip(ROLLOUT_MOTIONS, motions, strict=True):
             progress(f"{title}, {name}")
-            runs = [
-                simulate(p, controller, model, motion, duration=duration, control_period=timestep, throw=False)
-                for p in (plant_a, plant_b)
-            ]
-            rows.append(_rollout_row(f"closed loop, {title}, {name}", *runs))
-    return rows
+            x, y, beside = (
+                simulate(
+                    plant,
+                    controller,
+                    model,
+                    motion,
+                    duration=duration,
+                    control_period=timestep,
+                    initial_q=begin,
+                    throw=False,
+                )
+                for plant, begin in ((plant_a, start), (plant_b, start), (plant_a, start + ULP))
+            )
+            rows.append(_rollout_row(f"closed loop, {title}, {name}", x, y, beside))
+            if x.completed:
+                steps.append(_one_step(x, plant_b, model, timestep))
+    return [_worst(each) for each in zip(*steps, strict=True)] + rows
 
 
-def _rollout_row(term: str, x: Trajectory, y: Trajectory) -> Row:
+def _rollout_row(term: str, x: Trajectory, y: Trajectory, beside: Trajectory) -> Row:
     nan = float("nan")
     if not (x.completed and y.completed):
         ends = ", ".join(f"{side} {run.outcome.name} at {run.t[-1]:g} s" for side, run in (("A", x), ("B", y)))
         return Row(term, "rad", nan, nan, ends, ROLLOUT_TOLERANCE, "absolute")
-    return replace(_row(term, "rad", x.q, y.q, ROLLOUT_TOLERANCE), measure="absolute")
+    row = replace(_row(term, "rad", x.q, y.q, ROLLOUT_TOLERANCE), measure="absolute")
+    if not beside.completed:
+        return row
+    own = float(np.max(np.abs(x.q - beside.q)))
+    length = float(x.t[-1] - x.t[0]) or 1.0
+    return replace(row, own=own, growth=max(0.0, float(np.log(max(own, ULP) / ULP))) / length)
+
+
+def _one_step(x: Trajectory, plant: Plant, model: RobotModel, timestep: float) -> tuple[Row, Row]:
+    """Return what one step of a plant from states of a run leaves, of position and of torque.
+
+    Velocities of size v, and changes of velocity of size v, are rounded by v `ULP`, which is a torque of |M| v ULP /
+    timestep: a few of them are allowed.
+    """
+    instants = np.unique(np.linspace(0, len(x.t) - 2, STEPS).astype(int))
+    q, qd = np.empty((2, len(instants), model.n))
+    for i, k in enumerate(instants):
+        plant.reset(x.q[k], x.qd[k])
+        plant.step(x.tau[k], 1)
+        q[i], qd[i] = plant.state()
+    M, tau = model.mass_matrix(x.q[instants]), x.tau[instants]
+    missing = np.einsum("kij,kj->ki", M, qd - x.qd[instants + 1]) / timestep
+    speeds = np.abs(x.qd[instants]) + np.abs(x.qd[instants + 1] - x.qd[instants])
+    rounding = ROUNDINGS * ULP * _typical(np.abs(M) @ speeds[:, :, None]) / timestep
+    limit = STEP_TOLERANCE + rounding / max(_typical(tau), rounding)
+    position = _row("one step, position", "rad", x.q[instants + 1], q, ROLLOUT_TOLERANCE)
+    return replace(position, measure="absolute"), _row("one step, torque", "N m", tau, tau + missing, limit)
+
+
+def _worst(rows: Iterable[Row]) -> Row:
+    return max(rows, key=lambda row: getattr(row, row.measure) / row.limit)
 
 
 def _typical(x: Array) -> float:

@@ -133,7 +133,7 @@ def read_kernel(function: FunctionType) -> list[Complaint]:
 
 
 def _read(function: FunctionType, is_law: bool, seen: set[FunctionType]) -> Iterator[Complaint]:
-    node = _definition(function)
+    node = definition(function)
     if node is None:
         what = f"the source of {function.__name__} cannot be read"
         yield Complaint(_line(function), what, "define it in a file, by def")
@@ -367,7 +367,7 @@ def _written(kernel: FunctionType, known: dict[Any, set[str]]) -> set[str]:
     """Return the parameters of a kernel, or fields of them, that it writes to."""
     if kernel not in known:
         known[kernel] = set()  # one that calls itself
-        node = _definition(kernel)
+        node = definition(kernel)
         everything = set(kernel.__code__.co_varnames[: kernel.__code__.co_argcount])
         known[kernel] = everything if node is None else {x for _, x, _ in _Reader(kernel, node, False).writes(known)}
     return known[kernel]
@@ -473,7 +473,7 @@ def _parsed(text: str) -> ast.Module:
         return ast.Module([], [])
 
 
-def _definition(function: FunctionType) -> ast.FunctionDef | None:
+def definition(function: FunctionType) -> ast.FunctionDef | None:
     """Return a function's definition in the text of its file; None where that is not at hand."""
     code = function.__code__
     for node in ast.walk(_module_of(function)):

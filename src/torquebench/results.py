@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -148,7 +147,7 @@ def compare(
         rollout: Length of closed loops to compare as well [s]; 0 for none.
 
     Returns:
-        A row for each term: ``term, unit, absolute, relative, where, limit, measure, agrees``.
+        A row for each term: ``term, unit, absolute, relative, where, limit, measure, own, growth, agrees, verdict``.
 
     Raises:
         ConfigError: there is no such model, or the two do not have the same joints.
@@ -174,7 +173,7 @@ def compare(
         frozen=[joint - 1 for joint in frozen_joints],
         rollout=rollout,
     )
-    return pd.DataFrame([asdict(row) | {"agrees": row.agrees} for row in rows])
+    return pd.DataFrame([row.to_json() for row in rows])
 
 
 class Result:

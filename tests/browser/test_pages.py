@@ -1,5 +1,7 @@
 """The pages as a browser shows them: nothing complained of, nothing fetched, all of it visible, on any screen."""
 
+import shlex
+
 import matplotlib.image
 import numpy as np
 import pytest
@@ -120,6 +122,20 @@ def test_the_script_shows_the_stored_samples(browse, reported, pages):
         found = np.array(page.value(f"SIGNALS.{key}.of({c}, 1)"))
         assert np.max(np.abs(found - wanted[:, 1])) <= 5e-5 * np.max(np.abs(wanted[:, 1])), key
     page.close()
+
+
+def test_the_commands_of_a_run_name_its_folder(browse, reported, pages, tmp_path, monkeypatch):
+    """Where the page is a file each names the page's folder; the first gives the same numbers again as pasted."""
+    monkeypatch.chdir(tmp_path)
+    page = browse()
+    page.go(pages["report"])
+    said = page.value("[...document.querySelectorAll('dl.commands code')].map((x) => x.textContent)")
+    page.close()
+    commands = [shlex.split(text) for text in said]
+    assert [words[1] for words in commands] == ["run", "view", "video", "figures"]
+    assert {words[2] for words in commands[1:]} == {str(reported / "one")}
+    assert main([*commands[0][1:], "--out", "again"]) == 0
+    assert (tmp_path / "again" / "metrics.json").read_bytes() == (reported / "one" / "metrics.json").read_bytes()
 
 
 def test_a_table_sorts_by_hand_and_by_key(browse, pages):

@@ -1,9 +1,15 @@
 """The page of a sweep in a browser: what counts filters table and front, titles sort, a row gives its commands."""
 
+import json
+import shlex
+
+import numpy as np
 import pytest
 
-from tests.report.test_sweep_page import GRID, SUMMARY, TABLE, page_of, run
+from tests.report.test_sweep_page import GRID, LAM, MASS, SUMMARY, TABLE, page_of, run
+from tests.sweep.examples import SMALL
 from tests.sweep.tables import made
+from torquebench.cli.app import main
 from torquebench.sweep.best import best_choices
 
 COLUMN = """[...document.querySelectorAll('#best tbody tr')].map((row) => parseFloat(row.cells[%d].textContent))"""
@@ -92,8 +98,9 @@ def test_a_row_gives_its_commands(browse, address):
     index += "ab".index(second.controller)
     said = page.value("document.querySelector('#rerun').textContent")
     assert said == f"torquebench run --from-sweep {folder} --index {index} -o again"
-    sets = page.value("document.querySelector('#sets').textContent").split(" \\\n")
-    assert sets == [f"--set controllers.{second.controller}.gains.lam=10", "--set plant.payload.mass=2"]
+    words = shlex.split(page.value("document.querySelector('#narrow').textContent"))
+    grid = f'sweep.grid={{"{LAM}": [{second.worst.values[LAM]:g}], "{MASS}": [0, 2]}}'
+    assert words == ["torquebench", "sweep", f"{folder}/sweep.yaml", "--set", grid, "-o", "alone"]
     assert page.value(f"{row}.getAttribute('aria-selected')") == "true"
     assert page.value("document.querySelectorAll('#front circle.chosen').length") == 1
     page.close()
@@ -109,3 +116,28 @@ def test_a_sweep_without_a_completed_run_has_a_page(browse, tmp_path):
         assert page.complaints == []
         assert page.value("document.querySelectorAll('#front circle[data-i]').length") == (0 if name == "all" else 2)
         page.close()
+
+
+def test_the_commands_of_a_sweep_run_as_pasted(browse, tmp_path, monkeypatch):
+    """One row gives its metrics again; the choice alone gives the rows of the sweep, changed on the command line."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.yaml").write_text(SMALL)
+    sweep = ["sweep", "small.yaml", "--set", "sweep.draws=2", "--set", "run.duration=0.61", "--out", "its sweep"]
+    assert main([*sweep, "--executor", "threads", "--workers", "1"]) == 0
+    page = browse()
+    page.go((tmp_path / "its sweep" / "report.html").as_uri())
+    page.value("[...document.querySelectorAll('#best tbody tr')].find((row) => row.innerText.includes('band')).click()")
+    again, alone = (
+        shlex.split(page.value(f"document.querySelector('{name}').textContent")) for name in ("#rerun", "#narrow")
+    )
+    page.close()
+    for words in (again, [*alone, "--executor", "threads", "--workers", "1"]):
+        assert words[0] == "torquebench"
+        assert main(words[1:]) == 0
+    whole, own = (dict(np.load(tmp_path / name / "results.npz")) for name in ("its sweep", "alone"))
+    (result,) = json.loads((tmp_path / "again" / "metrics.json").read_bytes())["controllers"].values()
+    row = int(again[again.index("--index") + 1])
+    assert result["rmse"]["value"] == whole["rmse"][row]
+    phi = "controllers.*.gains.phi"
+    same = (whole[phi] == own[phi][own["controller"] == "band"][0]) & (whole["controller"] == "band")
+    assert whole["rmse"][same].tolist() == own["rmse"][own["controller"] == "band"].tolist()

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 import pytest
+from numba.core import event
 
 from tests.check.bad_laws import BAD, FIELDS, HEAD, LAW, NOTES, SIGNATURES, SPRING
 from tests.user_files import load
@@ -17,6 +21,7 @@ from torquebench.errors import ControllerError
 from torquebench.laws import Law, Option
 from torquebench.registry import restored
 from torquebench.robot.library import data_root
+from torquebench.sim.trajectory import SIGNALS
 
 
 @pytest.fixture(autouse=True)
@@ -209,29 +214,66 @@ def test_the_guide_shows_what_check_prints(tmp_path: Path) -> None:
 
 
 def test_paths_that_differ_are_caught(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the native path's run were another in its last bit, the first step and signal that differ are named."""
-    real = check._run
+    """If the compiled law's torque were another in its last bit, the first step and signal that differ are named."""
+    real = check._controller
 
-    def other(law: Any, name: str, engine: str, options: Any, scale: float, path: str) -> Any:
-        return real(law, name, engine, options, scale * (1.0 + 2**-52) if path == "native" else scale, path)
+    def other(law: Any, name: str, options: Any, scale: float) -> Any:
+        called_by = sys._getframe(1).f_code.co_name
+        return real(law, name, options, scale * (1.0 + 2**-52) if called_by == "difference" else scale)
 
-    monkeypatch.setattr(check, "_run", other)
+    monkeypatch.setattr(check, "_controller", other)
     report = report_on(tmp_path, SPRING.replace("sat(memory.s[i])", "sat(1e-3 + memory.s[i])"))
     assert failed(report) == {"paths"}
-    assert re.search(r"the paths differ from step \d+ on, first in \w+", detail(report, "paths"))
+    assert re.search(r"the paths differ from step \d+ on, first in (tau_law|memory\.s)", detail(report, "paths"))
+
+
+@pytest.mark.parametrize("signal", ["tau_law", "s", "integral"])
+def test_the_first_difference_is_found_in_every_signal(signal: str) -> None:
+    """One bit at one instant, in the torque or in any channel of the memory, is found there; without it nothing is."""
+    law = find_law("smc")
+    options = {"equivalent_control": False, "switching": "saturation", "surface": "pid"}
+    run = check._run(law, "two-link", "mujoco", options, 1.0)
+    assert check.difference(law, "two-link", options, 1.0, run) == ""
+    changed = (getattr(run, signal) if hasattr(run, signal) else run.extra[signal]).copy()
+    changed[17, 1] = np.nextafter(changed[17, 1], np.inf)
+    new: dict[str, Any] = {signal: changed} if hasattr(run, signal) else {"extra": {**run.extra, signal: changed}}
+    name = "tau_law" if signal == "tau_law" else f"memory.{signal}"
+    wanted = f"the paths differ from step 17 on, first in {name}"
+    assert check.difference(law, "two-link", options, 1.0, replace(run, **new)) == wanted
+
+
+def test_a_run_that_raises_ends_at_one_instant_on_both_paths(tmp_path: Path) -> None:
+    """A division by zero after some steps is no difference; one that only the compiled law meets is one."""
+    load(tmp_path, HEAD + "".join(f"    {line}\n" for line in f"{SPRING}    tau[i] = tau[i] / (t - 0.02)".splitlines()))
+    law = find_law("user-law")
+    run = check._run(law, "two-link", "mujoco", {}, 1.0)
+    assert run.failed_at == 20
+    assert check.difference(law, "two-link", {}, 1.0, run) == ""
+    longer: dict[str, Any] = {name: np.concatenate([x := getattr(run, name), x[-1:]]) for name in ("t", *SIGNALS)}
+    found = check.difference(law, "two-link", {}, 1.0, replace(run, **longer))
+    assert found == "the paths differ from step 20 on: compiled, the law raises"
 
 
 def test_a_law_that_is_compiled_again_is_caught(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Numba says when it compiles; after the first loops nothing may be left to compile."""
-    real = check._run
+    real = check.difference
 
     def compiling(*arguments: Any) -> Any:
-        if arguments[4] == 3.0:  # the run that is watched
+        if arguments[3] == 3.0:  # the run that is watched
             numba.njit(lambda x: x + 1.0)(1.0)
         return real(*arguments)
 
-    monkeypatch.setattr(check, "_run", compiling)
+    monkeypatch.setattr(check, "difference", compiling)
     assert failed(report_on(tmp_path, SPRING)) == {"compiled once"}
+
+
+def test_neither_loop_nor_plant_is_compiled(tmp_path: Path) -> None:
+    """Trying a law compiles the law, the kernels that it calls and what calls it: nothing of loop and plants."""
+    with event.install_recorder("numba:compile") as compiling:
+        assert report_on(tmp_path, SPRING).held
+    compiled = " ".join(str(e.data["dispatcher"]) for _, e in compiling.buffer)
+    assert "user_law" in compiled
+    assert not re.search(r"closed_loop|integrate|runge_kutta|forward_dynamics", compiled)
 
 
 def test_no_such_law() -> None:
@@ -289,7 +331,7 @@ def test_a_report_as_text_and_as_data() -> None:
 
 def test_without_a_compiler_the_readable_path_is_checked_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where numba is switched off, or MuJoCo cannot be called from compiled code, that is a note with the reason."""
-    monkeypatch.setattr(check, "obstacle", lambda plant, law: "numba is switched off")
+    monkeypatch.setattr(check, "law_obstacle", lambda law: "numba is switched off")
     report = report_on(tmp_path, SPRING)
     assert report.held
     assert detail(report, "paths") == "readable path only: numba is switched off"

@@ -6,10 +6,13 @@ import pytest
 
 
 def test_mujoco_and_the_analytic_arm_agree(command):
-    """All terms, link parameters and six closed loops; status 0."""
+    """All terms, link parameters, single steps and six closed loops; status 0. The picture has a mark for each row."""
     status, out, err = command("compare", "mujoco:puma560", "analytic:puma560", "--rollout", "1")
     assert (status, err) == (0, "")
-    assert "agree: 16 of 16" in out
+    assert "agree: 18 of 18" in out
+    picture = out.partition("● agrees")[0]
+    assert picture.count("●") == 18
+    assert picture.count("|") == 18
 
 
 def test_a_generic_arm_agrees_too(command):

@@ -37,6 +37,7 @@ LINES = {
     "torquebench completion f": ["fish"],
     "torquebench run confi": ["config.yaml"],
     "torquebench run fig9-ch": ["fig9-chattering"],
+    "torquebench run paper/fig9-ch": ["paper/fig9-chattering"],
     "torquebench run --plugin my": ["my law.py"],
     "torquebench report a": ["a-run/"],
     "torquebench run --out a": ["a-run/"],

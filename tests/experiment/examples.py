@@ -73,7 +73,7 @@ _SINE = """\
 """
 
 STEP = GOOD.replace(_SINE, "  kind: step\n  target: 0.6\n  at: 0.2\n")
-RAMP = GOOD.replace(_SINE, "  kind: ramp\n  target: [1, 2, 3, 4, 5, 6]\n  rise_time: 2\n")
+RAMP = GOOD.replace(_SINE, "  kind: ramp\n  origin: 0\n  target: [1, 2, 3, 4, 5, 6]\n  rise_time: 2\n")
 RAMP = RAMP.replace("  draw: 3\n", "  draw: 3\n  chattering_from_hz: 2.5\n")
 QUINTIC = GOOD.replace(_SINE, "  kind: quintic\n  target: 0.6\n  rise_time: 2\n")
 ANALYTIC = GOOD.replace("  engine: mujoco\n", "  engine: analytic\n  structure: printed\n  constants: fitted\n")

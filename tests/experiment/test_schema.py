@@ -46,7 +46,7 @@ def test_key_reference_has_every_key_in_a_table_of_four_columns() -> None:
 
 WRITTEN = ("good", "step", "ramp", "analytic", "fuzzy", "scenario", "tolerance", "single")
 FACTS = [
-    ("initial_q", "home is every joint at zero. References start at zero whatever initial_q is"),
+    ("initial_q", "the reference starts there too, unless it has an origin of its own; otherwise it starts at zero"),
     ("expect", "failed makes a failing run the expected outcome"),
     ("draw", "Number of the random draw under one seed"),
     ("amplitude", " for slide joints"),

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from numba.core import event
 
 from torquebench import Puma560, load_model
-from torquebench.kernel import Array, kernel
+from torquebench.kernel import Array, kernel, twin
 from torquebench.kernel.twin import BLOCK, Column, map_states
 from torquebench.robot import dynamics
 
@@ -48,6 +49,37 @@ def test_they_have_the_bytes_of_the_compiled_kernel(name: str) -> None:
     for k in range(50):
         dynamics.inverse_dynamics(model.flat, *(np.array(x[k]) for x in states), wanted[k])
     assert map_states(dynamics.inverse_dynamics, model.flat, states, (6,))[0].tobytes() == wanted.tobytes()
+
+
+def test_compiled_rows_have_the_bytes_of_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The terms of certificates, once computed as columns and once compiled: 0 differ; so read-only states."""
+    model = MODELS["exact"]()
+    q, qd, s = np.random.default_rng(6).normal(size=(3, 50, 6))
+    q.setflags(write=False)
+    columns = map_states(dynamics.sliding_terms, model.flat, [q, qd, s], (6, 6), (6,), (6,))
+    monkeypatch.setattr(twin, "WORTH", 0)
+    for own, wanted in zip(model.sliding_terms(q, qd, s), columns, strict=True):
+        assert own.tobytes() == wanted.tobytes()
+    assert dynamics.sliding_terms_of_each.signatures  # type: ignore[attr-defined]
+
+
+def test_rows_are_compiled_when_it_is_worth_it_and_used_where_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kernel that is neither compiled nor in the cache is left alone until `WORTH` states have been asked for."""
+    used = list[int]()
+
+    def fill(model: Any, x: Array, out: Array) -> None:
+        used.append(len(x))
+        out[:] = x
+
+    rows = Mock(side_effect=fill, overloads={}, _cache=Mock(holds=Mock(return_value=False)))
+    monkeypatch.setattr(twin, "WORTH", 25)
+    states = [np.ones((10, 2))]
+    for _ in range(3):
+        map_states(swap_and_add, None, states, (2,), rows=rows)
+    assert used == [10]
+    rows.overloads[0] = None
+    map_states(swap_and_add, None, states, (2,), rows=rows)
+    assert used == [10, 10]
 
 
 def test_nothing_is_compiled() -> None:

@@ -15,10 +15,12 @@ from torquebench.report.sweep_page import SweepInfo, sweep_page
 from torquebench.report.sweep_tables import (
     answer,
     best_table,
+    dot_rows,
     failures_table,
     influences,
     round_below,
     silent_text,
+    told_choices,
 )
 from torquebench.report.tables import headlines
 from torquebench.sweep.best import best_choices
@@ -171,15 +173,30 @@ def test_failures_are_listed_with_the_first_of_them() -> None:
 
 
 def test_the_terminal_tells_the_best_and_the_best_of_each_law() -> None:
-    """Every law has a row however far behind it is; the means are those of the choices."""
+    """As many as there is room for, and every law however far behind it is; the means are those of the choices."""
     grid = {LAM: tuple(float(x) for x in range(10, 20)), MASS: (0.0,)}
     summary = summarise(made("ab", 8, run, grid))
-    _, rows = best_table(summary, TITLES)
+    choices = told_choices(summary, TITLES, 5)
+    _, rows = best_table(choices, summary, TITLES)
     assert [row[0] for row in rows] == ["a"] * 5 + ["b"]
     errors = [one.figures["rmse"] for one in best_choices(summary)]
     assert [row[3] for row in rows[:5]] == [
         f"{1e3 * figure.mean:.3g} [{1e3 * figure.low:.3g}, {1e3 * figure.high:.3g}]" for figure in errors[:5]
     ]
+    assert told_choices(summary, TITLES, 100) == best_choices(summary)
+
+
+def test_dots_stand_where_the_means_are() -> None:
+    """The least and the greatest mean at the ends, others between in their order, each with its interval around it."""
+    choices = told_choices(SUMMARY, TITLES, 100)
+    header, rows = dot_rows(choices, SUMMARY, TITLES)
+    means = [one.figures["rmse"].mean for one in choices]
+    assert header[1] == f"RMSE [mrad]: {1e3 * min(means):.3g} to {1e3 * max(means):.3g}, logarithmic"
+    places = [row[1].index("●") for row in rows]
+    assert {min(places), max(places)} == {0, len(rows[0][1]) - 1}
+    order = np.argsort(means)
+    assert np.all(np.diff(np.array(places)[order]) >= 0)
+    assert all("─" in row[1] for row in rows)
 
 
 @pytest.mark.parametrize("broken", ["b", "ab"])

@@ -55,6 +55,22 @@ def test_a_row_is_the_experiment_with_its_values_set_on_the_command_line() -> No
         assert alone == replace(wanted, controllers=(wanted.controllers[row.controller],))
 
 
+def test_noise_in_per_cent_of_the_motion_has_its_size_in_every_draw() -> None:
+    """Its size is what the file has with the drawn motion set in it, to the last digit: each motion has its own."""
+    given = BASE.replace("disturbances:\n", "").replace(BASE.splitlines()[9] + "\n", "disturbances: 30 %\n")
+    drawn = "sweep:\n  draws: 3\n  random:\n    reference.amplitude: {uniform: [0.5, 1]}\n"
+    drawn += "    controllers.*.gains.lam: {uniform: [8, 12]}\n"
+    plan, sizes = plan_of(given + drawn), set()
+    for draw in range(3):
+        values = {key: value[0] for key, value in key_values(plan, 0, draw).items()}
+        set_by_hand = [f"{key}={value!r}" for key, value in values.items() if not key.startswith("controllers")]
+        lam = values["controllers.*.gains.lam"]
+        set_by_hand += [f"controllers.{name}.gains.lam={lam!r}" for name in ("band", "sign")]
+        assert plan.experiment(0, draw) == parse_experiment(given, "small.yaml", [*set_by_hand, f"run.draw={draw}"])
+        sizes.add(plan.experiment(0, draw).disturbances[0].sigma)
+    assert len(sizes) == 3
+
+
 def test_a_star_stands_for_the_controllers_whose_law_has_the_gain() -> None:
     """Phi has an effect on the band alone, lam on both: the law that switches by sign keeps out of phi."""
     experiment = plan_of(SMALL).experiment(2, 4)

@@ -31,6 +31,7 @@ from torquebench.sim.interpreted import Call
 from torquebench.sweep.executors import Threads
 from torquebench.sweep.folder import TABLE
 from torquebench.sweep.plan import Plan, Source
+from torquebench.sweep.repeats import Known
 from torquebench.sweep.run import run_sweep
 from torquebench.sweep.table import Table, completed, read_table
 
@@ -157,6 +158,7 @@ def run_parts(
         ResultError: a stored file was altered.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    known = Known(sum(part.plan.rows * part.experiment.n_steps for part in parts))
 
     def run(part: Part) -> Table:
         done = 0
@@ -166,7 +168,7 @@ def run_parts(
             progress(part.words, rows - done)
             done = rows
 
-        stored = run_sweep(part.plan, folder / part.folder, Threads(1), progress=report)
+        stored = run_sweep(part.plan, folder / part.folder, Threads(1, known), progress=report)
         return read_table(stored.folder / TABLE)
 
     with ThreadPoolExecutor(workers) as pool:

@@ -37,8 +37,7 @@ def check(file: Path, law: str | None) -> int:
     reports = []
     with progress_bar(len(names), "law", "starting (compiles on first use)") as bar:
         for name in names:
-            bar.describe(name)
-            reports.append(check_law(name))
+            reports.append(check_law(name, lambda what, name=name: bar.describe(f"{name}: {what}")))  # type: ignore[misc]
             bar.update(1)
     held = all(report.held for report in reports)
     tell(held=held, laws=[report.to_json() for report in reports])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -94,7 +95,8 @@ class Milliseconds(Number):
 def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], tolerance: float, rollout: float) -> int:
     """Show where two models or plants differ, and in which term.
 
-    The exit status is 0 when every compared quantity agrees, else 1.
+    The exit status is 1 when a compared quantity differs, else 0: also where closed loops amplify round-off, so that
+    they say nothing, and single steps from equal states agree.
     """
     from torquebench import comparison
 
@@ -129,7 +131,7 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
         states=states,
         seed=seed,
         agree=agree,
-        rows=[asdict(row) | {"agrees": row.agrees} for row in rows],
+        rows=[row.to_json() for row in rows],
     )
     held = ", ".join(str(j) for j in frozen_joints)
     say(
@@ -137,12 +139,70 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
         + (f", joints {held} held at zero" if held else " of all joints")
         + "\n"
     )
-    say(table(["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"], [_cells(r) for r in rows]))
-    say(f"\n{'agree' if agree else 'DIFFER'}: {sum(r.agrees for r in rows)} of {len(rows)} within their limits")
+    say(scale(rows))
+    say()
+    loops = [row for row in rows if row.own is not None]
+    header = ["term", "max |A-B|", "unit", "|A-B|/|A|", "element", "limit", "agrees"]
+    say(table(header, [_cells(row) for row in rows if row.own is None]))
+    if loops:
+        header = ["closed loop", "A and B apart [rad]", "joint", "limit [rad]", "A and itself [rad]", "growth [1/s]"]
+        say("\n" + table([*header, "agrees"], [_loop(row) for row in loops]))
+    say()
+    same = all(row.agrees for row in rows if row.term.startswith("one step"))
+    for row in rows:
+        if row.verdict == "undecided":
+            say(
+                f"{row.term}: undecided, as this loop amplifies round-off: started {comparison.ULP:.1e} rad beside, A "
+                f"comes apart from itself by {row.own:.1e} rad. That A and B do says nothing about them"
+                + ("; from equal states they take the same steps, as the rows of one step show." if same else ".")
+            )
+    counted = [row for row in rows if row.verdict != "undecided"]
+    idle = f"; {len(rows) - len(counted)} undecided" * (len(counted) < len(rows))
+    within = f"{sum(r.agrees for r in counted)} of {len(counted)} within their limits{idle}"
+    say(f"{'agree' if agree else 'DIFFER'}: {within}")
     return 0 if agree else 1
+
+
+LEFT, RIGHT, EACH = -18, 2, 2
+"""Powers of ten at the ends of the scale, and characters for each."""
+MARKS = {"agrees": "●", "undecided": "◐", "differs": "○"}
+WORDS = {"agrees": "yes", "undecided": "undecided", "differs": "NO"}
+
+
+def scale(rows: Sequence[Row]) -> str:
+    """Return a picture: how large each difference is, on a logarithmic scale with the limits."""
+    names = max(len(row.term) for row in rows)
+    ticks = "".join(f"{10.0**power:<{6 * EACH}.0e}" for power in range(LEFT, RIGHT + 1, 6))
+    lines = [f"{'':{names}}  {ticks}".rstrip()]
+    for row in rows:
+        value = getattr(row, row.measure)
+        line = ["·"] * (EACH * (RIGHT - LEFT) + 1)
+        line[_place(row.limit)] = "|"
+        line[_place(value)] = MARKS[row.verdict]
+        lines.append(f"{row.term:{names}}  {''.join(line)}")
+    lines += ["", "● agrees  ◐ undecided  ○ differs  | limit; |A-B| over |A|, in rad for closed loops and positions"]
+    return "\n".join(lines)
+
+
+def _place(value: float) -> int:
+    """Return where a value stands on the scale; what is beyond an end, or no number, at that end."""
+    if not value < 10.0**RIGHT:
+        return EACH * (RIGHT - LEFT)
+    return max(0, round(EACH * (math.log10(max(value, 10.0**LEFT)) - LEFT)))
 
 
 def _cells(row: Row) -> list[object]:
     limit = f"{row.limit:.0e} {'rad' if row.measure == 'absolute' else 'rel.'}"
     gaps = [f"{row.absolute:.2e}", row.unit, f"{row.relative:.2e}", row.where]
-    return [row.term, *gaps, limit, good("yes") if row.agrees else bad("NO")]
+    return [row.term, *gaps, limit, _word(row)]
+
+
+def _loop(row: Row) -> list[object]:
+    term = row.term.removeprefix("closed loop, ")
+    apart = [f"{row.absolute:.2e}", row.where, f"{row.limit:.0e}", f"{row.own:.2e}", f"{row.growth:.1f}"]
+    return [term, *apart, _word(row)]
+
+
+def _word(row: Row) -> object:
+    word = WORDS[row.verdict]
+    return good(word) if row.verdict == "agrees" else bad(word) if row.verdict == "differs" else word

@@ -127,6 +127,8 @@ def law_facts(law: Law) -> dict[str, Any]:
     chosen = {name: option.values[0] for name, option in law.options.items()}
     acting = {name: 1.0 for name, gain in law.gains.items() if gain.acts(chosen)}
     gains = ", ".join(f"{name}: 1.0" for name in acting)
+    chosen_by = not any(law.no_rule(name) for name in acting)
+    gains = f"auto}}  # or your own, {{{gains}}}" if chosen_by and acting else f"{{{gains}}}}}"
     return {
         "law": law.name,
         "text": inspect.cleandoc(law.function.__doc__ or ""),
@@ -147,7 +149,7 @@ def law_facts(law: Law) -> dict[str, Any]:
             {"name": "fuzzy", "system": rules.default, "meaning": rules.meaning + only(rules.condition)}
             for rules in law.rules.values()
         ],
-        "example": f"controllers:\n  - {{name: mine, law: {law.name}, gains: {{{gains}}}}}",
+        "example": f"controllers:\n  - {{name: mine, law: {law.name}, gains: {gains}",
     }
 
 

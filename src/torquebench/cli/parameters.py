@@ -14,7 +14,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from torquebench.errors import ConfigError, Problem, nearest
-from torquebench.shipped import configs, find_config
+from torquebench.shipped import configs, find_config, shipped_names
 
 
 class Wrong(click.BadParameter):
@@ -159,7 +159,8 @@ class Config(File):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Return names of shipped configs, and files."""
-        names = [CompletionItem(name) for name in configs() if name.startswith(incomplete)]
+        known = shipped_names() if "/" in incomplete else configs()
+        names = [CompletionItem(name) for name in known if name.startswith(incomplete)]
         return names + super().shell_complete(ctx, param, incomplete)
 
 

@@ -44,7 +44,7 @@ def run(
     from torquebench.experiment import load_experiment
     from torquebench.experiment.build import build
     from torquebench.experiment.certify import flags
-    from torquebench.experiment.describe import fuzzy_facts, fuzzy_remarks
+    from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
     from torquebench.experiment.folder import write_experiment, write_trajectory
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
@@ -52,7 +52,7 @@ def run(
     from torquebench.report.answer import answer
     from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
-    from torquebench.report.tables import certificate_table
+    from torquebench.report.tables import certificate_table, uncovered
 
     for file in plugin:
         load_plugin(file)
@@ -60,6 +60,8 @@ def run(
         experiment = load_experiment(config, overrides)
     elif from_sweep is not None and index is not None:
         experiment = _row_of_sweep(from_sweep, index, plugin)
+    for line in chosen_text(experiment):
+        say(line)
     loop = build(experiment)
     for flag in flags(experiment, loop):
         warn(f"torquebench: {flag}")
@@ -83,6 +85,8 @@ def run(
     say()
     if certificates:
         say(table(*certificate_table(result)))
+        if lines := uncovered(result):
+            say("\n".join(["", *lines]))
     for line in fuzzy_remarks(experiment):
         say(line)
     say()

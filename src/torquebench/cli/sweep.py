@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Choice, Config, File, argument, option, out_folder, plugins, refuse, settings
 from torquebench.cli.parameters import workers as workers_option
-from torquebench.cli.terminal import complain, following, progress_bar, say, table, tell, warn
+from torquebench.cli.terminal import complain, following, height, progress_bar, say, table, tell, warn
 from torquebench.errors import Problem, ResultError, TorquebenchError
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from torquebench.sweep.run import State
     from torquebench.sweep.summary import Summary
 
+LEAST_TOLD, AROUND = 5, 16
+"""Choices that the terminal shows however small it is, and lines around them, which stand in two tables."""
 FAR_TOO_MANY = 3
 """How many times the cap is refused before anything is checked: to check so many draws takes long too."""
 
@@ -258,16 +260,25 @@ def _say_best(stored: StoredSweep, summary: Summary) -> None:
     """Say what came out, in sentences and as a table of the best choices, and where the page is."""
     from torquebench.experiment.schema import slide_joints
     from torquebench.report.render import PAGE
-    from torquebench.report.sweep_tables import answer, best_table
+    from torquebench.report.sweep_tables import answer, best_table, dot_rows, told_choices
     from torquebench.report.tables import headlines
-    from torquebench.sweep.best import conditions, short_names
+    from torquebench.sweep.best import best_choices, conditions, short_names
 
     titles = headlines(slide_joints(stored.plan.first.plant.model))
     for sentence in answer(summary, titles):
         say(sentence)
-    header, rows = best_table(summary, titles)
-    if rows:
+    choices = told_choices(summary, titles, max(LEAST_TOLD, (height() - AROUND) // 2))
+    if choices:
+        header, dots = dot_rows(choices, summary, titles)
+        if len(header) > 1 and len(dots) > 1:
+            say(f"\n{table(header, dots, left=len(header))}")
+        header, rows = best_table(choices, summary, titles)
         say(f"\n{table(header, rows, keys=1 + len(summary.grid))}\n")
+        every = len(best_choices(summary, summary.metrics[0]))
+        say(
+            f"{f'the best {len(choices)} of {every:,}' if len(choices) < every else f'all {every}'} choices; "
+            "means over the draws, with their 95 % intervals where draws differ"
+        )
     apart = [short_names(summary.grid)[key] for key in conditions(summary)]
     if apart:
         say(f"each figure in the worst of all values of {', '.join(apart)}; those shown are the worst for the error")

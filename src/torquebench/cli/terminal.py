@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 LEAST = 28
 """Narrowest column that text is broken into."""
+USUAL_HEIGHT = 60
+"""Lines of a screen where there is none."""
 
 
 @dataclass
@@ -116,6 +118,13 @@ def width() -> int | None:
     if sys.stdout is None or not sys.stdout.isatty():
         return None
     return max(1, shutil.get_terminal_size().columns)
+
+
+def height() -> int:
+    """Return how many lines the terminal shows at once; where standard output is none, `USUAL_HEIGHT`."""
+    if sys.stdout is None or not sys.stdout.isatty():
+        return USUAL_HEIGHT
+    return shutil.get_terminal_size().lines
 
 
 def coloured(stream: TextIO | None) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from torquebench.certificates import Certificate, Phases, SlidingLaw, certify, held_to, required_gain
+from torquebench.certificates import UNSTABLE, Certificate, Phases, SlidingLaw, certify, held_to, required_gain
 from torquebench.experiment import schema
 from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
@@ -19,6 +19,7 @@ from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
+from torquebench.tuning import rate
 
 POSES = 100
 """Poses along the motion at which the arm's inertia is looked at."""
@@ -84,6 +85,30 @@ class Coarse:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Overdriven:
+    """A controller whose rate gain alone makes s grow from one control period to the next."""
+
+    controller: str
+    joint: str
+    """The joint that moves most in the motion that grows."""
+    gain: float
+    """Kd there [`unit`]."""
+    period: float
+    """Control period [s]."""
+    times: float
+    """What Kd moves s by in it, in s: period x rho(M^-1 Kd) [1]."""
+    unit: str = "N m s/rad"
+    """N s/m for a joint that slides."""
+
+    def __str__(self) -> str:
+        return (
+            f"controller '{self.controller}' is unstable at its control period: in {1e3 * self.period:.4g} ms its rate "
+            f"gain, Kd = {self.gain:.4g} {self.unit} of {self.joint}, moves s by {self.times:.3g} s, and s grows from "
+            f"{UNSTABLE:g} on; {1.0 / self.times:.2g} kv would do without ringing, and so would gains: auto"
+        )
+
+
 def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
     """Return the analytic twin of an experiment's plant, its perturbation and its payload included."""
     plant, factors = experiment.plant, plant_factors(experiment)
@@ -133,13 +158,14 @@ def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
     )
 
 
-def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse, ...]:
+def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Overdriven, ...]:
     """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s."""
-    truth, found = truth_of(experiment), list[Flag | Coarse]()
+    truth, found = truth_of(experiment), list[Flag | Coarse | Overdriven]()
     acting = resistance(experiment, loop.reference.qd) + (0.0 if loop.disturbance is None else loop.disturbance)
     for keys in experiment.controllers:
         law = sliding_law(keys, loop, experiment.n)
         if law is None:
+            found += overdriven(experiment, loop, keys, truth)
             continue
         needed = required_gain(truth, law, *loop.reference, acting)
         if np.any(needed >= law.K):
@@ -189,11 +215,9 @@ def too_coarse(
         law: What its certificates need.
         truth: The true arm.
     """
-    q_ref = loop.reference.q
-    span = np.max(np.abs(q_ref - loop.initial_q), axis=0)
+    span = np.max(np.abs(loop.reference.q - loop.initial_q), axis=0)
     span = np.where(span > 0.0, span, np.max(span))  # a joint that is to stay is held as well as those that move
-    poses = np.concatenate([loop.initial_q[None], q_ref[:: max(1, len(q_ref) // POSES)]])
-    arm = truth.later if isinstance(truth, Phases) else truth
+    poses, arm = _poses(loop), truth.later if isinstance(truth, Phases) else truth
     period = experiment.run.control_period
     held = held_to(arm, law, poses, span, period)
     if not (held.coarse.any() and np.max(span) > 0.0):
@@ -211,6 +235,42 @@ def too_coarse(
         float(np.min(held.K / np.asarray(loop.plant.tau_max))),
         "N" if loop.model.flat.kind[worst] == SLIDE else "N m",
     )
+
+
+def overdriven(
+    experiment: schema.Experiment, loop: Loop, keys: Controller, truth: RobotModel | Phases
+) -> list[Overdriven]:
+    """Return whether a law's rate gain, Kd = kV Mbar, is too large for the control period: the remark, or nothing.
+
+    Args:
+        experiment: What is to be run.
+        loop: Its objects.
+        keys: The controller, whose law has no switching gain.
+        truth: The true arm.
+    """
+    gain = find_law(keys.law).gains.get("kv")
+    if gain is None or gain.rule is not rate or "kv" not in keys.gains:
+        return []
+    arm = truth.later if isinstance(truth, Phases) else truth
+    Kd, period = (
+        as_vector(keys.gains["kv"], experiment.n) * loop.model.flat.inertia_scale,
+        experiment.run.control_period,
+    )
+    root = np.sqrt(Kd)
+    moved, ways = np.linalg.eigh(period * root[:, None] * np.linalg.inv(arm.mass_matrix(_poses(loop))) * root)
+    worst = int(np.argmax(moved[:, -1]))
+    if not moved[worst, -1] > UNSTABLE:
+        return []
+    joint = int(np.argmax(np.abs(ways[worst, :, -1])))
+    unit = "N s/m" if loop.model.flat.kind[joint] == SLIDE else "N m s/rad"
+    name, times = loop.joint_names[joint], float(moved[worst, -1])
+    return [Overdriven(keys.name, name, float(Kd[joint]), period, times, unit)]
+
+
+def _poses(loop: Loop) -> Array:
+    """Return poses along the motion of a loop, with that at its start, (m, n)."""
+    q_ref = loop.reference.q
+    return np.concatenate([loop.initial_q[None], q_ref[:: max(1, len(q_ref) // POSES)]])
 
 
 def certificates(experiment: schema.Experiment, loop: Loop, runs: Mapping[str, Trajectory]) -> dict[str, Certificate]:

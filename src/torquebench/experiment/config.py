@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from torquebench.experiment.controllers import Controller
+from torquebench.experiment.extends import AUTO
 from torquebench.experiment.groups import group_of
 from torquebench.experiment.rules import check_rules
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, apply_overrides, read_bytes, read_document
+from torquebench.experiment.start import write_keyframe
 from torquebench.experiment.values import Here
 from torquebench.kernel import Array
+from torquebench.keys import altered
+from torquebench.laws import find_law
 from torquebench.robot import load_model
 from torquebench.sim.signals import control_instants
 
 MILLISECOND = 0.001
+MOTIONS = 64
+"""Motions whose torque `MotionTorques` keeps."""
 
 
 def load_experiment(path: Path | str, overrides: Sequence[str] = ()) -> Experiment:
@@ -56,24 +64,59 @@ def check_experiment(document: Document) -> Experiment:
         ConfigError: something in it is wrong; all mistakes at once, in reading order. Sections are held against each
             other where each is right by itself.
     """
+    return sized(unsized(document), motion_torque)
+
+
+def unsized(document: Document) -> Experiment:
+    """Check an experiment as `check_experiment` does; what is relative to the motion, or to be chosen, stays so."""
+    write_keyframe(document)
     top = group_of(Experiment)
     values = top.values(document.root, Here(document, top))
     check_rules(document, values)
     document.raise_problems()
     if values["run"].metrics_from is None:
         values["run"] = dataclasses.replace(values["run"], metrics_from=values["reference"].metrics_from)
-    experiment = Experiment(**values)
-    if not is_sized(document):
+    return Experiment(**values)
+
+
+def sized(experiment: Experiment, torque_of: Callable[[Experiment], Array]) -> Experiment:
+    """Return an experiment with numbers in place of gains to be chosen, and of shares of the motion's torque.
+
+    Args:
+        experiment: As of `unsized`.
+        torque_of: `motion_torque`, or `MotionTorques`.
+    """
+    if any(_is_open(value) for keys in experiment.controllers for value in keys.gains.values()):
+        experiment = with_gains(experiment)
+    acting = experiment.disturbances
+    if all(getattr(item, "relative", None) is None for item in acting):
         return experiment
-    rms = motion_torque(experiment)
-    sized = tuple(item.sized(rms) if hasattr(item, "sized") else item for item in experiment.disturbances)
-    return dataclasses.replace(experiment, disturbances=sized)
+    rms = torque_of(experiment)
+    return altered(
+        experiment, disturbances=tuple(item.sized(rms) if hasattr(item, "sized") else item for item in acting)
+    )
 
 
-def is_sized(document: Document) -> bool:
-    """Whether a valid config gives the size of a disturbance relative to the motion's torque."""
-    given = document.root.get("disturbances")
-    return isinstance(given, str) or (isinstance(given, list) and any("relative" in item for item in given))
+def _is_open(value: object) -> bool:
+    """Whether a gain is still to be chosen."""
+    return value == AUTO
+
+
+def with_gains(experiment: Experiment) -> Experiment:
+    """Return an experiment with numbers in place of the gains that are to be chosen; see `Law.choose_gains`.
+
+    They suit the arm itself, without load and friction, whatever the laws believe of it.
+    """
+    arm, controllers, chosen = load_model(experiment.plant.model), list[Controller](), dict[str, tuple[str, ...]]()
+    for keys in experiment.controllers:
+        given = {name: value for name, value in keys.gains.items() if not _is_open(value)}
+        if len(given) < len(keys.gains):
+            law, period = find_law(keys.law), experiment.run.control_period
+            gains = law.choose_gains(arm, period, experiment.chain, keys.options, given)
+            chosen[keys.name] = tuple(name for name in gains if name not in given)
+            keys = dataclasses.replace(keys, gains=gains)
+        controllers.append(keys)
+    return altered(experiment, controllers=tuple(controllers), chosen=chosen)
 
 
 def motion_torque(experiment: Experiment) -> Array:
@@ -87,3 +130,19 @@ def motion_torque(experiment: Experiment) -> Array:
     tau = load_model(experiment.plant.model).inverse_dynamics(motion.q, motion.qd, motion.qdd)
     rms: Array = np.sqrt(np.mean(tau**2, axis=0))
     return rms
+
+
+class MotionTorques:
+    """`motion_torque` of many experiments, worked out once for each motion; the arms' files must stay as they are."""
+
+    def __init__(self) -> None:
+        self._known: list[tuple[tuple[Any, ...], Array]] = []
+
+    def __call__(self, experiment: Experiment) -> Array:
+        """Return the RMS torque that the motion takes, (n,) [N m]."""
+        key = experiment.reference, experiment.run.duration, experiment.plant.model
+        for known, rms in self._known:
+            if known == key:
+                return rms
+        self._known = [*self._known[1 - MOTIONS :], (key, motion_torque(experiment))]
+        return self._known[-1][1]

@@ -8,8 +8,10 @@ from dataclasses import MISSING, dataclass
 from typing import Annotated, Any, Literal
 
 import torquebench.laws  # noqa: F401  (registers the built-in laws)
+from torquebench.experiment.extends import AUTO, FROM, without
 from torquebench.experiment.groups import Group, Many, OneOf, declare
-from torquebench.experiment.values import Slug, Value, Word, vector
+from torquebench.experiment.values import Here, Slug, Value, Word, vector
+from torquebench.experiment.yaml_tree import BROKEN
 from torquebench.fuzzy import BUILTIN
 from torquebench.keys import Declared, Key, Vector, declared_keys
 from torquebench.laws.declare import RESERVED, Gain
@@ -79,7 +81,7 @@ def _group(law: Law) -> Group:
     fields["law"] = declare("law", key, Word((law.name,)))
     names = ", ".join(f"{key} [{gain.unit}]" for key, gain in law.gains.items())
     gains = [_gain(name, gain) for name, gain in law.gains.items()]
-    node = Group(f"{law.name} gains", f"Gains of the law {law.name}.", gains, _given, noun="gain")
+    node = Gains(f"{law.name} gains", f"Gains of the law {law.name}.", gains, _given, noun="gain")
     default: Any = MISSING if any(gain.required for gain in gains) else {}
     fields["gains"] = declare("gains", Key(f"Gains of the law: {names or 'none'}"), node, default)
     for name, option in law.options.items():
@@ -92,9 +94,25 @@ def _group(law: Law) -> Group:
     def make(values: dict[str, Any]) -> Controller:
         options = {key: value for key, value in values.items() if key not in RESERVED}
         fuzzy = values.get("fuzzy") if law.fuzzy_problem(options) is None else None
-        return Controller(values["name"] or law.name, law.name, options, values["gains"], values["expect"], fuzzy)
+        gains = values["gains"]
+        if FROM in gains:
+            acting = [name for name, gain in law.gains.items() if name in gains or gain.acts(options)]
+            gains = {name: gains.get(name, AUTO) for name in acting}
+        return Controller(values["name"] or law.name, law.name, options, gains, values["expect"], fuzzy)
 
     return Group(law.name, law.summary, fields.values(), make, noun="key or option")
+
+
+class Gains(Group):
+    """Gains of a law; of ``{from: auto, ...}`` those that are given, with `FROM` to say that the others are chosen."""
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the gains that are given."""
+        if not (isinstance(raw, dict) and raw.get(FROM) == AUTO):
+            return super().read(raw, here)
+        some = Group("", self.doc, [one._replace(default=None) for one in self.fields.values()], _given, self.noun)
+        given = some.read(without(raw, FROM), here)  # type: ignore[arg-type]  # every mapping of a document is a Map
+        return given if given is BROKEN else {FROM: AUTO, **given}
 
 
 def _given(gains: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,22 @@ from torquebench.experiment.schema import Experiment, slide_joints
 from torquebench.fuzzy import BUILTIN, Prepared, prepare
 from torquebench.fuzzy.lint import lint
 from torquebench.keys import Units
+from torquebench.laws import find_law
+
+
+def chosen_text(experiment: Experiment) -> list[str]:
+    """Return a line for each controller with gains that were chosen: what they are, by joint where they differ."""
+    lines, run = [], experiment.run
+    for keys in experiment.controllers:
+        gains, units = [], find_law(keys.law).gains
+        for name in experiment.chosen.get(keys.name, ()):
+            value, unit = keys.gains[name], units[name].unit
+            numbers = f"[{', '.join(f'{x:g}' for x in value)}]" if isinstance(value, tuple) else f"{value:g}"
+            gains.append(f"{name} {numbers}{'' if unit == '1' else f' {unit}'}")
+        if gains:
+            where = f"{experiment.plant.model} at {1e3 * run.control_period:g} ms"
+            lines.append(f"controller '{keys.name}': gains chosen for {where}: {', '.join(gains)}")
+    return lines
 
 
 def conditions_text(experiment: Experiment) -> str:

@@ -13,6 +13,8 @@ OWN = (EXTENDS, "name", "description")
 """Keys of the top level that say something of their own file alone."""
 FROM = "from"
 """Key that names a preset whose keys are taken over."""
+AUTO = "auto"
+"""In place of the name of a set of gains: those that are not given are chosen for the arm."""
 PRESET = ("reference", "gains")
 """Keys whose value may be the name of a preset, or a mapping with `FROM` and other keys."""
 TAGS = ("engine", "kind", "law")

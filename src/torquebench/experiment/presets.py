@@ -1,6 +1,7 @@
 """Motions and gains of an arm by name: ``reference: puma560/sine``, ``gains: {from: puma560/l, k: 0.6}``.
 
-Of a set of gains a law takes those that it has, with the options that are chosen.
+Of a set of gains a law takes those that it has, with the options that are chosen. ``gains: auto`` names no set: the
+gains are chosen when all else has been read.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Collection
 from typing import Any
 
 from torquebench.errors import nearest
-from torquebench.experiment.extends import FROM, PRESET, Report, joined, without
+from torquebench.experiment.extends import AUTO, FROM, PRESET, Report, joined, preset_of, without
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Map, Place, Seq, copied, parse_value, shortened
 from torquebench.robot.library import PRESETS, model_folder, model_names
 
@@ -58,12 +59,17 @@ def _write(owner: Map, key: str, path: KeyPath, report: Report) -> None:
     if not isinstance(name, str):
         return
     key_place, place = owner.places[key]
+    if name == AUTO and key == GAINS:
+        if not isinstance(value, Map):
+            owner.put(key, preset_of(AUTO, place), key_place, place)
+        return
     if isinstance(value, Map):
         path, place = (*path, FROM), value.places[FROM][1]
     keys = presets(key).get(name)
     if keys is None:
-        near = nearest(name, presets(key)) or ""
-        wanted = "" if near else f"a mapping, or one of {', '.join(presets(key))}"
+        names = [AUTO] * (key == GAINS) + [*presets(key)]
+        near = nearest(name, names) or ""
+        wanted = "" if near else f"a mapping, or one of {', '.join(names)}"
         report(path, place=place, got=f"the text {shortened(name)}", nearest=near, wanted=wanted)
         owner[key] = BROKEN
         return

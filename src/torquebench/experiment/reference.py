@@ -7,9 +7,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from torquebench.experiment.controllers import controllers
-from torquebench.experiment.extends import EXTENDS
+from torquebench.experiment.extends import EXTENDS, FROM
 from torquebench.experiment.groups import Group, declare, group_of
 from torquebench.experiment.schema import Experiment
+from torquebench.experiment.start import KEY
 from torquebench.experiment.units import units_of
 from torquebench.keys import Declared, Key
 from torquebench.laws import find_law
@@ -26,6 +27,12 @@ ANOTHER = {
     "properties": {EXTENDS: {"type": "string", "description": "Name of the controller whose keys are taken over."}},
     "required": [EXTENDS],
 }
+NAMED = {
+    "type": ["string", "object"],
+    "description": "auto, or a set of gains by name; with others of one's own as {from: auto, lam: 12}.",
+    "required": [FROM],
+}
+"""Gains that are chosen for the arm, or taken of a set."""
 
 
 def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
@@ -56,6 +63,11 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     listed["items"]["oneOf"] += [{"$ref": "#/$defs/Another"}, {"type": "string"}]
     noise = whole["properties"]["disturbances"]
     noise["type"], noise["pattern"] = ["array", "string"], "%$"
+    start = groups["Run"]["properties"]["initial_q"]
+    start["anyOf" if "anyOf" in start else "oneOf"].append({"type": "string", "pattern": f"^{KEY}"})
+    for law in law_names() if laws is None else laws:
+        properties = groups[law]["properties"]
+        properties["gains"] = {"anyOf": [properties["gains"], NAMED], "description": properties["gains"]["description"]}
     described = {key: {"description": node["description"]} for key, node in whole["properties"].items()}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

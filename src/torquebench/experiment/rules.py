@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from torquebench.errors import Fault, ModelError, nearest
 from torquebench.experiment.controllers import Controller
+from torquebench.experiment.extends import AUTO
 from torquebench.experiment.schema import Belief, Run, Video, joint_count
 from torquebench.experiment.source import Document
 from torquebench.experiment.words import shown
@@ -207,6 +208,8 @@ def gains_that_act(controllers: Items, document: Document) -> Iterator[Fault]:
             elif acts and not given:
                 text, wanted = f"gain '{name}' is missing", f"a value ({gain.meaning} [{gain.unit}])"
                 yield Fault((*path, "gains", name), text, wanted=wanted, at="key")
+            elif acts and controller.gains[name] == AUTO and (text := law.no_rule(name)):
+                yield Fault((*path, "gains"), text, wanted=f"{{from: {AUTO}, {name}: ...}}", at="key")
         problem = law.fuzzy_problem(controller.options)
         if problem is not None and document.written((*path, "fuzzy")):
             yield Fault((*path, "fuzzy"), problem, at="key")

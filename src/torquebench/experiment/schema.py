@@ -110,7 +110,8 @@ class Run:
         Key(
             "Position at the start, at rest",
             "rad",
-            ", in m for slide joints; home is every joint at zero. References start at zero whatever initial_q is",
+            ", in m for slide joints; home is every joint at zero. key:NAME is a keyframe of the arm's file, and the "
+            "reference starts there too, unless it has an origin of its own; otherwise it starts at zero",
         ),
     ] = "home"
     seed: Annotated[
@@ -225,7 +226,7 @@ class Experiment:
     ] = field(default_factory=dict)
     reference: Annotated[
         Any,
-        Key("Desired motion; starts at zero whatever run.initial_q is"),
+        Key("Desired motion; starts at zero unless run.initial_q is a keyframe, or it has an origin"),
         OneOf(REFERENCES, "Form of the desired motion."),
     ]
     chain: Annotated[
@@ -261,6 +262,8 @@ class Experiment:
         AllOr(FIGURES),
     ] = None
     video: Annotated[Video | None, Key("Film to make of the run; none if left out, {} for one as usual")] = None
+    chosen: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
+    """Controller -> its gains that were chosen when the config was read; of a stored experiment none."""
 
     @cached_property
     def n(self) -> int:

@@ -10,12 +10,14 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Callable
 from functools import lru_cache
 from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
+from numba.core import config
 
 from torquebench.kernel import Array, is_foreign
 from torquebench.kernel.struct import Structure
@@ -24,6 +26,11 @@ BLOCK = 4096
 """States that are computed at once."""
 FEW = 4
 """States up to which one after the other is quicker than all at once."""
+WORTH = 300_000
+"""States whose terms take as long as rows of numbers as it takes to compile what computes them: some 4 s."""
+
+_mapped: Counter[Any] = Counter()
+"""States mapped so far by kernels that are not compiled yet, by the compiled form that there is."""
 
 
 def rebound(function: FunctionType, stand_in: Callable[[Any], Any]) -> FunctionType:
@@ -146,6 +153,7 @@ def map_states(
     states: list[Array],
     *shapes: tuple[int, ...],
     branches: bool = False,
+    rows: Callable[..., None] | None = None,
 ) -> list[Array]:
     """Return what a kernel ``(model, *states, *results)`` fills its results with, at each of N states.
 
@@ -155,12 +163,19 @@ def map_states(
         states: Its next arguments at each state, (N, ...).
         shapes: Shape of each result at one state.
         branches: Whether what it does depends on the numbers, so that each state must be taken by itself.
+        rows: A kernel that does the same to all states, (N, ...), and may be compiled: it is used where it is compiled
+            already, in this process or in the cache on disk, and from `WORTH` states in this process on.
 
     Returns:
         Each result, (N, *shape).
     """
     count = len(states[0])
     results = [np.empty((count, *shape)) for shape in shapes]
+    if rows is not None and not config.DISABLE_JIT:
+        given = [np.array(x) for x in states]  # which may be written to, so that there is one signature
+        if _is_worth(rows, (model, *given, *results), count):
+            rows(model, *given, *results)
+            return results
     if branches or count <= FEW:
         function, own = on_numbers(kernel), python_numbers(model)
         for k in range(count):
@@ -168,14 +183,22 @@ def map_states(
         return results
     function = on_columns(kernel)
     for first in range(0, count, BLOCK):
-        rows = slice(first, first + BLOCK)
-        given = [Columns(np.ascontiguousarray(np.moveaxis(x[rows], 0, -1))) for x in states]
-        size = given[0].array.shape[-1]
+        block = slice(first, first + BLOCK)
+        seen = [Columns(np.ascontiguousarray(np.moveaxis(x[block], 0, -1))) for x in states]
+        size = seen[0].array.shape[-1]
         filled = [Columns(np.empty((*shape, size))) for shape in shapes]
-        function(_with_scratch(model, size), *given, *filled)
+        function(_with_scratch(model, size), *seen, *filled)
         for result, columns in zip(results, filled, strict=True):
-            result[rows] = np.moveaxis(columns.array, -1, 0)
+            result[block] = np.moveaxis(columns.array, -1, 0)
     return results
+
+
+def _is_worth(rows: Any, arguments: tuple[Any, ...], count: int) -> bool:
+    """Return whether to use a compiled kernel, or to compile it; see `map_states`."""
+    if not rows.overloads and not rows._cache.holds(tuple(map(rows.typeof_pyval, arguments))):
+        _mapped[rows] += count
+        return _mapped[rows] >= WORTH
+    return True
 
 
 def _with_scratch(model: Any, count: int) -> Any:

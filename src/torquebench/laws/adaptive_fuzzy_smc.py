@@ -10,6 +10,7 @@ from torquebench.laws.law import controller
 from torquebench.laws.parts import Rate, Slope
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import slow_pull
 
 
 class AdaptiveGains(NamedTuple):
@@ -18,10 +19,11 @@ class AdaptiveGains(NamedTuple):
     lam: Slope
     kv: Rate
     kis: Annotated[
-        Array, Gain("gain of the integral of s, times Mbar; zero leaves the integral out", "1/s^2", positive=False)
+        Array,
+        Gain("gain of the integral of s, times Mbar; zero leaves the integral out", "1/s^2", False, auto=slow_pull),
     ]
     phi: Annotated[Array, Gain("s beyond which the outermost rule fires alone", "rad/s")]
-    gamma: Annotated[Array, Gain("rate gamma at which the rules learn, gamma Mbar", "1/s^2")]
+    gamma: Annotated[Array, Gain("rate gamma at which the rules learn, gamma Mbar", "1/s^2", auto=slow_pull)]
 
 
 class AdaptiveMemory(NamedTuple):

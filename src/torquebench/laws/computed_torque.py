@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, get_args
 
 from torquebench.kernel import Array
 from torquebench.laws.law import controller
@@ -10,13 +10,14 @@ from torquebench.laws.parts import Integral, Rate, Slope
 from torquebench.references import Reference
 from torquebench.robot.dynamics import inverse_dynamics
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import acceleration_rate, pole
 
 
 class Gains(NamedTuple):
     """Gains of the computed-torque law; here they act on accelerations, without Mbar."""
 
-    lam: Slope
-    kv: Rate
+    lam: Annotated[Array, get_args(Slope)[1]._replace(auto=pole)]
+    kv: Annotated[Array, get_args(Rate)[1]._replace(auto=acceleration_rate)]
     ki: Integral
 
 

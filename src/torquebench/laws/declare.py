@@ -8,6 +8,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import BUILTIN, DEFAULT, Fis
+from torquebench.tuning import BY_UNIT, Rule
 
 RESERVED = ("name", "law", "fuzzy", "gains", "expect")
 """Keys of a controller in a config, which an option would collide with."""
@@ -33,6 +34,13 @@ class Gain(NamedTuple):
     """Refuse zero too; negative gains are always refused."""
     only_with: tuple[str | bool, ...] | None = None
     """(option, value, ...): the gain has an effect with these values of the option only, and is refused with others."""
+    auto: Rule | None = None
+    """How ``gains: auto`` chooses it; None for the rule of its unit."""
+
+    @property
+    def rule(self) -> Rule | None:
+        """The rule by which it is chosen; None where there is none for its unit."""
+        return self.auto or BY_UNIT.get(self.unit)
 
     def acts(self, chosen: Mapping[str, str | bool]) -> bool:
         """True if the gain has an effect under the chosen options."""

@@ -12,6 +12,7 @@ from torquebench.laws.law import controller
 from torquebench.laws.parts import Band, Slope, Switching, UseModel, equivalent_control
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import turn_width
 
 
 class FuzzyLayerGains(NamedTuple):
@@ -20,7 +21,9 @@ class FuzzyLayerGains(NamedTuple):
     lam: Slope
     k: Switching
     phi: Band
-    gds: Annotated[Array, Gain("rate of s that the fuzzy system sees as 1; it sees s = phi as 1", "rad/s^2")]
+    gds: Annotated[
+        Array, Gain("rate of s that the fuzzy system sees as 1; it sees s = phi as 1", "rad/s^2", auto=turn_width)
+    ]
     equivalent_control: UseModel
     fis: Annotated[Fis, Rules("fuzzy system FIS(s/phi, ds/gds) whose output is multiplied by K")]
 

@@ -12,6 +12,7 @@ from torquebench.laws.law import controller
 from torquebench.laws.parts import Slope, UseModel, equivalent_control
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import fuzzy_torque, fuzzy_width, rate
 
 FUZZY, CLIPPED_SUM = 0, 1
 """Choices of ``compensation``; the third is none."""
@@ -50,6 +51,7 @@ class FuzzyBandGains(NamedTuple):
             "rate gain kV, Kd = kV Mbar with Mbar the model's inertia scale; the position gain is lambda Kd",
             "1/s",
             only_with=("linear", True),
+            auto=rate,
         ),
     ]
     kf: Annotated[
@@ -59,6 +61,7 @@ class FuzzyBandGains(NamedTuple):
             "1",
             False,
             ("compensation", "fuzzy", "clipped-sum"),
+            fuzzy_torque,
         ),
     ]
     gd: Annotated[
@@ -67,6 +70,7 @@ class FuzzyBandGains(NamedTuple):
             "rate of the error that the fuzzy system sees as 1; it sees the error ge = gd/lambda as 1",
             "rad/s",
             only_with=("compensation", "fuzzy", "clipped-sum"),
+            auto=fuzzy_width,
         ),
     ]
     ki: Annotated[Array, Gain("integral gain kI, KI = kI Mbar", "1/s^3", False, ("integral", True))]

@@ -11,11 +11,18 @@ from torquebench.laws.declare import Gain, Rules
 from torquebench.laws.law import controller
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import fuzzy_torque, fuzzy_width, slow_integral
 
-Torque: TypeAlias = Annotated[Array, Gain("fuzzy gain kF, a fraction of the torque limit, KF = kF tau_max", "1")]
+Torque: TypeAlias = Annotated[
+    Array, Gain("fuzzy gain kF, a fraction of the torque limit, KF = kF tau_max", "1", auto=fuzzy_torque)
+]
 ErrorScale: TypeAlias = Annotated[Array, Gain("error that the fuzzy system sees as 1", "rad")]
-RateScale: TypeAlias = Annotated[Array, Gain("rate of the error that the fuzzy system sees as 1", "rad/s")]
-IntegralScale: TypeAlias = Annotated[Array, Gain("integral of the error that the fuzzy system sees as 1", "rad s")]
+RateScale: TypeAlias = Annotated[
+    Array, Gain("rate of the error that the fuzzy system sees as 1", "rad/s", auto=fuzzy_width)
+]
+IntegralScale: TypeAlias = Annotated[
+    Array, Gain("integral of the error that the fuzzy system sees as 1", "rad s", auto=slow_integral("ge"))
+]
 
 
 @kernel

@@ -10,11 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from torquebench.chain import IDEAL, Chain
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import FuzzySystem, builtin_system, prepare
 from torquebench.kernel import Array
 from torquebench.laws.declare import FixedRules, Gain, Option, Rules, check_conditions, declared_fields
 from torquebench.registry import Registry
+from torquebench.robot.robot_model import RobotModel
+from torquebench.tuning import Fit, choose, limits_of
 
 
 class Nothing(NamedTuple):
@@ -109,6 +112,46 @@ class Law:
         if problems:
             raise ControllerError(f"law '{self.name}': " + "; ".join(problems))
         return self.gains_type(**packed)
+
+    def choose_gains(
+        self,
+        model: RobotModel,
+        control_period: float = 0.001,
+        chain: Chain = IDEAL,
+        options: Mapping[str, str | bool] | None = None,
+        given: Mapping[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """Return gains that suit an arm, those that are given among them, as ``gains: auto`` does; see `Gain.auto`.
+
+        Args:
+            model: The arm.
+            control_period: Time between control instants [s].
+            chain: Sensors and actuators.
+            options: Option name -> value; those left out take their defaults.
+            given: Gains that are chosen already; the others follow from them.
+
+        Returns:
+            Name of each gain that acts -> one number where all joints have the same, else one for each.
+
+        Raises:
+            ControllerError: a gain that is not given has no rule.
+        """
+        chosen = {name: option.values[0] for name, option in self.options.items()} | dict(options or {})
+        given = dict(given or {})
+        acting = {name: gain for name, gain in self.gains.items() if name in given or gain.acts(chosen)}
+        problems = [text for name in acting if name not in given and (text := self.no_rule(name))]
+        if problems:
+            raise ControllerError(f"law '{self.name}': " + "; ".join(problems))
+        rules = {name: gain.rule for name, gain in acting.items() if gain.rule is not None}
+        known = {name: np.full(model.n, value, dtype=np.float64) for name, value in given.items()}
+        has_model = bool(chosen.get("equivalent_control"))
+        found = choose(Fit(limits_of(model), chain.reaction(control_period), rules, has_model, known))
+        return {name: given[name] if name in given else found[name] for name in acting}
+
+    def no_rule(self, name: str) -> str:
+        """Return why a gain cannot be chosen; nothing where it can."""
+        gain = self.gains[name]
+        return "" if gain.rule else f"gain '{name}' [{gain.unit}] has no rule by which it could be chosen"
 
     def gain_problem(self, name: str, given: bool, chosen: Mapping[str, str | bool]) -> str | None:
         """Return why a gain may not be given or left out under the chosen options, or None."""

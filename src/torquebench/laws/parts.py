@@ -9,11 +9,17 @@ from torquebench.laws.declare import Gain, Option
 from torquebench.references import Reference
 from torquebench.robot.dynamics import inverse_dynamics
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import rate
 
 Slope: TypeAlias = Annotated[Array, Gain("slope lambda of the sliding variable s = de + lambda e", "1/s")]
 Switching: TypeAlias = Annotated[Array, Gain("switching gain kK, a fraction of the torque limit, K = kK tau_max", "1")]
 Rate: TypeAlias = Annotated[
-    Array, Gain("rate gain kV, Kd = kV Mbar with Mbar the model's inertia scale; the position gain is lambda Kd", "1/s")
+    Array,
+    Gain(
+        "rate gain kV, Kd = kV Mbar with Mbar the model's inertia scale; the position gain is lambda Kd",
+        "1/s",
+        auto=rate,
+    ),
 ]
 Integral: TypeAlias = Annotated[
     Array, Gain("integral gain kI, KI = kI Mbar; zero leaves the integral out", "1/s^3", positive=False)

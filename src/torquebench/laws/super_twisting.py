@@ -11,14 +11,17 @@ from torquebench.laws.law import controller
 from torquebench.laws.parts import Slope, UseModel, equivalent_control
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import twist, twist_rate
 
 
 class SuperTwistingGains(NamedTuple):
     """Gains and options of the law."""
 
     lam: Slope
-    k1: Annotated[Array, Gain("gain of |s|^1/2 sgn(s), times the model's inertia scale Mbar", "rad^0.5/s^1.5")]
-    k2: Annotated[Array, Gain("gain of the integral of sgn(s), times Mbar", "rad/s^3")]
+    k1: Annotated[
+        Array, Gain("gain of |s|^1/2 sgn(s), times the model's inertia scale Mbar", "rad^0.5/s^1.5", auto=twist)
+    ]
+    k2: Annotated[Array, Gain("gain of the integral of sgn(s), times Mbar", "rad/s^3", auto=twist_rate)]
     equivalent_control: UseModel
 
 

@@ -13,6 +13,7 @@ from torquebench.laws.law import controller
 from torquebench.laws.parts import Band, Slope, Switching, UseModel, equivalent_control
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import as_much, fuzzy_width, slow_integral
 
 
 @kernel
@@ -33,12 +34,18 @@ class SupervisedGains(NamedTuple):
     lam: Slope
     k: Switching
     phi: Band
-    gis: Annotated[Array, Gain("integral of s that the fuzzy system sees as 1; it sees s = phi as 1", "rad")]
+    gis: Annotated[
+        Array,
+        Gain("integral of s that the fuzzy system sees as 1; it sees s = phi as 1", "rad", auto=slow_integral("phi")),
+    ]
     boost: Annotated[
-        Array, Gain("how much of K the supervisor adds to K at most; zero for no supervisor", "1", positive=False)
+        Array,
+        Gain("how much of K the supervisor adds to K at most; zero for no supervisor", "1", False, auto=as_much),
     ]
     ge: Annotated[Array, Gain("error at which the supervisor's first input is largest", "rad")]
-    gd: Annotated[Array, Gain("rate of the error at which the supervisor's second input is largest", "rad/s")]
+    gd: Annotated[
+        Array, Gain("rate of the error at which the supervisor's second input is largest", "rad/s", auto=fuzzy_width)
+    ]
     equivalent_control: UseModel
     fis: Annotated[
         Fis, Rules("fuzzy system FIS(s/phi, int s/gis) whose output is multiplied by the tuned K", default="pd-25")

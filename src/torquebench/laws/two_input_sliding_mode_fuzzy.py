@@ -12,6 +12,7 @@ from torquebench.laws.law import controller
 from torquebench.laws.parts import Slope, Switching
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
+from torquebench.tuning import slow_forgetting, slow_integral
 
 
 class TwoInputGains(NamedTuple):
@@ -20,9 +21,12 @@ class TwoInputGains(NamedTuple):
     lam: Slope
     k: Switching
     phi: Annotated[Array, Gain("sliding variable that the fuzzy system sees as 1", "rad/s")]
-    gis: Annotated[Array, Gain("integral of s that moves the self-tuning function by 1", "rad")]
+    gis: Annotated[
+        Array, Gain("integral of s that moves the self-tuning function by 1", "rad", auto=slow_integral("phi"))
+    ]
     forget: Annotated[
-        Array, Gain("rate at which the self-tuning function forgets; zero for never", "1/s", positive=False)
+        Array,
+        Gain("rate at which the self-tuning function forgets; zero for never", "1/s", False, auto=slow_forgetting),
     ]
     fis: Annotated[Fis, Rules("fuzzy system FIS(s/phi, z) whose output is multiplied by K")]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from torquebench.kernel import Array
 from torquebench.metrics.declare import metric
-from torquebench.metrics.record import JointRecord
+from torquebench.metrics.record import JointRecord, pieces
 
 
 @metric("time_in_band", title="time in boundary layer", unit="1", better="higher", column="")
@@ -15,6 +15,8 @@ def time_in_band(run: JointRecord) -> Array:
     if run.phi is None:
         return np.full(len(run.tau_max), np.nan)
     s = run.s[run.window]
-    share: Array = np.count_nonzero(np.abs(s) <= run.phi, axis=0) / len(s)
-    share[~np.isfinite(s).all(axis=0)] = np.nan
-    return share
+    inside, known = np.zeros(len(run.tau_max), dtype=np.intp), np.ones(len(run.tau_max), dtype=bool)
+    for piece in pieces(s):
+        inside += np.count_nonzero(np.abs(s[piece]) <= run.phi, axis=0)
+        known &= np.isfinite(s[piece]).all(axis=0)
+    return np.where(known, inside / len(s), np.nan)

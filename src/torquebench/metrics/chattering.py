@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from torquebench.kernel import Array
 from torquebench.metrics.declare import metric
-from torquebench.metrics.record import JointRecord, shared, total
+from torquebench.metrics.record import JointRecord, pieces, shared, total
 
 HF_FROM_HZ = 30.0
 """Lowest frequency that counts for HF [Hz]."""
@@ -63,7 +63,8 @@ def frequencies(n: int, control_period: float) -> Array:
 def hann_spectrum(x: Array, control_period: float) -> tuple[Array, npt.NDArray[np.complex128]]:
     """Frequencies [Hz] and rfft of x less its mean under a periodic Hann window (mean square 3/8)."""
     n = len(x)
-    tapered = (x - total(x) / n) * hann(n)[:, None]
+    tapered = x - total(x) / n
+    tapered *= hann(n)[:, None]
     return frequencies(n, control_period), np.fft.rfft(tapered, axis=0)
 
 
@@ -80,7 +81,8 @@ def line_powers(x: Array, control_period: float) -> Array:
     size: Array = np.abs(spectrum)
     if len(x) % 2 == 0:
         size[-1] /= math.sqrt(2.0)
-    return size * size
+    size *= size
+    return size
 
 
 def chattering_index(tau: Array, control_period: float, tau_max: Array, from_hz: float = HF_FROM_HZ) -> Array:
@@ -172,13 +174,22 @@ def powers_near(
         peaks: Frequency of the peak, (n,) [Hz]; NaN for none.
     """
     first, spacing = first_line(n, control_period, from_hz), 1.0 / (n * control_period)
-    high, place = powers[first:], np.arange(first, len(powers)) * spacing
     near, among, whole = np.zeros((3, len(peaks)))
-    for i in np.flatnonzero(peaks > 0.0):
-        reach = max(LINE_WIDTH * peaks[i], 2.0 * spacing) * (1.0 + 1e-9)
-        multiple = np.maximum(np.floor(place / peaks[i] + 0.5), 1.0)
-        lines = high[np.abs(place - multiple * peaks[i]) <= reach, i : i + 1]
-        near[i], among[i], whole[i] = total(lines)[0], len(lines), total(high[:, i : i + 1])[0]
+    some = np.flatnonzero(peaks > 0.0)
+    high, peak = np.take(powers[first:], some, axis=1), peaks[some]
+    place = np.arange(first, len(powers))[:, None] * spacing
+    reach, lines, count = np.maximum(LINE_WIDTH * peak, 2.0 * spacing) * (1.0 + 1e-9), np.zeros(len(some)), 0
+    for piece in pieces(high) if len(some) else ():
+        off = place[piece] / peak
+        off += 0.5
+        np.floor(off, out=off)
+        np.maximum(off, 1.0, out=off)  # the multiple that is nearest
+        off *= peak
+        np.subtract(place[piece], off, out=off)
+        is_near = np.abs(off, out=off) <= reach
+        lines = total(high[piece] * is_near, lines)
+        count += np.count_nonzero(is_near, axis=0)
+    near[some], among[some], whole[some] = lines, count, total(high)
     return near, among, whole, len(high)
 
 

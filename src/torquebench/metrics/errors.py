@@ -9,7 +9,7 @@ import numpy as np
 
 from torquebench.kernel import Array
 from torquebench.metrics.declare import metric
-from torquebench.metrics.record import JointRecord, shared, total
+from torquebench.metrics.record import JointRecord, pieces, shared, total
 
 STEADY_SPAN = 0.5
 """Length of the end of a run over which the steady-state error is taken [s]."""
@@ -39,17 +39,20 @@ def measure_errors(t: Array, e: Array, first: int, last: int) -> ErrorMeasures:
         first: Index at which the window of RMS and maximum begins.
         last: Number of samples at the end that the steady-state error is taken over.
     """
-    size = np.abs(e)
-    step = np.diff(t)[:, None]
-    timed = size * t[:, None]
-    steady = total(size[len(e) - last :]) / last if last else np.full(e.shape[1], np.nan)
-    return ErrorMeasures(
-        np.sqrt(total(size[first:] * size[first:]) / (len(e) - first)),
-        np.max(size[first:], axis=0),
-        steady,
-        total(step * (size[1:] + size[:-1]) * 0.5),
-        total(step * (timed[1:] + timed[:-1]) * 0.5),
-    )
+    step, instants = np.diff(t)[:, None], t[:, None]
+    squares = iae = itae = greatest = np.zeros(e.shape[1])
+    for piece in pieces(e):
+        above = slice(max(piece.start - 1, 0), piece.stop)  # with the row above, for the trapezia
+        size, widths = np.abs(e[above]), step[above.start : above.stop - 1]
+        own = size[max(first - above.start, piece.start - above.start) :]
+        if len(own):
+            greatest = np.maximum(greatest, np.maximum.reduce(own, axis=0))
+            squares = total(own * own, squares)
+        iae = total((size[1:] + size[:-1]) * widths, iae)
+        size *= instants[above]
+        itae = total((size[1:] + size[:-1]) * widths, itae)
+    steady = total(np.abs(e[len(e) - last :])) / last if last else np.full(e.shape[1], np.nan)
+    return ErrorMeasures(np.sqrt(squares / (len(e) - first)), greatest, steady, 0.5 * iae, 0.5 * itae)
 
 
 @shared

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -14,6 +14,9 @@ from torquebench.robot import RobotModel
 from torquebench.sim.trajectory import Trajectory
 
 T = TypeVar("T")
+
+PIECE = 8192
+"""Numbers of a signal that are taken at once: what is made of them stays in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,8 +31,6 @@ class JointRecord:
     """True position, (N, n) [rad]."""
     q_ref: Array
     """Desired position, (N, n) [rad]."""
-    e: Array
-    """Tracking error q_ref - q of the true position, (N, n) [rad]."""
     tau: Array
     """Torque after clipping, (N, n) [N m]."""
     s: Array
@@ -48,7 +49,15 @@ class JointRecord:
     """Whether the reference goes from one position to another and stays there."""
     arm: RobotModel | None = None
     """The true arm, where the reference is a path of its tool."""
-    _shared: dict[Callable[..., Any], Any] = field(default_factory=dict)
+    _shared: dict[Callable[..., Any] | str, Any] = field(default_factory=dict)
+
+    @property
+    def e(self) -> Array:
+        """Tracking error q_ref - q of the true position, (N, n) [rad]."""
+        if "e" not in self._shared:
+            self._shared["e"] = self.q_ref - self.q
+        error: Array = self._shared["e"]
+        return error
 
 
 def shared(compute: Callable[[JointRecord], T]) -> Callable[[JointRecord], T]:
@@ -65,8 +74,23 @@ def shared(compute: Callable[[JointRecord], T]) -> Callable[[JointRecord], T]:
     return cached
 
 
-def total(x: Array) -> Array:
-    """Return the sum of each column of x (N, n), added up from the first row to the last, (n,); 0 of no rows."""
+def total(x: Array, before: Array | None = None) -> Array:
+    """Return the sum of each column of x (N, n), added up from the first row to the last, (n,); 0 of no rows.
+
+    Args:
+        x: The columns; with `before` its first row is overwritten.
+        before: Sum of the rows above, (n,): the sum goes on from there as if they were one array.
+    """
+    if before is not None:
+        if len(x) == 0:
+            return before
+        x[0] += before
     if x.shape[1] > 1:  # numpy then adds row to row; one column it would add up in pairs
         return np.asarray(np.add.reduce(x, axis=0))
     return np.cumsum(x, axis=0)[-1] if len(x) else np.zeros(1)
+
+
+def pieces(x: Array) -> Iterator[slice]:
+    """Yield the rows of x (N, n) in consecutive pieces of about `PIECE` numbers."""
+    rows = max(1, PIECE // x.shape[1])
+    yield from (slice(first, min(first + rows, len(x))) for first in range(0, len(x), rows))

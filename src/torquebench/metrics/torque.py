@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from torquebench.kernel import Array
 from torquebench.metrics.declare import metric
-from torquebench.metrics.record import JointRecord, shared, total
+from torquebench.metrics.record import JointRecord, pieces, shared, total
+
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
 
 
 class TorqueMeasures(NamedTuple):
@@ -26,18 +29,39 @@ class TorqueMeasures(NamedTuple):
 
 def measure_torques(tau: Array, control_period: float, tau_max: Array) -> TorqueMeasures:
     """Return all measures of a torque tau (N, n) [N m] against its limits tau_max (n,) [N m]."""
-    length = (len(tau) - 1) * control_period
-    ratio, change = tau / tau_max, np.diff(tau, axis=0)
-    turns = np.zeros(len(tau_max))
-    for i, limit in enumerate(tau_max):
-        rising = change[np.abs(change[:, i]) > 1e-3 * limit, i] > 0.0
-        turns[i] = np.count_nonzero(rising[1:] != rising[:-1])
+    length, small, limit = (len(tau) - 1) * control_period, 1e-3 * tau_max, tau_max * (1.0 - 1e-12)
+    variation = squares = saturated = np.zeros(len(tau_max))
+    counts, rises = np.empty((2, len(tau) - 1, len(tau_max)), dtype=np.bool_)
+    for piece in pieces(tau):
+        ratio = tau[piece] / tau_max
+        ratio *= ratio
+        squares = total(ratio, squares)
+        at_limit = np.abs(tau[piece]) >= limit
+        if at_limit.any():
+            saturated = saturated + np.count_nonzero(at_limit, axis=0)
+        own = slice(max(piece.start - 1, 0), piece.stop - 1)
+        change = tau[own.start + 1 : piece.stop] - tau[own]
+        np.greater(change, 0.0, out=rises[own])
+        np.abs(change, out=change)
+        np.greater(change, small, out=counts[own])
+        variation = total(change, variation)
     return TorqueMeasures(
-        total(np.abs(change)) / (length * tau_max),
-        turns / length,
-        total(ratio * ratio) / len(tau),
-        np.count_nonzero(np.abs(tau) >= tau_max * (1.0 - 1e-12), axis=0) / len(tau),
+        variation / (length * tau_max), _turns(rises, counts) / length, squares / len(tau), saturated / len(tau)
     )
+
+
+def _turns(rises: BoolArray, counts: BoolArray) -> Array:
+    """Return how often a torque that rises goes on to fall, or the other way round, (n,).
+
+    Args:
+        rises: Whether it rises from each instant to the next, (N - 1, n).
+        counts: Whether that change counts, likewise; the others are passed over.
+    """
+    found = np.zeros(rises.shape[1])
+    for i, (own, kept) in enumerate(zip(np.ascontiguousarray(rises.T), np.ascontiguousarray(counts.T), strict=True)):
+        rising = own[kept]
+        found[i] = np.count_nonzero(rising[1:] != rising[:-1])
+    return found
 
 
 @shared

@@ -24,7 +24,7 @@ from torquebench.metrics.step_response import response_of
 from torquebench.robot import RobotModel
 from torquebench.sim.trajectory import Trajectory
 
-BLOCK = 50_000
+BLOCK = 200_000
 """Samples of a signal, of all joints of all runs, that are taken side by side: some that a processor's cache holds."""
 
 
@@ -173,11 +173,11 @@ def headlines_of(runs: Iterable[tuple[int, JointRecord]]) -> Iterator[tuple[int,
     own = not any(is_foreign(info.formula) for info in METRICS.values())  # a user's metric may join joints
     for number, run in runs:
         # of a single joint numpy adds up the lines of a spectrum in another order
-        if not own or run.arm is not None or run.e.shape[1] == 1 or 2 * run.e.size > BLOCK:
+        if not own or run.arm is not None or run.q.shape[1] == 1 or 2 * run.q.size > BLOCK:
             yield number, headlines(measured(run))
             continue
         steps = run.step_like, run.step_like and bool(np.any(run.q_ref != run.q_ref[0]))
-        kind = run.e.shape, run.control_period, run.window.start, run.chattering_from_hz, run.phi is None, *steps
+        kind = run.q.shape, run.control_period, run.window.start, run.chattering_from_hz, run.phi is None, *steps
         if kind not in blocks:
             blocks[kind] = _Block(run)
         if blocks[kind].add(number, run):
@@ -194,15 +194,18 @@ class _Block:
     """
 
     def __init__(self, run: JointRecord) -> None:
-        self._like, self._numbers, self._most = run, list[int](), BLOCK // run.e.size
-        seen = ["e", "tau", "tau_max", *["q", "q_ref"] * run.step_like, *["s", "phi"] * (run.phi is not None)]
-        shapes = {name: getattr(run, name).shape for name in seen}
+        self._like, self._numbers, self._most = run, list[int](), BLOCK // run.q.size
+        seen = ["tau", "tau_max", *["q", "q_ref"] * run.step_like, *["s", "phi"] * (run.phi is not None)]
+        shapes = {"e": run.q.shape} | {name: getattr(run, name).shape for name in seen}
         self._wide = {name: np.empty((*shape[:-1], self._most, shape[-1])) for name, shape in shapes.items()}
 
     def add(self, number: int, run: JointRecord) -> bool:
         """Add a run; true if there is no room for another one."""
         for name, wide in self._wide.items():
-            wide[..., len(self._numbers), :] = getattr(run, name)
+            if name == "e":
+                np.subtract(run.q_ref, run.q, out=wide[:, len(self._numbers)])
+            else:
+                wide[..., len(self._numbers), :] = getattr(run, name)
         self._numbers.append(number)
         return len(self._numbers) == self._most
 
@@ -212,7 +215,7 @@ class _Block:
         if numbers:
             parts = {name: np.ascontiguousarray(wide[..., : len(numbers), :]) for name, wide in self._wide.items()}
             wide: dict[str, Any] = {name: part.reshape(*part.shape[:-2], -1) for name, part in parts.items()}
-            values, stepped = measured(replace(self._like, **wide, _shared={}))
+            values, stepped = measured(replace(self._like, _shared={"e": wide.pop("e")}, **wide))
             joints = PerJoint(values.reshape(len(values), len(numbers), -1), stepped.reshape(len(numbers), -1))
             yield from zip(numbers, headlines(joints).T, strict=True)
 
@@ -269,7 +272,6 @@ def record_of(
         t,
         trajectory.q,
         trajectory.q_ref,
-        e=trajectory.q_ref - trajectory.q,
         tau=trajectory.tau,
         s=trajectory.s,
         tau_max=limit,

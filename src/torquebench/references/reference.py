@@ -17,13 +17,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from torquebench.errors import InconsistentReferenceError
 from torquebench.kernel import Array
-from torquebench.keys import Kinds, Vector, as_vector
+from torquebench.keys import Key, Kinds, Vector, as_vector
 
 
 class Reference(NamedTuple):
@@ -51,13 +52,23 @@ ROUNDING = 1e-9
 """A control instant this close before an event counts as the event's [s]: k T is rounded."""
 
 
+ORIGIN = Key(
+    "Position from which the motion starts",
+    "rad",
+    ", in m for slide joints; if left out, that of run.initial_q where it is a keyframe, else zero",
+)
+
+
 def each_joint(value: Vector, n: int | None) -> Array:
     """Return a number for each of `n` joints, (n,); of None, as many as there are."""
     return np.atleast_1d(np.array(value, dtype=np.float64)) if n is None else as_vector(value, n)
 
 
+@dataclass(frozen=True)
 class Motion(ABC):
-    """A kind that may be called with times alone, as a `ReferenceSource`."""
+    """A kind that may be called with times alone, as a `ReferenceSource`, and that begins where it is told to."""
+
+    origin: Annotated[Vector | None, ORIGIN] = field(default=None, kw_only=True)
 
     @abstractmethod
     def sample(self, t: Array, n: int | None = None) -> Reference:
@@ -66,6 +77,15 @@ class Motion(ABC):
     def highest_hz(self) -> float:
         """Return the highest frequency of the motion [Hz]: 0, but for kinds that swing."""
         return 0.0
+
+    def way(self, target: Vector, n: int | None) -> Array:
+        """Return how far a target is from the origin, for each of `n` joints."""
+        goal = each_joint(target, n)
+        return goal if self.origin is None else goal - each_joint(self.origin, n)
+
+    def placed(self, position: Array, n: int | None) -> Array:
+        """Return positions relative to the origin, (N, n), as they are [rad]."""
+        return position if self.origin is None else position + each_joint(self.origin, n)
 
     def __call__(self, t: Array) -> Reference:
         """Return the desired motion at times (N,) [s]."""

@@ -1,4 +1,4 @@
-"""Raised sine: a motion that swings from zero and back, at rest when it starts."""
+"""Raised sine: a motion that swings from its origin and back, at rest when it starts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from torquebench.references.reference import Motion, Reference, each_joint, refe
 @reference("sine")
 @dataclass(frozen=True)
 class Sine(Motion):
-    """Raised sine A/2 (1 - cos 2 pi f t), at rest at zero when it starts."""
+    """Raised sine A/2 (1 - cos 2 pi f t), from its origin and at rest there at t = 0."""
 
     amplitude: Annotated[Vector, Key("Peak-to-peak excursion A of each joint", "rad", ", in m for slide joints")]
     frequency_hz: Annotated[Vector, Key("Frequency f of each joint", "Hz", at_least=0)]
@@ -29,4 +29,5 @@ class Sine(Motion):
         """Return the desired motion of `n` joints at times (N,) [s]."""
         half, w = each_joint(self.amplitude, n) / 2.0, 2.0 * math.pi * each_joint(self.frequency_hz, n)
         phase = t[:, None] * w
-        return Reference(half * (1.0 - np.cos(phase)), half * w * np.sin(phase), half * w * w * np.cos(phase))
+        position = self.placed(half * (1.0 - np.cos(phase)), n)
+        return Reference(position, half * w * np.sin(phase), half * w * w * np.cos(phase))

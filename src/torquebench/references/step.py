@@ -1,4 +1,4 @@
-"""Step: zero, then a constant."""
+"""Step: a constant, then another one."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from torquebench.errors import Fault
 from torquebench.kernel import Array
 from torquebench.keys import Key, Vector
-from torquebench.references.reference import ROUNDING, Motion, Reference, each_joint, reference
+from torquebench.references.reference import ROUNDING, Motion, Reference, reference
 from torquebench.timing import Timing
 
 
 @reference("step")
 @dataclass(frozen=True)
 class Step(Motion):
-    """Zero, then a constant.
+    """The origin, then the target.
 
     The desired rates are zero throughout.
     """
@@ -37,6 +37,7 @@ class Step(Motion):
 
     def sample(self, t: Array, n: int | None = None) -> Reference:
         """Return the desired motion of `n` joints at times (N,) [s]."""
-        goal = each_joint(self.target, n)
+        goal = self.way(self.target, n)
         zero = np.zeros((len(t), len(goal)))
-        return Reference(np.where(t[:, None] >= self.at - ROUNDING, goal, 0.0), zero, zero.copy())
+        position = np.where(t[:, None] >= self.at - ROUNDING, goal, 0.0)
+        return Reference(self.placed(position, n), zero, zero.copy())

@@ -17,7 +17,7 @@ from torquebench.report.looks import looks
 from torquebench.report.render import THREE, UPLOT, render
 from torquebench.report.replay import replay_data
 from torquebench.report.scatter import Point, scatter
-from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text
+from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text, uncovered
 
 LEAST = 1e-3
 """Smaller figures of the table are written as ``<0.001``; the stored one is told under the pointer."""
@@ -64,7 +64,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         unit=joint_units(METRICS["rmse"].shown_unit, result.slides),
         by_joint=by_joint(result),
         certificates=certificate_words(result),
-        flags=[*result.flags, *changed_arm(result)],
+        flags=[*result.flags, *uncovered(result), *changed_arm(result)],
         conditions=[first, second],
         gains=gain_table(result),
         config=dump_experiment(experiment),
@@ -184,6 +184,9 @@ def certificate_words(result: ExperimentResult) -> list[tuple[str, list[tuple[bo
         gain = f"{'large enough, by' if enough else 'too small, by'} {number(abs(worst['value']))} {force} ({where})"
         set_point = facts.get("set_point")
         after = f"; V of (142): {set_point['says']}" if set_point else ""
+        if len(facts.get("too_wide", ())) == len(result.joints.names):
+            found.append((name, [(enough, gain), (False, "so wide that it covers nothing"), (False, "nothing shown")]))
+            continue
         if not outside:
             found.append((name, [(enough, gain), (True, "never outside"), (True, f"nothing to certify{after}")]))
             continue

@@ -125,6 +125,8 @@ def info_of(stored: StoredSweep) -> SweepInfo:
             axis.key: dict(zip(words(axis), (value.raw for value in axis.values), strict=True))
             for axis in plan.keys.axes
         },
+        [str(path) for path in plan.source.plugins],
+        plan.source.overrides,
     )
 
 

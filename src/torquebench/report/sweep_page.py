@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -56,6 +57,10 @@ class SweepInfo(NamedTuple):
     """Controller -> name of its law."""
     raws: Mapping[str, Mapping[float | str, Any]]
     """Key of the grid -> value as in the table -> value as in the config."""
+    plugins: Sequence[str] = ()
+    """Paths of the files of its own laws."""
+    overrides: Sequence[str] = ()
+    """Edits ``key=value`` that were made to its file."""
 
 
 def sweep_page(table: Table, summary: Summary, info: SweepInfo, found: Sequence[Sensitivity] = ()) -> bytes:
@@ -133,6 +138,8 @@ def best_data(summary: Summary, info: SweepInfo, titles: Titles) -> dict[str, An
     figures = {key: [group.figures.get(key) for group in groups] for key in metrics}
     return {
         "laws": [[name, colours[name].colour] for name in laws],
+        "plugins": "".join(f" --plugin {shlex.quote(path)}" for path in info.plugins),
+        "settings": "".join(f" --set {shlex.quote(text)}" for text in info.overrides),
         "keys": keys,
         "metrics": [
             {"key": key, "title": titles[key][0], "scale": titles[key][1], "lower": METRICS[key].better == "lower"}
@@ -156,7 +163,7 @@ def _end(figure: Figure | None, name: str) -> float | None:
 
 
 def _yaml(raw: Any) -> str:
-    """Return a value as it is written behind ``--set KEY=``."""
+    """Return a value as it is written in a config."""
     return raw if isinstance(raw, str) and raw.isidentifier() else json.dumps(raw, default=str)
 
 

@@ -13,14 +13,14 @@ from torquebench.statistics import Ratio
 from torquebench.sweep.best import Choice, best_choices, conditions, short_names
 from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
-from torquebench.sweep.summary import Group, Summary
+from torquebench.sweep.summary import Figure, Group, Summary
 
 SHOWN = ("rmse", "chattering")
 """Metrics that answers, fronts and figures are about: error against chattering."""
 LEFT_OUT = ("steady_state_error", "chattering_peak", "limit_cycle", "hf", "saturation_fraction")
 """Metrics with a column elsewhere that tables of the best have no room for; ``summary.json`` has them."""
-MOST_BEST = 5
-"""Best choices that are told whatever their law."""
+STRIP = 32
+"""Characters of an axis of dots."""
 Titles = Mapping[str, tuple[str, float]]
 """Title with unit and scale of each metric, as of `headlines`."""
 
@@ -127,22 +127,64 @@ def figure_text(choice: Choice, key: str, titles: Titles, named: bool = True, en
     return f"{text} [{low}, {high}]" if ends and math.isfinite(figure.low) else text
 
 
-def best_table(summary: Summary, titles: Titles) -> Cells:
-    """Return a row for each of the best choices, the least error first, and for the best choice of each law.
+def told_choices(summary: Summary, titles: Titles, most: int) -> list[Choice]:
+    """Return the best choices, the least error first, at most `most` of them and the best choice of each law."""
+    shown, found = columns_of(summary, titles), list[Choice]()
+    for place, one in enumerate(best_choices(summary, shown[0]) if shown else ()):
+        if place < most or all(other.controller != one.controller for other in found):
+            found.append(one)
+    return found
+
+
+def dot_rows(choices: Sequence[Choice], summary: Summary, titles: Titles) -> Cells:
+    """Return a row for each choice: a dot for the mean of each metric in `SHOWN`, a line for its interval.
 
     Args:
+        choices: What is shown.
         summary: The sweep's summary.
         titles: Titles and scales of the metrics.
     """
+    header, columns = [""], [[choice_text(one, summary) for one in choices]]
+    for key in SHOWN:
+        known = [one.figures[key] for one in choices if key in one.figures]
+        if not known:
+            continue
+        least, most = min(figure.mean for figure in known), max(figure.mean for figure in known)
+        is_wide, scale = least > 0.0 and most > 3.0 * least, titles[key][1]
+        ends = f"{scale * least:.3g} to {scale * most:.3g}" if most > least else f"{scale * least:.3g}"
+        header.append(f"{titles[key][0]}: {ends}{', logarithmic' * is_wide}")
+        columns.append([_strip(one.figures.get(key), least, most, is_wide) for one in choices])
+    return header, [list(row) for row in zip(*columns, strict=True)]
+
+
+def _strip(figure: Figure | None, least: float, most: float, is_wide: bool) -> str:
+    """Return a metric's mean as a dot between the least and the greatest of all, with its interval as a line."""
+    if figure is None:
+        return "no run completed"
+
+    def place(x: float) -> int:
+        low, high, x = (math.log(max(y, 1e-300)) if is_wide else y for y in (least, most, x))
+        share = (x - low) / (high - low) if high > low else 0.0
+        return round((STRIP - 1) * min(max(share, 0.0), 1.0))
+
+    cells = ["·"] * STRIP
+    if math.isfinite(figure.low):
+        for i in range(place(figure.low), place(figure.high) + 1):
+            cells[i] = "─"
+    cells[place(figure.mean)] = "●"
+    return "".join(cells)
+
+
+def best_table(choices: Sequence[Choice], summary: Summary, titles: Titles) -> Cells:
+    """Return a row of figures for each choice; arguments as of `dot_rows`."""
     shown = columns_of(summary, titles)
     heads = [titles[key][0] for key in shown]
     header = ["controller", *short_names(summary.grid).values(), *heads, "runs", "failed"]
     rows = list[list[str]]()
-    for place, one in enumerate(best_choices(summary, shown[0]) if shown else ()):
-        if place < MOST_BEST or all(row[0] != one.controller for row in rows):
-            values = ["-" if value is None else value_text(value) for value in one.worst.values.values()]
-            figures = [figure_text(one, key, titles, named=False, ends=key in SHOWN) for key in shown]
-            rows.append([one.controller, *values, *figures, f"{one.runs:,}", f"{one.runs - one.completed:,}"])
+    for one in choices:
+        values = ["-" if value is None else value_text(value) for value in one.worst.values.values()]
+        figures = [figure_text(one, key, titles, named=False, ends=key in SHOWN) for key in shown]
+        rows.append([one.controller, *values, *figures, f"{one.runs:,}", f"{one.runs - one.completed:,}"])
     return header, rows
 
 

@@ -154,7 +154,7 @@ def certificate_table(result: ExperimentResult) -> Cells:
     for name, facts in result.certified.items():
         worst = facts["worst_margin"]
         joint, force = result.joints.names[worst["joint"] - 1], "N" if result.slides[worst["joint"] - 1] else "N m"
-        vacuous, set_point = not facts["share_outside"], facts.get("set_point")
+        vacuous, set_point = facts.get("vacuous", not facts["share_outside"]), facts.get("set_point")
         rows.append(
             [
                 name,
@@ -169,6 +169,22 @@ def certificate_table(result: ExperimentResult) -> Cells:
         )
     header = ["certificate of", "least K - (123)", "where", "reaching time [s]", "bound [s]", "outside the layer [%]"]
     return [*header, "V grew there [%]", "V of (142)"], rows
+
+
+def uncovered(result: ExperimentResult) -> list[str]:
+    """Return a line for each joint of which a controller's certificate shows nothing, its layer being too wide."""
+    lines = []
+    for name, facts in result.certified.items():
+        for one in facts.get("too_wide", ()):
+            joint = one["joint"] - 1
+            speed, angle = ("m/s", "m") if result.slides[joint] else ("rad/s", "rad")
+            wide = f"{number(one['layer'])} {speed}"
+            wide += "" if one["phi"] is None else f", {one['layer'] / one['phi']:.3g} phi,"
+            lines.append(
+                f"certificate of '{name}' shows nothing of {result.joints.names[joint]}: K moves s by {wide} "
+                f"before the loop answers, an error of {number(one['error'])} {angle} that counts as inside the layer"
+            )
+    return lines
 
 
 def gain_table(result: ExperimentResult) -> Cells:

@@ -80,6 +80,42 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, qdd: Array) 
 
 
 @kernel
+def sliding_terms(model: Model, q: Array, qd: Array, s: Array, M: Array, turning: Array, g: Array) -> None:
+    """Fill `M` (n, n) with M(q), `turning` (n,) with C(q, qd) s and `g` (n,) with g(q), of an EXACT model [N m].
+
+    C is that of Christoffel's symbols, for which dM/dt - 2C is skew-symmetric. The velocity torque is a quadratic form
+    v(x) = C(q, x) x, so C(q, qd) s = (v(qd + s) - v(qd) - v(s)) / 2.
+
+    Args:
+        model: The arm.
+        q, qd, s: Position [rad], velocity [rad/s] and sliding variable [rad/s], (n,).
+        M, turning, g: Results.
+    """
+    both, torque, still = model.scratch.matrix[0], model.scratch.vector, model.scratch.zeros
+    place_frames(model, q)
+    composite_mass_matrix(model, M)
+    for i in range(len(q)):
+        both[i] = qd[i] + s[i]
+    newton_euler(model, both, still, 1.0, turning)
+    newton_euler(model, qd, still, 1.0, torque)
+    for i in range(len(q)):
+        turning[i] -= torque[i]
+    newton_euler(model, s, still, 1.0, torque)
+    for i in range(len(q)):
+        turning[i] -= torque[i]
+    newton_euler(model, still, still, 1.0, g)
+    for i in range(len(q)):
+        turning[i] = 0.5 * (turning[i] + g[i])
+
+
+@kernel
+def sliding_terms_of_each(model: Model, q: Array, qd: Array, s: Array, M: Array, turning: Array, g: Array) -> None:
+    """Fill the rows of `M` (N, n, n), `turning` and `g` (N, n) with `sliding_terms`; arguments as there, (N, n)."""
+    for k in range(len(q)):
+        sliding_terms(model, q[k], qd[k], s[k], M[k], turning[k], g[k])
+
+
+@kernel
 def velocity_products(model: Model, q: Array, b: Array, C: Array) -> None:
     """Fill the Coriolis matrix `b` (n, n(n-1)/2) and the centrifugal matrix `C` (n, n), (26) [kg m^2].
 

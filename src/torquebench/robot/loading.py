@@ -4,9 +4,24 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from torquebench.kernel import Array
 from torquebench.robot.library import mjcf_path
 from torquebench.robot.puma560.puma import NAME, Puma560
 from torquebench.robot.robot_model import RobotModel
+
+
+def keyframes(source: str | Path) -> dict[str, Array]:
+    """Return the keyframes of an arm's file by name, each a position (n,) [rad]; those without a name are left out.
+
+    Args:
+        source: Name of a model in ``models/``, or path of an ``.xml`` file.
+
+    Raises:
+        ModelError: there is no such file, or it does not compile.
+    """
+    from torquebench.robot import mjcf
+
+    return mjcf.keyframes(mjcf.compile_mjcf(mjcf_path(source)))
 
 
 def load_model(source: str | Path, structure: str = "exact", constants: str = "fitted") -> RobotModel:

@@ -180,6 +180,12 @@ def joint_names(m: Any) -> list[str]:
     return [mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_JOINT, j) or f"joint{j + 1}" for j in range(m.njnt)]
 
 
+def keyframes(m: Any) -> dict[str, Array]:
+    """Return the keyframes of a compiled model that have a name, each a position (nq,)."""
+    names = [mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_KEY, k) for k in range(m.nkey)]
+    return {name: np.array(m.key_qpos[k]) for k, name in enumerate(names) if name}
+
+
 def torque_limits(m: Any, where: str) -> Array:
     """Return each joint's torque limit (n,) [N m]: the sum of its motors' limits, at most its ``actuatorfrcrange``.
 

@@ -111,6 +111,21 @@ class RobotModel:
         """
         return self._map(dynamics.inverse_dynamics, (self.n,), q=q, qd=qd, qdd=qdd)
 
+    def sliding_terms(self, q: Array, qd: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Return M(q), (N, n, n) [kg m^2], C(q, qd) s with the C of Christoffel's symbols, and g(q), (N, n) [N m].
+
+        Args:
+            q, qd, s: Position [rad], velocity [rad/s] and sliding variable [rad/s], (N, n).
+        """
+        if self.flat.structure != EXACT:
+            g = self.gravity(q)
+            turning = self.bias_forces(q, qd + s) - self.bias_forces(q, qd) - self.bias_forces(q, s)
+            return self.mass_matrix(q), 0.5 * (turning + g), g
+        states, n = self._checked(q=q, qd=qd, s=s)[0], self.n
+        rows = dynamics.sliding_terms_of_each
+        M, turning, g = map_states(dynamics.sliding_terms, self.flat, states, (n, n), (n,), (n,), rows=rows)
+        return M, turning, g
+
     def forward_dynamics(self, q: npt.ArrayLike, qd: npt.ArrayLike, tau: npt.ArrayLike) -> Array:
         """Acceleration M(q)^-1 (tau - N(q, qd)), (30), (..., n) [rad/s^2].
 

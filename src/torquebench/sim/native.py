@@ -295,10 +295,15 @@ def _is_compiled(plant: Any, law: Law) -> bool:
 
 def _plain_obstacle(plant: Plant, law: Law) -> str:
     """Return why a run cannot be compiled, as far as that shows before it is."""
+    if not config.DISABLE_JIT and not hasattr(plant, "native"):
+        return f"the plant, a {type(plant).__name__}, has no native form"
+    return _outside(law)
+
+
+def _outside(law: Law) -> str:
+    """Return why a law cannot be compiled, as far as that shows before it is."""
     if config.DISABLE_JIT:
         return "numba is switched off (NUMBA_DISABLE_JIT)"
-    if not hasattr(plant, "native"):
-        return f"the plant, a {type(plant).__name__}, has no native form"
     if found := complaints(law):
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         return f"law '{law.name}' keeps to Python: {found[0]}{more}"
@@ -316,14 +321,27 @@ def obstacle(plant: Plant, law: Law) -> str:
     return law_obstacle(law)
 
 
-@lru_cache(maxsize=256)
 def law_obstacle(law: Law) -> str:
-    """Return why a law in the dialect cannot be compiled; an empty text when it can. Compiles it."""
+    """Return why a law cannot be compiled; an empty text when it can. Compiles it."""
+    return _outside(law) or _refused(law)
+
+
+@lru_cache(maxsize=256)
+def _refused(law: Law) -> str:
+    """Return what the compiler has against a law in the dialect."""
     try:
         _ = native_law(law).address
     except (NumbaError, TypeError) as error:
         return f"law '{law.name}' cannot be compiled: {compiler_message(error, law.function)}"
     return ""
+
+
+def bind_law(setup: Setup) -> tuple[Table, Table]:
+    """Have a job call its law, compiled; what is returned must be kept as long as the job is used."""
+    tables, call = (Table(setup.gains), Table(setup.memory)), setup.job.call
+    call[:4] = native_law(setup.law).address, tables[0].address, setup.belief.address, tables[1].address
+    call[6] = len(setup.job.q)
+    return tables
 
 
 class NativeRun:
@@ -340,18 +358,10 @@ class NativeRun:
     def __init__(self, setup: Setup, plant: NativePlant) -> None:
         job = setup.job
         self.setup, self._plant = setup, plant
-        self._tables = Table(setup.gains), Table(setup.memory)
+        self._tables = bind_law(setup)
         self.detail = ""
         """Reason of a failure; empty if there was none."""
-        job.call[:] = [
-            native_law(setup.law).address,
-            self._tables[0].address,
-            setup.belief.address,
-            self._tables[1].address,
-            plant.step.address,
-            plant.structure.address,
-            len(job.q),
-        ]
+        job.call[4:6] = plant.step.address, plant.structure.address
         self._loop = LOOP.call
 
     def restart(self, plant: NativePlant) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment.build import Builder
-from torquebench.experiment.config import check_experiment
+from torquebench.experiment.config import MotionTorques, sized, unsized
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document
 from torquebench.experiment.sweep_section import Random, Value, in_words
@@ -109,7 +109,7 @@ class _Checker:
     """Collects the mistakes in many variants of one document."""
 
     def __init__(self, plan: Plan) -> None:
-        self._plan, self._build = plan, Builder()
+        self._plan, self._build, self._torques = plan, Builder(), MotionTorques()
         self._found: dict[tuple[Place, str, str], _Mistake] = {}
         self._tried: dict[str, set[float | str]] = {}
         self._names: list[str] | None = None
@@ -123,7 +123,7 @@ class _Checker:
             self._tried.setdefault(key, set()).add(value.word)
         document, _ = self._plan.variant(values)
         try:
-            experiment = check_experiment(document)
+            experiment = sized(unsized(document), self._torques)
             self._check_names(document, experiment, values)
             if build:
                 self._build.fixed(experiment)

@@ -18,6 +18,7 @@ from typing import Any, Protocol, TypeVar
 from torquebench.errors import ResultError, TorquebenchError
 from torquebench.laws.plugin import load_plugin
 from torquebench.sweep.plan import Source
+from torquebench.sweep.repeats import Known
 from torquebench.sweep.table import Table
 from torquebench.sweep.worker import Task, run_shard
 
@@ -66,12 +67,14 @@ class Threads:
 
     Args:
         count: Number of threads.
+        known: Loops that need not be run again; for sweeps that repeat each other's. None to run all.
     """
 
     processes = 0
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, known: Known | None = None) -> None:
         self.count = self.here = count
+        self._known = known
 
     def __str__(self) -> str:
         return f"{self.count} thread{'s' * (self.count != 1)}"
@@ -84,7 +87,8 @@ class Threads:
         stop = threading.Event()
         with ThreadPoolExecutor(self.count) as pool:
             try:
-                yield from as_done(self, lambda shard: pool.submit(run_shard, task, shard, stop.is_set), shards)
+                run = functools.partial(run_shard, task, stop=stop.is_set, known=self._known)
+                yield from as_done(self, lambda shard: pool.submit(run, shard), shards)
             finally:
                 stop.set()
                 pool.shutdown(cancel_futures=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.disturbances import Stream, generator
-from torquebench.experiment.config import check_experiment, is_sized
+from torquebench.experiment.config import MotionTorques, sized, unsized
 from torquebench.experiment.dump import flat_text
 from torquebench.experiment.extends import Text
 from torquebench.experiment.groups import SWEEP
@@ -61,12 +61,12 @@ class _Fixed:
     """A checked experiment, and the places of the varied keys in it."""
 
     experiment: Experiment
+    unsized: Experiment
+    """It before its disturbances have their sizes, which follow from other keys."""
     places: Mapping[str, list[KeyPath]]
     """Places of each varied key; continuous random ones are set there."""
     lacking: Mapping[str, frozenset[int]]
     """Varied key -> the controllers that do not have it."""
-    is_sized: bool
-    """Whether the size of a disturbance follows from other keys, so that each draw has one of its own."""
 
 
 class Plan:
@@ -93,7 +93,7 @@ class Plan:
         self.continuous: tuple[Random, ...] = tuple(r for r in random if r.choices is None)
         self.choices: tuple[Random, ...] = tuple(r for r in random if r.choices is not None)
         self.cases = math.prod(len(axis.values) for axis in axes)
-        self.draws = self.keys.draws
+        self.draws, self._torques = self.keys.draws, MotionTorques()
         self._fixed = functools.lru_cache(maxsize=REMEMBERED)(self._checked)
         self._draw = functools.lru_cache(maxsize=DRAWS_REMEMBERED)(self._drawn)
         self.pairs = self.cases * self.draws
@@ -172,18 +172,15 @@ class Plan:
         Raises:
             ConfigError: it has mistakes.
         """
-        combination = self.combination(draw)
-        found = self._fixed(case, combination)
-        experiment = found.experiment
-        if found.is_sized and self.continuous:
-            numbers = [self.drawn(random, draw) for random in self.continuous]
-            document, _ = self.variant(self.assigned(case, combination, numbers))
-            return with_draw(check_experiment(document), draw)
+        found = self._fixed(case, self.combination(draw))
+        if not self.continuous:
+            return with_draw(found.experiment, draw)
+        experiment = found.unsized
         for random in self.continuous:
             value = self.drawn(random, draw)
             for path in found.places[random.key]:
                 experiment = with_number(experiment, path, value)
-        return with_draw(experiment, draw)
+        return with_draw(sized(experiment, self._torques), draw)
 
     def experiment_of(self, row: Row) -> Experiment:
         """Return the experiment of one row, with its controller alone.
@@ -227,10 +224,11 @@ class Plan:
     def _checked(self, case: int, combination: Combination) -> _Fixed:
         numbers = [random.numbers[0] for random in self.continuous]
         document, places = self.variant(self.assigned(case, combination, numbers))
-        experiment = check_experiment(document)
-        _ = experiment.n  # kept in the copies that draws make of it: it reads the arm's files
+        relative = unsized(document)
+        _ = relative.n  # kept in the copies that draws make of it: it reads the arm's files
+        experiment = sized(relative, self._torques)
         lacking = {key: _without(paths, experiment) for key, paths in places.items()}
-        return _Fixed(experiment, places, lacking, is_sized(document))
+        return _Fixed(experiment, relative, places, lacking)
 
     def lacking(self, case: int, draw: int) -> Mapping[str, frozenset[int]]:
         """Return for each varied key the controllers that do not have it."""

@@ -4,26 +4,33 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections import ChainMap
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench.certificates import FIGURES
+from torquebench.certificates import FIGURES, Phases
 from torquebench.errors import ConfigError, ModelError
 from torquebench.experiment.build import Builder, Loop
-from torquebench.experiment.certify import certificate_of
+from torquebench.experiment.certify import certificate_of, truth_of
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.run import recorded, trial_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import atomic_write
 from torquebench.metrics import METRICS, JointRecord, headlines_of
+from torquebench.robot import RobotModel
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
 from torquebench.sweep.plan import Plan, Source, pairs_of
+from torquebench.sweep.repeats import Known, keys_of
 from torquebench.sweep.table import REFUSED, Table, empty_columns, key_values
+
+KEPT = 31 << 20
+"""Bytes of freed memory that glibc is to keep, which it does once so much was freed: else each array of a run costs
+the operating system's handing out of its pages, which takes longer than to fill it."""
 
 
 class Ended(NamedTuple):
@@ -38,6 +45,8 @@ class Ended(NamedTuple):
     """The run as metrics see it, if it completed."""
     certified: Mapping[str, float] = MappingProxyType({})
     """Figures of its certificates, where the sweep asks for them and the law has them."""
+    key: bytes | None = None
+    """What decides it, where loops that repeat are run once; see `keys_of`."""
 
 
 class Stopped(Exception):
@@ -59,20 +68,26 @@ class Worker:
 
     Args:
         plan: The sweep.
+        steps: Control steps that will be asked for, if more than the sweep's own.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, steps: int = 0) -> None:
+        np.empty(KEPT, dtype=np.uint8)  # freed at once, which is what tells the C library
         self._plan, self._build = plan, Builder()
-        steps = plan.rows * plan.first.n_steps
+        steps = max(steps, plan.rows * plan.first.n_steps)
+        self._last_truth: tuple[Any, RobotModel | Phases] | None = None
         self._sessions = [Session(overwrite=True, steps=steps) for _ in plan.controllers]
 
-    def columns(self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
+    def columns(
+        self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False, known: Known | None = None
+    ) -> Table:
         """Run the rows of a shard and return them.
 
         Args:
             task: The sweep.
             shard: Number of the shard.
             stop: Called before each pair; true to stop.
+            known: Loops that need not be run again, to which those of this shard are added; None to run all.
 
         Raises:
             Stopped: `stop` returned true.
@@ -86,6 +101,10 @@ class Worker:
         columns["case"][:], columns["draw"][:] = np.divmod(columns["index"] // count, plan.draws)
         columns["controller"][:] = np.tile(plan.controllers, len(pairs))
 
+        known = None if task.trajectories is not None else known
+        seen = None if known is None else ChainMap({}, known.ended)
+        keyed = list[tuple[int, bytes]]()
+
         def completed() -> Iterator[tuple[int, JointRecord]]:
             for first, pair in zip(range(0, len(metrics), count), pairs, strict=True):
                 if stop():
@@ -93,7 +112,10 @@ class Worker:
                 case, draw = divmod(pair, plan.draws)
                 for key, values in key_values(plan, case, draw).items():
                     columns[key][first : first + count] = values
-                for at, ended in enumerate(self.pair(case, draw), first):
+                for at, ended in enumerate(self.pair(case, draw, seen), first):
+                    if seen is not None and ended.key is not None:
+                        keyed.append((at, ended.key))
+                        seen.setdefault(ended.key, ended._replace(run=None, record=None))
                     outcome[at], failed_at[at] = ended.outcome, ended.failed_at
                     for key in FIGURES if plan.keys.certificates else ():
                         columns[key][at] = ended.certified.get(key, math.nan)
@@ -105,15 +127,20 @@ class Worker:
 
         for at, found in headlines_of(completed()):
             metrics[at] = found
+        if known is not None and seen is not None:
+            for at, key in keyed:  # a row that was not run follows the one that was
+                metrics[at] = known.metrics.setdefault(key, metrics[at].copy())
+                known.ended.setdefault(key, seen[key])
         columns |= {key: metrics[:, i].copy() for i, key in enumerate(METRICS.names()) if key in columns}
         return columns
 
-    def pair(self, case: int, draw: int) -> Iterator[Ended]:
+    def pair(self, case: int, draw: int, seen: Mapping[bytes, Ended] | None = None) -> Iterator[Ended]:
         """Run every controller of a case in a draw; a yielded trajectory lasts until the controller's next run.
 
         Args:
             case: The case.
             draw: The draw.
+            seen: Loops that are not run again, by their key; None to run all.
         """
         experiment = self._plan.experiment(case, draw)
         try:
@@ -122,20 +149,35 @@ class Worker:
             # the draw is at fault, not the file: every case has been built before
             yield from (Ended(REFUSED, 0.0, None) for _ in experiment.controllers)
             return
-        for keys, controller, session in zip(experiment.controllers, loop.controllers, self._sessions, strict=True):
+        decided: Iterable[bytes | None] = [None] * len(loop.controllers)
+        if seen is not None:
+            decided = keys_of(experiment, loop, self._plan.keys.certificates)
+        own = zip(experiment.controllers, loop.controllers, self._sessions, decided, strict=True)
+        for keys, controller, session, key in own:
+            if seen is not None and key is not None and key in seen:
+                yield seen[key]
+                continue
             run = session.run(loop.plant, trial_of(experiment, loop, controller))
             if run.completed:
                 record, certified = recorded(experiment, loop, keys, run), self._certify(experiment, loop, keys, run)
-                yield Ended(run.outcome.name, math.nan, run, record, certified)
+                yield Ended(run.outcome.name, math.nan, run, record, certified, key)
             else:
-                yield Ended(run.outcome.name, float(run.failed_at or 0), run)
+                yield Ended(run.outcome.name, float(run.failed_at or 0), run, key=key)
 
     def _certify(self, experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory) -> Mapping[str, float]:
         """Return the figures of a run's certificates, where the sweep asks for them and the law has them."""
         if not self._plan.keys.certificates:
             return {}
-        found = certificate_of(experiment, loop, keys, run)
+        found = certificate_of(experiment, loop, keys, run, self._truth(experiment))
         return {} if found is None else found.figures
+
+    def _truth(self, experiment: Experiment) -> RobotModel | Phases:
+        """Return the true arm, the last one again where the plant is the same."""
+        run, plant = experiment.run, experiment.plant
+        key = plant, run.control_period, None if plant.perturb is None else (run.seed, run.draw)
+        if self._last_truth is None or self._last_truth[0] != key:
+            self._last_truth = key, truth_of(experiment)
+        return self._last_truth[1]
 
 
 def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:
@@ -153,19 +195,21 @@ def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory)
 _thread = threading.local()
 
 
-def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False) -> Table:
+def run_shard(task: Task, shard: int, stop: Callable[[], bool] = lambda: False, known: Known | None = None) -> Table:
     """Run one shard in this thread, which keeps its worker for the sweep's next shard.
 
     Args:
         task: The sweep.
         shard: Number of the shard.
         stop: Called before each pair; true to stop.
+        known: As of `Worker.columns`.
 
     Raises:
         Stopped: `stop` returned true.
         ConfigError: the sweep's file or a plug-in cannot be used here.
     """
     if getattr(_thread, "source", None) != task.source:
-        _thread.worker, _thread.source = Worker(Plan(task.source)), task.source
+        steps = 0 if known is None else known.steps
+        _thread.worker, _thread.source = Worker(Plan(task.source), steps), task.source
     worker: Worker = _thread.worker
-    return worker.columns(task, shard, stop)
+    return worker.columns(task, shard, stop, known)

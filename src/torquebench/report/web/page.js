@@ -35,6 +35,14 @@ for (const title of document.querySelectorAll("table.sortable thead th")) {
   title.addEventListener("click", sort);
   title.addEventListener("keydown", (event) => event.key === "Enter" && sort());
 }
+
+// --- commands: the folder of the page, as a shell takes it, in place of RUN
+
+const quoted = (text) => (/^[\w.,:=/+-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
+const folder = location.protocol === "file:" ? decodeURIComponent(location.pathname).replace(/\/[^/]*$/, "").replace(/^\/(?=[A-Z]:)/, "") : "RUN";
+for (const command of document.querySelectorAll("dl.commands code")) {
+  command.textContent = command.textContent.replace(/RUN(\/\S+)?/, (_, file) => quoted(folder + (file ?? "")));
+}
 for (const button of document.querySelectorAll("button.copy")) {
   button.addEventListener("click", async () => {
     await navigator.clipboard?.writeText(button.previousElementSibling.textContent);

@@ -91,13 +91,15 @@ function sortBy(m) { turned = m === by ? -turned : 1; by = m; draw(); [...at("be
 
 // --- the commands of a case
 
-const quoted = (text) => (/^[\w.,:=/+-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
-const folder = location.protocol === "file:" ? decodeURIComponent(location.pathname).replace(/\/[^/]*$/, "").replace(/^\/(?=[A-Z]:)/, "") : "DIR";
+// The values that a key keeps in a sweep of one choice alone: the chosen one, or all of which the worst counts.
+const keptValues = ({ words, sets }, own) => own.map((i) => (words[i] === sets[i] || !Number.isNaN(Number(sets[i])) ? null : JSON.stringify(words[i]))).every((name) => name === null)
+  ? `[${own.map((i) => sets[i]).join(", ")}]` : `{${own.map((i) => `${JSON.stringify(words[i])}: ${sets[i]}`).join(", ")}}`;
 function choose(one) {
-  const name = laws[one.law][0], index = DATA.case[one.row] * DATA.runs[one.row] * laws.length + one.law, inside = at("best").contains(document.activeElement);
+  const index = DATA.case[one.row] * DATA.runs[one.row] * laws.length + one.law, inside = at("best").contains(document.activeElement);
   at("which").textContent = `${named(one)}, draw 0${one.cases > 1 ? `: of ${one.cases} cases that in which ${metrics[by]?.title.replace(/ \[.*/, "")} is worst` : ""}`;
-  at("rerun").textContent = `torquebench run --from-sweep ${quoted(folder)} --index ${index} -o again`;
-  at("sets").textContent = keys.map((key, k) => places[k][one.row] < 0 ? "" : `--set ${quoted(`${key.key.replace("controllers.*.", `controllers.${name}.`)}=${key.sets[places[k][one.row]]}`)}`).filter(Boolean).join(" \\\n") || "(nothing but the draw)";
+  at("rerun").textContent = `torquebench run --from-sweep ${quoted(folder)} --index ${index}${DATA.plugins} -o again`;
+  const grid = keys.map((key, k) => places[k][one.row] >= 0 && `${JSON.stringify(key.key)}: ${keptValues(key, roles[k] === "worst" ? [...key.sets.keys()] : [places[k][one.row]])}`).filter(Boolean);
+  at("narrow").textContent = `torquebench sweep ${quoted(`${folder}/sweep.yaml`)}${DATA.plugins}${DATA.settings}${grid.length ? ` --set ${quoted(`sweep.grid={${grid.join(", ")}}`)}` : ""} -o alone`;
   document.querySelectorAll("button.copy").forEach((button) => { button.textContent = "copy"; });
   [chosen] = [one.row, tell(one)];
   draw();

@@ -1,0 +1,275 @@
+"""Gains that suit an arm: from each joint's torque limit, and from what its inertia can stand at the control period.
+
+In one period T a linear term D s of a law moves s by T M^-1 D s: the sampled loop rings from T rho(M^-1 D) = 1 on, and
+is unstable from 2 on. One that answers after a time r has r in place of T. So the terms of a law share
+
+    r D_i <= SHARE I_i,    I_i = min over poses of 1 / (a_ii sum_j |a_ij| / sqrt(a_ii a_jj)),    a = M^-1,
+
+by which r rho(M^-1 D) <= SHARE at each of the poses: D M^-1 is similar to a matrix whose row i, in size, sums to at
+most D_i / I_i. The rest follows: a law that holds s within a layer phi = lambda ERROR may have K = SHARE phi I / r.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from torquebench.kernel import Array
+from torquebench.keys import Vector
+from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.robot_model import RobotModel
+
+SHARE = 0.8
+"""What all linear terms of a law together may move s by in the time that the loop takes to answer, of s [1]."""
+QUICKEST = 20.0
+"""Largest slope lambda [1/s]."""
+ERROR = 0.005
+"""Error of a joint at the edge of its layer [rad]."""
+BRAKED = 0.1
+"""Error that the torque limit alone must be able to brake along the slope [rad]."""
+MOST = 0.3
+"""Largest share of the torque limit that switches against what a model leaves over [1]."""
+HELD = 0.25
+"""Share of the torque beyond gravity's that a law without a model uses [1]."""
+POSES = 200
+"""Random poses at which the arm is looked at, besides that at zero."""
+REACH = 0.5
+"""How far slide joints are moved in them, either way [m]."""
+DIGITS = 3
+"""Significant digits of a gain that is chosen."""
+ROUNDING = 0.01
+"""What rounding may make of it [1]."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an arm's joints can do, and what a law may ask of them, (n,) each."""
+
+    tau_max: Array
+    """Torque limit [N m]."""
+    least: Array
+    """I, the least inertia that the terms of a law on all joints meet [kg m^2]; see the module."""
+    heaviest: Array
+    """Largest inertia M_ii, the other joints held [kg m^2]."""
+    gravity: Array
+    """Largest torque of gravity [N m]."""
+    scale: Array
+    """Inertia scale Mbar of the model [kg m^2]."""
+
+    @property
+    def spare(self) -> Array:
+        """Torque beyond gravity's [N m]; a tenth of the limit at least."""
+        return np.maximum(self.tau_max - self.gravity, 0.1 * self.tau_max)
+
+
+@functools.lru_cache(maxsize=4)
+def limits_of(model: RobotModel) -> Limits:
+    """Return the limits of an arm, from its dynamics at zero and at random poses."""
+    flat, reach = model.flat, np.where(model.flat.kind == SLIDE, REACH, np.pi)
+    q = np.concatenate([np.zeros((1, model.n)), np.random.default_rng(0).uniform(-reach, reach, (POSES, model.n))])
+    M = model.mass_matrix(q)
+    heaviest = np.max(np.diagonal(M, axis1=1, axis2=2), axis=0)
+    return Limits(
+        flat.tau_max, least_inertia(M), heaviest, np.max(np.abs(model.gravity(q)), axis=0), flat.inertia_scale
+    )
+
+
+def least_inertia(M: Array) -> Array:
+    """Return I of the module's text for mass matrices (N, n, n), (n,) [kg m^2]."""
+    mobility = np.linalg.inv(M)
+    own = np.diagonal(mobility, axis1=1, axis2=2)
+    shared = np.sum(np.abs(mobility) / np.sqrt(own[:, :, None] * own[:, None, :]), axis=2)
+    least: Array = np.min(1.0 / (own * shared), axis=0)
+    return least
+
+
+@dataclass
+class Fit:
+    """A law on an arm, as the rules of its gains see it: ``fit["lam"]`` is a gain that was given or is chosen."""
+
+    limits: Limits
+    reaction: float
+    """Time from a change of the state to the torque that answers it [s]; see `Chain.reaction`."""
+    rules: Mapping[str, Rule]
+    """Gains that act in the law -> their rules."""
+    has_model: bool
+    """Whether the law cancels the arm's dynamics with its model."""
+    known: dict[str, Array] = field(default_factory=dict)
+    """Gains that were given, and those chosen so far, (n,)."""
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.rules
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.known:
+            self.known[name] = rounded(self.rules[name](self))
+        return self.known[name]
+
+    @property
+    def room(self) -> Array:
+        """The most that one of the law's linear terms may be, D_i [N m s/rad]: `SHARE` is divided among them."""
+        terms = sum(rule in TERMS for rule in self.rules.values())
+        return SHARE * self.limits.least / (self.reaction * max(terms, 1))
+
+    @property
+    def lam(self) -> Array:
+        """Slope of the law, or the one that would do for a law without [1/s]."""
+        return self["lam"] if "lam" in self.rules else slope(self)
+
+
+Rule: TypeAlias = Callable[[Fit], Array]
+"""From a law on an arm to a gain, (n,)."""
+
+
+def rounded(x: Array) -> Array:
+    """Return numbers with `DIGITS` significant digits."""
+    return np.array([float(f"{value:.{DIGITS}g}") for value in x])
+
+
+def pole(fit: Fit) -> Array:
+    """Slope of a law that cancels the dynamics: SHARE / (4 r), at most 20, and such that 0.1 rad can be braked."""
+    braked = np.sqrt(fit.limits.spare / (fit.limits.heaviest * BRAKED))
+    return np.minimum(braked, min(QUICKEST, SHARE / (4.0 * fit.reaction)))
+
+
+def slope(fit: Fit) -> Array:
+    """Slope: `pole`; without a model at most D / M, beyond which the heaviest inertia is damped by less than 0.5."""
+    if fit.has_model:
+        return pole(fit)
+    limits = fit.limits
+    damping = fit.known["kv"] * limits.scale if "kv" in fit.known else SHARE * limits.least / fit.reaction
+    return np.minimum(pole(fit), damping / limits.heaviest)
+
+
+def rate(fit: Fit) -> Array:
+    """Rate gain kV of a torque Kd = kV Mbar: Kd = 4 lambda M of the heaviest inertia, as far as there is room."""
+    lam = fit.known["lam"] if "lam" in fit.known else pole(fit)
+    return np.minimum(4.0 * lam * fit.limits.heaviest, fit.room) / fit.limits.scale
+
+
+def acceleration_rate(fit: Fit) -> Array:
+    """Rate gain kV of an acceleration: 4 lambda, critically damped."""
+    return 4.0 * fit.lam
+
+
+def integral(fit: Fit) -> Array:
+    """Integral gain kI = kV lambda^2 / 4: with kV = 4 lambda three real poles, at 0.38, 1 and 2.6 lambda."""
+    return (fit["kv"] if "kv" in fit else rate(fit)) * fit.lam**2 / 4.0
+
+
+def pull(fit: Fit) -> Array:
+    """Slope of the error's integral in a surface: lambda^2 / 4, critically damped."""
+    return fit.lam**2 / 4.0
+
+
+def robust(fit: Fit) -> Array:
+    """Gain k of K = k tau_max against what a model leaves over: K = D phi with D the room; at most 0.3."""
+    phi = fit.known["phi"] if "phi" in fit.known else ERROR * fit.lam
+    return np.minimum(MOST, fit.room * phi / fit.limits.tau_max)
+
+
+def holding(fit: Fit) -> Array:
+    """Gain k of K = k tau_max that carries the arm: gravity's torque, a quarter of the rest; `robust` with a model."""
+    if fit.has_model:
+        return robust(fit)
+    limits = fit.limits
+    return np.minimum(1.0, (limits.gravity + HELD * limits.spare) / limits.tau_max)
+
+
+def switching(fit: Fit) -> Array:
+    """Gain k: `robust` where a model or another term carries the arm, else `holding`."""
+    return robust(fit) if fuzzy_torque in fit.rules.values() else holding(fit)
+
+
+def fuzzy_torque(fit: Fit) -> Array:
+    """Gain kF: `holding`."""
+    return holding(fit)
+
+
+def width(fit: Fit) -> Array:
+    """Layer phi: `ERROR` times lambda, and so wide that K / phi has room."""
+    return _wide(fit, ("k", "kf"))
+
+
+def fuzzy_width(fit: Fit) -> Array:
+    """Rate that a fuzzy system sees as 1: as `width`, for KF."""
+    return _wide(fit, ("kf", "k"))
+
+
+def _wide(fit: Fit, fractions: tuple[str, ...]) -> Array:
+    name = next((name for name in fractions if name in fit), None)
+    lam = fit.lam
+    least = ERROR * lam
+    if name is None:
+        return least
+    wide = fit[name] * fit.limits.tau_max / fit.room
+    return np.where(wide > (1.0 + ROUNDING) * least, wide, least)
+
+
+def error_width(fit: Fit) -> Array:
+    """Error that a fuzzy system sees as 1: the rate that it sees as 1, over lambda."""
+    own = next((name for name in ("gd", "phi") if name in fit), None)
+    return (fuzzy_width(fit) if own is None else fit[own]) / fit.lam
+
+
+def slow_integral(of: str) -> Rule:
+    """Return a rule for the integral that a fuzzy system sees as 1: 4 / lambda times the width `of` its other input."""
+
+    def rule(fit: Fit) -> Array:
+        return 4.0 * fit[of] / fit.lam
+
+    return rule
+
+
+def twist(fit: Fit) -> Array:
+    """Gain k1: at the edge of the layer, |s| = lambda `ERROR`, Mbar k1 / |s|^1/2 is what there is room for."""
+    return fit.room * np.sqrt(ERROR * fit.lam) / fit.limits.scale
+
+
+def twist_rate(fit: Fit) -> Array:
+    """Gain k2 = k1^2 Mbar / (4 M), half of what critically damps the heaviest inertia near s = 0."""
+    return fit["k1"] ** 2 * fit.limits.scale / (4.0 * fit.limits.heaviest)
+
+
+def slow_pull(fit: Fit) -> Array:
+    """Gain of the integral of s: kV^2 Mbar / (8 M), half of what leaves s critically damped on the heaviest inertia."""
+    return fit["kv"] ** 2 * fit.limits.scale / (8.0 * fit.limits.heaviest)
+
+
+def slow_forgetting(fit: Fit) -> Array:
+    """Rate lambda / 40: slow beside the integral that it forgets."""
+    return fit.lam / 40.0
+
+
+def turn_width(fit: Fit) -> Array:
+    """Rate of s that a fuzzy system sees as 1: twice what K does to I, over `SHARE`; from half of it on rules ring."""
+    return 2.0 * fit["k"] * fit.limits.tau_max / (SHARE * fit.limits.least)
+
+
+def as_much(fit: Fit) -> Array:
+    """One: as much again."""
+    return np.ones_like(fit.limits.tau_max)
+
+
+TERMS = (rate, switching, fuzzy_torque)
+"""Rules of gains that make a linear term near s = 0."""
+
+BY_UNIT: Mapping[str, Rule] = {
+    "1/s": slope,
+    "1": switching,
+    "rad/s": width,
+    "rad": error_width,
+    "1/s^2": pull,
+    "1/s^3": integral,
+}
+"""Unit -> the rule of a gain that says nothing else."""
+
+
+def choose(fit: Fit) -> dict[str, Vector]:
+    """Return the gains of a law: one number where all joints have the same, else a tuple."""
+    chosen = {name: fit[name].tolist() for name in fit.rules}
+    return {name: x[0] if len(set(x)) == 1 else tuple(x) for name, x in chosen.items()}

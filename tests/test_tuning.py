@@ -1,0 +1,297 @@
+"""Gains that are chosen for an arm keep within its inertia at the control period, follow, and are stored as numbers."""
+
+import itertools
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import mujoco
+import numpy as np
+import pytest
+
+from tests.sweep.examples import plan_of
+from torquebench import Array, Gain, controller, load_model
+from torquebench.chain import CHAINS, Chain
+from torquebench.errors import ConfigError, ControllerError
+from torquebench.experiment import dump_experiment, load_experiment, parse_experiment
+from torquebench.experiment.describe import chosen_text
+from torquebench.laws import find_law
+from torquebench.laws.law import law_names
+from torquebench.tuning import SHARE, least_inertia, limits_of
+
+THREE = """
+<mujoco model="three"><worldbody>
+  <body><inertial mass="3" pos="0 0 0.1" diaginertia="0.05 0.05 0.05"/><joint name="j1" axis="0 1 0"/>
+    <body pos="0 0 0.3"><inertial mass="1" pos="0.02 0 0.1" diaginertia="1e-3 1e-3 1e-3"/>
+      <joint name="j2" axis="0 0 1"/>
+      <body pos="0 0 0.3"><inertial mass="0.2" pos="0.03 0 0.1" diaginertia="1e-4 1e-4 1e-4"/>
+        <joint name="j3" axis="1 0 0"/></body></body></body>
+  </worldbody>
+  <actuator><motor joint="j1" ctrlrange="-150 150"/><motor joint="j2" ctrlrange="-28 28"/>
+    <motor joint="j3" ctrlrange="-28 28"/></actuator></mujoco>"""
+"""An arm whose joints are light for their torque limits: gains that suit the PUMA make it ring."""
+WRIST = """
+<mujoco model="wrist"><worldbody>
+  <body><inertial mass="0.2" pos="0 0 0.03" diaginertia="1e-4 1e-4 1e-4"/><joint name="roll" axis="0 0 1"/></body>
+  </worldbody><actuator><motor joint="roll" ctrlrange="-28 28"/></actuator></mujoco>"""
+
+
+SLIDER = """
+<mujoco model="slider"><worldbody>
+  <body><inertial mass="2" pos="0 0 0" diaginertia="0.01 0.01 0.01"/><joint name="lift" type="slide" axis="0 0 1"/>
+    <body><inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.05 0.05"/><joint name="turn" axis="0 1 0"/></body></body>
+  </worldbody>
+  <actuator><motor joint="lift" ctrlrange="-90 90"/><motor joint="turn" ctrlrange="-9 9"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def three(tmp_path: Path) -> Path:
+    """The light arm's file."""
+    path = tmp_path / "three.xml"
+    path.write_text(THREE)
+    return path
+
+
+def masses(path: Path, count: int, seed: int) -> Array:
+    """MuJoCo's mass matrices at random positions, (count, n, n)."""
+    m = mujoco.MjModel.from_xml_path(str(path))
+    d, rng, found = mujoco.MjData(m), np.random.default_rng(seed), np.zeros((count, m.nv, m.nv))
+    for M in found:
+        d.qpos[:] = rng.uniform(-np.pi, np.pi, m.nv)
+        mujoco.mj_forward(m, d)
+        mujoco.mj_fullM(m, d, M)
+    return found
+
+
+@pytest.mark.parametrize("chain", ["ideal", "slow"])
+@pytest.mark.parametrize("law", ["smc", "linear-band-smc", "pd"])
+def test_linear_terms_stay_within_what_the_inertia_stands(three: Path, law: str, chain: str) -> None:
+    """The terms keep r rho(M^-1 D) <= SHARE at poses that were not looked at, 5 % allowed, and more than 0.3 SHARE.
+
+    D is K / phi + Kd of the law, r the chain's reaction, M MuJoCo's.
+    """
+    arm = load_model(three)
+    options = {"switching": "saturation"} if law == "smc" else {}
+    gains = find_law(law).choose_gains(arm, 0.001, CHAINS[chain], options)
+    D = np.zeros(3)
+    if "k" in gains:
+        D += np.array(gains["k"]) * arm.flat.tau_max / np.array(gains["phi"])
+    if "kv" in gains:
+        D += np.array(gains["kv"]) * arm.flat.inertia_scale
+    r = CHAINS[chain].reaction(0.001)
+    moved = r * np.max(np.abs(np.linalg.eigvals(np.linalg.inv(masses(three, 500, seed=7)) * D)))
+    assert 0.3 * SHARE < moved <= 1.05 * SHARE
+
+
+def test_the_least_inertia_of_coupled_joints_is_below_each_joints_own() -> None:
+    """Of M = [[a, b], [b, c]] it is det M / (c (1 + r)) and det M / (a (1 + r)), r = |b| / sqrt(a c): by hand."""
+    a, b, c = 2.0, 0.9, 0.5
+    det, r = a * c - b * b, b / np.sqrt(a * c)
+    found = least_inertia(np.array([[[a, b], [b, c]], [[a, 0.0], [0.0, c]]]))
+    assert found == pytest.approx([det / (c * (1 + r)), det / (a * (1 + r))])
+    assert least_inertia(np.array([[[a, 0.0], [0.0, c]]])) == pytest.approx([a, c])
+
+
+def test_gains_of_one_joint_by_hand(tmp_path: Path) -> None:
+    """M = 1e-4 kg m^2 under 28 N m: lambda 20; K = 0.8 phi M / T with phi = 0.005 lambda; kV 80; kI = kV lambda^2 / 4.
+
+    Behind the slow chain the loop answers after 1 + 5 + 8 ms: lambda = 0.8 / (4 x 0.014). What is given stays as it is
+    given, and the others go with it: with lambda = 12 phi is 0.06.
+    """
+    path = tmp_path / "wrist.xml"
+    path.write_text(WRIST)
+    arm, layer = load_model(path), {"switching": "saturation"}
+    k = 0.8 * 0.1 * 1e-4 / 0.001 / 28.0
+    smc = find_law("smc")
+    assert smc.choose_gains(arm, options=layer) == pytest.approx({"lam": 20.0, "k": k, "phi": 0.1}, rel=5e-3)
+    assert "phi" not in smc.choose_gains(arm)
+    assert smc.choose_gains(arm, 0.002)["k"] == pytest.approx(k / 2.0, rel=5e-3)
+    assert find_law("computed-torque").choose_gains(arm) == {"lam": 20.0, "kv": 80.0, "ki": 8000.0}
+    assert find_law("pd").choose_gains(arm) == {"lam": 20.0, "kv": 80.0}
+    slow = find_law("computed-torque").choose_gains(arm, chain=CHAINS["slow"])
+    assert slow["lam"] == pytest.approx(0.8 / (4.0 * 0.014), rel=5e-3)
+    delayed = find_law("computed-torque").choose_gains(arm, chain=Chain(delay=0.013))
+    assert delayed == slow
+    given = smc.choose_gains(arm, options=layer, given={"lam": 12})
+    assert given["lam"] == 12
+    assert given["phi"] == pytest.approx(0.06)
+    wide = smc.choose_gains(arm, options=layer, given={"k": 0.3})
+    assert wide["phi"] == pytest.approx(8.4 * 0.001 / (0.8 * 1e-4), rel=5e-3)
+
+
+def test_joints_that_slide_are_masses(tmp_path: Path) -> None:
+    """A lift of 3 kg that carries a turning 1 kg at 0.2 m: M = [[3, 0.2 c], [0.2 c, 0.09]], c = cos q up to 1.
+
+    So I = det / (0.09 (1 + r)) for the lift, r = 0.2 / sqrt(0.27), where the axes are most coupled; the limit of 90 N
+    less 29.4 N brakes 0.1 m at lambda = 14.2.
+    """
+    path = tmp_path / "slider.xml"
+    path.write_text(SLIDER)
+    limits = limits_of(load_model(path))
+    least = (0.27 - 0.04) / (0.09 * (1.0 + 0.2 / np.sqrt(0.27)))
+    assert limits.least[0] == pytest.approx(least, rel=1e-3)
+    assert limits.heaviest == pytest.approx([3.0, 0.09])
+    gains = find_law("computed-torque").choose_gains(load_model(path))
+    assert gains["lam"][0] == pytest.approx(np.sqrt((90.0 - 3.0 * 9.81) / (3.0 * 0.1)), rel=5e-3)
+
+
+def followed(path: Path, arm, lam: Array, K: Array, phi: Array) -> float:
+    """Largest error from 1 s on of K sat(s/phi) with MuJoCo's own inverse dynamics, (1 - cos) sines of 0.5 rad."""
+    m = mujoco.MjModel.from_xml_path(str(path))
+    m.opt.timestep, m.opt.integrator = 0.001, mujoco.mjtIntegrator.mjINT_RK4
+    d, inverse, worst, w = mujoco.MjData(m), mujoco.MjData(m), 0.0, np.pi
+    for step in range(2000):
+        t = 0.001 * step
+        e = 0.25 * (1.0 - np.cos(w * t)) - d.qpos
+        de = 0.25 * w * np.sin(w * t) - d.qvel
+        worst = max(worst, np.max(np.abs(e))) if t >= 1.0 else worst
+        inverse.qpos[:], inverse.qvel[:] = d.qpos, d.qvel
+        inverse.qacc[:] = 0.25 * w * w * np.cos(w * t) + lam * de
+        mujoco.mj_inverse(m, inverse)
+        tau = inverse.qfrc_inverse + K * np.clip((de + lam * e) / phi, -1.0, 1.0)
+        d.ctrl[:] = np.clip(tau, -arm.flat.tau_max, arm.flat.tau_max)
+        mujoco.mj_step(m, d)
+    return worst
+
+
+def test_an_independent_loop_follows_with_them_and_not_with_four_times_as_much(three: Path) -> None:
+    """A loop of plain MuJoCo stays below 1 mrad; with 4 K in the same layers, 3.2 by the bound, it comes apart."""
+    arm = load_model(three)
+    gains = find_law("smc").choose_gains(arm, options={"switching": "saturation"})
+    lam, K, phi = np.array(gains["lam"]), np.array(gains["k"]) * arm.flat.tau_max, np.array(gains["phi"])
+    good, bad = followed(three, arm, lam, K, phi), followed(three, arm, lam, 4.0 * K, phi)
+    assert good < 1e-3
+    assert bad > 5.0 * good
+
+
+SHIPPED = [name for name in law_names() if find_law(name).function.__module__.startswith("torquebench.")]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_gain_of_every_law_can_be_chosen(name: str, three: Path) -> None:
+    """Whatever the options, each gain that acts gets numbers that the law takes, and no other gain is named."""
+    law = find_law(name)
+    for arm in (load_model("puma560"), load_model(three)):
+        for values in itertools.product(*(option.values for option in law.options.values())):
+            options = dict(zip(law.options, values, strict=True))
+            gains = law.choose_gains(arm, options=options)
+            assert list(gains) == [key for key, gain in law.gains.items() if gain.acts(options)]
+            law.pack_gains(arm.n, gains, options)
+    assert law.choose_gains(arm, 0.001) == law.choose_gains(arm, 0.001)
+
+
+TEXT = """\
+name: own
+plant: {model: two-link}
+controllers:
+  - {law: smc, gains: auto}
+  - {name: twelve, law: smc, switching: saturation, gains: {from: auto, lam: 12}}
+  - {law: computed-torque, gains: {lam: 10, kv: 20, ki: 0}}
+reference: {kind: sine, amplitude: 0.5, frequency_hz: 0.5}
+run: {duration: 2}
+"""
+
+
+def test_the_config_is_stored_with_numbers() -> None:
+    """Nothing of what is stored says auto; it reads back equal; the line tells just the gains that were chosen."""
+    found = parse_experiment(TEXT)
+    first, second, third = found.controllers
+    arm = load_model("two-link")
+    assert first.gains == find_law("smc").choose_gains(arm)
+    options = {"switching": "saturation"}
+    assert second.gains == find_law("smc").choose_gains(arm, options=options, given={"lam": 12.0})
+    assert third.gains == {"lam": 10.0, "kv": 20.0, "ki": 0.0}
+    text = dump_experiment(found)
+    assert "auto" not in text
+    assert parse_experiment(text) == found
+    assert chosen_text(parse_experiment(text)) == []
+    lines = chosen_text(found)
+    assert [line.split("'")[1] for line in lines] == ["smc", "twelve"]
+    assert "two-link at 1 ms: lam [" in lines[0]
+    assert "lam" not in lines[1]
+    assert lines[1].endswith("phi 0.06 rad/s")
+
+
+def test_gains_follow_what_is_set_beside_the_file(tmp_path: Path) -> None:
+    """They are chosen after ``--set``: for the period, the chain and the gains that it gives, and by name."""
+    path = tmp_path / "own.yaml"
+    path.write_text(TEXT)
+    first, slow, behind, given, named = (
+        load_experiment(path, overrides).controllers[0].gains
+        for overrides in (
+            (),
+            ["run.control_period=0.004"],
+            ["chain=slow"],
+            ["controllers.smc.gains.k=0.5"],
+            ["controllers.computed-torque.gains=auto", "controllers.smc.gains=auto"],
+        )
+    )
+    assert np.all(np.array(slow["k"]) < np.array(first["k"]))
+    assert np.all(np.array(behind["lam"]) <= np.array(first["lam"]))
+    assert given == {"lam": first["lam"], "k": 0.5}
+    assert named == first
+    assert load_experiment(path).with_({"controllers.smc.gains": "auto"}).controllers[0].gains == first
+
+
+def test_what_extends_a_controller_with_chosen_gains_may_give_some() -> None:
+    """``gains: {lam: 12}`` beside ``extends`` of one that says auto leaves the others to be chosen, to go with it."""
+    text = TEXT.replace(
+        "  - {law: computed-torque", "  - {extends: smc, name: more, gains: {lam: 12}}\n  - {law: computed-torque"
+    )
+    gains = parse_experiment(text).controllers[2].gains
+    assert gains == find_law("smc").choose_gains(load_model("two-link"), given={"lam": 12.0})
+
+
+def test_a_sweep_chooses_gains_for_each_of_its_runs() -> None:
+    """In a case with twice the period the second K is half as large; what goes with a slope goes with each draw."""
+    sweep = "sweep: {draws: 3, grid: {run.control_period: [0.001, 0.002]}, random: {%s: {uniform: [8, 12]}}}\n"
+    plan = plan_of(TEXT + sweep % "controllers.twelve.gains.lam")
+    k = [np.array(plan.experiment(case, 0).controllers[0].gains["k"]) for case in (0, 1)]
+    assert k[1][1] == pytest.approx(0.5 * k[0][1], rel=0.01)
+    for draw in range(3):
+        gains = plan.experiment(0, draw).controllers[1].gains
+        assert 8.0 < gains["lam"] < 12.0
+        assert gains["phi"] == pytest.approx(0.005 * gains["lam"], rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("gains: aut", "did you mean 'auto'"),
+        ("gains: {from: auto, lamm: 3}", "unknown gain (did you mean 'lam'?)"),
+        ("gains: {from: auto, phi: 3}", "gain 'phi' has no effect"),
+        ("gains: {from: auto, k: -1}", "more than 0"),
+        ("gains: {from: auto, k: [1, 2, 3]}", "got 3 numbers"),
+    ],
+)
+def test_mistakes_beside_auto_are_told(text: str, words: str) -> None:
+    """A name that is none, an unknown gain, one without effect, and numbers out of range, each at its key."""
+    with pytest.raises(ConfigError, match=r"controllers\[0\]\.gains") as caught:
+        parse_experiment(TEXT.replace("gains: auto", text))
+    assert words in str(caught.value)
+
+
+def test_gains_of_a_users_law_are_chosen_by_their_units_or_by_their_own_rule() -> None:
+    """lam, k and phi as of `smc` without a model; a rule of its own counts first; one without a unit must be given."""
+
+    class Own(NamedTuple):
+        lam: Annotated[Array, Gain("slope", "1/s")]
+        k: Annotated[Array, Gain("switching gain over torque limit", "1")]
+        phi: Annotated[Array, Gain("band", "rad/s")]
+        two: Annotated[Array, Gain("anything", "kg", auto=lambda fit: 2.0 * fit.lam)]
+        bare: Array
+
+    @controller("tuned-by-a-test", gains=Own)
+    def own(gains, model, t, q, qd, ref, memory, tau):
+        """Nothing."""
+
+    law, arm = find_law("tuned-by-a-test"), load_model("two-link")
+    with pytest.raises(ControllerError, match="gain 'bare'"):
+        law.choose_gains(arm)
+    found = law.choose_gains(arm, given={"bare": 1.0})
+    options = {"switching": "saturation", "equivalent_control": False}
+    like = find_law("smc").choose_gains(arm, options=options)
+    assert {name: found[name] for name in ("lam", "k", "phi")} == like
+    assert found["two"] == pytest.approx([2.0 * x for x in np.broadcast_to(found["lam"], 2)], rel=5e-3)
+    text = TEXT.replace("law: smc, gains: auto", "law: tuned-by-a-test, gains: auto")
+    with pytest.raises(ConfigError, match=r"gain 'bare' \[not stated\] has no rule"):
+        parse_experiment(text)
