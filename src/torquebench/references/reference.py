@@ -52,6 +52,13 @@ ROUNDING = 1e-9
 """A control instant this close before an event counts as the event's [s]: k T is rounded."""
 
 
+ORIGIN = Key(
+    "Position from which the motion starts",
+    "rad",
+    ", in m for slide joints; if left out, that of run.initial_q where it is a keyframe, else zero",
+)
+
+
 def each_joint(value: Vector, n: int | None) -> Array:
     """Return a number for each of `n` joints, (n,); of None, as many as there are."""
     return np.atleast_1d(np.array(value, dtype=np.float64)) if n is None else as_vector(value, n)
@@ -61,14 +68,7 @@ def each_joint(value: Vector, n: int | None) -> Array:
 class Motion(ABC):
     """A kind that may be called with times alone, as a `ReferenceSource`, and that begins where it is told to."""
 
-    origin: Annotated[
-        Vector | None,
-        Key(
-            "Position from which the motion starts",
-            "rad",
-            ", in m for slide joints; if left out, that of run.initial_q where it is a keyframe, else zero",
-        ),
-    ] = field(default=None, kw_only=True)
+    origin: Annotated[Vector | None, ORIGIN] = field(default=None, kw_only=True)
 
     @abstractmethod
     def sample(self, t: Array, n: int | None = None) -> Reference:

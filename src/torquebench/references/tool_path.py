@@ -18,7 +18,7 @@ import numpy as np
 from torquebench.kernel import Array, IntArray
 from torquebench.keys import Key, Vector, as_vector, values_of
 from torquebench.references.quintic import Quintic
-from torquebench.references.reference import Reference, reference
+from torquebench.references.reference import ORIGIN, Reference, reference
 from torquebench.robot import RobotModel
 from torquebench.robot.inverse_kinematics import JointPath, PathError, Task, joint_path, tool_frames
 
@@ -70,8 +70,10 @@ class ToolPath(ABC):
             "that are left to choose from, the nearest to those at the path's beginning is taken"
         ),
     ] = "kept"
+    origin: Annotated[Vector | None, ORIGIN] = None
     approach: Annotated[
-        float, Key("Time of the minimum-jerk joint motion from zero to the path's beginning, ahead of it", "s", above=0)
+        float,
+        Key("Time of the minimum-jerk joint motion from the origin to the path's beginning, ahead of it", "s", above=0),
     ] = 1.0
 
     @property
@@ -164,7 +166,7 @@ class ToolMotion:
     def sample(self, t: Array, n: int | None = None) -> Reference:
         """Return the desired motion at times (N,) [s]; `n`, the number of joints, is the arm's."""
         lead = self.path.approach
-        q, qd, qdd = Quintic(tuple(self.start.tolist()), lead).sample(t, n)
+        q, qd, qdd = Quintic(tuple(self.start.tolist()), lead, origin=self.path.origin).sample(t, n)
         on = np.flatnonzero(t > lead)
         clock = self.path.clock(t[on] - lead)
         for number, part in enumerate(self.parts):
