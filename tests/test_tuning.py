@@ -109,7 +109,7 @@ def test_gains_of_one_joint_by_hand(tmp_path: Path) -> None:
     assert find_law("pd").choose_gains(arm) == {"lam": 20.0, "kv": 80.0}
     slow = find_law("computed-torque").choose_gains(arm, chain=CHAINS["slow"])
     assert slow["lam"] == pytest.approx(0.8 / (4.0 * 0.014), rel=5e-3)
-    delayed = find_law("computed-torque").choose_gains(arm, chain=Chain(delay=0.013))
+    delayed = find_law("computed-torque").choose_gains(arm, chain=Chain(measurement_delay=0.013))
     assert delayed == slow
     given = smc.choose_gains(arm, options=layer, given={"lam": 12})
     assert given["lam"] == 12

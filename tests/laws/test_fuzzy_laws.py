@@ -160,9 +160,9 @@ def test_the_fuzzy_controllers_with_any_number_of_rules(law: str, system: str, p
 
 def test_the_fuzzy_controllers_with_sugenos_method() -> None:
     """Rules whose consequents are functions: with constant terms everywhere FIS(x, y) = 0.1 + 0.5 x - 0.3 y."""
-    everywhere = Variable.of({"any": (-1.0, -1.0, 1.0, 1.0)})
+    everywhere = Variable.of({"all": (-1.0, -1.0, 1.0, 1.0)})
     system = FuzzySystem(
-        "plane", (everywhere, everywhere), Functions.of({"f": (0.1, 0.5, -0.3)}), (Rule(("any", "any"), "f"),)
+        "plane", (everywhere, everywhere), Functions.of({"f": (0.1, 0.5, -0.3)}), (Rule(("all", "all"), "f"),)
     )
     e, de, _ = errors(TWO_LINK)
     found = find_law("fuzzy-pd")
@@ -175,8 +175,8 @@ def test_the_fuzzy_controllers_with_sugenos_method() -> None:
 
 def test_the_first_input_is_the_error_and_the_second_its_rate() -> None:
     """With a system that is not symmetric in its inputs: FIS(lambda e/gd, de/gd), not the reverse."""
-    first, second = Variable.of({"N": -1.0, "P": 1.0}), Variable.of({"any": (-1.0, -1.0, 1.0, 1.0)})
-    rules = (Rule(("N", "any"), "a"), Rule(("P", "any"), "b"))
+    first, second = Variable.of({"N": -1.0, "P": 1.0}), Variable.of({"all": (-1.0, -1.0, 1.0, 1.0)})
+    rules = (Rule(("N", "all"), "a"), Rule(("P", "all"), "b"))
     system = FuzzySystem("slanted", (first, second), Functions.of({"a": (-0.6, 0.0, 0.1), "b": (0.2, 0.0, 0.1)}), rules)
     law = find_law("fuzzy-linear-band-smc")
     gains = law.pack_gains(2, gains_of(law.name, {}), {"equivalent_control": False}, system)

@@ -223,7 +223,7 @@ def cache_folder() -> Path:
 
 def kernel_sources(package: Path) -> list[Path]:
     """Return the files of this package on which compiled code may depend."""
-    folders = (package / part for part in ("kernel", "fuzzy", "robot", "laws", "sim"))
+    folders = (package / part for part in ("kernel", "chain", "fuzzy", "robot", "laws", "sim"))
     top = [file for file in package.glob("*.py") if b"@kernel" in file.read_bytes()]
     return sorted([*top, *(file for folder in folders for file in folder.rglob("*.py"))])
 
