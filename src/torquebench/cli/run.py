@@ -66,7 +66,7 @@ def run(
     from torquebench.experiment.build import build
     from torquebench.experiment.certify import flags
     from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
-    from torquebench.experiment.dump import dump_experiment, plain
+    from torquebench.experiment.dump import dump_tree, plain
     from torquebench.experiment.folder import write_experiment, write_trajectory
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
@@ -75,6 +75,7 @@ def run(
     from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
     from torquebench.report.tables import certificate_table, uncovered
+    from torquebench.robot.library import ArmFile
 
     for file in plugin:
         load_plugin(file)
@@ -83,8 +84,11 @@ def run(
     elif from_sweep is not None and index is not None:
         experiment = _row_of_sweep(from_sweep, index, plugin)
     if show_config:
-        tell(experiment=plain(experiment))
-        say(dump_experiment(experiment).rstrip("\n"), fold=False)
+        shown, arm = plain(experiment), experiment.plant.model
+        if isinstance(arm, ArmFile) and arm.origin is not None:  # a run's folder has the arm beside it, this has not
+            shown["plant"]["model"] = os.path.relpath(arm.origin)
+        tell(experiment=shown)
+        say(dump_tree(shown).rstrip("\n"), fold=False)
         return 0
     for line in chosen_text(experiment):
         say(line)

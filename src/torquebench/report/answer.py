@@ -49,6 +49,8 @@ def times(a: float, b: float) -> str:
         return "many times"
     if ratio < 0.995:
         return f"{100.0 * ratio:.2g} % of"
+    if ratio < 1.095:
+        return f"{ratio:.2f} times"
     return f"{ratio:.2g} times" if ratio < 9.95 else f"{float(f'{ratio:.3g}'):,.0f} times"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -85,7 +86,7 @@ def _imported(arm: ArmFile, path: Path, reasons: Sequence[str]) -> ArmFile:
     except RefusedArmError as error:
         told = [": ".join(filter(None, (problem.key, problem.message))) for problem in error.problems]
         flags = " ".join(error.flags)
-        hint = [f"torquebench import {path.name} {flags} makes an arm of it"] if flags else []
+        hint = [f"torquebench import {shlex.quote(str(path))} {flags} makes an arm of it"] if flags else []
         raise ModelError.of_file(str(path), [*told, *hint]) from error
     except ModelError as error:
         text = " ".join(str(error).removeprefix(f"{path}: ").split())

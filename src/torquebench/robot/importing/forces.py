@@ -304,9 +304,10 @@ def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> Arra
         return limits
     else:
         table = np.array(given) if given else np.full(n, np.nan)
-    asked = ~np.isnan(table)
-    if not np.all(np.isfinite(table[asked]) & (table[asked] > 0)):
-        add(Part("refused", "--torque-limits", _where(names, asked), "wanted finite numbers above zero"))
+    asked = np.array([name in given for name in names]) if isinstance(given, Mapping) else np.full(n, bool(given))
+    wrong = asked & ~(np.isfinite(table) & (table > 0))
+    if np.any(wrong):
+        add(Part("refused", "--torque-limits", _where(names, wrong), "wanted finite numbers above zero"))
     if np.any(asked):
         add(Part("mapped", "--torque-limits", _where(names, asked), "in place of the file's"))
     limits = np.where(asked, table, limits)

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from torquebench.errors import did_you_mean
 from torquebench.kernel import Array
 from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero, joint_name
 from torquebench.robot.importing.findings import Part
@@ -102,13 +103,13 @@ def tool_of(chain: Chain, d: Any, options: Options) -> tuple[Array, Array, str]:
         if int(m.site_bodyid[s]) in carried
     }
     bodies = {body_name(m, b): b for b in carried}
-    for name in (options.tool, *([] if options.tip else TOOLS)):
-        if name and name in sites:
-            return d.site_xpos[sites[name]].copy(), d.site_xmat[sites[name]].reshape(3, 3).copy(), f"site {name}"
-    if options.tool and options.tool not in bodies:
-        among = ", ".join([name for name in sites if name] + list(bodies))
-        reason = f"no site or body of the last link is called so; they are {among}"
+    if options.tool and options.tool not in (*sites, *bodies):
+        among = [name for name in sites if name] + list(bodies)
+        reason = f"no site or body of the last link is called so{did_you_mean(options.tool, among)}"
         chain.findings.append(Part("refused", "--tool", (options.tool,), reason))
+    for name in [options.tool] if options.tool else [] if options.tip else TOOLS:
+        if name in sites:
+            return d.site_xpos[sites[name]].copy(), d.site_xmat[sites[name]].reshape(3, 3).copy(), f"site {name}"
     name = next((word for word in (options.tool, options.tip) if word in bodies), body_name(m, carried[-1]))
     body = bodies[name]
     return d.xpos[body].copy(), d.xmat[body].reshape(3, 3).copy(), f"body {name}"
