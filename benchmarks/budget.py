@@ -72,9 +72,7 @@ PARTS = {
     "load a config": Part(("-c", f"import torquebench; torquebench.load_experiment({FIG9!r})")),
     "run": command("run", FIG9, "--no-figures", "--out", "{out}"),
     "page of a run": command("report", "{run}"),
-    "one figure": Part(
-        ("-c", "import torquebench; torquebench.load_result('{run}').figure('torque').savefig('{out}.png')")
-    ),
+    "one figure": command("figures", "{run}", "--only", "torque"),
     "check": command("check", "{law}"),
     "sweep": command(
         "sweep", "sweep", "--no-figures", "--set", "sweep.draws=1", "--set", "run.duration=1.5", "-o", "{out}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import struct
 from pathlib import Path
 
@@ -417,6 +418,30 @@ def test_what_is_no_arm_is_refused(put, text: str, word: str) -> None:
     """Files without an arm, or with code, end in one message."""
     with pytest.raises((ModelError, RefusedArmError), match=word):
         import_arm(put(text))
+
+
+@pytest.mark.parametrize("joint", ["ball", "free"])
+def test_flags_that_leave_nothing_are_no_cure(put, joint: str) -> None:
+    """A body that one joint carries alone, of a kind that no torque drives: refused, and no flag is offered."""
+    text = f'<mujoco><worldbody><body><joint type="{joint}"/><geom size="1"/></body></worldbody></mujoco>'
+    with pytest.raises(RefusedArmError, match=f"{joint} joint") as caught:
+        import_arm(put(text))
+    assert caught.value.flags == ()
+
+
+def test_numbers_that_are_no_limits_are_refused(put) -> None:
+    """NaN, zero and negative limits are refused by the joint's name, in a list as by names."""
+    for limits, name in (((math.nan, 1.0), "a"), ({"b": math.nan}, "b"), ((1.0, -1.0), "b"), ((0.0, 1.0), "a")):
+        with pytest.raises(RefusedArmError) as caught:
+            import_arm(put(two()), Options(torque_limits=limits))
+        wrong = [part for part in caught.value.findings if part.what == "--torque-limits" and part.verdict == "refused"]
+        assert [part.places for part in wrong] == [(name,)], limits
+
+
+def test_a_tool_that_is_not_there_is_refused(put) -> None:
+    """Also where the file has a site by one of the usual names: what was asked for is not passed over."""
+    with pytest.raises(RefusedArmError, match="no site or body of the last link is called so"):
+        import_arm(put(two(inside='<site name="attachment_site"/>')), Options(tool="nosuch"))
 
 
 def test_a_run_is_drawn_with_the_looks_of_its_arm_while_they_are_there(put, tmp_path: Path) -> None:

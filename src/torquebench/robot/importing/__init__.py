@@ -80,6 +80,8 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
     if refused := [part for part in chain.findings if part.verdict == "refused"]:
         # what else is in the way is told of the chain that the flags of these would leave
         chain = find_chain(m, with_flags(options, [word for part in refused for word in part.flags]), home)
+        if not chain.joints:  # such flags are no cure
+            refused = [part._replace(flags=()) for part in refused]
         if not chain.joints or any(part.verdict == "refused" for part in chain.findings):
             raise RefusedArmError(path, refused)
         chain.findings.extend(refused)
