@@ -358,7 +358,9 @@ def guarded(work: Callable[[], int], ending: Ending) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
-    except BrokenPipeError:
+    except (BrokenPipeError, SystemExit) as error:
+        if not isinstance(error, BrokenPipeError) and not isinstance(error.__context__, BrokenPipeError):
+            raise  # rich makes a SystemExit of a pipe that is closed
         sys.stdout = None  # nobody reads it any more; the interpreter must not complain when it closes it
         return UNREAD
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  the last resort: one line, and where to look
