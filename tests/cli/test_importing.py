@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from torquebench.cli.app import main
+from torquebench.cli.importing import DROPS
 from torquebench.robot import importing
+from torquebench.robot.importing import forces
 from torquebench.robot.importing.limits import read_limits
 
 LINK = '<inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.02 0.02"/>'
@@ -83,6 +85,11 @@ def test_bad_arguments_are_told_at_once(arm: Path, capsys) -> None:
     Path("bad.xml").write_text("<mujoco", encoding="utf-8")
     assert main(["import", "bad.xml"]) == 2
     assert "FILE: bad.xml: MuJoCo does not read it" in capsys.readouterr().err
+
+
+def test_every_force_that_can_be_left_out_is_offered() -> None:
+    """The command names the forces itself, as its help must not load MuJoCo."""
+    assert DROPS == forces.DROPS
 
 
 def test_an_arm_that_is_not_the_published_one_is_not_written(arm: Path, monkeypatch, capsys) -> None:

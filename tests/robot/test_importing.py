@@ -125,7 +125,7 @@ def test_the_proof_would_find_a_change(put, monkeypatch) -> None:
 
     write = importing.write
     monkeypatch.setattr(
-        importing, "write", lambda *args: (write(*args)[0].replace("0.01 0.02 0.02", "0.01 0.02000000002 0.02"), None)
+        importing, "write", lambda *args: write(*args).replace("0.01 0.02 0.02", "0.01 0.02000000002 0.02")
     )
     with pytest.raises(importing.UnprovedArmError, match="differs by"):
         import_arm(put(two()))

@@ -92,10 +92,11 @@ def import_(
     """
     from torquebench.robot import importing
     from torquebench.robot.importing import folder
+    from torquebench.robot.library import plain_name
 
     if not file.is_file():
         refuse([Problem("FILE", got=f"'{file}'", wanted="an MJCF or URDF file that exists")])
-    name = importing.arm_name(out.name if out else file.stem)
+    name = plain_name(out.name if out else file.stem)
     place = out or Path("arms") / name
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         refuse([("--out", f"{place} is not empty: give another folder with --out")])

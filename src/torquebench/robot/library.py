@@ -74,8 +74,12 @@ def file_of_arm(source: ArmSource) -> ArmFile:
 
 def arm_name(text: str) -> str:
     """Return a plain name made of that of a file, or of a path."""
-    stem = re.sub(rf"{MJCF}$", "", re.split(r"[/\\]", text)[-1], flags=re.IGNORECASE)
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", stem).strip("-_")[:64] or "arm"
+    return plain_name(re.sub(rf"{MJCF}$", "", re.split(r"[/\\]", text)[-1], flags=re.IGNORECASE))
+
+
+def plain_name(text: str) -> str:
+    """Return a name that an arm may have, made of a text."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[:64] or "arm"
 
 
 def model_names() -> tuple[str, ...]:

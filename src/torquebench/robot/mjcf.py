@@ -18,11 +18,10 @@ from torquebench.kernel import Array
 from torquebench.robot.flat_model import HINGE, SLIDE, Model, rigid_model
 from torquebench.robot.library import ArmFile, ArmSource, file_of_arm
 from torquebench.robot.links import check_physical
-from torquebench.robot.mjcf_links import at_zero, carrier, frames, links_of, moving_parent
-from torquebench.robot.mjcf_text import refused_inside, standing_alone
+from torquebench.robot.mjcf_links import ON_JOINT, at_zero, carrier, frames, joint_name, links_of, moving_parent
+from torquebench.robot.mjcf_text import listed, refused_inside, standing_alone
 from torquebench.robot.robot_model import Passive, RobotModel
 
-_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _OFF = mujoco.mjtDisableBit
 
 
@@ -92,7 +91,7 @@ def _imported(arm: ArmFile, path: Path, reasons: Sequence[str]) -> ArmFile:
         text = " ".join(str(error).removeprefix(f"{path}: ").split())
         raise ModelError.of_file(str(path), dict.fromkeys((*reasons, text))) from error
     told = [
-        f"{part.verdict} {part.what} ({_few(part.places)})" if part.places else f"{part.verdict} {part.what}"
+        f"{part.verdict} {part.what} ({listed(part.places)})" if part.places else f"{part.verdict} {part.what}"
         for part in made.findings
         if part.verdict != "kept"
     ]
@@ -212,7 +211,7 @@ def unrepresented(m: Any) -> list[str]:
 
     That is anything but hinges, slides, rigid bodies and motors, and anything but a single chain.
     """
-    found = [(name, _few(names)) for name, names in features(m).items() if names]
+    found = [(name, listed(names)) for name, names in features(m).items() if names]
     if not found and np.any((m.body_jntnum[m.jnt_bodyid] > 1) & (m.qpos0 != 0)):
         found.append(("a reference angle on a body with several joints", "the file"))
     parents = [moving_parent(m, b) for b in range(1, m.nbody) if m.body_jntnum[b] > 0]
@@ -222,10 +221,6 @@ def unrepresented(m: Any) -> list[str]:
         f"the analytic model cannot represent {name}{f' ({where})' * (where != 'the file')}" for name, where in found
     ]
     return [text + (f": {CURES[name]}" if name in CURES else "") for text, (name, _) in zip(texts, found, strict=True)]
-
-
-def _few(names: Sequence[str], most: int = 4) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def check_smooth(m: Any, where: str) -> None:
@@ -294,7 +289,7 @@ def tool_frame(m: Any, d: Any, where: str) -> tuple[Array, Array]:
 
 def joint_names(m: Any) -> list[str]:
     """Names of the joints of a compiled model; unnamed ones are called by their number."""
-    return [mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_JOINT, j) or f"joint{j + 1}" for j in range(m.njnt)]
+    return [joint_name(m, j) for j in range(m.njnt)]
 
 
 def keyframes(m: Any) -> dict[str, Array]:
@@ -322,7 +317,7 @@ def torque_limits(m: Any) -> tuple[Array, list[str]]:
         kinds = (m.actuator_gaintype[a], m.actuator_biastype[a], m.actuator_dyntype[a])
         name = f"actuator '{_name(m, mujoco.mjtObj.mjOBJ_ACTUATOR, a)}'"
         motor = (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtDyn.mjDYN_NONE)
-        if int(m.actuator_trntype[a]) not in _ON_JOINT or kinds != motor:
+        if int(m.actuator_trntype[a]) not in ON_JOINT or kinds != motor:
             reasons.append(f"{name} is not a plain motor on a joint, <motor joint=...>: laws command torques")
             continue
         j, limit = int(m.jnt_dofadr[m.actuator_trnid[a, 0]]), np.inf
@@ -337,5 +332,5 @@ def torque_limits(m: Any) -> tuple[Array, list[str]]:
     limits: Array = np.minimum(np.where(total > 0, total, np.inf), own)
     missing = [names[m.dof_jntid[j]] for j in np.flatnonzero(~np.isfinite(limits))]
     if missing and not reasons:
-        reasons.append(f"no torque limit for {_few(missing)}: wanted a limited motor or actuatorfrcrange")
+        reasons.append(f"no torque limit for {listed(missing)}: wanted a limited motor or actuatorfrcrange")
     return limits, reasons

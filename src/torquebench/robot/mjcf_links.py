@@ -12,6 +12,14 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.perturbation import Links
 
+ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""Kinds of actuators that drive one joint."""
+
+
+def joint_name(m: Any, joint: int) -> str:
+    """Return the name of a joint of a compiled model, or its number from 1."""
+    return mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"joint{joint + 1}"
+
 
 def frames(m: Any) -> tuple[list[Array], list[Array]]:
     """Return orientation (3, 3) and origin (3,) [m] of the base and of each joint's frame in the world, at q = 0.

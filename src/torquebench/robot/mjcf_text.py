@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple, TypeAlias
 
@@ -69,7 +69,7 @@ def standing_alone(text: str) -> ArmText:
     reasons = [*_greedy(root), *_numbers(root)]
     needed: list[str] = []
     left_out = _without_visuals(root) if root.tag == "robot" else _without_looks(root, needed)
-    remarks = [f"left out, as they only look: {_listed(left_out)}"] if left_out else []
+    remarks = [f"left out, as they only look: {listed(left_out)}"] if left_out else []
     if left_out or needed:
         text = ElementTree.tostring(root, encoding="unicode")
     return ArmText(text, tuple(remarks), tuple(dict.fromkeys((*reasons, *needed))), not reasons)
@@ -90,9 +90,9 @@ def _depth(root: Element) -> int:
     return depth
 
 
-def _listed(names: list[str], most: int = 4) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def listed(names: Sequence[str], most: int = 4) -> str:
+    """Return the first of some names, and how many more there are."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def _greedy(root: Element) -> Iterator[str]:
@@ -251,7 +251,7 @@ def _without_looks(root: Element, reasons: list[str]) -> list[str]:
                     needed.setdefault(cure, []).append(geom.element.get("name", f"of {next(iter(uses))[1]}"))
     for cure, geoms in needed.items():
         what = "a geom needs its mesh file" if len(geoms) == 1 else f"{len(geoms)} geoms need their mesh files"
-        reasons.append(f"{what} ({_listed(geoms)}), as {cure}")
+        reasons.append(f"{what} ({listed(geoms)}), as {cure}")
     textures = {name for tag, name in names if tag == "texture"}
     for _, material in assets:
         if material.get("texture") in textures:

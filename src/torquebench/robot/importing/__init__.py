@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,12 +10,14 @@ import mujoco
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.robot.importing.chain import Chain, Options, body_name, find_chain, home_of, joint_name
-from torquebench.robot.importing.findings import Part, RefusedArmError
+from torquebench.robot.importing.chain import Chain, Options, body_name, find_chain, home_of
+from torquebench.robot.importing.findings import VERDICTS, Part, RefusedArmError
 from torquebench.robot.importing.forces import forces_of
 from torquebench.robot.importing.plain import tool_of, write
 from torquebench.robot.importing.proof import LIMIT, STATES, Proof, prove
 from torquebench.robot.importing.source import Source, listening, read
+from torquebench.robot.library import plain_name
+from torquebench.robot.mjcf_links import joint_name
 
 __all__ = [
     "LIMIT",
@@ -27,7 +28,6 @@ __all__ = [
     "Proof",
     "RefusedArmError",
     "UnprovedArmError",
-    "arm_name",
     "import_arm",
     "with_flags",
 ]
@@ -86,9 +86,9 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
             raise RefusedArmError(path, refused)
         chain.findings.extend(refused)
     forces = forces_of(chain, options)
-    name = arm_name(options.name or path.stem)
+    name = plain_name(options.name or path.stem)
     _tell(chain, source, said)
-    text, _ = write(chain, forces, options, name, path.name)
+    text = write(chain, forces, options, name, path.name)
     if any(part.verdict == "refused" for part in chain.findings):
         raise RefusedArmError(path, _sorted(chain.findings))
     try:
@@ -103,11 +103,6 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
     return ImportedArm(
         name, text, joints, home[chain.places].copy(), _sorted(chain.findings), proof, source, chain, options
     )
-
-
-def arm_name(text: str) -> str:
-    """Return a plain name of an arm, made of that of a file or folder."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[:64] or "arm"
 
 
 def with_flags(options: Options, flags: Sequence[str]) -> Options:
@@ -128,8 +123,7 @@ def with_flags(options: Options, flags: Sequence[str]) -> Options:
 
 
 def _sorted(findings: list[Part]) -> tuple[Part, ...]:
-    order = ("kept", "mapped", "dropped", "refused")
-    return tuple(sorted(findings, key=lambda part: order.index(part.verdict)))
+    return tuple(sorted(findings, key=lambda part: VERDICTS.index(part.verdict)))
 
 
 def _tell(chain: Chain, source: Source, home: str) -> None:

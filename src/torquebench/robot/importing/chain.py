@@ -12,9 +12,8 @@ import numpy as np
 from torquebench.errors import did_you_mean
 from torquebench.kernel import Array
 from torquebench.robot.importing.findings import Part
+from torquebench.robot.mjcf_links import ON_JOINT, joint_name
 
-ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-"""Kinds of actuators that drive one joint."""
 _ONE_DOF = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
@@ -90,11 +89,6 @@ def name_of(m: Any, kind: Any, index: int) -> str:
     """
     word = kind.name.removeprefix("mjOBJ_").lower()
     return mujoco.mj_id2name(m, kind, index) or f"{word} {index + (word == 'joint')}"
-
-
-def joint_name(m: Any, joint: int) -> str:
-    """Return the name of a joint, or its number from 1."""
-    return mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"joint{joint + 1}"
 
 
 def body_name(m: Any, body: int) -> str:

@@ -11,8 +11,9 @@ import numpy as np
 
 from torquebench.errors import did_you_mean
 from torquebench.kernel import Array
-from torquebench.robot.importing.chain import ON_JOINT, Chain, Options, body_name, is_zero, joint_name, name_of
+from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero, name_of
 from torquebench.robot.importing.findings import Part
+from torquebench.robot.mjcf_links import ON_JOINT, joint_name
 
 _OBJ, _OFF, _TRN, _EQ = mujoco.mjtObj, mujoco.mjtDisableBit, mujoco.mjtTrn, mujoco.mjtEq
 _STATES = 20

@@ -11,9 +11,10 @@ import numpy as np
 
 from torquebench.errors import did_you_mean
 from torquebench.kernel import Array
-from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero, joint_name
+from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero
 from torquebench.robot.importing.findings import Part
 from torquebench.robot.importing.forces import Forces
+from torquebench.robot.mjcf_links import joint_name
 
 TOOLS = ("tool", "attachment_site")
 """Sites that are the tool, in this order."""
@@ -21,8 +22,8 @@ _ROUNDING = 4e-15
 """What the turns between two links leave of a number that was round."""
 
 
-def write(chain: Chain, forces: Forces, options: Options, name: str, source: str) -> tuple[str, Any]:
-    """Return the text of a chain's MJCF file, and the world bodies' element that looks can be added to.
+def write(chain: Chain, forces: Forces, options: Options, name: str, source: str) -> str:
+    """Return the text of a chain's MJCF file.
 
     Args:
         chain: The chain.
@@ -69,9 +70,7 @@ def write(chain: Chain, forces: Forces, options: Options, name: str, source: str
         )
     keys = ElementTree.SubElement(root, "keyframe")
     ElementTree.SubElement(keys, "key", name="home", qpos=text_of(chain.home[chain.places]))
-    return to_text(
-        root, f"Imported from {source} by torquebench; README.md says what was kept and what was left out."
-    ), root
+    return to_text(root, f"Imported from {source} by torquebench; README.md says what was kept and what was left out.")
 
 
 def to_text(root: Any, comment: str) -> str:
