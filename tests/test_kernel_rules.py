@@ -66,7 +66,7 @@ def test_the_checker_sees_the_kernels_and_the_laws() -> None:
         "chain.sensors.measure",
         "chain.drives.drive",
         "sim.closed_loop.actuate",
-        "sim.closed_loop.lag",
+        "sim.closed_loop.give",
     } <= set(KERNELS)
     written = {n for file, tree in TREES.items() if file.startswith("laws/") for n in marked(tree, "controller")}
     assert written == {law.function.__name__ for law in LAWS.values()}

@@ -16,7 +16,7 @@ from torquebench.chain import CHAINS, IDEAL, Chain, Drawn
 from torquebench.chain.sensors import measure as measure_by
 from torquebench.kernel import Array
 from torquebench.references import Reference
-from torquebench.sim.closed_loop import actuate, inside, lag
+from torquebench.sim.closed_loop import actuate, give, inside
 from torquebench.sim.job import Job, set_up
 from torquebench.sim.plants import INTEGRATORS
 from torquebench.sim.plants.analytic import AnalyticPlant
@@ -141,7 +141,7 @@ def test_the_lag_is_the_exact_exponential(time_constant: float, figure: Any) -> 
         mean = integral(output, T) / T
         worst = max(worst, float(np.max(np.abs(job.record_tau_applied[k] - d - mean))))
         for i in range(4):
-            lag(job, k)
+            give(job, k, i)
             for row, t in enumerate((i * h, (i + 0.5) * h, (i + 1.0) * h)):
                 worst = max(worst, float(np.max(np.abs(job.torque[row] - d - output(t)))))
         u = output(T)

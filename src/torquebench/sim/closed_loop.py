@@ -45,8 +45,9 @@ def actuate(job: Job, k: int) -> None:
     command(drives, k, job.record_tau_law[k], job.record_tau[k - 1 if k > 0 else 0], job.tau_max, tau)
     for i in range(len(tau)):
         applied[i] = tau[i]
-    if drives.active:
+    if drives.active or len(drives.decay) > 0:
         receive(drives, k, tau)
+    if drives.active:
         for i in range(len(tau)):
             applied[i] = 0.0
     elif len(drives.decay) > 0:
@@ -61,23 +62,11 @@ def actuate(job: Job, k: int) -> None:
 
 
 @kernel
-def lag(job: Job, k: int) -> None:
-    """Write the torque on the joints at the start, middle and end of the next physics step, and move the output on."""
-    disturbed, decay = len(job.disturbance) > 0, job.drives.decay
-    for i in range(len(job.q)):
-        tau, gap = job.record_tau[k, i], job.output[i] - job.record_tau[k, i]
-        d = job.disturbance[k, i] if disturbed else 0.0
-        job.torque[0, i] = job.output[i] + d
-        job.torque[1, i] = tau + gap * decay[0] + d
-        job.output[i] = tau + gap * decay[1]
-        job.torque[2, i] = job.output[i] + d
-
-
-@kernel
 def give(job: Job, k: int, s: int) -> None:
     """Write the torque on the joints at the start, middle and end of physics step s of a control period.
 
-    A late command comes into force at one of them. What the motors give is added to the mean on record.
+    A late command comes into force at one of them. What the motors give is added to the mean on record, but that of a
+    lag alone, which is there already.
     """
     drives, torque, disturbed = job.drives, job.torque, len(job.disturbance) > 0
     if s == (drives.late[k] if len(drives.late) > 0 and k > 0 else 0):
@@ -85,8 +74,9 @@ def give(job: Job, k: int, s: int) -> None:
             drives.held[i] = drives.target[i]
     drive(drives, k * job.substeps + s, job.qd, job.tau_max, job.output, torque)
     for i in range(len(job.q)):
-        mean = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
-        job.record_tau_applied[k, i] += mean / job.substeps
+        if drives.active:
+            mean = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
+            job.record_tau_applied[k, i] += mean / job.substeps
         if disturbed:
             for stage in range(3):
                 torque[stage, i] += job.disturbance[k, i]
@@ -132,7 +122,7 @@ def closed_loop(
     q, qd, memory, record_memory, at = job.q, job.qd, job.memory, job.record_memory, job.at
     record_q, record_qd, record_tau_law = job.record_q, job.record_qd, job.record_tau_law
     measured, delayed = len(job.record_q_meas) > 0, len(job.late) > 0
-    driven, lagging = job.drives.active, len(job.drives.decay) > 0
+    driven = job.drives.active or len(job.drives.decay) > 0
     bounded = len(job.ends) > 0
     for k in range(first, last):
         at[0] = k
@@ -163,10 +153,6 @@ def closed_loop(
         if driven:
             for s in range(job.substeps):
                 give(job, k, s)
-                step(job, 1, 1)
-        elif lagging:
-            for _ in range(job.substeps):
-                lag(job, k)
                 step(job, 1, 1)
         else:
             step(job, job.substeps, 0)
