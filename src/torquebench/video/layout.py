@@ -63,11 +63,9 @@ def layout(count: int, size: tuple[int, int], joints: int, title: Callable[[floa
     Raises:
         VideoError: panels would be too small to show anything.
     """
-    (width, height), best, most = size, None, 0.0
-    scale = max(0.75, min(width / 640.0, height / 480.0))
-    top = round(26 * scale)
-    for columns in range(1, count + 1):
-        wide, high = width // columns, (height - top) // -(-count // columns)
+    best, most = None, 0.0
+    scale, top = _header(size)
+    for columns, wide, high in _grids(count, size):
         unit = max(LEAST_UNIT, min(scale, wide / 300.0, high / 220.0))
         above = round(unit * title(wide - 12 * unit, unit))
         for beside in (True, False):
@@ -75,8 +73,8 @@ def layout(count: int, size: tuple[int, int], joints: int, title: Callable[[floa
             panels = [_panel(box, unit, above, joints, beside) for box in boxes]
             view, bars, traces = panels[0].view, panels[0].bars, panels[0].traces
             score = unit * min(view.width, view.height, 1.4 * (traces[0] if traces else bars).width)
-            if score > most and wide >= LEAST_PANEL[0] and high >= LEAST_PANEL[1]:
-                best, most = Layout(unit, Box(0, 0, width, top), tuple(panels)), score
+            if score > most:
+                best, most = Layout(unit, Box(0, 0, size[0], top), tuple(panels)), score
     if best is None:
         raise VideoError(misfit(count, size) + "; ask for a larger --size or fewer --controllers")
     return best
@@ -84,14 +82,24 @@ def layout(count: int, size: tuple[int, int], joints: int, title: Callable[[floa
 
 def misfit(count: int, size: tuple[int, int]) -> str:
     """Return why so many panels do not fit in a frame of some size [px]; nothing if they do."""
-    width, height = size
-    top = round(26 * max(0.75, min(width / 640.0, height / 480.0)))
-    for columns in range(1, count + 1):
-        if width // columns >= LEAST_PANEL[0] and (height - top) // -(-count // columns) >= LEAST_PANEL[1]:
-            return ""
+    if _grids(count, size):
+        return ""
     do = "controller does" if count == 1 else "controllers do"
     wants = f"each wants {LEAST_PANEL[0]}x{LEAST_PANEL[1]} or more"
-    return f"{count} {do} not fit in {width}x{height}: {wants} below a line of {top} px"
+    return f"{count} {do} not fit in {size[0]}x{size[1]}: {wants} below a line of {_header(size)[1]} px"
+
+
+def _header(size: tuple[int, int]) -> tuple[float, int]:
+    """Return the scale of a frame of some size, and the height of the line above its panels [px]."""
+    scale = max(0.75, min(size[0] / 640.0, size[1] / 480.0))
+    return scale, round(26 * scale)
+
+
+def _grids(count: int, size: tuple[int, int]) -> list[tuple[int, int, int]]:
+    """Return columns, width and height [px] of the panels of each grid whose panels are not too small."""
+    top = _header(size)[1]
+    found = [(columns, size[0] // columns, (size[1] - top) // -(-count // columns)) for columns in range(1, count + 1)]
+    return [grid for grid in found if grid[1] >= LEAST_PANEL[0] and grid[2] >= LEAST_PANEL[1]]
 
 
 def _panel(box: Box, unit: float, above: int, joints: int, beside: bool) -> Panel:
