@@ -138,11 +138,10 @@ def draw_audit(
     Raises:
         ConfigError: the audit has no figure of one of the names.
     """
-    from torquebench.report.figures.files import check_names, figure_files, wanted
+    from torquebench.report.figures.files import chosen_files
 
     jobs = {name: draw for name, (_, draw) in figures_of(audit.study, audit.claims).items()}
-    check_names(only, list(jobs), wanted, place)
-    files = dict(figure_files(jobs, wish, progress, only))
+    files = chosen_files(jobs, only, wish, progress, place)
     add_to_run(audit.folder, files)
     return files
 

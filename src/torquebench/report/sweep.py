@@ -76,12 +76,11 @@ def draw_sweep(
     Raises:
         ConfigError: the sweep has no figure of one of the names.
     """
-    from torquebench.report.figures.files import check_names, figure_files, wanted
+    from torquebench.report.figures.files import chosen_files
 
     table = read_table(stored.folder / TABLE)
     jobs = jobs_of(info_of(stored), table, dependences(stored, table))
-    check_names(only, list(jobs), wanted, place)
-    return dict(figure_files(jobs, wish, progress, only))
+    return chosen_files(jobs, only, wish, progress, place)
 
 
 def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:

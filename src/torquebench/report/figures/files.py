@@ -136,6 +136,23 @@ def names_of(files: Iterable[str], wish: Wish) -> list[str]:
     return list(dict.fromkeys(stems))
 
 
+def chosen_files(
+    jobs: Mapping[str, Job], only: Sequence[str], wish: Wish, progress: Progress | None, place: str
+) -> dict[str, bytes]:
+    """Return name and content of the files of the figures that are asked for; all where none is.
+
+    Args:
+        jobs, wish, progress: As of `figure_files`.
+        only: Names of the figures.
+        place: What messages call `only`.
+
+    Raises:
+        ConfigError: there is no figure of one of the names.
+    """
+    check_names(only, list(jobs), wanted, place)
+    return dict(figure_files(jobs, wish, progress, only))
+
+
 def check_names(
     only: Sequence[str], known: Sequence[str], fits: Callable[[str, Sequence[str]], bool], place: str
 ) -> None:
