@@ -62,7 +62,6 @@ def run(
     overrides = with_arm(overrides, model)
     _check_options(config, from_sweep, index, overrides)
     from torquebench.experiment import load_experiment
-    from torquebench.experiment.arm import range_remarks
     from torquebench.experiment.build import build
     from torquebench.experiment.certify import flags
     from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
@@ -125,7 +124,7 @@ def run(
         from torquebench.cli.video import film_of_run
 
         film_of_run(result, directory.folder, gl)
-    for remark in range_remarks(experiment, result.runs):
+    for remark in result.out_of_range:
         warn(f"torquebench: {remark}")
     return _print_failures(result)
 

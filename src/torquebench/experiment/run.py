@@ -96,7 +96,12 @@ class ExperimentResult:
     def flags(self) -> tuple[str, ...]:
         """What was wrong with the controllers before the run, what the arm's file lost, and joints out of range."""
         before = [*map(str, flags(self.experiment, self.loop)), *self.experiment.plant.remarks()]
-        return (*before, *range_remarks(self.experiment, self.runs))
+        return (*before, *self.out_of_range)
+
+    @cached_property
+    def out_of_range(self) -> tuple[str, ...]:
+        """A line for each controller in whose run joints leave the range that the arm's file gives them."""
+        return tuple(range_remarks(self.experiment, self.runs))
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:

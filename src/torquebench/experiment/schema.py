@@ -306,9 +306,10 @@ class Experiment:
     @cached_property
     def chattering_from_hz(self) -> float:
         """Frequency from which the torque counts as chattering [Hz]: that of the config, or one above the motion's."""
-        run, motion = self.run, self.motion
+        run = self.run
         if run.chattering_from_hz is not None:
             return run.chattering_from_hz
+        motion = self.motion
         if hasattr(motion, "highest_hz"):
             return corner_hz(motion.highest_hz())
         samples = motion.sample(control_instants(self.n_steps, run.control_period), self.n)
