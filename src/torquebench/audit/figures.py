@@ -140,7 +140,7 @@ def _key(ax: Axes) -> None:
 
 
 class Series(NamedTuple):
-    """What has a colour of its own in a plot of intervals."""
+    """A row of dots with a colour of its own in a plot of intervals."""
 
     label: str
     colour: str

@@ -97,7 +97,7 @@ class Judged:
 
     @property
     def sentence(self) -> str:
-        """What came out, in at most `MAX_WORDS` words: where it turns, and the median with its range."""
+        """The finding in at most `MAX_WORDS` words: where it turns, and the median with its range."""
         if not self.cases:
             return "no case: nothing is certified anywhere"
         middle, low, high = self.typical
@@ -131,7 +131,7 @@ class Judged:
 
     @property
     def carried(self) -> str:
-        """Which of the simpler laws do as well, in words."""
+        """The simpler laws that do as well, in words."""
         if not self.ablations:
             return "none was tried"
         well = list(dict.fromkeys(one.label for one in self.ablations if one.as_well))
@@ -308,7 +308,7 @@ def shown(value: float, measure: Measure) -> str:
 
 
 def measure_words(measure: Measure) -> str:
-    """Return what is measured, and the threshold, in words."""
+    """Return a measure and its threshold in words."""
     relations: Mapping[str, str] = {"value": "", "ratio": "ratio of ", "difference": "difference of ", "share": ""}
     what = f"{relations[measure.relation]}{measure.figure}"
     if measure.relation == "share":

@@ -1,4 +1,4 @@
-"""What an audit leaves: claims.json, claims.md, figures, and a page that stands alone."""
+"""The files of a finished audit: claims.json, claims.md, figures, and a page that stands alone."""
 
 from __future__ import annotations
 

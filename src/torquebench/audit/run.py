@@ -42,7 +42,7 @@ SAMPLES = 100
 
 
 class Runs:
-    """What came out of a study: the figures of each controller under each condition, by draw."""
+    """Results of a study: the figures of each controller under each condition, by draw."""
 
     def __init__(self, experiments: dict[Condition, Experiment], tables: dict[Condition, Table]) -> None:
         self.experiments, self.tables = experiments, tables
@@ -180,7 +180,7 @@ def run_parts(
 
 
 def read_parts(parts: Sequence[Part], folder: Path, plugins: tuple[Path, ...] = ()) -> Runs:
-    """Return what came out of a study whose sweeps are finished.
+    """Return the results of a study whose sweeps are finished.
 
     Args:
         parts: The sweeps.

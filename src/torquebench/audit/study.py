@@ -86,7 +86,7 @@ class Measure:
 
     @property
     def counted(self) -> Threshold:
-        """Which draws a share counts."""
+        """The threshold that a draw must meet to be counted in a share."""
         ((side, limit),) = self.counts.items()
         return Threshold(float(limit), side)
 
