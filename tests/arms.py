@@ -134,3 +134,16 @@ def still(target: Array) -> Any:
         return Reference(np.tile(target, (len(t), 1)), zero, zero.copy())
 
     return sample
+
+
+THREE = """
+<mujoco model="three"><worldbody>
+  <body><inertial mass="3" pos="0 0 0.1" diaginertia="0.05 0.05 0.05"/><joint name="j1" axis="0 1 0"/>
+    <body pos="0 0 0.3"><inertial mass="1" pos="0.02 0 0.1" diaginertia="1e-3 1e-3 1e-3"/>
+      <joint name="j2" axis="0 0 1"/>
+      <body pos="0 0 0.3"><inertial mass="0.2" pos="0.03 0 0.1" diaginertia="1e-4 1e-4 1e-4"/>
+        <joint name="j3" axis="1 0 0"/></body></body></body>
+  </worldbody>
+  <actuator><motor joint="j1" ctrlrange="-150 150"/><motor joint="j2" ctrlrange="-28 28"/>
+    <motor joint="j3" ctrlrange="-28 28"/></actuator></mujoco>"""
+"""An arm whose joints are light for their torque limits: gains that suit the PUMA make it ring."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.arms import THREE
 from torquebench import AnalyticPlant, Puma560, RobotModel, load_model
 from torquebench.comparison import (
     ROLLOUT_TOLERANCE,
@@ -71,17 +72,6 @@ def test_rollouts_are_held_to_the_promise_of_the_design():
     assert {row.term for row in rows if row.agrees} == {"one step, torque"}  # the speed is not shifted
 
 
-LIGHT = """
-<mujoco model="three"><worldbody>
-  <body><inertial mass="3" pos="0 0 0.1" diaginertia="0.05 0.05 0.05"/><joint name="j1" axis="0 1 0"/>
-    <body pos="0 0 0.3"><inertial mass="1" pos="0.02 0 0.1" diaginertia="1e-3 1e-3 1e-3"/>
-      <joint name="j2" axis="0 0 1"/>
-      <body pos="0 0 0.3"><inertial mass="0.2" pos="0.03 0 0.1" diaginertia="1e-4 1e-4 1e-4"/>
-        <joint name="j3" axis="1 0 0"/></body></body></body>
-  </worldbody>
-  <actuator><motor joint="j1" ctrlrange="-150 150"/><motor joint="j2" ctrlrange="-28 28"/>
-    <motor joint="j3" ctrlrange="-28 28"/></actuator></mujoco>"""
-"""Its joints are light for their torque limits: at gains that suit the PUMA its loops ring."""
 STIFF = {"smc": {"lam": 10, "k": 0.9}, "linear-band-smc": {"lam": 10, "k": 0.9, "phi": 0.05, "kv": 20}}
 """Gains with which they amplify what is rounded, too."""
 
@@ -89,8 +79,8 @@ STIFF = {"smc": {"lam": 10, "k": 0.9}, "linear-band-smc": {"lam": 10, "k": 0.9, 
 def rollouts(folder, change=None, duration=0.5):
     """Rows of the loops and steps of the light arm, MuJoCo's with a change of its text against the analytic one."""
     same, other = folder / "three.xml", folder / "other.xml"
-    same.write_text(LIGHT)
-    other.write_text(LIGHT.replace(*change) if change else LIGHT)
+    same.write_text(THREE)
+    other.write_text(THREE.replace(*change) if change else THREE)
     a, b = parse_side(f"mujoco:{other}", "A"), parse_side(f"analytic:{same}", "B")
     return compare_rollouts(a, b, slightly_wrong(b, b), duration)
 

@@ -8,20 +8,9 @@ import sys
 
 import pytest
 
-from tests.cli.conftest import QUICK
-from torquebench.cli.app import main
 from torquebench.experiment.store import check_run
 from torquebench.registry import restored
 from torquebench.video.job import FPS
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """Folder of a finished run without a film."""
-    folder = tmp_path_factory.mktemp("finished")
-    (folder / "quick.yaml").write_text(QUICK)
-    assert main(["run", str(folder / "quick.yaml"), "--out", str(folder / "run"), "--no-figures"]) == 0
-    return folder / "run"
 
 
 @pytest.fixture
