@@ -19,7 +19,7 @@ from torquebench.laws import find_law
 from torquebench.references import Reference, from_samples
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.inverse_kinematics import PathError
-from torquebench.sim.friction import SteepError
+from torquebench.sim.friction import FrictionError
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.signals import control_instants, total_torque
@@ -187,12 +187,12 @@ def build_plant(experiment: schema.Experiment) -> Plant:
     """Make the plant; MuJoCo is imported only for ``engine: mujoco``.
 
     Raises:
-        ConfigError: its friction is too steep for its time step.
+        ConfigError: its friction does not fit the arm, or its time step.
         ModelError: the arm cannot carry the payload.
     """
     try:
         return experiment.plant.build(plant_factors(experiment))
-    except SteepError as error:
+    except FrictionError as error:
         raise _bad("plant.friction", str(error)) from error
 
 

@@ -17,10 +17,13 @@ from torquebench.laws import find_law
 from torquebench.robot import RobotModel
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
+from torquebench.sim.friction import steady
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
 from torquebench.tuning import rate
 
+LOADED = 20
+"""Rounds after which friction under its own load is known to load^20 of it."""
 POSES = 100
 """Poses along the motion at which the arm's inertia is looked at."""
 TINY = 1e-300
@@ -119,13 +122,23 @@ def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
     return Phases(first, later, whole_steps(payload.at, experiment.run.control_period))
 
 
-def resistance(experiment: schema.Experiment, qd: Array) -> Array:
-    """Return the torque of an experiment's friction at joint velocities (N, n) [rad/s], as it acts, (N, n) [N m]."""
-    friction, n = experiment.plant.acting, experiment.n
+def resistance(experiment: schema.Experiment, qd: Array, needed: Array) -> Array:
+    """Return the torque of an experiment's friction along a motion, as it acts, (N, n) [N m].
+
+    Args:
+        experiment: The experiment.
+        qd: Velocities, (N, n) [rad/s].
+        needed: Torque that the motion takes without friction, (N, n) [N m]; with it the motors give more, and what
+            grows with the load grows with that too.
+    """
+    friction = experiment.plant.acting
     if friction is None:
         return np.zeros_like(qd)
-    rising = np.clip(qd / friction.speed, -1.0, 1.0)
-    return -(as_vector(friction.viscous, n) * qd + as_vector(friction.coulomb, n) * rising)
+    acting = friction.of_joints(experiment.n)
+    drag = steady(acting, qd, needed)
+    for _ in range(LOADED if np.any(acting.load) else 0):
+        drag = steady(acting, qd, needed + drag)
+    return -drag
 
 
 def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
@@ -161,7 +174,10 @@ def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
 def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Overdriven, ...]:
     """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s."""
     truth, found = truth_of(experiment), list[Flag | Coarse | Overdriven]()
-    acting = resistance(experiment, loop.reference.qd) + (0.0 if loop.disturbance is None else loop.disturbance)
+    disturbance = np.zeros_like(loop.reference.q) if loop.disturbance is None else loop.disturbance
+    free = np.einsum("kij,kj->ki", truth.mass_matrix(loop.reference.q), loop.reference.qdd)
+    free = free + truth.bias_forces(loop.reference.q, loop.reference.qd)
+    acting = resistance(experiment, loop.reference.qd, free) + disturbance
     for keys in experiment.controllers:
         law = sliding_law(keys, loop, experiment.n)
         if law is None:

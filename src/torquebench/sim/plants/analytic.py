@@ -15,7 +15,7 @@ from torquebench.robot.dynamics import forward_dynamics
 from torquebench.robot.flat_model import Model, own_copy
 from torquebench.robot.payload import Payload, phases
 from torquebench.robot.robot_model import RobotModel
-from torquebench.sim.friction import Friction, Resistance, acting, resist
+from torquebench.sim.friction import Friction, Resistance, acting, drag_along, own_bristles, resist
 from torquebench.sim.native import STEP_SIGNATURE, NativeFunction
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, range_of, stages
 
@@ -57,7 +57,9 @@ class AnalyticPlant:
         self.timestep = timestep
         self.tau_max = model.flat.tau_max.copy()
         self.payload, self.range = payload, range_of(model.passive) if stops else None
-        self.friction, resistance = acting(friction, model.passive, model.mass_matrix, timestep, integrator)
+        self.friction, resistance = acting(
+            friction, model.passive, model.mass_matrix, timestep, integrator, self.tau_max
+        )
         n, (first, later) = model.n, phases(model, payload)
         self._empty = Integrated(
             own_copy(first.flat), resistance, integrator == "rk4", timestep, np.zeros(n), np.zeros(n), np.zeros((6, n))
@@ -70,6 +72,7 @@ class AnalyticPlant:
         """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
         self._arm = self._empty
         self._arm.q[:], self._arm.qd[:] = q, qd
+        self._arm.friction.bristles[:] = 0.0
 
     def attach(self) -> None:
         """Go on with the payload; see `Carrier`."""
@@ -113,7 +116,14 @@ class AnalyticPlant:
     def replica(self) -> AnalyticPlant:
         """Return another plant of the same arm, for another thread."""
         twin, old = copy.copy(self), self._empty
-        twin._empty = replace(old, model=own_copy(old.model), q=old.q.copy(), qd=old.qd.copy(), work=old.work.copy())
+        twin._empty = replace(
+            old,
+            model=own_copy(old.model),
+            friction=own_bristles(old.friction),
+            q=old.q.copy(),
+            qd=old.qd.copy(),
+            work=old.work.copy(),
+        )
         if self._loaded is not None:
             twin._loaded = replace(twin._empty, model=own_copy(self._loaded.model))
         twin._arm = twin._empty
@@ -148,6 +158,7 @@ def rk4_steps(
     position, velocity, acceleration, sum_v, sum_a = work[0], work[1], work[2], work[3], work[4]
     rough = len(friction.viscous) > 0
     for _ in range(steps):
+        drag_along(friction, qd, start, h)
         for i in range(n):
             position[i], velocity[i] = q[i], qd[i]
             sum_v[i] = sum_a[i] = 0.0
@@ -179,6 +190,7 @@ def euler_steps(
     for _ in range(steps):
         if len(friction.viscous) > 0:
             net = work[5]
+            drag_along(friction, qd, torque, h)
             resist(friction, qd, torque, net)
         forward_dynamics(model, q, qd, net, acceleration)
         for i in range(len(q)):

@@ -101,10 +101,10 @@ class PlantKeys(ABC):
     @property
     def acting(self) -> Friction | None:
         """Friction that acts: the config's, else the arm's own, if any."""
-        if self.friction is not None:
+        if self.friction is not None and not self.friction.is_partial:
             return self.friction
         own = _own_friction if isinstance(self.model, ArmFile) else _own_friction.__wrapped__
-        return own(self.model, self.timestep, self.integrator)
+        return own(self.friction, self.model, self.timestep, self.integrator)
 
     def remarks(self) -> list[str]:
         """Return what was left out of the arm's file, or is not quite as it says."""
@@ -124,7 +124,7 @@ class PlantKeys(ABC):
             factors: What its links are multiplied by; see `factors`.
 
         Raises:
-            SteepError: its friction is too steep for its time step.
+            FrictionError: its friction does not fit the arm, or its time step.
             ModelError: the arm cannot carry the payload.
         """
         ...
@@ -133,16 +133,17 @@ class PlantKeys(ABC):
         """Return what it is in one line."""
         form = "".join(f":{part}" for part in self.form) if "structure" in self.__dict__ else ""
         parts = [f"{self.engine}:{self.model}{form} ({self.integrator}, {1e3 * self.timestep:g} ms)"]
-        burdens = (self.perturb, self.payload, self.friction)
+        friction = self.acting
+        own = None if friction is self.friction else friction
+        burdens = (self.perturb, self.payload, self.friction if own is None else None)
         parts += [burden.describe(units) for burden in burdens if burden is not None]
-        own = self.acting if self.friction is None else None
         return ", ".join([*parts, *([] if own is None else [f"the arm's own {own.describe(units)}"])])
 
 
 @functools.lru_cache(maxsize=64)
-def _own_friction(model: str | ArmFile, timestep: float, integrator: str) -> Friction | None:
+def _own_friction(given: Friction | None, model: str | ArmFile, timestep: float, integrator: str) -> Friction | None:
     arm = load_model(model)
-    return acting(None, arm.passive, arm.mass_matrix, timestep, integrator)[0]
+    return acting(given, arm.passive, arm.mass_matrix, timestep, integrator, arm.flat.tau_max)[0]
 
 
 @plant("mujoco")

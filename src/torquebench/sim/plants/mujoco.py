@@ -19,7 +19,7 @@ from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload
 from torquebench.robot.perturbation import scaled
 from torquebench.robot.robot_model import Passive
-from torquebench.sim.friction import Friction, acting, resist
+from torquebench.sim.friction import Friction, acting, drag_along, own_bristles, resist
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, range_of, stages
 
 if TYPE_CHECKING:
@@ -100,7 +100,8 @@ class MujocoPlant:
             self._m = with_links(self._m, scaled(links_of(self._m), factors))
         self.payload, self.range = payload, range_of(passive) if stops else None
         masses = functools.partial(mass_matrices, self._m)
-        self.friction, self._resistance = acting(friction, passive, masses, timestep, integrator)
+        self.tau_max = torque_limits(self._m)[0]
+        self.friction, self._resistance = acting(friction, passive, masses, timestep, integrator, self.tau_max)
         self._loaded: Any = None
         if payload is not None:
             self._loaded = with_links(self._m, add_payload(links_of(self._m), payload))
@@ -112,7 +113,6 @@ class MujocoPlant:
         self._lean: tuple[bool, bool] | None = None
         self.n = int(self._m.nv)
         self.timestep = timestep
-        self.tau_max = torque_limits(self._m)[0]
         self.joint_names = tuple(joint_names(self._m))
 
     def reset(self, q: Array, qd: Array) -> None:
@@ -120,6 +120,7 @@ class MujocoPlant:
         self._now = self._m
         mujoco.mj_resetData(self._m, self._d)
         self._d.qpos[:], self._d.qvel[:] = q, qd
+        self._resistance.bristles[:] = 0.0
 
     def attach(self) -> None:
         """Go on with the payload; see `Carrier`."""
@@ -138,6 +139,7 @@ class MujocoPlant:
                 self._runge_kutta(start, middle, end)
         elif rough:
             for _ in range(substeps):
+                self._drag_along(start)
                 self._apply(start)
                 mujoco.mj_step(self._now, self._d)
         else:
@@ -150,9 +152,15 @@ class MujocoPlant:
         if self.friction is not None:
             on_numbers(resist)(self._resistance, self._d.qvel, self._d.qfrc_applied, self._d.qfrc_applied)
 
+    def _drag_along(self, torque: Array) -> None:
+        """Bend the bristles of the friction for a time step that begins under `torque` (n,) [N m]."""
+        if len(self._resistance.bristles) > 0:
+            on_numbers(drag_along)(self._resistance, self._d.qvel, torque, self.timestep)
+
     def _runge_kutta(self, start: Array, middle: Array, end: Array) -> None:
         """One Runge-Kutta step like ``mj_step``'s, with the torque at the time of each stage."""
         d, h = self._d, self.timestep
+        self._drag_along(start)
         q, qd = d.qpos.copy(), d.qvel.copy()
         velocity, acceleration = np.zeros(self.n), np.zeros(self.n)
         stages_of = ((start, 0.5, 1.0 / 6.0), (middle, 0.5, 1.0 / 3.0), (middle, 1.0, 1.0 / 3.0), (end, 0.0, 1.0 / 6.0))
@@ -199,7 +207,7 @@ class MujocoPlant:
         twin = copy.copy(self)
         twin._m = twin._now = copy.copy(self._m)
         twin._loaded = copy.copy(self._loaded)
-        twin._d = mujoco.MjData(twin._m)
+        twin._d, twin._resistance = mujoco.MjData(twin._m), own_bristles(self._resistance)
         twin._native = None
         return twin
 

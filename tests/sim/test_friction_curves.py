@@ -1,0 +1,175 @@
+"""Friction that is more than a line: Stribeck's curve, load and LuGre's bristles, against closed forms and MuJoCo."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.arms import slider
+from tests.sim.protocol import differing_bytes
+from tests.sim.test_friction import COULOMB, VISCOUS, plants, rubbing
+from torquebench.kernel import Array
+from torquebench.sim.friction import Friction, SteepError, steady
+from torquebench.sim.plants.analytic import AnalyticPlant
+
+STRIBECK = Friction(0.5, 2.0, 0.01, breakaway=3.0, stribeck_speed=0.1)
+LUGRE = Friction(0.4, 1.0, breakaway=1.5, stribeck_speed=0.01, bristle_stiffness=1e4, bristle_damping=50.0)
+"""Of the size of Canudas de Wit's own example: mass 1 kg, sigma_0 = 1e5 N/m, F_C = 1 N, F_S = 1.5 N."""
+ALL = Friction(
+    VISCOUS,
+    COULOMB,
+    breakaway=tuple(1.5 * x for x in COULOMB),
+    load=0.05,
+    bristle_stiffness=300.0,
+    bristle_damping=0.02,
+)
+
+
+def rates_of(friction: Friction, mass: float, push: Any) -> Any:
+    """Return the rates of (position, velocity, bristle) of a mass on bristles, written down from the paper."""
+    s0, s1, s2 = friction.bristle_stiffness, friction.bristle_damping, friction.viscous
+    C, B, vs = friction.coulomb, friction.breakaway, friction.stribeck_speed
+
+    def rates(t: float, y: Array) -> list[float]:
+        x, v, z = y
+        slip = v - s0 * abs(v) * z / (C + (B - C) * np.exp(-((v / vs) ** 2)))
+        return [v, (push(t, x, v) - s0 * z - s1 * slip - s2 * v) / mass, slip]
+
+    return rates
+
+
+@pytest.mark.parametrize("bristles", [0.0, 5e3])
+def test_steady_sliding_is_stribeck_s_curve_under_load(bristles: float) -> None:
+    """viscous v + sgn(v) (C + (B - C) exp(-(v/vs)^2) + load |tau|), with bristles and without, to round-off."""
+    friction = Friction(0.5, 2.0, breakaway=3.0, stribeck_speed=0.1, load=0.1, bristle_stiffness=bristles)
+    v, torque = np.array([[0.02], [-0.05], [0.3], [-2.0]]), np.array([[4.0], [-7.0], [0.0], [9.0]])
+    curve = 0.5 * v + np.sign(v) * (2.0 + np.exp(-((v / 0.1) ** 2)) + 0.1 * np.abs(torque))
+    assert steady(friction.of_joints(1), v, torque) == pytest.approx(curve, rel=1e-14)
+
+
+def test_a_joint_breaks_away_at_its_breakaway_torque() -> None:
+    """A force that rises by 0.5 N/s moves a mass on bristles by less than B/sigma_0 up to 1.5 N, and then away.
+
+    The bristles give way within 0.02 N below it, where the mass already creeps at the rate at which they bend.
+    """
+    plant = AnalyticPlant(slider(1.0), 0.001, friction=LUGRE)
+    plant.reset(np.zeros(1), np.zeros(1))
+    moved = None
+    for k in range(3300):
+        plant.step(np.array([0.0005 * k]), 1)
+        q, qd = plant.state()
+        if 0.0005 * k < 1.46:
+            assert abs(q[0]) < 2.0 * 1.5 / 1e4
+        if moved is None and qd[0] > 0.01:
+            moved = 0.0005 * k
+    assert moved == pytest.approx(1.5, abs=0.03)
+
+
+def test_a_joint_on_bristles_sticks(figure: Any) -> None:
+    """Under 0.9 of Coulomb friction it rests at F/sigma_0 and stays; without bristles it creeps 0.009 m/s x 2 s."""
+    ends = []
+    for friction in (LUGRE, Friction(0.4, 1.0)):
+        plant = AnalyticPlant(slider(1.0), 0.001, friction=friction)
+        plant.reset(np.zeros(1), np.zeros(1))
+        for _ in range(2000):
+            plant.step(np.array([0.9]), 1)
+        ends.append(float(plant.state()[0][0]))
+    figure("rest on bristles under 0.9 N, 1e4 N/m [m]", ends[0], "9e-5 within 1 %")
+    assert ends[0] < 3e-4
+    assert ends[1] == pytest.approx(0.018, rel=0.05)
+
+
+def test_stick_slip_is_what_another_integrator_makes_of_it(figure: Any) -> None:
+    """A mass drawn through a spring at 0.1 m/s for 6 s against DOP853 at 1e-9: peaks of the spring's force within 3 %."""
+    k, speed, h = 8.0, 0.1, 0.001
+    plant = AnalyticPlant(slider(1.0), h, friction=LUGRE)
+    plant.reset(np.zeros(1), np.zeros(1))
+    ours = []
+    for i in range(6000):
+        x = plant.state()[0][0]
+        ours.append(k * (speed * i * h - x))
+        plant.step(np.array([ours[-1]]), 1)
+    exact = solve_ivp(
+        rates_of(LUGRE, 1.0, lambda t, x, v: k * (speed * t - x)),
+        (0.0, 6.0),
+        np.zeros(3),
+        method="LSODA",
+        rtol=1e-8,
+        atol=1e-11,
+        t_eval=h * np.arange(6000),
+    )
+    theirs = k * (speed * exact.t - exact.y[0])
+    gap = abs(max(ours) - float(theirs.max()))
+    figure("greatest force of stick-slip, against LSODA [N]", gap, "<= 0.02")
+    assert gap <= 0.02
+    assert min(ours[4000:]) == pytest.approx(float(theirs[4000:].min()), abs=0.1)
+    assert max(ours) - min(ours[4000:]) > 0.5  # it does stick and slip
+
+
+def test_bristles_are_those_of_mujoco_s_dcmotor(figure: Any) -> None:
+    """A swing of 0.5 s beside a passive ``dcmotor`` with ``lugre`` at 10 us: within 1 % of the way that it makes."""
+    text = """<mujoco><option timestep="1e-5" gravity="0 0 0" integrator="Euler"/><worldbody><body>
+    <inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/><joint name="a" type="slide" axis="1 0 0"/></body></worldbody>
+    <actuator><dcmotor joint="a" input="none" motorconst="0 0" resistance="1" damping="0.4"
+    lugre="1e4 50 1 1.5 0.01"/></actuator></mujoco>"""
+    m = mujoco.MjModel.from_xml_string(text)
+    d = mujoco.MjData(m)
+    plant = AnalyticPlant(slider(1.0), 0.001, friction=LUGRE)
+    plant.reset(np.zeros(1), np.zeros(1))
+    ours, theirs = [], []
+    for k in range(500):
+        force = 2.5 * np.sin(2.0 * np.pi * 2.0 * 0.001 * k)
+        plant.step(np.array([force]), 1)
+        d.qfrc_applied[:] = force
+        mujoco.mj_step(m, d, 100)
+        ours.append(plant.state()[0][0])
+        theirs.append(d.qpos[0])
+    gap = float(np.max(np.abs(np.array(ours) - theirs))) / float(np.ptp(theirs))
+    figure("LuGre at 1 ms against MuJoCo's dcmotor at 10 us [share of the way]", gap, "<= 0.01")
+    assert gap <= 0.01
+
+
+def test_curves_only_take_energy() -> None:
+    """Power of the friction is never negative, at 2000 velocities and torques of both signs."""
+    rng = np.random.default_rng(0)
+    v, torque = rng.normal(0.0, 0.3, (2000, 1)), rng.normal(0.0, 9.0, (2000, 1))
+    friction = Friction(0.1, 2.0, breakaway=3.0, load=0.4)
+    assert np.min(v * steady(friction.of_joints(1), v, torque)) >= 0.0
+
+
+def test_bristles_too_stiff_for_the_time_step_are_refused() -> None:
+    """1 kg on 4e6 N/m rings at 2000 rad/s, and a step of 1 ms follows 1000: the message says which step would."""
+    friction = Friction(coulomb=1.0, bristle_stiffness=4e6)
+    with pytest.raises(SteepError, match=r"ring at up to 2e\+03 rad/s, .* plant.timestep of 0.0005 s or less"):
+        AnalyticPlant(slider(1.0), 0.001, friction=friction)
+    AnalyticPlant(slider(1.0), 0.0005, friction=friction)
+
+
+@pytest.mark.parametrize(
+    ("friction", "message"),
+    [
+        (Friction(coulomb=2.0, breakaway=1.0), "breakaway of joint 1 is 1, wanted at least its coulomb, 2"),
+        (Friction(1.0, bristle_stiffness=(0.0,) * 5 + (1.0,)), "bristle_stiffness is .*, wanted more than 0 or all 0"),
+    ],
+)
+def test_friction_that_contradicts_itself_is_refused(friction: Friction, message: str) -> None:
+    """A ValueError that names the joint or the numbers."""
+    with pytest.raises(ValueError, match=message):
+        friction.of_joints(6)
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "euler"])
+@pytest.mark.parametrize("engine", ["mujoco", "analytic"])
+def test_all_of_it_is_alike_on_both_paths_and_engines(engine: str, integrator: str) -> None:
+    """0 differing bytes between the paths and on a replica after another run; the engines 1e-9 rad apart."""
+    plant = plants(ALL, integrator=integrator)[engine]
+    first = rubbing(plant, 2)
+    for path in ("native", "python"):
+        for p in (plant, plant.replica()):
+            assert differing_bytes(first, rubbing(p, 2, path)) == 0
+    other = plants(ALL, integrator=integrator)["mujoco" if engine == "analytic" else "analytic"]
+    assert np.max(np.abs(rubbing(other, 2).q - first.q)) <= 1e-9
