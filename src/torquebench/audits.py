@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from torquebench.audit import DIGEST, STUDY
 from torquebench.audit.judge import Judged, judge_study
 from torquebench.audit.pages import figures_of, write_files
 from torquebench.audit.run import CONDITIONS, Part, Runs, parts_of, read_parts, run_parts
@@ -28,11 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from torquebench.report.figures.files import Wish
-
-STUDY = "study.yaml"
-"""The study's file, as it was given."""
-DIGEST = "study.json"
-"""What identifies the audit in a folder, so that it can go on there."""
 
 
 def run_audit(

@@ -317,7 +317,7 @@ class Result:
         """
         from torquebench.report.figures.run_view import draw_figures
 
-        found = draw_figures(view_of(self.numbers), (name,))
+        found = draw_figures(view_of(self.numbers, (name,)), (name,))
         if name not in found:
             raise ResultError(f"no figure '{name}' of this run{did_you_mean(name, found or FIGURES)}")
         return found[name]
