@@ -41,7 +41,7 @@ COMMANDS = {
     "Arms": {"import": "importing"},
     "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
     "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
-    "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},
+    "Discover": {"laws": "discover", "chains": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
 }
 """Heading in the help -> command -> the module of this package that has it, under the command's name."""
