@@ -234,7 +234,8 @@ def moved_by(
 def settle(joints: Joints, q: Array, load: Array) -> None:
     """Put the motors at rest where they hold links at rest at `q` (n,) [rad] against `load` (n,) [N m]."""
     if len(joints.stiffness) > 0:
-        joints.state[0] = q + load / joints.stiffness + joints.gap * np.sign(load)
+        pressed_on = np.abs(load) > 1e-9 * np.max(np.abs(load))  # what rounding leaves of no load stays amid the gap
+        joints.state[0] = q + load / joints.stiffness + joints.gap * np.sign(load) * pressed_on
         joints.state[1] = 0.0
 
 

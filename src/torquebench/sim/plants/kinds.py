@@ -122,6 +122,8 @@ class PlantKeys(ABC):
     def remarks(self) -> list[str]:
         """Return what was left out of the arm's file, or is not quite as it says."""
         found = [f"arm {self.model}: {text}" for text in getattr(self.model, "remarks", ())]
+        if self.transmission is not None:
+            found.append("joints that give: certificates and gains: auto hold for rigid joints, so none is certified")
         own = self.acting if self.friction is None else None
         if own is not None and own.speed > SPEED:
             why = f"{self.integrator} at {1e3 * self.timestep:g} ms follows no steeper friction on joints so light"
