@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.arms import INERTIA, LENGTH, MASS, chain, pendulum
+from tests.arms import INERTIA, LENGTH, MASS, chain, pack, pendulum
+from tests.sampled import simulate_sampled
+from tests.sim.protocol import differing_bytes
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
+from torquebench.references import Sine
 from torquebench.robot import RobotModel, load_model
 from torquebench.sim.friction import Friction
 from torquebench.sim.joints import SpringError, Transmission
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant
+from torquebench.sim.trajectory import load_trajectory
 
 J = INERTIA + MASS * LENGTH * LENGTH
 """Inertia of the pendulum's link alone, 0.53 kg m^2."""
@@ -46,7 +51,7 @@ def motion(plant: Any, tau: Array, steps: int, q: Array) -> Array:
 
 
 def test_a_free_pair_rings_and_dies_away_as_the_formula_says() -> None:
-    """x = th - q of motor and link under a torque from rest at balance: the step response of a damped oscillator.
+    """X = th - q of motor and link under a torque from rest at balance: the step response of a damped oscillator.
 
     w^2 = k (1/J + 1/B), 2 zeta w = d (1/J + 1/B); RK4's error at w h = 0.04 is (w h)^4/120 a radian, 2e-8.
     """
@@ -78,8 +83,10 @@ def test_without_damping_energy_is_kept_but_for_the_integrator() -> None:
 
 @pytest.mark.parametrize("friction", [None, Friction(viscous=(2.0, 2.0, 1.0, 0.1, 0.1, 0.1))])
 def test_the_puma_moves_as_an_independent_integration_says(friction: Friction | None) -> None:
-    """DOP853 of Spong's equations with M and bias of the model, at a tolerance of 1e-12, over 0.1 s: RK4 at 0.1 ms
-    differs by 1e-9 rad at most, and by a sixteenth of what it does at 0.2 ms, as its order says."""
+    """DOP853 of Spong's equations with M and bias of the model agrees, at a tolerance of 1e-12, over 0.1 s.
+
+    RK4 at 0.1 ms differs by 1e-9 rad at most, and by a sixteenth of what it does at 0.2 ms, as its order says.
+    """
     arm = load_model("puma560")
     B = arm.flat.armature
     k, d = np.array(SOFT.stiffness), np.array(SOFT.damping)
@@ -103,8 +110,10 @@ def test_the_puma_moves_as_an_independent_integration_says(friction: Friction | 
 
 
 def test_backlash_is_crossed_as_an_integration_with_events_says() -> None:
-    """A rotor swings between the flanks of a gap of 20 mrad: stopped and started again at each crossing, DOP853 has it
-    within 1e-6 rad, the step's error at a corner of the spring (h^3 k w)."""
+    """A rotor swings between the flanks of a gap of 20 mrad; DOP853, begun anew at each crossing, agrees.
+
+    The tolerance, 1e-6 rad, is the step's error at a corner of the spring (h^3 k w).
+    """
     k, B, b, h = 900.0, 0.07, 0.02, 5e-5
     plant = AnalyticPlant(floating(), h, transmission=Transmission(k, backlash=b))
     plant.native()
@@ -211,3 +220,26 @@ def test_what_cannot_have_joints_that_give_is_refused() -> None:
         AnalyticPlant(bare, transmission=Transmission(100.0))
     with pytest.raises(ValueError, match="transmission: stiffness is 0"):
         Transmission(0.0)
+
+
+@pytest.mark.parametrize("sensor", ["motor", "link"])
+def test_a_run_shows_the_law_the_side_of_its_sensors_and_keeps_both(sensor: Any, tmp_path: Path) -> None:
+    """Both paths leave the same bytes; the law sees the motors' or the links' state; a file gives all back."""
+    given = Transmission(300.0, 1.0, sensor=sensor)
+    plant, law = MujocoPlant("two-link", transmission=given), pack("pd", 2, lam=8, kv=12)
+    arm = load_model("two-link")
+    runs = [
+        simulate_sampled(plant, law, arm, Sine(0.4, 1.0), duration=0.1, path=path, throw=False)
+        for path in ("python", "native")
+    ]
+    assert differing_bytes(*runs) == 0
+    run = runs[1]
+    assert run.motor_q is not None
+    assert run.motor_qd is not None
+    assert np.max(np.abs(run.motor_q - run.q)) > 1e-3
+    seen = (run.motor_q, run.motor_qd) if sensor == "motor" else (run.q, run.qd)
+    assert np.array_equal(run.q_meas, seen[0])
+    assert np.array_equal(run.qd_meas, seen[1])
+    path = tmp_path / "trajectory.npz"
+    path.write_bytes(run.to_bytes())
+    assert load_trajectory(path).digest() == run.digest()
