@@ -159,7 +159,12 @@ def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
 
 
 def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Overdriven, ...]:
-    """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s."""
+    """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s.
+
+    All of that is said of rigid joints, so there is nothing to say where the plant's joints give.
+    """
+    if experiment.plant.transmission is not None:
+        return ()
     truth, found = truth_of(experiment), list[Flag | Coarse | Overdriven]()
     acting = resistance(experiment, loop.reference.qd) + (0.0 if loop.disturbance is None else loop.disturbance)
     for keys in experiment.controllers:
@@ -187,7 +192,7 @@ def certificate_of(
     run: Trajectory,
     truth: RobotModel | Phases | None = None,
 ) -> Certificate | None:
-    """Return the certificate of one run; None where it did not complete, or its law has none.
+    """Return the certificate of one run; None where it did not complete, joints give, or its law has none.
 
     Args:
         experiment: What was run.
@@ -197,7 +202,7 @@ def certificate_of(
         truth: The arm, where it is at hand; see `truth_of`.
     """
     law = sliding_law(keys, loop, experiment.n)
-    if law is None or not run.completed:
+    if law is None or not run.completed or experiment.plant.transmission is not None:
         return None
     period = experiment.run.control_period
     return certify(run, truth or truth_of(experiment), law, period, experiment.chain.reaction(period))
