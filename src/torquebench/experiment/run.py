@@ -12,7 +12,7 @@ from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
 from torquebench.experiment.arm import range_remarks
 from torquebench.experiment.build import Loop, build, plant_factors
-from torquebench.experiment.certify import certificates, flags
+from torquebench.experiment.certify import certificates, flags, planned
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
 from torquebench.experiment.schema import Controller as ControllerKeys
@@ -94,8 +94,9 @@ class ExperimentResult:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """What was wrong with the controllers before the run, what the arm's file lost, and joints out of range."""
-        before = [*map(str, flags(self.experiment, self.loop)), *self.experiment.plant.remarks()]
+        """What controllers or arm could not do before the run, what the arm's file lost, and joints out of range."""
+        experiment, loop = self.experiment, self.loop
+        before = [*map(str, flags(experiment, loop)), *planned(experiment, loop), *experiment.plant.remarks()]
         return (*before, *self.out_of_range)
 
     @cached_property
