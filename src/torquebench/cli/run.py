@@ -63,7 +63,7 @@ def run(
     _check_options(config, from_sweep, index, overrides)
     from torquebench.experiment import load_experiment
     from torquebench.experiment.build import build
-    from torquebench.experiment.certify import flags
+    from torquebench.experiment.certify import flags, planned
     from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
     from torquebench.experiment.dump import dump_tree, plain
     from torquebench.experiment.folder import write_experiment, write_trajectory
@@ -92,7 +92,7 @@ def run(
     for line in chosen_text(experiment):
         say(line)
     loop = build(experiment)
-    for flag in [*flags(experiment, loop), *experiment.plant.remarks()]:
+    for flag in [*flags(experiment, loop), *planned(experiment, loop), *experiment.plant.remarks()]:
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(out, experiment.name))
     write_experiment(directory, experiment)

@@ -129,6 +129,8 @@ def sweep(**given: Any) -> int:
 
 def _start(options: Options) -> StoredSweep | None:
     """Check, estimate and run a sweep; None if only the estimate is wanted."""
+    from torquebench.experiment.build import build
+    from torquebench.experiment.certify import planned
     from torquebench.experiment.dump import dump_tree
     from torquebench.experiment.store import RunDirectory, claim_folder, runs_folder
     from torquebench.sweep.checking import check_plan
@@ -152,6 +154,8 @@ def _start(options: Options) -> StoredSweep | None:
         survey = check_plan(plan, bar.update)
     with _executor(options) as executor:
         work = _print_estimate(plan, survey, executor, begun, ready)
+        for remark in planned(plan.first, build(plan.first)):
+            warn(f"torquebench: first case: {remark}")
         if not options.no_cap:
             refusals = work.refusals((options.out or runs_folder()).absolute())
             refuse([("sweep", f"needs {text}: --no-cap lifts the caps") for text in refusals])
@@ -289,7 +293,7 @@ def _say_best(stored: StoredSweep, summary: Summary) -> None:
     from torquebench.report.tables import headlines
     from torquebench.sweep.best import best_choices, conditions, short_names
 
-    titles = headlines(slide_joints(stored.plan.first.plant.model))
+    titles = headlines(slide_joints(stored.plan.first.plant.model), tool=True)
     for sentence in answer(summary, titles):
         say(sentence)
     choices = told_choices(summary, titles, max(LEAST_TOLD, (height() - AROUND) // 2))

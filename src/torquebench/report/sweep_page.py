@@ -72,7 +72,7 @@ def sweep_page(table: Table, summary: Summary, info: SweepInfo, found: Sequence[
         info: What it is.
         found: What its metrics depend on; of those in `SHOWN` it is told.
     """
-    titles = headlines(info.slides, steps=True)
+    titles = headlines(info.slides, steps=True, tool=True)
     told = [one for one in found if one.metric in SHOWN]
     drawn = f"; drawn: {', '.join(summary.drawn)}" if summary.drawn else ""
     first, _, second = info.conditions.partition("\n")
