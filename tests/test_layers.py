@@ -31,7 +31,7 @@ LAYERS = (
     ("metrics", "statistics"),
     ("certificates",),
     ("experiment", "scene"),
-    ("sweep",),
+    ("sweep", "diagnosis"),
     ("report",),
     ("video", "results", "audit"),
     ("sweeps",),

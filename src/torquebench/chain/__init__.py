@@ -14,6 +14,7 @@ from torquebench.chain.chain import (
     rate_remarks,
 )
 from torquebench.chain.drives import CurrentLoop, ThermalLimit, TorqueSpeed
+from torquebench.chain.response import Response, response
 from torquebench.chain.robots import ROBOT_CHAINS
 from torquebench.chain.sensors import Ripple
 
@@ -28,10 +29,12 @@ __all__ = [
     "CurrentLoop",
     "Drawn",
     "Origin",
+    "Response",
     "Ripple",
     "ThermalLimit",
     "TorqueSpeed",
     "chain",
     "late_steps",
     "rate_remarks",
+    "response",
 ]

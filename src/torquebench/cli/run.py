@@ -25,6 +25,7 @@ from torquebench.cli.parameters import (
     with_arm,
 )
 from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, voice, warn
+from torquebench.cli.why import hint
 from torquebench.errors import Problem
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def run(
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
+    from torquebench.metrics.shaking import shaking
     from torquebench.report.answer import answer
     from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
@@ -124,6 +126,8 @@ def run(
         from torquebench.cli.video import film_of_run
 
         film_of_run(result, directory.folder, gl)
+    if any(shaking(metrics, result.joints.tau_max) for metrics in result.metrics.values()):
+        say(hint(directory.folder))
     for remark in result.out_of_range:
         warn(f"torquebench: {remark}")
     return _print_failures(result)
