@@ -29,7 +29,7 @@ LAYERS = (
     ("check_cases", "comparison"),
     ("check",),
     ("metrics", "statistics"),
-    ("certificates",),
+    ("certificates", "describing"),
     ("experiment", "scene"),
     ("sweep", "diagnosis"),
     ("report",),

@@ -119,6 +119,7 @@ def sweep(**given: Any) -> int:
     summary = summary_of(stored)
     tell(directory=stored.folder, **sweep_facts(stored, outcomes, summary))
     if summary is not None:
+        _say_border(stored)
         _say_best(stored, summary)
     say(f"results: {stored.folder}")
     wrong = unexpected_outcomes(stored, outcomes)
@@ -283,6 +284,26 @@ def _resume_hint(stored: StoredSweep, options: Options) -> str:
     words = ["torquebench", "sweep", "--resume", str(stored.folder)]
     words += [word for plugin in options.plugin for word in ("--plugin", str(plugin))]
     return f"what is stored is kept, go on with: {shlex.join(words)}"
+
+
+def _say_border(stored: StoredSweep) -> None:
+    """Say as bars and a table where each law starts to shake, if it was searched."""
+    from torquebench.metrics.chattering import STILL
+    from torquebench.report.sweep_tables import border_table
+    from torquebench.sweep.folder import TABLE
+    from torquebench.sweep.table import read_table
+
+    border = stored.plan.keys.border
+    if border is None:
+        return
+    header, rows = border_table(read_table(stored.folder / TABLE), ends=False)
+    say(f"First {border.key} at which each law shakes: chattering of {STILL:g} % of the torque limit or more")
+    say(f"\n{table(header, rows, left=next(i for i, x in enumerate(header) if x.endswith(':')) + 1)}\n")
+    say(
+        "medians over the draws; none: at no value searched; all: at every one; ~: predicted by describing functions; "
+        "the page has the intervals"
+    )
+    say(f"drawn by: torquebench figures {stored.folder} --only border\n")
 
 
 def _say_best(stored: StoredSweep, summary: Summary) -> None:
