@@ -143,7 +143,7 @@ def draw_audit(
 
 
 def _digest(parts: Sequence[Part]) -> str:
-    """Return what identifies the runs of an audit."""
+    """Return the digest of an audit's runs, by which they are known again."""
     return hashlib.sha256("\n".join(part.folder + "\n" + part.text for part in parts).encode()).hexdigest()
 
 
