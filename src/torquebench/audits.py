@@ -173,7 +173,7 @@ def draw_audit(
 
 
 def _digest(parts: Sequence[Part]) -> str:
-    """Return what identifies the runs of an audit."""
+    """Return the digest of an audit's runs, by which they are known again."""
     arms = sorted(f"{path} {arm.digest}" for path, (_, arm) in parts[0].arms.items()) if parts else []
     texts = [part.folder + "\n" + part.text for part in parts]
     return hashlib.sha256("\n".join([*texts, *arms]).encode()).hexdigest()

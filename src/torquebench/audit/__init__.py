@@ -3,4 +3,4 @@
 STUDY = "study.yaml"
 """The study's file in an audit's folder, as it was given."""
 DIGEST = "study.json"
-"""What identifies the audit there, so that it can go on."""
+"""The file there with the digest of the audit's runs, by which it is known again and goes on."""

@@ -113,7 +113,8 @@ def view_of(result: ExperimentResult, only: Sequence[str] = ()) -> RunView:
         """Whether a wanted figure may show what the built-in one of this name shows; that of a plug-in shows any."""
         return any(may_draw(one.name, only) for one in FIGURES.values() if one.name == name or callable(one.draw))
 
-    experiment, certified = result.experiment, result.certified and not result.arm_changed
+    experiment = result.experiment
+    certified = shown("certificates") and result.certified and not result.arm_changed
     bands = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
     n = len(result.joints.names)
     return RunView(
@@ -129,7 +130,7 @@ def view_of(result: ExperimentResult, only: Sequence[str] = ()) -> RunView:
         metrics=result.metrics,
         bands={name: as_vector(band, n) for name, band in bands.items() if band is not None},
         slides=result.slides,
-        certificates=result.certificates if certified and shown("certificates") else {},
+        certificates=result.certificates if certified else {},
         fuzzy=fuzzy_in_use(experiment),
         fired=fired_rules(result) if shown("rules") else {},
     )
