@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from torquebench.certificates import UNSTABLE, Certificate, Phases, SlidingLaw, certify, held_to, required_gain
 from torquebench.experiment import schema
+from torquebench.experiment.arm import planned_range
 from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
+from torquebench.references import Reference
 from torquebench.robot import RobotModel
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
 from torquebench.sim.friction import steady
+from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
 from torquebench.tuning import rate
@@ -27,6 +30,10 @@ LOADED = 20
 POSES = 100
 """Poses along the motion at which the arm's inertia is looked at."""
 TINY = 1e-300
+INSTANTS = 2000
+"""Instants of a reference at which its torque is looked at."""
+ROUNDED = 1e-9
+"""What rounding may make of a torque at its limit [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,23 +129,70 @@ def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
     return Phases(first, later, whole_steps(payload.at, experiment.run.control_period))
 
 
-def resistance(experiment: schema.Experiment, qd: Array, needed: Array) -> Array:
+def needed_torque(arm: RobotModel | Phases, motion: Reference) -> Array:
+    """Return M qdd + N(q, qd) along a motion, (N, n) [N m]."""
+    q, qd, qdd = motion
+    torque: Array = np.einsum("kij,kj->ki", arm.mass_matrix(q), qdd) + arm.bias_forces(q, qd)
+    return torque
+
+
+def resistance(experiment: schema.Experiment, arm: RobotModel | Phases, motion: Reference) -> Array:
     """Return the torque of an experiment's friction along a motion, as it acts, (N, n) [N m].
+
+    What grows with the load grows with the torque that the motion takes, friction included.
 
     Args:
         experiment: The experiment.
-        qd: Velocities, (N, n) [rad/s].
-        needed: Torque that the motion takes without friction, (N, n) [N m]; with it the motors give more, and what
-            grows with the load grows with that too.
+        arm: The true arm.
+        motion: Position, velocity and acceleration, (N, n) each [rad, rad/s, rad/s^2].
     """
+    qd = motion[1]
     friction = experiment.plant.acting
     if friction is None:
         return np.zeros_like(qd)
     acting = friction.of_joints(experiment.n)
+    if not np.any(acting.load):
+        return -steady(acting, qd, qd)
+    needed = needed_torque(arm, motion)
     drag = steady(acting, qd, needed)
-    for _ in range(LOADED if np.any(acting.load) else 0):
+    for _ in range(LOADED):
         drag = steady(acting, qd, needed + drag)
     return -drag
+
+
+def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
+    """Return a line where the reference needs more torque than the arm has, or none.
+
+    It is M qdd_ref + N(q_ref, qd_ref), friction included, of the true arm with what it carries, at up to `INSTANTS`
+    instants; what is drawn, disturbances, is no part of it.
+
+    Args:
+        experiment: What is to be run.
+        loop: Its objects.
+    """
+    step, truth = -(-len(loop.reference.q) // INSTANTS), truth_of(experiment)
+    if isinstance(truth, Phases):
+        truth = replace(truth, at=-(-truth.at // step))
+    motion = Reference(*(x[::step] for x in loop.reference))
+    tau = needed_torque(truth, motion) - resistance(experiment, truth, motion)
+    share = np.abs(tau) / np.asarray(loop.plant.tau_max)
+    over = np.flatnonzero(share.max(axis=0) > 1.0 + ROUNDED)
+    if not len(over):
+        return []
+    worst = int(over[np.argmax(share[:, over].max(axis=0))])
+    at, unit = int(np.argmax(share[:, worst])), "N" if loop.model.flat.kind[worst] == SLIDE else "N m"
+    others = [loop.joint_names[j] for j in over if j != worst]
+    return [
+        f"the reference needs more torque than the arm has: {loop.joint_names[worst]} {abs(tau[at, worst]):.4g} {unit} "
+        f"at {at * step * experiment.run.control_period:.4g} s, its limit is {loop.plant.tau_max[worst]:.4g} {unit}"
+        + (f"; so do {', '.join(others)}" if others else "")
+    ]
+
+
+def planned(experiment: schema.Experiment, loop: Loop) -> list[str]:
+    """Return what the arm cannot do of its reference, whatever the law: leave joints' ranges, exceed torque limits."""
+    t = control_instants(experiment.n_steps, experiment.run.control_period)
+    return [*planned_range(experiment, t, loop.reference.q), *planned_torque(experiment, loop)]
 
 
 def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
@@ -172,12 +226,14 @@ def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
 
 
 def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Overdriven, ...]:
-    """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s."""
+    """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s.
+
+    All of that is said of rigid joints, so there is nothing to say where the plant's joints give.
+    """
+    if experiment.plant.transmission is not None:
+        return ()
     truth, found = truth_of(experiment), list[Flag | Coarse | Overdriven]()
-    disturbance = np.zeros_like(loop.reference.q) if loop.disturbance is None else loop.disturbance
-    free = np.einsum("kij,kj->ki", truth.mass_matrix(loop.reference.q), loop.reference.qdd)
-    free = free + truth.bias_forces(loop.reference.q, loop.reference.qd)
-    acting = resistance(experiment, loop.reference.qd, free) + disturbance
+    acting = resistance(experiment, truth, loop.reference) + (0.0 if loop.disturbance is None else loop.disturbance)
     for keys in experiment.controllers:
         law = sliding_law(keys, loop, experiment.n)
         if law is None:
@@ -203,7 +259,7 @@ def certificate_of(
     run: Trajectory,
     truth: RobotModel | Phases | None = None,
 ) -> Certificate | None:
-    """Return the certificate of one run; None where it did not complete, or its law has none.
+    """Return the certificate of one run; None where it did not complete, joints give, or its law has none.
 
     Args:
         experiment: What was run.
@@ -213,7 +269,7 @@ def certificate_of(
         truth: The arm, where it is at hand; see `truth_of`.
     """
     law = sliding_law(keys, loop, experiment.n)
-    if law is None or not run.completed:
+    if law is None or not run.completed or experiment.plant.transmission is not None:
         return None
     period = experiment.run.control_period
     return certify(run, truth or truth_of(experiment), law, period, experiment.chain.reaction(period))

@@ -12,7 +12,7 @@ import numpy as np
 from torquebench.errors import Fault
 from torquebench.kernel import Array, kernel, sat
 from torquebench.kernel.struct import Structure
-from torquebench.kernel.twin import on_numbers, python_numbers
+from torquebench.kernel.twin import Column, on_columns
 from torquebench.keys import Key, Units, Vector, declared_keys, in_words
 from torquebench.registry import Registry
 from torquebench.robot.robot_model import Passive
@@ -140,11 +140,11 @@ def steady(friction: Resistance, qd: Array, torque: Array) -> Array:
         qd: Velocities, (N, n) [rad/s].
         torque: Torque at the joints there, (N, n) [N m].
     """
-    curve = python_numbers(replace(friction, bristles=_NONE))
-    net, one = np.zeros(qd.shape), on_numbers(resist)
-    for row in zip(qd, torque, net, strict=True):
-        one(curve, *map(python_numbers, row))
-    return torque - net
+    on, each = on_columns(level), zip(qd.T.copy().view(Column), torque.T.copy().view(Column), strict=True)
+    g = np.stack([np.broadcast_to(on(friction, i, v, tau), len(qd)) for i, (v, tau) in enumerate(each)], axis=1)
+    rising = np.sign(qd) if len(friction.bristles) else np.clip(qd / friction.speed, -1.0, 1.0)
+    drag: Array = friction.viscous * qd + g * rising
+    return drag
 
 
 def own_bristles(friction: Resistance) -> Resistance:
@@ -246,10 +246,13 @@ class Friction:
     @property
     def is_partial(self) -> bool:
         """Whether viscous and Coulomb friction are the arm's own: other keys are given, neither of these."""
-        return not (np.any(self.viscous) or np.any(self.coulomb)) and bool(
-            (self.speed, self.stribeck_speed) != (SPEED, STRIBECK)
-            or any(np.any(getattr(self, key)) for key in ("breakaway", "load", "bristle_stiffness", "bristle_damping"))
-        )
+        more = (self.speed, self.stribeck_speed) != (SPEED, STRIBECK) or np.any(self.bristle_damping)
+        return not (np.any(self.viscous) or np.any(self.coulomb)) and bool(more or not self.is_line)
+
+    @property
+    def is_line(self) -> bool:
+        """Whether it is viscous qd + coulomb sat(qd/speed) and no more."""
+        return not any(np.any(getattr(self, key)) for key in ("breakaway", "load", "bristle_stiffness"))
 
     def check(self, timing: Timing) -> Iterator[Fault]:
         """Yield a fault where there is no friction, or where its keys contradict each other."""
