@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import mujoco
@@ -14,8 +15,10 @@ from tests.sim.protocol import differing_bytes
 from tests.sim.test_friction import COULOMB, VISCOUS, plants, rubbing
 from torquebench.kernel import Array
 from torquebench.kernel.twin import on_numbers
-from torquebench.sim.friction import Friction, SteepError, drag_along, steady
+from torquebench.robot.library import ArmFile
+from torquebench.sim.friction import FRICTIONS, Friction, FrictionError, SteepError, drag_along, steady
 from torquebench.sim.plants.analytic import AnalyticPlant
+from torquebench.sim.plants.mujoco import MujocoPlant
 
 STRIBECK = Friction(0.5, 2.0, 0.01, breakaway=3.0, stribeck_speed=0.1)
 LUGRE = Friction(0.4, 1.0, breakaway=1.5, stribeck_speed=0.01, bristle_stiffness=1e4, bristle_damping=50.0)
@@ -113,7 +116,7 @@ def test_the_loop_of_presliding_has_dahl_s_area(figure: Any) -> None:
 
 
 def test_a_joint_on_bristles_sticks(figure: Any) -> None:
-    """Under 0.9 of Coulomb friction it comes to rest and stays; without bristles it creeps by 0.9/(C/speed + b) x 1 s."""
+    """Under 0.9 of Coulomb friction it comes to rest and stays; without them it creeps at 0.9/(C/speed + b)."""
     moved = []
     for friction in (LUGRE, Friction(0.4, 1.0)):
         plant = AnalyticPlant(slider(1.0), 0.001, friction=friction)
@@ -193,11 +196,41 @@ def test_bristles_too_stiff_for_the_time_step_are_refused() -> None:
     AnalyticPlant(slider(1.0), 0.0005, friction=friction)
 
 
+def test_what_a_refusal_proposes_is_accepted() -> None:
+    """1 N m on 1e-4 kg m^2 at 1 ms: the time step, the speed and the bristles that the message names all do."""
+    light = ArmFile(
+        "light",
+        '<mujoco><worldbody><body><inertial mass="1" pos="0 0 0" diaginertia="1e-4 1e-4 1e-4"/><joint name="a" '
+        'axis="0 0 1"/></body></worldbody><actuator><motor joint="a" ctrlrange="-5 5"/></actuator></mujoco>',
+    )
+    with pytest.raises(SteepError) as refused:
+        MujocoPlant(light, friction=Friction(coulomb=1.0))
+    step, speed, stiffness = re.search(
+        r"plant.timestep of (\S+) s or less, or .* `speed: (\S+)`, or .* `bristle_stiffness: (\S+)`", str(refused.value)
+    ).groups()  # type: ignore[union-attr]
+    MujocoPlant(light, float(step), friction=Friction(coulomb=1.0))
+    MujocoPlant(light, friction=Friction(coulomb=1.0, speed=float(speed)))
+    MujocoPlant(light, friction=Friction(coulomb=1.0, bristle_stiffness=float(stiffness)))
+    assert (float(step), float(speed), float(stiffness)) == (2e-6, 5.0, 100.0)
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "euler"])
+@pytest.mark.parametrize("name", ["puma560", "puma560-sticking"])
+def test_the_friction_of_the_puma_goes_with_1_ms(name: str, integrator: str) -> None:
+    """It is accepted on the PUMA, and refused on another arm with both counts of joints."""
+    MujocoPlant("puma560", 0.001, integrator, friction=FRICTIONS[name])
+    with pytest.raises(FrictionError, match=r"viscous has shape \(6,\), wanted one number or 2"):
+        MujocoPlant("two-link", 0.001, integrator, friction=FRICTIONS[name])
+
+
 @pytest.mark.parametrize(
     ("friction", "message"),
     [
         (Friction(coulomb=2.0, breakaway=1.0), "breakaway of joint 1 is 1, wanted at least its coulomb, 2"),
-        (Friction(1.0, bristle_stiffness=(0.0,) * 5 + (1.0,)), "bristle_stiffness is .*, wanted more than 0 or all 0"),
+        (
+            Friction(1.0, bristle_stiffness=(0.0,) * 5 + (1.0,)),
+            "bristle_stiffness is .*, wanted more than 0 everywhere, or 0",
+        ),
     ],
 )
 def test_friction_that_contradicts_itself_is_refused(friction: Friction, message: str) -> None:

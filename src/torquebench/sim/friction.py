@@ -22,7 +22,7 @@ SPEED = 0.01
 """Speed above which Coulomb friction is fully developed [rad/s]."""
 STRIBECK = 0.1
 """Speed over which friction falls from break-away to Coulomb's, an assumption [rad/s]."""
-SERIES = tuple(factor * 10.0**power for power in range(-8, 4) for factor in (1.0, 2.0, 5.0))
+SERIES = tuple(factor * 10.0**power for power in range(-8, 10) for factor in (1.0, 2.0, 5.0))
 """Round numbers, for what is chosen or proposed."""
 SPEEDS = tuple(x for x in SERIES if 0.009 < x < 51.0)
 """Such speeds for the friction that an arm has of its own: the least that the integrator can follow [rad/s]."""
@@ -289,28 +289,33 @@ class Friction:
 
         Raises:
             ValueError: it has numbers for another count of joints than `n`, a break-away torque is below Coulomb
-                friction, or some joints have bristles and others none.
+                friction, some joints have bristles and others none, or bristles bear nothing but the load.
         """
         each = {}
         for name in ("viscous", "coulomb", "breakaway", "load", "bristle_stiffness", "bristle_damping"):
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.shape not in ((), (n,)):
-                raise ValueError(f"friction: {name} has shape {values.shape}, wanted one number or {n}")
+                raise FrictionError(f"friction: {name} has shape {values.shape}, wanted one number or {n}")
             each[name] = np.array(np.broadcast_to(values, (n,)))
         viscous, coulomb, breakaway, load, stiffness, damping = each.values()
         for i in np.flatnonzero((breakaway > 0.0) & (breakaway < coulomb)).tolist():
             raise FrictionError(
-                f"friction: breakaway of joint {i + 1} is {breakaway[i]:g}, wanted at least its coulomb, "
+                f"breakaway of joint {i + 1} is {breakaway[i]:g}, wanted at least its coulomb, "
                 f"{coulomb[i]:g}, or 0 for no more than that"
             )
         excess = np.where(breakaway > 0.0, breakaway - coulomb, 0.0)
+        most = coulomb + excess + load * np.where(load > 0.0, tau_max, 0.0)
         if np.any(stiffness) and not np.all(stiffness):
-            raise FrictionError(f"friction: bristle_stiffness is {self.bristle_stiffness}, wanted more than 0 or all 0")
+            raise FrictionError(f"bristle_stiffness is {self.bristle_stiffness}, wanted more than 0 everywhere, or 0")
         if np.any(stiffness):
-            steep, bristles = viscous + 2.0 * damping, np.zeros(n)
+            for i in np.flatnonzero((load > 0.0) & (coulomb == 0.0)).tolist():
+                raise FrictionError(f"coulomb of joint {i + 1} is 0, wanted more than 0 where bristles bear a load")
+            bent = most / np.where(
+                coulomb > 0.0, coulomb, 1.0
+            )  # as they may be when g falls, over what g holds them to
+            steep, bristles = viscous + damping * (1.0 + bent), np.zeros(n)
         else:
-            loaded = load * np.where(load > 0.0, tau_max, 0.0)
-            steep, bristles = viscous + (coulomb + excess + loaded) / self.speed, _NONE
+            steep, bristles = viscous + most / self.speed, _NONE
             stiffness, damping = np.zeros(0), np.zeros(0)
         for array in (viscous, coulomb, excess, load, stiffness, damping, steep):
             array.setflags(write=False)
@@ -329,8 +334,20 @@ class Friction:
 
 
 FRICTIONS: Registry[Friction] = Registry("friction")
-"""Friction by a word: none, whatever the arm's file says."""
+"""Friction by a word: none, whatever the arm's file says, or that of a known arm."""
+PUMA = Friction((5.8, 9.3, 4.0, 0.36, 0.36, 0.22), (26.0, 14.0, 6.5, 1.0, 1.3, 0.7))
+"""That of the PUMA 560 at its joints, by Corke and Armstrong-Helouvry, see docs/chains.md."""
 FRICTIONS.register("none", Friction())
+FRICTIONS.register("puma560", PUMA)
+FRICTIONS.register(
+    "puma560-sticking",
+    replace(
+        PUMA,
+        breakaway=tuple(1.5 * x for x in (26.0, 14.0, 6.5, 1.0, 1.3, 0.7)),
+        bristle_stiffness=tuple(1000.0 * x for x in (26.0, 14.0, 6.5, 1.0, 1.3, 0.7)),
+        bristle_damping=tuple(5.0 * x for x in (26.0, 14.0, 6.5, 1.0, 1.3, 0.7)),
+    ),
+)
 
 
 def acting(
@@ -343,7 +360,8 @@ def acting(
 ) -> tuple[Friction | None, Resistance]:
     """Return the friction of a plant's joints, also for kernels: the given one, else the arm's own.
 
-    Coulomb friction of its own is fully developed above the least of `SPEEDS` that the integrator can follow.
+    Coulomb friction of its own is fully developed above the least of `SPEEDS` that the integrator can follow, unless a
+    speed is given, or bristles, which need none.
 
     Args:
         given: What is asked for; None for what the arm's file says.
@@ -358,25 +376,26 @@ def acting(
     n = len(own.viscous)
     if given is None and not own.rubs:
         return None, NONE
-    viscous, coulomb = (each[0] if len(set(each)) == 1 else each for each in (own.viscous, own.coulomb))
-    if given is not None and given.is_partial:
-        if not own.rubs and not (np.any(given.load) or np.any(given.breakaway)):
-            raise FrictionError("neither viscous nor coulomb is given, and the arm's file gives its joints neither")
-        given = replace(given, viscous=viscous, coulomb=coulomb)
-    M = masses(poses(n))
-    if given is not None:
-        check_stable(given.of_joints(n, tau_max), M, timestep, integrator)
-        return given, given.of_joints(n, tau_max)
-    friction = Friction(viscous, coulomb)
-    for speed in SPEEDS if any(own.coulomb) else ():
-        friction = replace(friction, speed=speed)
-        if decay(friction.of_joints(n), M) * timestep <= STABLE[integrator]:
-            break
+    friction, is_own = given or Friction(), given is None or given.is_partial
+    if is_own:
+        if not own.rubs and not (np.any(friction.load) or np.any(friction.breakaway)):
+            raise FrictionError(
+                "neither viscous nor coulomb is given, and the arm's file gives its joints neither: wanted one of them"
+            )
+        viscous, coulomb = (each[0] if len(set(each)) == 1 else each for each in (own.viscous, own.coulomb))
+        friction = replace(friction, viscous=viscous, coulomb=coulomb)
+    resistance, M = friction.of_joints(n, tau_max), masses(poses(n))
+    if is_own and friction.speed == SPEED and any(own.coulomb) and len(resistance.bristles) == 0:
+        for speed in SPEEDS:
+            friction = replace(friction, speed=speed)
+            resistance = friction.of_joints(n, tau_max)
+            if decay(resistance, M) * timestep <= STABLE[integrator]:
+                break
     try:
-        check_stable(friction.of_joints(n), M, timestep, integrator)
+        check_stable(resistance, M, timestep, integrator)
     except SteepError as error:
-        raise SteepError(f"of the arm's own: {error}, or `friction: none`") from error
-    return friction, friction.of_joints(n)
+        raise SteepError(f"of the arm's own: {error}, or `friction: none`" if is_own else str(error)) from error
+    return friction, resistance
 
 
 def poses(n: int) -> Array:
@@ -404,8 +423,8 @@ def check_stable(friction: Resistance, mass_matrix: Array, timestep: float, inte
         raise SteepError(
             f"friction near standstill decays at up to {fastest:.3g} 1/s, and {integrator} follows "
             f"{STABLE[integrator] / timestep:.3g} 1/s at a time step of {timestep:g} s: wanted a shorter time step, "
-            f"{_step_for(STABLE[integrator] / fastest)}, which keeps the friction as it is"
-            f"{_speed_for(friction, mass_matrix, STABLE[integrator] / timestep)}"
+            f"{_step_for(STABLE[integrator] / fastest)}"
+            f"{_flatter(friction, mass_matrix, timestep, STABLE[integrator] / timestep)}"
         )
     if len(friction.bristles) == 0:
         return
@@ -422,15 +441,21 @@ def _step_for(most: float) -> str:
     return f"plant.timestep of {step:g} s or less"
 
 
-def _speed_for(friction: Resistance, mass_matrix: Array, most: float) -> str:
-    """Return the proposal of a speed at which friction decays at no more than `most` [1/s], if there is one."""
+def _flatter(friction: Resistance, mass_matrix: Array, timestep: float, most: float) -> str:
+    """Return proposals of friction that decays at no more than `most` [1/s], as far as there is any."""
     if len(friction.bristles) > 0:
         return ", or less bristle_damping"
-    for speed in (x for x in SERIES if x > friction.speed):
-        flatter = friction.viscous + (friction.steep - friction.viscous) * friction.speed / speed
-        if _fastest(flatter, mass_matrix) <= most:
-            return f", or a higher speed than {friction.speed:g} rad/s: `speed: {speed:g}`"
-    return ""
+    if _fastest(friction.viscous, mass_matrix) > most:
+        return ", or less viscous friction"
+    rising = (friction.steep - friction.viscous) * friction.speed
+    speeds = (x for x in SERIES if x > friction.speed)
+    speed = next((x for x in speeds if _fastest(friction.viscous + rising / x, mass_matrix) <= most), SERIES[-1])
+    stiff = (RINGING / timestep) ** 2 / _fastest(np.ones(len(rising)), mass_matrix)
+    stiff = max((x for x in SERIES if x <= stiff), default=stiff)
+    return (
+        f", or a higher speed than {friction.speed:g} rad/s, `speed: {speed:g}`, or bristles, on which joints stick, "
+        f"`bristle_stiffness: {stiff:g}`"
+    )
 
 
 def decay(friction: Resistance, mass_matrix: Array) -> float:

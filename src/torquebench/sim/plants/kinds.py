@@ -124,10 +124,12 @@ class PlantKeys(ABC):
         found = [f"arm {self.model}: {text}" for text in getattr(self.model, "remarks", ())]
         if self.transmission is not None:
             found.append("joints that give: certificates and gains: auto hold for rigid joints, so none is certified")
-        own = self.acting if self.friction is None else None
+        chosen = self.friction is None or (self.friction.is_partial and self.friction.speed == SPEED)
+        own = self.acting if chosen else None
         if own is not None and own.speed > SPEED:
             why = f"{self.integrator} at {1e3 * self.timestep:g} ms follows no steeper friction on joints so light"
-            text = f"its Coulomb friction is fully developed above {own.speed:g} rad/s, as {why}"
+            text = f"its Coulomb friction is fully developed above {own.speed:g} rad/s, as {why}: a shorter timestep"
+            text += " brings that down, and on bristles, plant.friction.bristle_stiffness, joints stick"
             found.append(f"arm {self.model}: {text}")
         return found
 
