@@ -13,10 +13,13 @@ from scipy.integrate import solve_ivp
 from tests.arms import slider
 from tests.sim.protocol import differing_bytes
 from tests.sim.test_friction import COULOMB, VISCOUS, plants, rubbing
+from tests.sim.test_joints import SOFT, pendulum
 from torquebench.kernel import Array
 from torquebench.kernel.twin import on_numbers
+from torquebench.robot import Puma560
 from torquebench.robot.library import ArmFile
 from torquebench.sim.friction import FRICTIONS, Friction, FrictionError, SteepError, drag_along, steady
+from torquebench.sim.joints import SpringError, Transmission
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant
 
@@ -60,7 +63,7 @@ def test_a_joint_breaks_away_near_its_breakaway_torque(rate: float, level: float
     """A force rising at `rate` [N/s] on 1 kg, beside LSODA at 1e-9: the way within 1e-4 of it up to 1.9 N.
 
     The mass exceeds 0.01 m/s at `level`, a little above the 1.5 N of its break-away, the more the quicker the force
-    rises (Canudas de Wit et al. 1995, fig. 4, has that too).
+    rises, because it has to gather speed meanwhile.
     """
     h = 0.001
     t = h * np.arange(round(1.9 / rate / h))
@@ -227,6 +230,7 @@ def test_the_friction_of_the_puma_goes_with_1_ms(name: str, integrator: str) -> 
     ("friction", "message"),
     [
         (Friction(coulomb=2.0, breakaway=1.0), "breakaway of joint 1 is 1, wanted at least its coulomb, 2"),
+        (Friction(load=0.1, bristle_stiffness=10.0), "coulomb of joint 1 is 0, wanted more than 0 where bristles bear"),
         (
             Friction(1.0, bristle_stiffness=(0.0,) * 5 + (1.0,)),
             "bristle_stiffness is .*, wanted more than 0 everywhere, or 0",
@@ -250,3 +254,26 @@ def test_all_of_it_is_alike_on_both_paths_and_engines(engine: str, integrator: s
             assert differing_bytes(first, rubbing(p, 2, path)) == 0
     other = plants(ALL, integrator=integrator)["mujoco" if engine == "analytic" else "analytic"]
     assert np.max(np.abs(rubbing(other, 2).q - first.q)) <= 1e-9
+
+
+def test_motors_on_bristles_are_alike_on_both_paths_and_engines() -> None:
+    """Joints that give, their motors on bristles: 0 differing bytes between the paths, the engines 1e-9 rad apart."""
+    given: dict[str, Any] = {"friction": ALL, "transmission": SOFT}
+    runs = []
+    for plant in (MujocoPlant("puma560", **given), AnalyticPlant(Puma560(), **given)):
+        runs.append(rubbing(plant, 2))
+        assert differing_bytes(runs[-1], rubbing(plant, 2, "python")) == 0
+    assert np.max(np.abs(runs[0].q - runs[1].q)) <= 1e-9
+    free = rubbing(AnalyticPlant(Puma560(), transmission=SOFT), 2)
+    assert np.max(np.abs(free.q - runs[1].q)) > 1e-3
+
+
+def test_bristles_add_to_the_stiffness_that_a_motor_rings_at() -> None:
+    """A motor of 0.07 kg m^2 on a spring of 1e4 and bristles of 7e4 N m/rad rings at 1069 rad/s, too fast for 1 ms.
+
+    On the spring alone, or the bristles alone, it rings at about its root of their stiffness over B, or the link's.
+    """
+    spring = Transmission(1e4, inertia=0.07)
+    with pytest.raises(SpringError, match=r"joint 1 rings at 170 Hz"):
+        AnalyticPlant(pendulum(), friction=Friction(coulomb=1.0, bristle_stiffness=7e4), transmission=spring)
+    AnalyticPlant(pendulum(), friction=Friction(coulomb=1.0, bristle_stiffness=3e4), transmission=spring)
