@@ -183,6 +183,32 @@ def test_bristles_are_those_of_mujoco_s_dcmotor(figure: Any) -> None:
     assert gap <= 5e-4
 
 
+def test_a_steeper_line_tends_to_mujoco_s_frictionloss(figure: Any) -> None:
+    """A swing of 32 mm beside ``frictionloss`` at 10 us: each halving of `speed` halves the gap, down to 0.7 %."""
+    text = """<mujoco><option timestep="1e-5" gravity="0 0 0" integrator="Euler"/><worldbody><body>
+    <inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/><joint name="a" type="slide" axis="1 0 0" frictionloss="1"
+    solreffriction="2e-5 1"/></body></worldbody></mujoco>"""
+    m = mujoco.MjModel.from_xml_string(text)
+    d, speeds = mujoco.MjData(m), (0.002, 0.001, 0.0005)
+    ours = [AnalyticPlant(slider(1.0), 0.001, friction=Friction(coulomb=1.0, speed=speed)) for speed in speeds]
+    for plant in ours:
+        plant.reset(np.zeros(1), np.zeros(1))
+    ways: list[list[float]] = []
+    for k in range(500):
+        force = 2.5 * np.sin(2.0 * np.pi * 2.0 * 0.001 * k)
+        d.qfrc_applied[:] = force
+        mujoco.mj_step(m, d, 100)
+        for plant in ours:
+            plant.step(np.array([force]), 1)
+        ways.append([d.qpos[0], *(plant.state()[0][0] for plant in ours)])
+    theirs, *each = np.array(ways).T
+    gaps = [float(np.max(np.abs(way - theirs)) / np.ptp(theirs)) for way in each]
+    figure("Coulomb friction of 0.0005 m/s against frictionloss [share of the way]", gaps[-1], "<= 0.007")
+    assert gaps[-1] <= 0.007
+    assert gaps[0] / gaps[1] == pytest.approx(2.0, abs=0.2)
+    assert gaps[1] / gaps[2] == pytest.approx(2.0, abs=0.2)
+
+
 def test_curves_only_take_energy() -> None:
     """Power of the friction is never negative, at 2000 velocities and torques of both signs."""
     rng = np.random.default_rng(0)
