@@ -114,9 +114,8 @@ def drag_along(friction: Resistance, qd: Array, torque: Array, h: float) -> None
     """Bend the bristles, if there are any, for the coming time step, before its first stage.
 
     dz/dt = qd - sigma_0 |qd| z / g has at constant velocity and g the solution z = zs + (z0 - zs) exp(-sigma_0 |qd| h /
-    g), zs = g sgn(qd) / sigma_0, whatever the time step; it never leaves |z| <= g / sigma_0. So z stands half a step
-    ahead of the joints, as positions and velocities do in the leapfrog method: of second order where joints stick,
-    of first where they slide on a falling curve.
+    g), zs = g sgn(qd) / sigma_0, which overshoots at no time step. With the velocity and g at the start z stands half a
+    step ahead of the joints, as velocities do in the leapfrog method, and that is of second order as well.
 
     Args:
         friction: The friction; its bristles are moved.
@@ -172,12 +171,18 @@ class Friction:
         Key(
             "Viscous friction",
             "N m s/rad",
-            ", in N s/m for slide joints; of the PUMA 5.8 9.3 4.0 .36 .36 .22",
+            ", in N s/m for slide joints; with neither this nor coulomb given, both are the arm's",
             at_least=0,
         ),
     ] = 0.0
     coulomb: Annotated[
-        Vector, Key("Coulomb friction", "N m", ", in N for slide joints; of the PUMA 26 14 6.5 1.0 1.3 0.7", at_least=0)
+        Vector,
+        Key(
+            "Coulomb friction",
+            "N m",
+            ", in N for slide joints; of the PUMA, friction: puma560, 26 14 6.5 1.0 1.3 0.7",
+            at_least=0,
+        ),
     ] = 0.0
     speed: Annotated[
         float,
