@@ -125,18 +125,7 @@ run:
 """,
     )
 )
-TOLERANCE = GOOD.replace("    relative: 0.3\n", "    tolerance: 0.5\n").replace(
-    "  integrator: rk4\n",
-    """\
-  integrator: rk4
-  transmission:
-    stiffness: 2e4
-    damping: 5
-    inertia: [1, 2, 0.8, 0.2, 0.2, 0.2]
-    backlash: 0.001
-    sensor: link
-""",
-)
+TOLERANCE = GOOD.replace("    relative: 0.3\n", "    tolerance: 0.5\n")
 SINGLE = GOOD.replace("    relative: 0.3\n", "    constants: {g1: 1.3, I5: 0.8}\n")
 MINIMAL = """\
 name: minimal
