@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -20,6 +21,7 @@ from torquebench.keys import declared_keys
 from torquebench.references import Sine
 from torquebench.robot import load_model
 from torquebench.robot.library import ArmFile
+from torquebench.shipped import data_root
 from torquebench.sim.plants import Plant
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoPlant
@@ -205,8 +207,12 @@ def test_a_loop_with_one_part_is_the_one_written_out(key: str, figure: Any) -> N
 
 
 def test_every_key_of_a_chain_is_among_them() -> None:
-    """A part that is added to a chain has to be in the loop that is written out here."""
-    assert PARTS.keys() == {key.name for key in declared_keys(Chain)}
+    """A part that is added to a chain has to be in the loop that is written out here, and in the table of the docs."""
+    keys = {key.name for key in declared_keys(Chain)}
+    assert PARTS.keys() == keys
+    table = (data_root() / "docs" / "chains.md").read_text(encoding="utf-8").partition("| part, key |")[2]
+    rows = table.partition("\n\n")[0].splitlines()
+    assert keys <= {name for row in rows for name in re.findall("`([a-z_]+)`", row.split("|")[1])}
 
 
 @pytest.mark.parametrize(
