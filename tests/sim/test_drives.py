@@ -199,6 +199,21 @@ def test_a_hot_motor_gives_its_continuous_torque() -> None:
     assert np.all(torques[:, :, 1] == 14.0)
 
 
+def test_a_sine_behind_a_rate_limit_and_in_a_hot_motor() -> None:
+    """Far too fast for the rate it becomes a triangle of rate pi/(2 omega); heat of A^2/2 cuts it at the stated time.
+
+    The triangle's corner lies between two commands: one of them, rate T. The heat swings by less than torque^2/(omega
+    time) about its mean, so that the peak which is cut first is within half a period of the sine.
+    """
+    omega, t = 2.0 * math.pi * 5.0, T * np.arange(500)
+    asked = np.stack([20.0 * np.sin(omega * t)] * 2, axis=1)
+    commands, _, _ = given(Chain(torque_rate=100.0, torque_quantum=1e-12), asked)
+    assert np.max(commands[-100:]) == pytest.approx(100.0 * math.pi / (2.0 * omega), abs=100.0 * T)
+    _, torques, _ = given(Chain(thermal_limit=ThermalLimit(11.0, 2.0)), asked)
+    cut = int(np.argmax(np.abs(torques[:, 0, 0] - np.repeat(asked[:, 0], SUBSTEPS)) > 1e-9))
+    assert cut * H == pytest.approx(-2.0 * math.log(1.0 - 2.0 * (11.0 / 20.0) ** 2), abs=0.1)
+
+
 @pytest.mark.parametrize("steps", [1, 7])
 def test_a_torque_delay(steps: int) -> None:
     """What acts in a physics step is what the motor gave so many steps before; until then its torque at t = 0."""

@@ -8,7 +8,7 @@ at each, `advance` after each.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, NamedTuple
 
@@ -226,6 +226,10 @@ class Transmission:
                 raise ValueError(f"transmission: {name} has shape {values.shape}, wanted one number or {n}")
         k, d, gap = (np.array(as_vector(x, n)) for x in (self.stiffness, self.damping, self.backlash))
         return Joints(k, d, self.motors(armature), 0.5 * gap, np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, 2, n)))
+
+
+JOINTS: Mapping[str, None] = {"rigid": None}
+"""Joints by a word: rigid, where a case of a sweep takes the transmission away."""
 
 
 def moved_by(

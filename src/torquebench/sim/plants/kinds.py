@@ -57,8 +57,8 @@ class PlantKeys(ABC):
     transmission: Annotated[
         Transmission | None,
         Key(
-            "Springs, dampers and gaps between the motors and the links; without it joints are rigid. Friction and "
-            "disturbances then act on the motors, and integrator must be rk4"
+            "Springs, dampers and gaps between the motors and the links, where friction and disturbances act on the "
+            "motors; integrator must be rk4. Without it, or with the word rigid, joints are rigid"
         ),
     ] = None
     limits: Annotated[
