@@ -135,7 +135,7 @@ def test_a_joint_that_leaves_its_range(config: Path, engine: str) -> None:
 
 
 def test_a_joint_that_is_faster_than_its_limit(config: Path, tmp_path: Path, capsys: Any) -> None:
-    """A remark with joint, time and speed: the reference's where it asks for that, else the run's; report repeats it."""
+    """Told with joint, time and speed: the reference's where it asks for that, else the run's; report says so too."""
     arm = config.parent / "arms" / "my-arm.xml"
     arm.write_text(ARM.replace("<actuator>", '<custom><numeric name="speed_limits" data="1.5"/></custom><actuator>'))
     folder = tmp_path / "one"
