@@ -9,7 +9,7 @@ import numpy as np
 
 from torquebench.certificates import UNSTABLE, Certificate, Phases, SlidingLaw, certify, held_to, required_gain
 from torquebench.experiment import schema
-from torquebench.experiment.arm import planned_range
+from torquebench.experiment.arm import planned_range, planned_speed
 from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
@@ -190,9 +190,10 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
 
 
 def planned(experiment: schema.Experiment, loop: Loop) -> list[str]:
-    """Return what the arm cannot do of its reference, whatever the law: leave joints' ranges, exceed torque limits."""
+    """Return what the arm cannot do of its reference, whatever the law: leave ranges, exceed speed or torque limits."""
     t = control_instants(experiment.n_steps, experiment.run.control_period)
-    return [*planned_range(experiment, t, loop.reference.q), *planned_torque(experiment, loop)]
+    motion = [*planned_range(experiment, t, loop.reference.q), *planned_speed(experiment, t, loop.reference.qd)]
+    return [*motion, *planned_torque(experiment, loop)]
 
 
 def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:

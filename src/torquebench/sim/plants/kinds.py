@@ -65,7 +65,8 @@ class PlantKeys(ABC):
         Literal["warn", "stop", "ignore"],
         Key(
             "What comes of a joint that leaves the range which the arm's file gives it: a remark, the end of the run "
-            "there (OUT_OF_RANGE), or nothing; no plant holds a joint back"
+            "there (OUT_OF_RANGE), or nothing; no plant holds a joint back. Of speed limits there is a remark but with "
+            "ignore"
         ),
     ] = "warn"
     perturb: Annotated[
