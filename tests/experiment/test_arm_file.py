@@ -179,6 +179,17 @@ def test_friction_of_the_file_can_be_replaced_or_switched_off(config: Path) -> N
     assert own.experiment.to_dict()["plant"].get("friction") is None
 
 
+def test_a_speed_alone_is_that_of_the_file_s_friction(config: Path) -> None:
+    """The run is that of the same numbers written out; its conditions say whose they are, and the speed is kept."""
+    own, same = (
+        run_experiment(load_experiment(config, {"plant.friction": {**numbers, "speed": 0.5}}))
+        for numbers in ({}, {"viscous": 1.5, "coulomb": 0.4})
+    )
+    assert own.trajectories["pd"].digest() == same.trajectories["pd"].digest()
+    assert "the arm's own friction viscous 1.5 N m s/rad, Coulomb 0.4 N m" in own.conditions
+    assert own.experiment.to_dict()["plant"]["friction"]["speed"] == 0.5
+
+
 def test_a_sweep_over_arms_stands_alone(config: Path, tmp_path: Path) -> None:
     """Its folder keeps them: rows run again, and the sweep from its own file, without the files it was given."""
     config.write_text(CONFIG + "sweep: {grid: {plant.model: [arms/my-arm.xml, arms/b.xml]}}\n")
