@@ -159,7 +159,7 @@ def test_an_arm_without_a_look_can_be_drawn():
 
 
 def test_long_links_without_a_shape_are_drawn(tmp_path):
-    """Of an arm with shapes on some links, a link without gets a capsule where it is long; the others stay as they are."""
+    """Of an arm with shapes on some links, one without gets a capsule where it is long; others stay as they are."""
     inertial = '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
     inside = f'<body pos="0.01 0 0"><joint/>{inertial}<site name="tool" pos="0.5 0 0"/></body>'
     middle = f'<body pos="0.4 0 0"><joint/>{inertial}{inside}</body>'
