@@ -57,11 +57,11 @@ class Draw:
         return float(values[self.rng.integers(len(values))])
 
     def torque(self, frequency: float = FREQUENCY) -> Array:
-        """Return the torque of the motion over its second period, (500, n) [N m]."""
+        """Return the torque of the motion a/2 (1 - cos w t) over a period, (500, n) [N m]."""
         w = 2.0 * math.pi * frequency
         t = np.linspace(0.0, 1.0 / frequency, 500, endpoint=False)[:, None]
-        a = self.a * SIGNS[: self.n]
-        return self.model.inverse_dynamics(a * np.sin(w * t), a * w * np.cos(w * t), -a * w * w * np.sin(w * t))
+        a = 0.5 * self.a * SIGNS[: self.n]
+        return self.model.inverse_dynamics(a * (1.0 - np.cos(w * t)), a * w * np.sin(w * t), a * w * w * np.cos(w * t))
 
     def holding(self, kv: float, lam: float, share: float) -> Array:
         """Return the torque that a joint's gains hold at an error of a share of its amplitude, (n,) [N m]."""
@@ -180,7 +180,7 @@ def gravity(d: Draw) -> Made:
 def friction(d: Draw) -> Made:
     """Coulomb friction that the gains answer with 15 to 35 % of the amplitude."""
     dry = np.round(d.holding(12, 10, d.between(0.15, 0.35)), 3).tolist()
-    return {**ct(12), "plant": {"friction": {"coulomb": dry, "speed": 0.05}}}, set()
+    return {**ct(12), "plant": {"friction": {"coulomb": dry, "speed": 0.15}}}, set()
 
 
 def payload(d: Draw) -> Made:
@@ -231,12 +231,12 @@ def missed_deadlines(d: Draw) -> Made:
 
 def mismatch(d: Draw) -> Made:
     """Model wrong by 35 to 50 %."""
-    return {**ct(5), "model": {"mismatch": {"relative": round(d.between(0.35, 0.5), 2)}}}, set()
+    return {**ct(5, 4), "model": {"mismatch": {"relative": round(d.between(0.35, 0.5), 2)}}}, set()
 
 
 def perturb(d: Draw) -> Made:
     """Arm that differs from its model by 40 to 55 %."""
-    return {**ct(5), "plant": {"perturb": {"relative": round(d.between(0.4, 0.55), 2)}}}, set()
+    return {**ct(5, 4), "plant": {"perturb": {"relative": round(d.between(0.4, 0.55), 2)}}}, set()
 
 
 def transmission(d: Draw) -> Made:
@@ -250,9 +250,30 @@ def transmission(d: Draw) -> Made:
 
 
 def torque_speed(d: Draw) -> Made:
-    """Motors without torque at 0.5 to 0.8 of the motion's speed."""
-    peak = d.a * 2.0 * math.pi * FREQUENCY
-    return {**ct(20), "chain": {"torque_speed": {"corner": 0.0, "no_load": round(d.between(0.5, 0.8) * peak, 3)}}}, set()
+    """Motors without torque at 0.3 to 0.5 of the motion's speed."""
+    peak = 0.5 * d.a * 2.0 * math.pi * FREQUENCY
+    return {
+        **ct(20),
+        "chain": {"torque_speed": {"corner": 0.0, "no_load": round(d.between(0.3, 0.5) * peak, 3)}},
+    }, set()
+
+
+def backlash(d: Draw) -> Made:
+    """Gap of 15 to 30 % of the amplitude between the motors, which are measured, and the links."""
+    motor = 0.4 * d.inertia
+    k = (2.0 * math.pi * 40.0) ** 2 * 0.24 * d.inertia
+    keys = {"stiffness": k, "damping": 0.1 * k / (2.0 * math.pi * 40.0), "inertia": motor}
+    gives = {name: [float(f"{x:.4g}") for x in value] for name, value in keys.items()}
+    wide = round(d.between(0.3, 0.6) * d.a, 3)
+    return {**ct(20), "plant": {"transmission": {**gives, "backlash": wide, "sensor": "motor"}}}, set()
+
+
+def integral(d: Draw) -> Made:
+    """Integral of 1.5 to 2 times kv^2 lam, at which Routh's criterion of s^3 + kv s^2 + kv lam s + ki fails."""
+    kv = d.one_of(10, 20)
+    made = ct(kv)
+    made["controllers"][0]["gains"]["ki"] = round(d.between(1.5, 2.0) * kv * kv * 10.0, 0)
+    return made, set()
 
 
 def thermal_limit(d: Draw) -> Made:
@@ -289,6 +310,8 @@ SINGLE: dict[str, tuple[str, Callable[[Draw], Made]]] = {
     "transmission": ("transmission", transmission),
     "torque_speed": ("torque_speed", torque_speed),
     "thermal_limit": ("thermal_limit", thermal_limit),
+    "backlash": ("backlash", backlash),
+    "integral": ("integral", integral),
 }
 """Label -> key of the cause, and what makes it."""
 
@@ -336,6 +359,32 @@ ARMS = ("two-link", "puma560", "ur5e")
 ENGINES = ("mujoco", "analytic")
 
 
+HARMLESS: dict[str, Any] = {
+    "quantisation": 1e-6,
+    "velocity": "differentiated",
+    "velocity_filter": 500.0,
+    "command_delay": 0.001,
+    "current_loop": {"frequency": 1500.0, "damping": 0.7},
+    "torque_quantum": 0.002,
+    "encoder_offset": 1e-4,
+}
+"""A chain that does no harm to the base, which stands beside the causes in every other experiment."""
+
+
+def beside(d: Draw, changes: dict[str, Any]) -> dict[str, Any]:
+    """Return what is left of `HARMLESS` beside a cause: nothing that smooths its noise, or has its key."""
+    own = changes.get("chain", {})
+    period = changes.get("run", {}).get("control_period", 0.001)
+    kept = {key: value for key, value in HARMLESS.items() if key not in own}
+    if "velocity" in own:
+        kept = {key: value for key, value in kept.items() if key not in ("velocity_filter", "quantisation")}
+    if "actuator_lag" in own:
+        kept.pop("current_loop", None)
+    if period > 0.001:
+        kept = {key: value for key, value in kept.items() if key in ("torque_quantum", "encoder_offset")}
+    return {**kept, **own}
+
+
 def base(d: Draw) -> dict[str, Any]:
     """Return the experiment with nothing wrong."""
     sine = {"kind": "sine", "amplitude": (d.a * SIGNS[: d.n]).tolist(), "frequency_hz": FREQUENCY}
@@ -361,6 +410,9 @@ def drawn(seed: int, singles: int = 20, pairs: int = 10) -> tuple[Seeded, ...]:
         whole = base(d)
         for section, value in changes.items():
             whole[section] = {**whole.get(section, {}), **value} if section in ("plant", "run") else value
+        if rng.random() < 0.5 and label not in ("law", "two delays", "delay at both ends", "law+encoder"):
+            whole["chain"] = beside(d, changes)
+            label += ", harmless chain"
         whole["run"]["seed"] = int(rng.integers(1000))
         found.append(Seeded(f"{label}, {d.arm} {d.engine}", causes, frozenset(allowed), whole))
     return tuple(found)

@@ -1,0 +1,111 @@
+"""From a run to what it shows: how it ended, shakes, errs and saturates, and whether a joint sticks and slips."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from torquebench.kernel import Array
+from torquebench.metrics.shaking import Shaking
+from torquebench.sim.trajectory import Trajectory
+
+Kind: TypeAlias = Literal["fails", "shakes", "errs", "saturates"]
+KINDS: tuple[Kind, ...] = ("fails", "shakes", "errs", "saturates")
+ERROR = 0.05
+"""RMS error from which on a joint errs, as a share of its motion [1]."""
+SATURATED = 0.02
+"""Share of the time at the torque limit from which on a joint saturates [1]."""
+STILL = 0.02
+"""Speed below which a joint stands, as a share of its fastest [1]."""
+
+
+class Seen(NamedTuple):
+    """What one run shows."""
+
+    ending: str
+    """How it failed; empty if it completed."""
+    shaking: Shaking | None
+    torque: Array
+    """RMS of the torque above the corner, (n,) [N m]."""
+    share: float
+    """Its RMS over the joints [% of the limit]."""
+    rmse: Array
+    """RMS error, (n,) [rad]."""
+    error: Array
+    """RMS error as a share of the motion, (n,) [1]."""
+    saturated: Array
+    """Share of the time at the torque limit, (n,) [1]."""
+    swings: Array
+    """Frequency at which the error changes its sign and back, (n,) [Hz]."""
+
+    def size(self, kind: Kind, joint: int | None = None) -> float:
+        """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
+        if kind == "fails":
+            return 1.0 if self.ending else 0.0
+        if self.ending:
+            return math.inf
+        if kind == "shakes":
+            return self.share
+        at = self.joint(kind) if joint is None else joint
+        return float((self.error if kind == "errs" else self.saturated)[at])
+
+    def joint(self, kind: Kind) -> int:
+        """Return the number of the joint that has most of a symptom."""
+        if kind == "shakes" and self.shaking is not None:
+            return self.shaking.joint
+        return int(np.argmax(self.error if kind == "errs" else self.saturated))
+
+    def has(self, kind: Kind) -> bool:
+        """Whether the run has a symptom."""
+        if kind == "fails" or self.ending:
+            return bool(self.ending) and kind == "fails"
+        if kind == "shakes":
+            return self.shaking is not None
+        return self.size(kind) >= (ERROR if kind == "errs" else SATURATED)
+
+    def text(self, kind: Kind, joint: int) -> str:
+        """Return a symptom of a joint as a number with its unit."""
+        if self.ending or kind == "fails":
+            return self.ending or "it completes"
+        if kind == "shakes":
+            return f"{_short(self.torque[joint])} N m"
+        if kind == "errs":
+            return f"{_short(self.rmse[joint])} rad"
+        return f"{100 * self.saturated[joint]:.3g} % of the time"
+
+
+def _short(value: float) -> str:
+    """Return a number with two digits, one that is next to nothing as less than a thousandth."""
+    return f"{value:.2g}" if value >= 1e-3 else "< 0.001"
+
+
+def swings(run: Trajectory, since: float) -> Array:
+    """Return the frequency at which each joint's error changes its sign and back, (n,) [Hz], from `since` [s] on."""
+    late = run.t >= since
+    e = (run.q_ref - run.q)[late]
+    up = np.signbit(e - np.mean(e, axis=0))
+    turns = np.count_nonzero(up[1:] != up[:-1], axis=0)
+    return np.asarray(0.5 * turns / (run.t[late][-1] - run.t[late][0]))
+
+
+def slips(run: Trajectory, since: float, joint: int) -> float:
+    """Return how often a joint that sticks breaks away in a second [Hz]; 0 where it stands no oftener than its target.
+
+    It stands where it is slower than `STILL` of its fastest.
+
+    Args:
+        run: The run.
+        since: Time from which on it is looked at [s].
+        joint: Number of the joint, from 0.
+    """
+    late = run.t >= since
+    duration = float(run.t[late][-1] - run.t[late][0])
+
+    def starts(qd: Array) -> int:
+        stands = np.abs(qd) <= STILL * np.max(np.abs(qd))
+        return int(np.count_nonzero(stands[:-1] & ~stands[1:])) if np.any(qd) else 0
+
+    own, wanted = starts(run.qd[late, joint]), starts(run.qd_ref[late, joint])
+    return own / duration if own > wanted + 1 else 0.0
