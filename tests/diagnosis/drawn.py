@@ -246,7 +246,7 @@ def transmission(d: Draw) -> Made:
     k = w * w * motor * link / (motor + link)
     keys = {"stiffness": k, "damping": 2.0 * 0.02 * k / w, "inertia": motor}
     gives = {name: [float(f"{x:.4g}") for x in value] for name, value in keys.items()}
-    return {**ct(d.one_of(30, 50)), "plant": {"transmission": {**gives, "sensor": "link"}}}, set()
+    return {**ct(d.one_of(30, 50)), "plant": {"timestep": 0.00025, "transmission": {**gives, "sensor": "link"}}}, set()
 
 
 def torque_speed(d: Draw) -> Made:
@@ -265,14 +265,14 @@ def backlash(d: Draw) -> Made:
     keys = {"stiffness": k, "damping": 0.1 * k / (2.0 * math.pi * 40.0), "inertia": motor}
     gives = {name: [float(f"{x:.4g}") for x in value] for name, value in keys.items()}
     wide = round(d.between(0.3, 0.6) * d.a, 3)
-    return {**ct(20), "plant": {"transmission": {**gives, "backlash": wide, "sensor": "motor"}}}, set()
+    return {**ct(20), "plant": {"timestep": 0.00025, "transmission": {**gives, "backlash": wide}}}, set()
 
 
 def integral(d: Draw) -> Made:
-    """Integral of 1.5 to 2 times kv^2 lam, at which Routh's criterion of s^3 + kv s^2 + kv lam s + ki fails."""
+    """Integral of 3 to 5 times kv^2 lam, at which Routh's criterion of s^3 + kv s^2 + kv lam s + ki fails."""
     kv = d.one_of(10, 20)
     made = ct(kv)
-    made["controllers"][0]["gains"]["ki"] = round(d.between(1.5, 2.0) * kv * kv * 10.0, 0)
+    made["controllers"][0]["gains"]["ki"] = round(d.between(3.0, 5.0) * kv * kv * 10.0, 0)
     return made, set()
 
 

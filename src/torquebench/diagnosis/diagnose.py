@@ -22,7 +22,7 @@ from torquebench.diagnosis.margins import (
     weight_along,
 )
 from torquebench.diagnosis.parts import Part, parts_of
-from torquebench.diagnosis.seen import KINDS, Kind, Seen, slips, swings
+from torquebench.diagnosis.seen import KINDS, Kind, Seen, grows, slips, swings
 from torquebench.errors import ConfigError, Problem, nearest
 from torquebench.experiment.build import Loop, build
 from torquebench.experiment.certify import Flag, flags
@@ -209,8 +209,10 @@ class _Search:
             return part.title
         joint = self.whole.joint("shakes" if self.whole.has("shakes") else "errs")
         if part.key == "transmission" and self.whole.has("shakes"):
-            f = float(resonances(self.experiment, self.loop)[joint])
-            return f"the resonance of joint {joint + 1} at {f:.3g} Hz"
+            found, at = resonances(self.experiment, self.loop), self.whole.shaking
+            if at is not None and not math.isnan(at.frequency):  # one joint's resonance shakes those beside it
+                joint = int(np.argmin(np.abs(np.log(found / at.frequency))))
+            return f"the resonance of joint {joint + 1} at {found[joint]:.3g} Hz"
         if part.key == "friction":
             often = slips(self.run, self.experiment.run.metrics_from, joint)
             if often > 0.0:
@@ -240,7 +242,7 @@ class _Search:
         n = experiment.n
         nothing = np.zeros(n)
         if not run.completed:
-            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing)
+            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing, True)
         loop.plant.tau_max = self.tau_max.copy()
         metrics = metrics_of(experiment, loop, self.keys, run)
         shares = np.array([x or 0.0 for x in metrics.chattering.per_joint])
@@ -249,6 +251,7 @@ class _Search:
         saturated = np.mean(np.abs(run.tau_law) >= limit, axis=0)
         power = float(np.sqrt(np.mean(shares**2)))
         shake = shaking(metrics, self.tau_max.tolist())
+        since, corner = experiment.run.metrics_from, self.experiment.chattering_from_hz
         return Seen(
             "",
             shake,
@@ -257,7 +260,8 @@ class _Search:
             rmse,
             rmse / self.span,
             saturated,
-            swings(run, experiment.run.metrics_from),
+            swings(run, since),
+            grows(run, since, corner),
         )
 
     def without(self, parts: Iterable[Part], what: str) -> Seen:
@@ -348,8 +352,8 @@ class _Search:
             rated = list[Cause]()
             for part in self.parts:
                 base = bases[tuple(key for key in part.beside if key in known)]
-                lost = _share(base.size(kind, joint), without[part.key].size(kind, joint), whole)
-                brought = _share(alone[part.key].size(kind, joint), ideal, whole)
+                lost = _share(base.size(kind, joint), self._size(kind, joint, without[part.key]), whole)
+                brought = _share(self._size(kind, joint, alone[part.key]), ideal, whole)
                 texts = without[part.key].text(kind, joint), alone[part.key].text(kind, joint)
                 rated.append(Cause(part.key, part.title, kind, max(lost, brought), *texts))
             own = [c for c in rated if c.effect >= (PERIOD_SHARE if c.key == "control_period" else SHARE)]
@@ -369,6 +373,17 @@ class _Search:
                     found.append(cause)
                     lefts.append(without[cause.key].size(kind, joint) if cause.key in without else 0.0)
         return tuple(found), tuple(lefts)
+
+    def _size(self, kind: Kind, joint: int, seen: Seen) -> float:
+        """Return a symptom of another run; where both shake unstably it has come as far as the time let it: all of it.
+
+        Args:
+            kind: The symptom.
+            joint: The joint that has most of it in the run as it is.
+            seen: The other run.
+        """
+        size, whole = seen.size(kind, joint), self.whole.size(kind, joint)
+        return max(size, whole) if kind == "shakes" and self.whole.unstable and seen.unstable else size
 
     def _explained(self, kind: Kind, parts: Sequence[Part], without: Mapping[str, Seen]) -> bool:
         """Whether a symptom is gone once some parts are, of which `without` has the run without each."""

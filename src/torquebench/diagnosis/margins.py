@@ -227,17 +227,18 @@ def true_arm(experiment: Experiment) -> RobotModel:
 def resonances(experiment: Experiment, loop: Loop) -> Array:
     """Return the frequency at which each joint's motor and link swing against each other, (n,) [Hz].
 
-    Square roots of the eigenvalues of (B^-1 + M^-1) k, each for the joint that moves most in it, halfway through.
+    Square roots of the eigenvalues of (B^-1 + M^-1) k, each for the joint whose spring has most of its energy, halfway
+    through the motion.
     """
     M, joints = _links(experiment, loop.reference.q[instants_of(experiment)[INSTANTS // 2]])
     if joints is None:
         return np.full(experiment.n, np.nan)
-    values, ways = np.linalg.eig((np.diag(1.0 / joints.inertia) + np.linalg.inv(M)) * joints.stiffness)
-    found = np.zeros(experiment.n)
-    left = np.abs(ways)
+    root = np.sqrt(joints.stiffness)
+    values, ways = np.linalg.eigh(root[:, None] * (np.diag(1.0 / joints.inertia) + np.linalg.inv(M)) * root)
+    found, left = np.zeros(experiment.n), np.abs(ways)
     for _ in range(experiment.n):  # each mode to a joint of its own
         joint, mode = np.unravel_index(np.argmax(left), left.shape)
-        found[joint] = math.sqrt(abs(values[mode])) / (2.0 * math.pi)
+        found[joint] = math.sqrt(values[mode]) / (2.0 * math.pi)
         left[joint], left[:, mode] = -1.0, -1.0
     return found
 

@@ -17,6 +17,10 @@ ERROR = 0.05
 """RMS error from which on a joint errs, as a share of its motion [1]."""
 SATURATED = 0.02
 """Share of the time at the torque limit from which on a joint saturates [1]."""
+GROWTH = 2.0
+"""Times the torque above the corner in the first half of a window that a run has in the second if it grows [1]."""
+LEAST = 1e-9
+"""Share of the largest torque that is rounding [1]."""
 STILL = 0.02
 """Speed below which a joint stands, as a share of its fastest [1]."""
 
@@ -39,6 +43,13 @@ class Seen(NamedTuple):
     """Share of the time at the torque limit, (n,) [1]."""
     swings: Array
     """Frequency at which the error changes its sign and back, (n,) [Hz]."""
+    grows: bool
+    """Whether what shakes in it grows."""
+
+    @property
+    def unstable(self) -> bool:
+        """Whether what shakes grows, or has grown to the torque limit."""
+        return self.grows or (self.shaking is not None and bool(np.max(self.saturated) >= SATURATED))
 
     def size(self, kind: Kind, joint: int | None = None) -> float:
         """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
@@ -88,6 +99,25 @@ def swings(run: Trajectory, since: float) -> Array:
     up = np.signbit(e - np.mean(e, axis=0))
     turns = np.count_nonzero(up[1:] != up[:-1], axis=0)
     return np.asarray(0.5 * turns / (run.t[late][-1] - run.t[late][0]))
+
+
+def grows(run: Trajectory, since: float, corner: float) -> bool:
+    """Whether a joint's torque above the corner is `GROWTH` times as large in the second half of the window.
+
+    Args:
+        run: The run.
+        since: Start of the window [s].
+        corner: Frequency above which torque counts [Hz].
+    """
+    tau = run.tau_law[run.t >= since]
+    half = len(tau) // 2
+    frequency = np.fft.rfftfreq(half, float(run.t[1] - run.t[0]))
+    taper = np.hanning(half)[:, None]
+    first, second = (
+        np.linalg.norm(np.fft.rfft(taper * (part - np.mean(part, axis=0)), axis=0)[frequency >= corner], axis=0)
+        for part in (tau[:half], tau[-half:])
+    )
+    return bool(np.any(second > GROWTH * first + LEAST * half * np.max(np.abs(tau))))
 
 
 def slips(run: Trajectory, since: float, joint: int) -> float:
