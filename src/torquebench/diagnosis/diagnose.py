@@ -44,6 +44,8 @@ LEAST_MOTION = 0.2
 """Motion that a joint which is to stay is held to [rad]."""
 NEAR = 1.2
 """Times what is left of a symptom without its cause that counts as cured of it [1]."""
+HALF = 0.5
+"""Share of the symptom that a change may leave at most if it is to count as a cure [1]."""
 QUIET, LARGE = 1.0, 0.2
 """Shaking [% of the torque limit] that is named after an error of that share of the motion [1]."""
 SOFTER = (0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
@@ -95,6 +97,8 @@ class Diagnosis:
     """Closed loops that were run."""
     motion_hz: float
     """Frequency above which an error that swings does not follow the motion [Hz]."""
+    cured: Seen | None = field(repr=False)
+    """The run without the first cause; of a law that is the cause itself, with the change that cures it."""
 
     @property
     def sentence(self) -> str:
@@ -202,6 +206,7 @@ class _Search:
         self.run: Trajectory
         self.whole = self.look("as it is", self.experiment, keep=True)
         self.parts = [replace(part, title=self._title(part)) for part in self.parts]
+        self.cured: Seen | None = None
 
     def _title(self, part: Part) -> str:
         """Return a part's title, which for joints that ring or stick is what the run shows of them."""
@@ -240,15 +245,17 @@ class _Search:
         if keep:
             self.run = run
         n = experiment.n
+        late = run.t >= experiment.run.metrics_from
+        shown = run.t[late], run.tau[late], (run.q_ref - run.q)[late]
         nothing = np.zeros(n)
         if not run.completed:
-            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing, True)
+            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing, True, *shown)
         loop.plant.tau_max = self.tau_max.copy()
         metrics = metrics_of(experiment, loop, self.keys, run)
         shares = np.array([x or 0.0 for x in metrics.chattering.per_joint])
         rmse = np.array([x or 0.0 for x in metrics.rmse.per_joint])
         limit = self.tau_max * (1.0 - 1e-9)
-        saturated = np.mean(np.abs(run.tau_law) >= limit, axis=0)
+        saturated = np.mean(np.abs(run.tau_law[late]) >= limit, axis=0)
         power = float(np.sqrt(np.mean(shares**2)))
         shake = shaking(metrics, self.tau_max.tolist())
         since, corner = experiment.run.metrics_from, self.experiment.chattering_from_hz
@@ -262,6 +269,7 @@ class _Search:
             saturated,
             swings(run, since),
             grows(run, since, corner),
+            *shown,
         )
 
     def without(self, parts: Iterable[Part], what: str) -> Seen:
@@ -293,7 +301,7 @@ class _Search:
         symptoms = tuple(sorted((kind for kind in KINDS if self.whole.has(kind)), key=self._rank))
         causes, left = self._causes(symptoms) if symptoms else ((), ())
         cures = self._cures(symptoms[0], causes) if symptoms else ()
-        causes = tuple(replace(c, remedy=self._remedy(c, cures, x)) for c, x in zip(causes, left, strict=True))
+        causes = tuple(replace(c, remedy=self._remedy(c, x)) for c, x in zip(causes, left, strict=True))
         margins = margins_of(self.experiment, self.loop, self.slopes_at_work)
         causes = tuple(replace(cause, detail=self._detail(cause, margins)) for cause in causes)
         names, name = tuple(self.loop.joint_names), self.experiment.name
@@ -310,6 +318,7 @@ class _Search:
             cures,
             self.runs,
             motion_hz,
+            self.cured,
         )
 
     @cached_property
@@ -369,6 +378,8 @@ class _Search:
             own.sort(key=lambda cause: -cause.effect)
             named = {cause.key for cause in found}
             for cause in own:
+                if not found:
+                    self.cured = without.get(cause.key)
                 if cause.key not in named:
                     found.append(cause)
                     lefts.append(without[cause.key].size(kind, joint) if cause.key in without else 0.0)
@@ -422,27 +433,24 @@ class _Search:
         """Whether a run is rid of a symptom, or of all but what is left without its cause, and has no new one."""
         if seen.ending or any(seen.has(other) and not self.whole.has(other) for other in KINDS if other != kind):
             return False
-        return kind == "fails" or not seen.has(kind) or seen.size(kind, self.whole.joint(kind)) <= NEAR * left
+        size, whole = (one.size(kind, self.whole.joint(kind)) for one in (seen, self.whole))
+        return kind == "fails" or not seen.has(kind) or size <= min(NEAR * left, HALF * whole)
 
     def _tried(self, kind: Kind, seen: Seen) -> str:
         joint = self.whole.joint(kind)
         left = "completes" if kind == "fails" else seen.text(kind, joint)
         return f"tried: {left}"
 
-    def _remedy(self, cause: Cause, cures: Sequence[str], left: float) -> str:
+    def _remedy(self, cause: Cause, left: float) -> str:
         """Return the least change that was tried and cures, or the cure in words.
 
-        Args:
-            cause: The cause.
-            cures: Changes of the law that cure the first symptom.
-            left: How much of its symptom there is without it.
+        `left` is how much of the symptom there is without the cause.
         """
         part = next((part for part in self.parts if part.key == cause.key), None)
         if part is None:
             return ""
         if part.of_robot:
-            why = f"the {self.experiment.chain.name} has it: change the law"
-            return f"{why}, {cures[0]}" if cures else why
+            return f"the {self.experiment.chain.name} has it: change the law"
         for variant in part.cures(self.experiment):
             seen = self.look(f"less of {part.key}", variant.experiment)
             if self._cured(cause.symptom, seen, left):
@@ -465,11 +473,16 @@ class _Search:
                 break
             seen = self.look("other gains", self._with(replace(self.keys, gains=gains)))
             if self._cured(kind, seen):
+                self.cured = self.cured or seen
                 sign = ">=" if kind == "errs" else "<="
                 changed = [name for name in gains if gains[name] != self.keys.gains[name]]
-                words = ", ".join(f"gains.{name} {sign} {in_words(_rounded(gains[name]))}" for name in changed)
+                words = ", ".join(f"{self._key(name)} {sign} {in_words(_rounded(gains[name]))}" for name in changed)
                 return (*found, f"{words}{self._in_units(gains)} ({self._tried(kind, seen)})")
         return tuple(found)
+
+    def _key(self, gain: str) -> str:
+        """Return the key of a gain, as ``--set`` takes it."""
+        return f"controllers.{self.keys.name}.gains.{gain}"
 
     def _in_units(self, gains: Mapping[str, Vector]) -> str:
         """Return PD gains as an arm's own interface takes them, ``, that is Kp = .. N m/rad, Kd = .. N m s/rad``."""
@@ -503,8 +516,9 @@ class _Search:
             keys = replace(self.keys, gains={**self.keys.gains, "phi": phi}, options=options)
             seen = self.look("a wider layer", self._with(keys))
             if self._cured(kind, seen):
-                words = "" if own is not None else "switching: saturation, "
-                return f"{words}gains.phi >= {in_words(phi)} ({self._tried(kind, seen)})"
+                self.cured = self.cured or seen
+                words = "" if own is not None else f"controllers.{self.keys.name}.switching: saturation, "
+                return f"{words}{self._key('phi')} >= {in_words(phi)} ({self._tried(kind, seen)})"
         return ""
 
     def _with(self, keys: Controller) -> Experiment:
@@ -528,10 +542,11 @@ class _Search:
             return f"friction / Kp = {dry / least:.2g} rad" if least > 0.0 and dry > 0.0 else ""
         if key == "torque_rate" and self.experiment.chain.torque_rate is not None:
             most = as_vector(self.experiment.chain.torque_rate, self.experiment.n) * self.experiment.run.control_period
-            hit = np.mean(np.abs(np.diff(run.tau, axis=0)) >= most * (1.0 - 1e-6), axis=0)
+            steps = np.diff(run.tau[run.t >= self.experiment.run.metrics_from], axis=0)
+            hit = np.mean(np.abs(steps) >= most * (1.0 - 1e-6), axis=0)
             return f"the limit is hit {100 * hit[joint]:.3g} % of the time"
         if key == "torque_limit":
-            share = 100 * float(np.mean(np.abs(run.tau_law[:, joint]) >= self.tau_max[joint] * (1.0 - 1e-9)))
+            share = 100 * float(self.whole.saturated[joint])
             return self._asked().rstrip(",") or f"the limit is hit {share:.3g} % of the time"
         if key == "control_period":
             said = [str(flag) for flag in flags(self.experiment, self.loop) if not isinstance(flag, Flag)]

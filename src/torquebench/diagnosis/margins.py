@@ -274,13 +274,15 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
                 worst, kept = one, terms
     if worst is None or worst.crossover is None:
         return worst
-    at = np.array([worst.crossover])
-    whole = _open_loops(chain, period, at, kept)[0, worst.joint]
+    up_to = np.geomspace(LOWEST_HZ, worst.crossover, LINES)
+    whole = _open_loops(chain, period, up_to, kept)[:, worst.joint]
     variants = {name: (lesser, kept) for name, lesser in _lesser(chain).items()}
     if np.any(kept.I) or np.any(kept.J):
         variants["integral"] = chain, kept._replace(I=np.zeros((n, n)), J=np.zeros((n, n)))
     lost = {
-        name: float(np.degrees(np.angle(_open_loops(lesser, period, at, terms)[0, worst.joint] / whole)))
+        name: float(
+            np.degrees(np.unwrap(np.angle(_open_loops(lesser, period, up_to, terms)[:, worst.joint] / whole))[-1])
+        )
         for name, (lesser, terms) in variants.items()
     }
     lost["hold"] = 180.0 * worst.crossover * period

@@ -264,13 +264,15 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
     friction = plant.acting
     if friction is not None and (np.any(friction.viscous) or np.any(friction.coulomb)):
         title = f"friction, Coulomb {in_words(friction.coulomb)} N m"
-        cure = "compensate friction in the law"
+        cure = (
+            f"add up to {in_words(friction.coulomb)} N m against it to the law, with the sign of the desired velocity"
+        )
         yield Part("friction", title, other("friction", FRICTIONS["none"]), remedy=cure)
     if plant.transmission is not None:
         yield from _between(plant.transmission)
     if plant.load is not None:
         title = f"the payload of {plant.load.mass:g} kg"
-        yield Part("payload", title, other("payload", None), remedy="tell the model of the load")
+        yield Part("payload", title, other("payload", None), remedy=_told(plant.load.mass))
     if plant.perturb is not None:
         yield Part("perturb", "the arm's own difference from its model", other("perturb", None))
     if experiment.model.mismatch is not None:
@@ -288,6 +290,11 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
         yield Part("model", f"the model's {' and '.join(experiment.model.form)} equations", exact)
     if experiment.disturbances:
         yield Part("disturbances", "the disturbance", lambda experiment: replace(experiment, disturbances=()))
+
+
+def _told(mass: float) -> str:
+    """Return how a robot is told of a load [kg]."""
+    return f"tell the robot of {mass:g} kg: set_payload of a UR, setLoad of a Franka, or the masses of the law's model"
 
 
 def _between(between: Transmission) -> Iterator[Part]:
@@ -346,7 +353,9 @@ def _integral(experiment: Experiment) -> Iterator[Part]:
 
         changed = {name: times(value) for name, value in own.items()}
         made = replace(keys, gains={**keys.gains, **changed})
-        words = ", ".join(f"gains.{name} <= {in_words(value)}" for name, value in changed.items())
+        words = ", ".join(
+            f"controllers.{keys.name}.gains.{name} <= {in_words(value)}" for name, value in changed.items()
+        )
         return Variant(replace(experiment, controllers=(made,)), words)
 
     title = f"the integral action, {' and '.join(f'{name} = {in_words(value)}' for name, value in own.items())},"

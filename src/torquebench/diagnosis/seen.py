@@ -40,11 +40,17 @@ class Seen(NamedTuple):
     error: Array
     """RMS error as a share of the motion, (n,) [1]."""
     saturated: Array
-    """Share of the time at the torque limit, (n,) [1]."""
+    """Share of the window for metrics at the torque limit, (n,) [1]."""
     swings: Array
     """Frequency at which the error changes its sign and back, (n,) [Hz]."""
     grows: bool
     """Whether what shakes in it grows."""
+    t: Array
+    """Instants of the window for metrics, (m,) [s]."""
+    tau: Array
+    """Torque that is asked of the drives then, (m, n) [N m]."""
+    e: Array
+    """Error then, (m, n) [rad]."""
 
     @property
     def unstable(self) -> bool:
@@ -88,7 +94,9 @@ class Seen(NamedTuple):
 
 
 def _short(value: float) -> str:
-    """Return a number with two digits, one that is next to nothing as less than a thousandth."""
+    """Return a number with two digits or whole, one that is next to nothing as less than a thousandth."""
+    if value >= 100.0:
+        return f"{value:.0f}"
     return f"{value:.2g}" if value >= 1e-3 else "< 0.001"
 
 
