@@ -246,7 +246,10 @@ def transmission(d: Draw) -> Made:
     k = w * w * motor * link / (motor + link)
     keys = {"stiffness": k, "damping": 2.0 * 0.02 * k / w, "inertia": motor}
     gives = {name: [float(f"{x:.4g}") for x in value] for name, value in keys.items()}
-    return {**ct(d.one_of(30, 50)), "plant": {"timestep": 0.00025, "transmission": {**gives, "sensor": "link"}}}, set()
+    return {
+        **ct(d.one_of(30, 50)),
+        "plant": {"timestep": 1e-4 if d.arm == "puma560" else 2.5e-4, "transmission": {**gives, "sensor": "link"}},
+    }, set()
 
 
 def torque_speed(d: Draw) -> Made:
@@ -265,7 +268,10 @@ def backlash(d: Draw) -> Made:
     keys = {"stiffness": k, "damping": 0.1 * k / (2.0 * math.pi * 40.0), "inertia": motor}
     gives = {name: [float(f"{x:.4g}") for x in value] for name, value in keys.items()}
     wide = round(d.between(0.3, 0.6) * d.a, 3)
-    return {**ct(20), "plant": {"timestep": 0.00025, "transmission": {**gives, "backlash": wide}}}, set()
+    return {
+        **ct(20),
+        "plant": {"timestep": 1e-4 if d.arm == "puma560" else 2.5e-4, "transmission": {**gives, "backlash": wide}},
+    }, set()
 
 
 def integral(d: Draw) -> Made:

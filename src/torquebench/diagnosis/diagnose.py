@@ -117,7 +117,10 @@ class Diagnosis:
     @property
     def advice(self) -> str:
         """The change to make first, which was tried or follows from the cause; empty where there is none."""
-        found = [*self.cures, *(cause.remedy for cause in self.causes)]
+        remedies = [cause.remedy for cause in self.causes]
+        shakes = self.symptoms[:1] in (("shakes",), ("fails",))
+        by_gains = shakes and not any("velocity_filter <=" in text for text in remedies[:1])
+        found = [*self.cures, *remedies] if by_gains else [*remedies, *self.cures]
         return next((text for text in found if text), "")
 
     def _symptom(self, kind: Kind) -> str:
@@ -249,7 +252,7 @@ class _Search:
         shown = run.t[late], run.tau[late], (run.q_ref - run.q)[late]
         nothing = np.zeros(n)
         if not run.completed:
-            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing, True, *shown)
+            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing, True, True, *shown)
         loop.plant.tau_max = self.tau_max.copy()
         metrics = metrics_of(experiment, loop, self.keys, run)
         shares = np.array([x or 0.0 for x in metrics.chattering.per_joint])
@@ -268,7 +271,7 @@ class _Search:
             rmse / self.span,
             saturated,
             swings(run, since),
-            grows(run, since, corner),
+            *grows(run, since, corner),
             *shown,
         )
 
@@ -386,7 +389,7 @@ class _Search:
         return tuple(found), tuple(lefts)
 
     def _size(self, kind: Kind, joint: int, seen: Seen) -> float:
-        """Return a symptom of another run; where both shake unstably it has come as far as the time let it: all of it.
+        """Return a symptom of another run: all of it where both are unstable, as it is chance how far one has grown.
 
         Args:
             kind: The symptom.
@@ -394,7 +397,7 @@ class _Search:
             seen: The other run.
         """
         size, whole = seen.size(kind, joint), self.whole.size(kind, joint)
-        return max(size, whole) if kind == "shakes" and self.whole.unstable and seen.unstable else size
+        return max(size, whole) if self.whole.unstable(kind) and seen.unstable(kind) else size
 
     def _explained(self, kind: Kind, parts: Sequence[Part], without: Mapping[str, Seen]) -> bool:
         """Whether a symptom is gone once some parts are, of which `without` has the run without each."""
@@ -438,7 +441,7 @@ class _Search:
 
     def _tried(self, kind: Kind, seen: Seen) -> str:
         joint = self.whole.joint(kind)
-        left = "completes" if kind == "fails" else seen.text(kind, joint)
+        left = "completes" if kind == "fails" else f"leaves {seen.text(kind, joint)}"
         return f"tried: {left}"
 
     def _remedy(self, cause: Cause, left: float) -> str:

@@ -135,10 +135,20 @@ def _sensors(chain: Chain) -> Iterator[Part]:
         )
     if np.any(chain.encoder_offset):
         title = f"the encoders' offset of {in_words(chain.encoder_offset)} rad"
-        yield Part("encoder_offset", title, lambda experiment: with_chain(experiment, encoder_offset=0.0))
+        yield Part(
+            "encoder_offset",
+            title,
+            lambda experiment: with_chain(experiment, encoder_offset=0.0),
+            remedy="calibrate the encoders",
+        )
     if chain.encoder_ripple is not None:
         title = f"the encoders' ripple of {in_words(chain.encoder_ripple.amplitude)} rad"
-        yield Part("encoder_ripple", title, lambda experiment: with_chain(experiment, encoder_ripple=None))
+        yield Part(
+            "encoder_ripple",
+            title,
+            lambda experiment: with_chain(experiment, encoder_ripple=None),
+            remedy="calibrate the encoders",
+        )
     if chain.quantisation > 0.0 and chain.velocity != "kalman":
         title = f"the encoders' step of {1e3 * chain.quantisation:g} mrad"
         part = _scalar(chain, "quantisation", title, "rad")
@@ -206,7 +216,8 @@ def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
         yield _scalar(chain, "torque_quantum", f"the torque step of {chain.torque_quantum:g} N m", "N m")
     if np.any(chain.torque_offset):
         title = f"the drives' offset of {in_words(chain.torque_offset)} N m"
-        yield Part("torque_offset", title, lambda experiment: with_chain(experiment, torque_offset=0.0))
+        cure = "an integral in the law, or drives that are calibrated"
+        yield Part("torque_offset", title, lambda experiment: with_chain(experiment, torque_offset=0.0), remedy=cure)
     if chain.actuator_lag > 0.0:
         yield _scalar(chain, "actuator_lag", f"the actuators' lag of {1e3 * chain.actuator_lag:g} ms", "s")
     if chain.current_loop is not None:
@@ -220,9 +231,13 @@ def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
         title = f"the current loop of {loop.frequency:g} rad/s"
         yield Part("current_loop", title, lambda x: with_chain(x, current_loop=None), same_loop, shares(quicker))
     if chain.torque_speed is not None:
-        yield Part("torque_speed", "the motors' torque-speed limit", lambda x: with_chain(x, torque_speed=None))
+        cure = f"a motion much slower than {in_words(chain.torque_speed.no_load)} rad/s, where the motors give nothing"
+        title = "the motors' torque-speed limit"
+        yield Part("torque_speed", title, lambda x: with_chain(x, torque_speed=None), remedy=cure)
     if chain.thermal_limit is not None:
-        yield Part("thermal_limit", "the motors' continuous torque", lambda x: with_chain(x, thermal_limit=None))
+        cure = f"a motion that takes less than {in_words(chain.thermal_limit.torque)} N m RMS"
+        title = "the motors' continuous torque"
+        yield Part("thermal_limit", title, lambda x: with_chain(x, thermal_limit=None), remedy=cure)
     if chain.torque_delay > 0.0:
         yield _delay("torque_delay", f"the torque delay of {1e3 * chain.torque_delay:g} ms")
 
@@ -274,7 +289,8 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
         title = f"the payload of {plant.load.mass:g} kg"
         yield Part("payload", title, other("payload", None), remedy=_told(plant.load.mass))
     if plant.perturb is not None:
-        yield Part("perturb", "the arm's own difference from its model", other("perturb", None))
+        cure = "identify the arm's constants"
+        yield Part("perturb", "the arm's own difference from its model", other("perturb", None), remedy=cure)
     if experiment.model.mismatch is not None:
 
         def right(experiment: Experiment) -> Experiment:
@@ -289,7 +305,8 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
 
         yield Part("model", f"the model's {' and '.join(experiment.model.form)} equations", exact)
     if experiment.disturbances:
-        yield Part("disturbances", "the disturbance", lambda experiment: replace(experiment, disturbances=()))
+        cure = "larger gains, or an integral against what is constant"
+        yield Part("disturbances", "the disturbance", lambda x: replace(x, disturbances=()), remedy=cure)
 
 
 def _told(mass: float) -> str:
@@ -330,9 +347,9 @@ def _between(between: Transmission) -> Iterator[Part]:
 
         tight = replace(between, backlash=0.0)
         title = f"the joints' backlash of {in_words(gap)} rad"
-        yield Part("backlash", title, lambda x: other(x, tight), same_loop, shares(narrower))
+        yield Part("backlash", title, lambda x: other(x, tight), same_loop, shares(narrower), remedy="tighter gears")
     title = f"the joints' elasticity, {in_words(between.stiffness)} N m/rad,"
-    yield Part("transmission", title, lambda x: other(x, None), same_loop, cures, ("backlash",))
+    yield Part("transmission", title, lambda x: other(x, None), same_loop, cures, ("backlash",), "stiffer joints")
 
 
 def _integral(experiment: Experiment) -> Iterator[Part]:
@@ -372,13 +389,15 @@ def _loop(experiment: Experiment, lacks_gravity: bool) -> Iterator[Part]:
             return loop._replace(disturbance=acting)
 
         cure = "a law with gravity compensation, such as pd-gravity"
-        yield Part("gravity", "gravity, which the law leaves to its error", lambda x: x, held, remedy=cure)
+        yield Part("gravity", "gravity, which the law leaves to its error,", lambda x: x, held, remedy=cure)
 
     def free(loop: Loop) -> Loop:
         loop.plant.tau_max = FREE * np.asarray(loop.plant.tau_max)
         return loop
 
-    yield Part("torque_limit", "the torque limit", lambda x: x, free, remedy="a slower motion, or smaller gains")
+    cure = "a slower motion, or smaller gains"
+    beside = "torque_speed", "thermal_limit"  # both are shares of the limit
+    yield Part("torque_limit", "the torque limit", lambda x: x, free, beside=beside, remedy=cure)
     period = experiment.run.control_period
 
     def finer(experiment: Experiment, share: float) -> Variant:

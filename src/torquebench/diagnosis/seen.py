@@ -20,7 +20,7 @@ SATURATED = 0.02
 GROWTH = 2.0
 """Times the torque above the corner in the first half of a window that a run has in the second if it grows [1]."""
 LEAST = 1e-9
-"""Share of the largest torque that is rounding [1]."""
+"""Share of the largest torque that is rounding [1], and error [rad]."""
 STILL = 0.02
 """Speed below which a joint stands, as a share of its fastest [1]."""
 
@@ -44,7 +44,9 @@ class Seen(NamedTuple):
     swings: Array
     """Frequency at which the error changes its sign and back, (n,) [Hz]."""
     grows: bool
-    """Whether what shakes in it grows."""
+    """Whether its torque above the corner grows."""
+    strays: bool
+    """Whether its error grows."""
     t: Array
     """Instants of the window for metrics, (m,) [s]."""
     tau: Array
@@ -52,10 +54,12 @@ class Seen(NamedTuple):
     e: Array
     """Error then, (m, n) [rad]."""
 
-    @property
-    def unstable(self) -> bool:
-        """Whether what shakes grows, or has grown to the torque limit."""
-        return self.grows or (self.shaking is not None and bool(np.max(self.saturated) >= SATURATED))
+    def unstable(self, kind: Kind) -> bool:
+        """Whether a symptom grows, or what shakes has grown to the torque limit."""
+        if kind == "shakes":
+            at_limit = self.shaking is not None and bool(np.max(self.saturated) >= SATURATED)
+            return self.grows or self.strays or at_limit
+        return self.strays if kind == "errs" else False
 
     def size(self, kind: Kind, joint: int | None = None) -> float:
         """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
@@ -109,23 +113,28 @@ def swings(run: Trajectory, since: float) -> Array:
     return np.asarray(0.5 * turns / (run.t[late][-1] - run.t[late][0]))
 
 
-def grows(run: Trajectory, since: float, corner: float) -> bool:
-    """Whether a joint's torque above the corner is `GROWTH` times as large in the second half of the window.
+def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
+    """Whether a joint's torque above the corner, and its error, is `GROWTH` times as large in the window's second half.
 
     Args:
         run: The run.
         since: Start of the window [s].
         corner: Frequency above which torque counts [Hz].
     """
-    tau = run.tau_law[run.t >= since]
+    late = run.t >= since
+    tau, e = run.tau_law[late], (run.q_ref - run.q)[late]
     half = len(tau) // 2
-    frequency = np.fft.rfftfreq(half, float(run.t[1] - run.t[0]))
+    above = np.fft.rfftfreq(half, float(run.t[1] - run.t[0])) >= corner
     taper = np.hanning(half)[:, None]
-    first, second = (
-        np.linalg.norm(np.fft.rfft(taper * (part - np.mean(part, axis=0)), axis=0)[frequency >= corner], axis=0)
-        for part in (tau[:half], tau[-half:])
-    )
-    return bool(np.any(second > GROWTH * first + LEAST * half * np.max(np.abs(tau))))
+
+    def fast(part: Array) -> Array:
+        return np.asarray(np.linalg.norm(np.fft.rfft(taper * (part - np.mean(part, axis=0)), axis=0)[above], axis=0))
+
+    def more(first: Array, second: Array, least: float) -> bool:
+        return bool(np.any(second > GROWTH * first + least))
+
+    shakes = more(fast(tau[:half]), fast(tau[-half:]), LEAST * half * float(np.max(np.abs(tau))))
+    return shakes, more(np.std(e[:half], axis=0), np.std(e[-half:], axis=0), LEAST)
 
 
 def slips(run: Trajectory, since: float, joint: int) -> float:

@@ -13,6 +13,8 @@ from torquebench.report.figures.style import journal_style, plain_powers
 INK, BAD = "#0b559f", "#b42318"
 WIDTH, HEIGHT = 5.0, 1.9
 """Of a panel [in]: letters are read on a telephone too."""
+BELOW = 30.0
+"""Times the frequencies that are shown reach below the crossover [1]."""
 SHOWN = 0.5
 """Length of what is shown of a torque that shakes, at most [s]."""
 
@@ -59,8 +61,13 @@ def _bode(size: Axes, phase: Axes, found: Diagnosis) -> None:
     margins = found.margins
     if margins is None:
         return
-    f, angle = margins.frequency, margins.angle
-    size.loglog(f, np.abs(margins.gain), color=INK)
+    shake = found.seen.shaking
+    least = (margins.crossover or np.inf) / BELOW
+    if shake is not None and np.isfinite(shake.frequency):
+        least = min(least, shake.frequency / 3.0)
+    shown = margins.frequency >= min(least, margins.frequency[-1] / BELOW)
+    f, angle, gain = margins.frequency[shown], margins.angle[shown], margins.gain[shown]
+    size.loglog(f, np.abs(gain), color=INK)
     size.axhline(1.0, **REFERENCE)
     size.set_ylabel("size [1]")
     joint = found.joints[margins.joint]
@@ -75,14 +82,7 @@ def _bode(size: Axes, phase: Axes, found: Diagnosis) -> None:
             ax.axvline(margins.crossover, **LIMIT)
         colour = BAD if margins.phase <= 0.0 else INK
         phase.plot(2 * [margins.crossover], [-180.0, margins.phase - 180.0], color=colour, linewidth=2.5)
-        phase.annotate(
-            f"phase margin {margins.phase:.0f} deg at {margins.crossover:.3g} Hz",
-            (margins.crossover, -180.0),
-            (0.01, 0.06),
-            textcoords="axes fraction",
-            color=colour,
-        )
-    shake = found.seen.shaking
+        phase.set_title(f"phase margin {margins.phase:.0f} deg at {margins.crossover:.3g} Hz", loc="left", color=colour)
     if shake is not None and np.isfinite(shake.frequency):
         size.axvline(shake.frequency, color=BAD, linewidth=0.9)
         size.annotate(
