@@ -277,7 +277,7 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
         return lambda experiment: replace(experiment, plant=replace(experiment.plant, **{key: value}))
 
     friction = plant.acting
-    if friction is not None and (np.any(friction.viscous) or np.any(friction.coulomb)):
+    if friction is not None and not friction.name:
         title = f"friction, Coulomb {in_words(friction.coulomb)} N m"
         cure = (
             f"add up to {in_words(friction.coulomb)} N m against it to the law, with the sign of the desired velocity"
