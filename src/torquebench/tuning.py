@@ -35,6 +35,8 @@ MOST = 0.3
 """Largest share of the torque limit that switches against what a model leaves over [1]."""
 HELD = 0.25
 """Share of the torque beyond gravity's that a law without a model uses [1]."""
+CRAWL = 0.02
+"""Speed above which what a law believes of Coulomb friction is full [rad/s]."""
 POSES = 200
 """Random poses at which the arm is looked at, besides that at zero."""
 REACH = 0.5
@@ -141,14 +143,24 @@ def slope(fit: Fit) -> Array:
     if fit.has_model:
         return pole(fit)
     limits = fit.limits
-    damping = fit.known["kv"] * limits.scale if "kv" in fit.known else SHARE * limits.least / fit.reaction
-    return np.minimum(pole(fit), damping / limits.heaviest)
+    damper = fit.known["kv"] * limits.scale if "kv" in fit.known else SHARE * limits.least / fit.reaction
+    return np.minimum(pole(fit), damper / limits.heaviest)
+
+
+def damping(fit: Fit) -> Array:
+    """Rate gain Kd: 4 lambda M of the heaviest inertia, as far as there is room."""
+    lam = fit.known["lam"] if "lam" in fit.known else pole(fit)
+    return np.minimum(4.0 * lam * fit.limits.heaviest, fit.room)
+
+
+def stiffness(fit: Fit) -> Array:
+    """Position gain Kp = lambda Kd: `pole`, at most Kd / M, beyond which the heaviest inertia is damped too little."""
+    return fit["kd"] * np.minimum(pole(fit), fit["kd"] / fit.limits.heaviest)
 
 
 def rate(fit: Fit) -> Array:
-    """Rate gain kV of a torque Kd = kV Mbar: Kd = 4 lambda M of the heaviest inertia, as far as there is room."""
-    lam = fit.known["lam"] if "lam" in fit.known else pole(fit)
-    return np.minimum(4.0 * lam * fit.limits.heaviest, fit.room) / fit.limits.scale
+    """Rate gain kV of a torque Kd = kV Mbar: `damping`."""
+    return damping(fit) / fit.limits.scale
 
 
 def acceleration_rate(fit: Fit) -> Array:
@@ -250,12 +262,22 @@ def turn_width(fit: Fit) -> Array:
     return 2.0 * fit["k"] * fit.limits.tau_max / (SHARE * fit.limits.least)
 
 
+def none(fit: Fit) -> Array:
+    """Zero: the part is left out."""
+    return np.zeros_like(fit.limits.tau_max)
+
+
+def crawl(fit: Fit) -> Array:
+    """Speed of 0.02 rad/s, below which a sign is smoothed."""
+    return np.full_like(fit.limits.tau_max, CRAWL)
+
+
 def as_much(fit: Fit) -> Array:
     """One: as much again."""
     return np.ones_like(fit.limits.tau_max)
 
 
-TERMS = (rate, switching, fuzzy_torque)
+TERMS = (rate, damping, switching, fuzzy_torque)
 """Rules of gains that make a linear term near s = 0."""
 
 BY_UNIT: Mapping[str, Rule] = {
