@@ -2,6 +2,7 @@
 
 from torquebench.chain.chain import CHAINS, IDEAL, NOTHING, Chain, Drawn, chain, late_steps
 from torquebench.chain.drives import CurrentLoop, ThermalLimit, TorqueSpeed
+from torquebench.chain.response import Response, response
 from torquebench.chain.sensors import Ripple
 
 __all__ = [
@@ -11,9 +12,11 @@ __all__ = [
     "Chain",
     "CurrentLoop",
     "Drawn",
+    "Response",
     "Ripple",
     "ThermalLimit",
     "TorqueSpeed",
     "chain",
     "late_steps",
+    "response",
 ]

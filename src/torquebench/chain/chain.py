@@ -175,7 +175,7 @@ class Chain:
                 yield Fault((key,), text, at="key")
         if self.velocity == "kalman" and self.kalman_acceleration is None:
             yield Fault(("kalman_acceleration",), "missing", at="key", wanted="a number, as velocity is kalman")
-        if self.velocity == "kalman" and self._position_noise == 0.0:
+        if self.velocity == "kalman" and self.position_noise == 0.0:
             text = "needs noise to filter: wanted encoder_noise or quantisation above zero"
             yield Fault(("velocity",), text)
         if self.current_loop is not None and self.actuator_lag > 0.0:
@@ -198,7 +198,7 @@ class Chain:
         return any((self.encoder_noise, self.velocity_noise, self.jitter, self.missed_deadlines))
 
     @property
-    def _position_noise(self) -> float:
+    def position_noise(self) -> float:
         """Standard deviation of the measured position, rounding included [rad]."""
         return math.hypot(self.encoder_noise, self.quantisation / math.sqrt(12.0))
 
@@ -237,7 +237,7 @@ class Chain:
         none, ripple, alpha, beta = np.zeros((0, n)), self.encoder_ripple, 0.0, 0.0
         kind = VELOCITIES.index(self.velocity)
         if kind == KALMAN and self.kalman_acceleration is not None:
-            alpha, beta = kalman_gains(self.kalman_acceleration, self._position_noise, control_period)
+            alpha, beta = kalman_gains(self.kalman_acceleration, self.position_noise, control_period)
         parts = () if ripple is None else (ripple.amplitude, ripple.cycles, ripple.phase)
         return Sensors(
             noise=none if drawn.position is None else np.ascontiguousarray(drawn.position, dtype=np.float64),
@@ -305,7 +305,7 @@ class Chain:
         """
         filtering = 0.0 if self.velocity_filter is None else 1.0 / self.velocity_filter
         if self.velocity == "kalman" and self.kalman_acceleration is not None:
-            alpha, beta = kalman_gains(self.kalman_acceleration, self._position_noise, control_period)
+            alpha, beta = kalman_gains(self.kalman_acceleration, self.position_noise, control_period)
             filtering = control_period * alpha / beta
         loop = self.current_loop
         acting = self.actuator_lag if loop is None else 2.0 * loop.damping / loop.frequency
