@@ -31,7 +31,7 @@ LAYERS = (
     ("metrics", "statistics"),
     ("certificates",),
     ("experiment", "scene"),
-    ("sweep",),
+    ("sweep", "preflight"),
     ("report",),
     ("video", "results", "audit"),
     ("sweeps",),

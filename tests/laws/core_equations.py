@@ -1,4 +1,4 @@
-"""The paper's, the vendors' and plain laws written out a second time, in vectors; nothing is shared with the package."""
+"""The paper's, the vendors' and plain laws written out a second time, in vectors; nothing shared with the package."""
 
 from __future__ import annotations
 

@@ -40,8 +40,15 @@ COMMANDS = {
     "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "audit"},
     "Arms": {"import": "importing"},
     "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
-    "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
-    "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},
+    "Check": {
+        "check": "check",
+        "preflight": "preflight",
+        "compare": "compare",
+        "fuzzy": "fuzzy",
+        "doctor": "doctor",
+        "bench": "bench",
+    },
+    "Discover": {"laws": "discover", "chains": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
 }
 """Heading in the help -> command -> the module of this package that has it, under the command's name."""

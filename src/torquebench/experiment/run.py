@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.certificates import Certificate
+from torquebench.chain import rate_remarks
 from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
 from torquebench.experiment.arm import range_remarks
@@ -96,7 +97,8 @@ class ExperimentResult:
     def flags(self) -> tuple[str, ...]:
         """What was wrong with the controllers before the run, what the arm's file lost, and joints out of range."""
         before = [*map(str, flags(self.experiment, self.loop)), *self.experiment.plant.remarks()]
-        return (*before, *self.out_of_range)
+        rate = rate_remarks(self.experiment.chain, self.experiment.run.control_period)
+        return (*before, *rate, *self.out_of_range)
 
     @cached_property
     def out_of_range(self) -> tuple[str, ...]:
