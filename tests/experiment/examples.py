@@ -249,6 +249,11 @@ sweep:
     disturbances[0].sigma:
       choice: [0.5, 1]
   certificates: true
+  border:
+    key: controllers.*.gains.k
+    from: 0.01
+    to: 1
+    within: 0.1
   keep:
     worst: 3
     by: hf

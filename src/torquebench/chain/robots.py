@@ -97,7 +97,7 @@ def ur5e() -> Chain:
         "command_delay": NEXT_CYCLE,
         "actuator_lag": Origin(
             "1/(2 pi 100 Hz): libfranka's filter of commands, kDefaultCutoffFrequency, which it applies ahead of the "
-            "rate limit; the torque loop inside is faster",
+            "rate limit; the torque loop inside is taken to be faster",
             FRANKA_FILTER,
         ),
     },

@@ -99,7 +99,7 @@ def _show_chain(name: str) -> None:
     tell(**facts)
     say(f"{name}\n\n{' '.join(filter(None, (facts['summary'], facts['note'])))}\n")
     rows = [
-        [row["key"], _value(row["value"], row["unit"]), " ".join(filter(None, (row["source"], row["link"])))]
+        [row["key"], value_text(row["value"], row["unit"]), " ".join(filter(None, (row["source"], row["link"])))]
         for row in facts["numbers"]
     ]
     if rows:
@@ -108,11 +108,11 @@ def _show_chain(name: str) -> None:
     say(f"\nIn a config:\n\nchain: {name}{period}")
 
 
-def _value(value: Any, unit: str) -> str:
+def value_text(value: Any, unit: str) -> str:
     """Return a number of a chain with its unit."""
     if isinstance(value, dict):
         return ", ".join(f"{key} {number:g}" for key, number in value.items())
-    return value if isinstance(value, str) else f"{value:g} {unit}"
+    return value if isinstance(value, str) else f"{value:g} {unit}".rstrip()
 
 
 @command(example="torquebench configs")
