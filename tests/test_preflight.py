@@ -137,7 +137,8 @@ UNSAFE: list[tuple[str, str, str, dict[str, Any], set[str]]] = [
     ("step", "careless", "ur5e", kicked(6, 1, 90.0, SOFT6), {"jump at start"}),
     # gains of another robot
     ("other robot", "joint-impedance", "ur5e", {"kp": FRANKA["kp"][:6], "kd": FRANKA["kd"][:6]}, LOOP),
-    ("other robot", "joint-impedance", "iiwa14", FRANKA, LOOP),
+    # joint 7 of this arm, of 0.001 kg m^2, is too fast before it asks for its torque limit
+    ("other robot", "joint-impedance", "iiwa14", FRANKA, LOOP | {"speed"}),
     ("other robot", "joint-impedance", "puma560", {"kp": FRANKA["kp"][:6], "kd": FRANKA["kd"][:6]}, LOOP),
 ]
 QUICK = (0, 5, 13, 18, 20, 27)
