@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -113,6 +114,29 @@ def test_rounded_and_shifted_commands() -> None:
     assert torques == pytest.approx(held(0.25 * np.floor(commands / 0.25 + 0.5) + [0.7, -0.3]), abs=1e-13)
 
 
+def test_a_lag_is_the_inductance_of_mujoco_s_dcmotor(figure: Any) -> None:
+    """A blocked ``dcmotor`` of L/R = 8 ms with R/K volts per N m, as the lag: 1e-12 N m over 160 ms.
+
+    Both are exact between commands, which are random; MuJoCo's force is that at the end of its step.
+    """
+    asked = np.clip(some(20.0), -LIMITS, LIMITS)
+    _, torques, _ = given(Chain(actuator_lag=0.008, torque_offset=1e-300), asked)
+    m = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.001" gravity="0 0 0" integrator="Euler"/><worldbody><body>
+        <inertial mass="1" pos="0 0 0" diaginertia="1e15 1e15 1e15"/><joint name="a" axis="0 0 1"/></body></worldbody>
+        <actuator><dcmotor joint="a" input="voltage" motorconst="0.5 0.5" resistance="2" inductance="0.016"/></actuator>
+        </mujoco>"""
+    )
+    d, theirs = mujoco.MjData(m), []
+    for volts in np.repeat(asked[:, 0], SUBSTEPS) * 2.0 / 0.5:
+        d.ctrl[0] = volts
+        mujoco.mj_step(m, d)
+        theirs.append(d.actuator_force[0])
+    gap = float(np.max(np.abs(torques[:, 2, 0] - theirs)))
+    figure("lag of a drive against MuJoCo's dcmotor [N m]", gap, "<= 1e-12")
+    assert gap <= 1e-12
+
+
 @pytest.mark.parametrize(("damping", "frequency"), [(0.3, 600.0), (1.0, 400.0), (2.0, 900.0)])
 def test_the_current_loop_is_exact(damping: float, frequency: float) -> None:
     """From rest at zero u'' = w^2 (tau - u) - 2 z w u', against an integrator of another kind at 1e-12.
@@ -173,6 +197,21 @@ def test_a_hot_motor_gives_its_continuous_torque() -> None:
     assert cut * H == pytest.approx(-0.3 * math.log(1.0 - 0.25), abs=1.5 * H)
     assert np.mean(torques[cut:, 0, 0] ** 2) == pytest.approx(100.0, rel=0.01)
     assert np.all(torques[:, :, 1] == 14.0)
+
+
+def test_a_sine_behind_a_rate_limit_and_in_a_hot_motor() -> None:
+    """Far too fast for the rate it becomes a triangle of rate pi/(2 omega); heat of A^2/2 cuts it at the stated time.
+
+    The triangle's corner lies between two commands: one of them, rate T. The heat swings by less than torque^2/(omega
+    time) about its mean, so that the peak which is cut first is within half a period of the sine.
+    """
+    omega, t = 2.0 * math.pi * 5.0, T * np.arange(500)
+    asked = np.stack([20.0 * np.sin(omega * t)] * 2, axis=1)
+    commands, _, _ = given(Chain(torque_rate=100.0, torque_quantum=1e-12), asked)
+    assert np.max(commands[-100:]) == pytest.approx(100.0 * math.pi / (2.0 * omega), abs=100.0 * T)
+    _, torques, _ = given(Chain(thermal_limit=ThermalLimit(11.0, 2.0)), asked)
+    cut = int(np.argmax(np.abs(torques[:, 0, 0] - np.repeat(asked[:, 0], SUBSTEPS)) > 1e-9))
+    assert cut * H == pytest.approx(-2.0 * math.log(1.0 - 2.0 * (11.0 / 20.0) ** 2), abs=0.1)
 
 
 @pytest.mark.parametrize("steps", [1, 7])
