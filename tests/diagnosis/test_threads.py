@@ -37,6 +37,7 @@ ENDED_ON = {
     "gains-at-50-hz": ("control_period", "gains.kv <="),
     "noisy-velocity": ("noise", "chain.velocity_filter <="),
     "sagging-servo": ("gravity", "pd-gravity"),
+    "stair-steps": ("friction", "N m against it"),
     "torque-discontinuity": ("torque_rate", "gains.kv <="),
 }
 """Config -> the cause on which its thread ended, and what the cure is about."""

@@ -215,7 +215,7 @@ class _Search:
         """Return a part's title, which for joints that ring or stick is what the run shows of them."""
         if self.whole.ending:
             return part.title
-        joint = self.whole.joint("shakes" if self.whole.has("shakes") else "errs")
+        joint = self.whole.joint(self.symptoms[0] if self.symptoms else "errs")
         if part.key == "transmission" and self.whole.has("shakes"):
             found, at = resonances(self.experiment, self.loop), self.whole.shaking
             if at is not None and not math.isnan(at.frequency):  # one joint's resonance shakes those beside it
@@ -224,7 +224,7 @@ class _Search:
         if part.key == "friction":
             often = slips(self.run, self.experiment.run.metrics_from, joint)
             if often > 0.0:
-                return f"stick-slip of joint {joint + 1}, {often:.2g} times a second, by {part.title},"
+                return f"stick-slip of joint {joint + 1}, {often:.2g} times a second, by {part.title}"
         return part.title
 
     def look(
@@ -299,9 +299,14 @@ class _Search:
         """What a part is left alone of: all others but the torque limit, without which what is unstable only grows."""
         return [part for part in self.parts if part.key != "torque_limit"]
 
+    @property
+    def symptoms(self) -> tuple[Kind, ...]:
+        """What the run does that it should not, the worst first."""
+        return tuple(sorted((kind for kind in KINDS if self.whole.has(kind)), key=self._rank))
+
     def diagnosis(self) -> Diagnosis:
         """Return what is wrong and why."""
-        symptoms = tuple(sorted((kind for kind in KINDS if self.whole.has(kind)), key=self._rank))
+        symptoms = self.symptoms
         causes, left = self._causes(symptoms) if symptoms else ((), ())
         cures = self._cures(symptoms[0], causes) if symptoms else ()
         causes = tuple(replace(c, remedy=self._remedy(c, x)) for c, x in zip(causes, left, strict=True))
