@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,20 @@ def test_the_cause_that_a_complaint_ended_on(name: str) -> None:
     assert [cause.key for cause in found.causes] == [key], found.sentence
     assert found.causes[0].title.rstrip(",") in found.sentence
     assert cure in " ".join((*found.cures, found.causes[0].remedy))
+
+
+def test_stick_slip_is_called_so() -> None:
+    """Its frequency is that at which the error swings, to a third; without the integral the joint does not hunt."""
+    experiment_ = load_experiment(FOLDER / "stair-steps.yaml")
+    found = diagnose(experiment_)
+    often = re.search(
+        r"stick-slip of joint (\d) at ([\d.]+) Hz, by friction, .* and the law's integral", found.sentence
+    )
+    assert often is not None, found.sentence
+    assert float(often[2]) == pytest.approx(found.seen.swings[int(often[1]) - 1], rel=0.34)
+    (keys,) = experiment_.controllers
+    calm = replace(keys, gains={**keys.gains, "ki": 0.0})
+    assert "stick-slip" not in diagnose(replace(experiment_, controllers=(calm,))).sentence
 
 
 def test_every_complaint_has_its_thread_and_a_row() -> None:

@@ -224,7 +224,8 @@ class _Search:
         if part.key == "friction":
             often = slips(self.run, self.experiment.run.metrics_from, joint)
             if often > 0.0:
-                return f"stick-slip of joint {joint + 1}, {often:.2g} times a second, by {part.title}"
+                with_it = " and the law's integral," if any(other.key == "integral" for other in self.parts) else ""
+                return f"stick-slip of joint {joint + 1} at {often:.2g} Hz, by {part.title.rstrip(',')}{with_it or ','}"
         return part.title
 
     def look(
