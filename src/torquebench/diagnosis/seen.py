@@ -47,6 +47,8 @@ class Seen(NamedTuple):
     """Whether its torque above the corner grows."""
     strays: bool
     """Whether its error grows."""
+    slips: Array
+    """How often each joint that sticks breaks away, (n,) [Hz]; see `slips`."""
     t: Array
     """Instants of the window for metrics, (m,) [s]."""
     tau: Array
