@@ -13,6 +13,7 @@ import numpy as np
 from torquebench.diagnosis.margins import (
     Margins,
     Slopes,
+    backwards,
     leaves_gravity,
     margins_of,
     resonances,
@@ -416,8 +417,7 @@ class _Search:
     @cached_property
     def backwards(self) -> int | None:
         """Number of a joint that the law pushes away from its target all along; None where there is none."""
-        found = np.flatnonzero(np.all(np.diagonal(self.slopes.stiffness, axis1=1, axis2=2) < 0.0, axis=0))
-        return int(found[0]) if len(found) else None
+        return backwards(self.slopes)
 
     def _blame(self, kind: Kind) -> str:
         """Return what is wrong with the law itself."""

@@ -162,6 +162,12 @@ def weight_along(experiment: Experiment, loop: Loop) -> Array:
     return np.asarray(true_arm(experiment).bias_forces(q, np.zeros_like(q)))
 
 
+def backwards(slopes: Slopes) -> int | None:
+    """Return the number of a joint that a law pushes away from its target all along; None where there is none."""
+    found = np.flatnonzero(np.all(np.diagonal(slopes.stiffness, axis1=1, axis2=2) < 0.0, axis=0))
+    return int(found[0]) if len(found) else None
+
+
 def leaves_gravity(slopes: Slopes, weight: Array) -> bool:
     """Whether a law gives nothing against gravity while it has no error."""
     heavy = float(np.max(np.abs(weight)))
