@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torquebench import load_model
 from torquebench.errors import ModelError
 from torquebench.robot.importing import Options, RefusedArmError, import_arm, with_flags
 from torquebench.robot.importing.folder import write_folder
@@ -197,6 +198,62 @@ def test_rotors_and_dampers_of_actuators_are_the_joints(put) -> None:
     m = mujoco.MjModel.from_xml_string(arm.mjcf)
     assert [m.dof_armature[0], m.dof_damping[0]] == pytest.approx([4.6, 6.5], rel=1e-15)
     assert_same(path, arm)
+
+
+QUICK = """<robot name="r"><link name="base"/>
+  <link name="one"><inertial><origin xyz="0 0 0.4"/><mass value="1.5"/>
+    <inertia ixx="0.05" iyy="0.05" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="two"><inertial><origin xyz="0 0 0.4"/><mass value="1.5"/>
+    <inertia ixx="0.05" iyy="0.05" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="a" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 1 0"/>
+    <limit effort="40" velocity="2.5" lower="-3" upper="3"/></joint>
+  <joint name="b" type="revolute"><parent link="one"/><child link="two"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>
+    <limit effort="40" velocity="0" lower="-3" upper="3"/></joint>
+</robot>"""
+
+
+def test_speed_limits_are_kept(put) -> None:
+    """A URDF's velocity above zero, and what a velocity servo can ask at most; read again they are the same."""
+    servo = '<actuator><velocity joint="a" kv="3" gear="2" ctrlrange="-4 5" forcerange="-9 9"/>' + MOTORS.replace(
+        "<actuator>", ""
+    ).replace('joint="a"', 'joint="b"', 1)
+    for path, speeds in ((put(QUICK, "arm.urdf"), (2.5, np.inf)), (put(two(rest=servo)), (2.5, np.inf))):
+        arm = import_arm(path)
+        assert ("kept", "speed limits") in verdicts(arm.findings)
+        assert load_model(path).passive.speed == speeds
+        flat = put(arm.mjcf, "flat.xml")
+        assert load_model(flat).passive.speed == speeds
+        assert import_arm(flat).mjcf.count("speed_limits") == 1
+        wrong = put(arm.mjcf.replace('data="2.5 0"', 'data="2.5"'), "wrong.xml")
+        with pytest.raises(ModelError, match="<numeric speed_limits>; wants a number for each of 2 joints"):
+            load_model(wrong)
+
+
+def test_mistakes_have_the_place_in_the_file(put) -> None:
+    """Line and column of the first element that has a name; in an included file it is that file's."""
+    put("<mujocoinclude>\n <joint name='b' stiffness='3' axis='0 1 0'/></mujocoinclude>", "joint.xml")
+    text = two(a='stiffness="3"').replace('<joint name="b" axis="0 1 0" />', '<include file="joint.xml"/>')
+    path = put(text)
+    with pytest.raises(RefusedArmError) as caught:
+        import_arm(path)
+    (problem,) = caught.value.problems
+    line = text.splitlines()[1]
+    assert (problem.source, problem.line, problem.column) == (str(path), 2, line.index("<joint") + 1)
+    put(text.replace('stiffness="3"', ""))
+    with pytest.raises(RefusedArmError, match=r"joint.xml:2:2: springs of joints of b; "):
+        import_arm(path)
+    put(text.replace("<joint", "<jiont", 1))
+    with pytest.raises(ModelError, match=r"arm.xml: MuJoCo does not read it: .*line 2"):  # it may be the other file's
+        import_arm(path)
+    with pytest.raises(ModelError, match=r"arm.xml:2: MuJoCo does not read it: .*jiont"):
+        import_arm(put(two().replace("<joint", "<jiont", 1)))
+
+
+def test_a_negative_mass_is_refused(put) -> None:
+    """MuJoCo turns it into zero without a word; all such numbers are told at once, each at its place."""
+    with pytest.raises(ModelError) as caught:
+        import_arm(put(two(mass=-2)))
+    assert [problem.line for problem in caught.value.problems] == [2, 3]
 
 
 def test_torque_limits_can_be_given(put) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -114,6 +115,29 @@ def test_rounded_and_shifted_commands() -> None:
     commands, torques, _ = given(Chain(torque_quantum=0.25, torque_offset=(0.7, -0.3)), some())
     assert commands.tobytes() == np.clip(some(), -LIMITS, LIMITS).tobytes()
     assert torques == pytest.approx(held(0.25 * np.floor(commands / 0.25 + 0.5) + [0.7, -0.3]), abs=1e-13)
+
+
+def test_a_lag_is_the_inductance_of_mujoco_s_dcmotor(figure: Any) -> None:
+    """A blocked ``dcmotor`` of L/R = 8 ms with R/K volts per N m, as the lag: 1e-12 N m over 160 ms.
+
+    Both are exact between commands, which are random; MuJoCo's force is that at the end of its step.
+    """
+    asked = np.clip(some(20.0), -LIMITS, LIMITS)
+    _, torques, _ = given(Chain(actuator_lag=0.008, torque_offset=1e-300), asked)
+    m = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.001" gravity="0 0 0" integrator="Euler"/><worldbody><body>
+        <inertial mass="1" pos="0 0 0" diaginertia="1e15 1e15 1e15"/><joint name="a" axis="0 0 1"/></body></worldbody>
+        <actuator><dcmotor joint="a" input="voltage" motorconst="0.5 0.5" resistance="2" inductance="0.016"/></actuator>
+        </mujoco>"""
+    )
+    d, theirs = mujoco.MjData(m), []
+    for volts in np.repeat(asked[:, 0], SUBSTEPS) * 2.0 / 0.5:
+        d.ctrl[0] = volts
+        mujoco.mj_step(m, d)
+        theirs.append(d.actuator_force[0])
+    gap = float(np.max(np.abs(torques[:, 2, 0] - theirs)))
+    figure("lag of a drive against MuJoCo's dcmotor [N m]", gap, "<= 1e-12")
+    assert gap <= 1e-12
 
 
 @pytest.mark.parametrize(("damping", "frequency"), [(0.3, 600.0), (1.0, 400.0), (2.0, 900.0)])

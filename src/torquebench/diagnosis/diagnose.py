@@ -539,7 +539,8 @@ class _Search:
         if key == "friction":
             friction = self.experiment.plant.acting
             least = float(np.max(np.diagonal(self.slopes.stiffness, axis1=1, axis2=2)[:, joint]))
-            dry = 0.0 if friction is None else float(as_vector(friction.coulomb, self.experiment.n)[joint])
+            n, held = self.experiment.n, () if friction is None else (friction.coulomb, friction.breakaway)
+            dry = max((float(as_vector(torque, n)[joint]) for torque in held), default=0.0)
             return f"friction / Kp = {dry / least:.2g} rad" if least > 0.0 and dry > 0.0 else ""
         if key == "torque_rate" and self.experiment.chain.torque_rate is not None:
             most = as_vector(self.experiment.chain.torque_rate, self.experiment.n) * self.experiment.run.control_period

@@ -199,7 +199,7 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
         return lambda experiment: replace(experiment, plant=replace(experiment.plant, **{key: value}))
 
     friction = plant.acting
-    if friction is not None and (np.any(friction.viscous) or np.any(friction.coulomb)):
+    if friction is not None and not friction.name:
         title = f"friction, Coulomb {in_words(friction.coulomb)} N m"
         cure = "compensate friction in the law"
         yield Part("friction", title, other("friction", FRICTIONS["none"]), remedy=cure)

@@ -19,12 +19,12 @@ POSES = 3
 
 
 def predicted_to_shake(experiment: schema.Experiment, loop: Loop, truth: RobotModel | Phases) -> bool | None:
-    """Whether the first controller is predicted to shake; None where there is no prediction for its law.
+    """Whether the first controller is predicted to shake; None where there is no prediction for law or friction.
 
-    There is one for K sgn(s) and K sat(s/phi), Kd s beside it or not, with or without a model. A joint under K sgn(s)
-    cycles where K is more than its Coulomb friction and what gravity asks of it beyond the model; its torque is then a
-    square wave between +-K whose mean is that, of which the harmonics above the corner are chattering. The slope is the
-    largest of the joints'.
+    There is one for K sgn(s) and K sat(s/phi), Kd s beside it or not, with or without a model, on joints whose friction
+    is a line through zero up to Coulomb's. A joint under K sgn(s) cycles where K is more than its Coulomb friction and
+    what gravity asks of it beyond the model; its torque is then a square wave between +-K whose mean is that, of which
+    the harmonics above the corner are chattering. The slope is the largest of the joints'.
 
     Args:
         experiment: The experiment.
@@ -40,6 +40,8 @@ def predicted_to_shake(experiment: schema.Experiment, loop: Loop, truth: RobotMo
     q = np.unique(counted[:: -(-len(counted) // POSES)], axis=0)
     viscous, coulomb, speed = np.zeros(n), np.zeros(n), 1.0
     if friction is not None:
+        if not friction.is_line:
+            return None
         viscous, coulomb, speed = as_vector(friction.viscous, n), as_vector(friction.coulomb, n), friction.speed
     lam, belief = float(np.max(law.lam)), law.belief
     if law.phi is None:

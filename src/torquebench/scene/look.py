@@ -44,7 +44,7 @@ class Scene(NamedTuple):
     joints: Sequence[str]
     """Names of the joints."""
     unit: str
-    """Unit of the joints' positions: ``rad``, ``m`` or both."""
+    """Unit of the joints' positions: ``rad``, ``m`` or ``m or rad``."""
     limits: Array
     """Torque limits, (n,) [N m]."""
 
@@ -75,7 +75,7 @@ def build_scene(source: ArmSource, poses: Array, bare: bool = False) -> Scene:
     visible = np.flatnonzero(m.geom_group <= VISIBLE_GROUPS)
     moving = tuple(int(g) for g in visible if m.body_weldid[m.geom_bodyid[g]] != 0)
     kinds = ("m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for kind in arm.jnt_type)
-    return Scene(m, moving, reach, joint_names(arm), "/".join(dict.fromkeys(kinds)), torque_limits(arm)[0])
+    return Scene(m, moving, reach, joint_names(arm), " or ".join(dict.fromkeys(kinds)), torque_limits(arm)[0])
 
 
 def scene_of_runs(source: ArmSource, runs: Sequence[Trajectory], bare: bool = False) -> Scene:
