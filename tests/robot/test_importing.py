@@ -326,6 +326,35 @@ def test_a_base_cuts_one_arm_out_of_two(put) -> None:
     assert_same(path, arm, [1, 2], [0.5, 0, 0, 0, 0])
 
 
+def test_of_two_arms_on_a_torso_one_is_proposed(put) -> None:
+    """Where the largest branches have as many joints, more than what carries them, the flag takes one of them whole."""
+    joint = '<joint name="{0}" axis="0 1 0"/>' + LINK.format(mass=1)
+
+    def chain(name: str, count: int) -> str:
+        start = "".join(f'<body name="{name}{i}" pos="0.2 0 0">{joint.format(f"{name}{i}")}' for i in range(count))
+        return start + "</body>" * count
+
+    torso = f'<body name="torso">{joint.format("lift")}{chain("head", 1)}{chain("left", 3)}{chain("right", 3)}</body>'
+    path = put(f"<mujoco><worldbody>{torso}</worldbody></mujoco>")
+    with pytest.raises(RefusedArmError, match="stand on torso: --tip left2 or --tip right2 takes one") as caught:
+        import_arm(path)
+    options = with_flags(Options(torque_limits=(9.0,) * 4), caught.value.flags)
+    assert import_arm(path, options).joints == ("lift", "left0", "left1", "left2")
+
+
+def test_what_flags_would_leave_is_told_too(put) -> None:
+    """Welding joints that are called as their bodies leaves what is beyond: all is told at once, with all flags."""
+    finger = (
+        '<body name="{0}"><joint name="{0}"/>{2}<body name="{1}" pos="0.1 0 0"><joint name="{1}"/>{2}</body></body>'
+    )
+    hand = "".join(finger.format(name, f"{name}tip", LINK.format(mass=0.1)) for name in ("thumb", "finger"))
+    path = put(two(inside=hand))
+    with pytest.raises(RefusedArmError) as caught:
+        import_arm(path)
+    assert caught.value.flags == ("--fix", "thumb,finger", "--fix", "thumbtip,fingertip")
+    assert import_arm(path, with_flags(Options(), caught.value.flags)).joints == ("a", "b")
+
+
 def test_all_that_is_wrong_comes_at_once(put) -> None:
     """Spring, fluid, ball joint, missing limit and unknown names are refused together, each with its flag."""
     ball = (
@@ -455,6 +484,14 @@ def test_a_mesh_gives_mass_or_looks(put, tmp_path: Path) -> None:
     assert scene.geom_rgba[0].tolist() == [1, 0, 0, 1]
     with pytest.raises(ModelError, match="not empty"):
         write_folder(arm, out, "")
+    touching = '<geom name="hull" type="box" size="0.1 0.1 0.1" mass="0"/>'
+    path = put(
+        two(settings=assets, inside=look + touching).replace("<joint", f"{touching.replace('hull', 'far')}<joint", 1)
+    )
+    write_folder(import_arm(path), tmp_path / "arms" / "two", "")
+    scene = mujoco.MjModel.from_xml_path(str(tmp_path / "arms" / "two" / "scene.xml"))
+    kinds = dict(zip(scene.geom_bodyid.tolist(), scene.geom_type.tolist(), strict=True))  # one shape of each link
+    assert kinds == {1: int(mujoco.mjtGeom.mjGEOM_BOX), 2: int(mujoco.mjtGeom.mjGEOM_MESH)}
     (tmp_path / "m.stl").unlink()
     assert ("dropped", "mesh files") in verdicts(import_arm(path).findings)
     with pytest.raises(ModelError, match="mass of some bodies comes from mesh files that are not there"):

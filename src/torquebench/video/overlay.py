@@ -66,6 +66,17 @@ def layout_for(shots: Sequence[Shot], size: tuple[int, int], joints: int) -> Lay
     return layout(len(shots), size, joints, title)
 
 
+def without_common_words(names: Sequence[str]) -> list[str]:
+    """Return names of joints without the words that all begin or end with: ``r_elbow_joint`` beside others is elbow."""
+    shorter = [name.split("_") for name in names]
+    for end in (0, -1):
+        while len({words[end] for words in shorter}) == 1 < len(names) and all(
+            len(words) > 1 and "".join(words[1:] if end == 0 else words[:-1])[:1].isalpha() for words in shorter
+        ):
+            shorter = [words[1:] if end == 0 else words[:-1] for words in shorter]
+    return ["_".join(words) for words in shorter]
+
+
 class Overlay:
     """Draws everything but the views.
 
@@ -80,7 +91,7 @@ class Overlay:
     def __init__(
         self, footage: Footage, runs: Sequence[Trajectory], settings: Video, timeline: Timeline, scene: Scene
     ) -> None:
-        self._runs, self._timeline, self._joints = runs, timeline, scene.joints
+        self._runs, self._timeline, self._joints = runs, timeline, without_common_words(scene.joints)
         self.where = layout_for(footage.shots, settings.size, len(scene.joints))
         self._unit = self.where.unit
         self._small, self._large = self._unit * SMALL, self._unit * LARGE

@@ -79,15 +79,16 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
     source = read(path, "impossible-inertia" in options.drop)
     m = source.model
     home, said = home_of(m)
-    chain = find_chain(m, options, home)
-    if refused := [part for part in chain.findings if part.verdict == "refused"]:
+    chain, refused = find_chain(m, options, home), list[Part]()
+    while found := [part for part in chain.findings if part.verdict == "refused" and part not in refused]:
         # what else is in the way is told of the chain that the flags of these would leave
+        refused += found
         chain = find_chain(m, with_flags(options, [word for part in refused for word in part.flags]), home)
         if not chain.joints:  # such flags are no cure
-            refused = [part._replace(flags=()) for part in refused]
-        if not chain.joints or any(part.verdict == "refused" for part in chain.findings):
-            raise RefusedArmError(path, refused)
-        chain.findings.extend(refused)
+            raise RefusedArmError(path, [part._replace(flags=()) for part in refused])
+    if any(part.verdict == "refused" for part in chain.findings):
+        raise RefusedArmError(path, refused)
+    chain.findings.extend(refused)
     forces = forces_of(chain, options, source.speeds)
     name = plain_name(options.name or path.stem)
     _tell(chain, source, said, not refused)
