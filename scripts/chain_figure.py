@@ -86,6 +86,8 @@ def driven(chain: Chain) -> tuple[Array, Array, Array]:
             drives.held[:] = drives.target
         acts(drives, i, np.array([ANGLE * OMEGA * math.cos(OMEGA * time)]), most, output, torque)
         out[i] = torque[0, 0]
+        if len(drives.late) and s + 1 == SUBSTEPS == drives.late[k]:
+            drives.held[:] = drives.target
     return t, out, TORQUE * np.sin(OMEGA * t)
 
 

@@ -122,7 +122,7 @@ def by_hand(chain: Chain, drawn: Drawn, control_period: float, n: int = N, h: fl
     share = 1.0 - math.exp(-(chain.velocity_filter or math.inf) * control_period)
     state, out = np.array([START, 0.0, 0.0, 0.0]), []
     seen: list[tuple[float, float]] = []
-    sent, given = [], []
+    sent, given, due = [], [], dict[int, float]()  # due: number of a physics step -> what comes into force there
     v = before = estimate = goal = heat = 0.0
     for k in range(n):
         x, speed = state[:2]
@@ -149,11 +149,12 @@ def by_hand(chain: Chain, drawn: Drawn, control_period: float, n: int = N, h: fl
         if chain.torque_rate is not None and k:
             tau = sent[-1] + clipped(tau - sent[-1], chain.torque_rate * control_period)
         sent.append(tau)
-        late = 0 if drawn.late is None or k == 0 else round(min(drawn.late[k], control_period) / h)
+        arrived = rounded(then(sent, chain.command_delay / control_period), chain.torque_quantum) + chain.torque_offset
+        late = 0.0 if drawn.late is None or k == 0 else drawn.late[k]
+        if not math.isinf(late):
+            due[k * substeps + round(late / h)] = arrived
         for s in range(substeps):
-            if s == late:
-                goal = rounded(then(sent, chain.command_delay / control_period), chain.torque_quantum)
-                goal += chain.torque_offset
+            goal = due.pop(k * substeps + s, goal)
             u = limited(chain, goal, state[1], heat)
             if chain.thermal_limit is not None:
                 warm = (u / chain.thermal_limit.torque) ** 2
@@ -228,6 +229,18 @@ def test_law_and_plant_at_different_rates(control_period: float, timestep: float
         run = looped(plant, Chain(), Drawn(), "native", control_period)
         assert run.q[:, 0] == pytest.approx(wanted[:, 0], abs=1e-12)
     assert np.max(np.abs(wanted[:, 0] - START)) > 0.01
+
+
+@pytest.mark.parametrize("key", ["jitter", "missed_deadlines"])
+def test_late_commands_where_a_period_is_one_physics_step(key: str) -> None:
+    """A command late by a whole period acts in the next one, if that one's own is late as well; 1e-12 m as above."""
+    chain = Chain(jitter=T) if key == "jitter" else Chain(jitter=T, missed_deadlines=0.3)
+    drawn = chain.draw(1, N, seed=3, draw=0)
+    wanted = by_hand(chain, drawn, T, h=T)
+    for plant in plants(T):
+        runs = [looped(plant, chain, drawn, path) for path in ("native", "python")]
+        assert runs[0].digest() == runs[1].digest()
+        assert runs[0].q[:, 0] == pytest.approx(wanted[:, 0], abs=1e-12)
 
 
 def test_three_delays_are_three_keys() -> None:
