@@ -24,15 +24,10 @@ from torquebench.sim.trajectory import SIGNALS
 
 
 def test_a_run_directory_is_complete_and_checks_out(quick, command):
-    """Every file of the design is there, the manifest's checksums hold, and the summary names every controller.
-
-    Nothing is warned of but the sine, which is more than the PUMA's shoulder can do.
-    """
+    """Every file of the design is there, the manifest's checksums hold, and the summary names every controller."""
     status, out, err = command("run", quick, "--out", "result")
     folder = quick.parent / "result"
-    assert status == 0
-    assert err.startswith("torquebench: the reference needs more torque than the arm has: shoulder ")
-    assert err.count("\n") == 1
+    assert (status, err) == (0, "")
     manifest = check_run(folder)
     expected = {"experiment.yaml", "metrics.json", "certificates.json", "report.html"}
     expected |= {f"{name}/trajectory.npz" for name in ("conventional", "linear-band")}
@@ -513,9 +508,7 @@ def test_output_that_nobody_reads(quick):
     with os.fdopen(writer, "wb") as output:
         arguments = [sys.executable, "-m", "torquebench", "run", str(quick), "--out", "unread"]
         done = subprocess.run(arguments, stdout=output, stderr=subprocess.PIPE, text=True, timeout=300, check=False)
-    assert done.returncode == 141
-    assert "Traceback" not in done.stderr
-    assert "Broken pipe" not in done.stderr
+    assert (done.returncode, done.stderr) == (141, "")
     check_run(quick.parent / "unread")
 
 
@@ -523,7 +516,7 @@ def test_a_folder_that_cannot_be_made_for_its_name(quick, command):
     """A name of 300 letters is bad input, told as that of --out."""
     status, _, err = command("run", quick, "--out", "n" * 300)
     assert status == 2
-    assert "\n--out: cannot make " in f"\n{err}"
+    assert err.startswith("--out: cannot make ")
     assert "File name too long" in err
 
 

@@ -90,6 +90,17 @@ SCENARIO = (
     viscous: [5.8, 9.3, 4.0, 0.36, 0.36, 0.22]
     coulomb: 0.9
     speed: 0.02
+    breakaway: 1.2
+    stribeck_speed: 0.2
+    load: 0.1
+    bristle_stiffness: 300
+    bristle_damping: 0.01
+  transmission:
+    stiffness: 2.0e+4
+    damping: 20
+    inertia: 2
+    backlash: 1.0e-3
+    sensor: link
   limits: stop
   perturb:
     relative: 0.1
@@ -134,6 +145,21 @@ controllers: [{name: only, law: pd, gains: {lam: 5, kv: 10}}]
 reference: {kind: step, target: 0.5, at: 0.1}
 run: {duration: 2.5}
 """
+FLEXIBLE = MINIMAL.replace(
+    "plant: {engine: analytic, model: puma560}\n",
+    """\
+plant:
+  engine: analytic
+  model: puma560
+  integrator: rk4
+  transmission:
+    stiffness: 20000
+    damping: 10
+    inertia: 1
+    backlash: 0.001
+    sensor: link
+""",
+)
 TOOL = tuple(
     MINIMAL.replace("{kind: step, target: 0.5, at: 0.1}", block)
     for block in (
@@ -315,6 +341,7 @@ ALL = {
     "tolerance": TOLERANCE,
     "single": SINGLE,
     "minimal": MINIMAL,
+    "flexible": FLEXIBLE,
 }
 
 

@@ -51,7 +51,19 @@ def test_key_reference_has_every_key_in_a_table_of_four_columns() -> None:
         assert listed == [*law.options, *["fuzzy"] * len(law.rules), *law.gains]
 
 
-WRITTEN = ("good", "step", "ramp", "analytic", "fuzzy", "scenario", "driven", "filtered", "tolerance", "single")
+WRITTEN = (
+    "good",
+    "step",
+    "ramp",
+    "analytic",
+    "fuzzy",
+    "scenario",
+    "driven",
+    "filtered",
+    "tolerance",
+    "single",
+    "flexible",
+)
 FACTS = [
     ("initial_q", "the reference starts there too, unless it has an origin of its own; otherwise it starts at zero"),
     ("expect", "failed makes a failing run the expected outcome"),

@@ -40,7 +40,14 @@ COMMANDS = {
     "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "audit", "why": "why"},
     "Arms": {"import": "importing"},
     "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
-    "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
+    "Check": {
+        "check": "check",
+        "preflight": "preflight",
+        "compare": "compare",
+        "fuzzy": "fuzzy",
+        "doctor": "doctor",
+        "bench": "bench",
+    },
     "Discover": {"laws": "discover", "chains": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
 }
