@@ -95,7 +95,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, status: HTTPStatus, kind: str, content: bytes, more: Mapping[str, str] = HEADERS) -> None:
         self.send_response(status)
-        for name, value in (HEADERS | more | {"Content-Type": kind, "Content-Length": str(len(content))}).items():
+        for name, value in {**HEADERS, **more, "Content-Type": kind, "Content-Length": str(len(content))}.items():
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(content)
