@@ -1,4 +1,4 @@
-"""The ``falsify`` section of a config: what may happen to the laws, what is claimed of them, and how long is searched."""
+"""The ``falsify`` section of a config: what may happen to the laws, what is claimed of them, and for how many runs."""
 
 from __future__ import annotations
 
@@ -48,6 +48,12 @@ class Claim(NamedTuple):
         """The metric."""
         return METRICS[self.metric]
 
+    @property
+    def text(self) -> str:
+        """The claim as in a config, in the unit of tables."""
+        unit = f" {self.info.shown_unit}" if self.info.shown_unit != "1" else ""
+        return f"{self.metric} {self.sign} {self.info.scale * self.limit:.6g}{unit}"
+
     def holds(self, value: float) -> bool:
         """Whether a value of the metric meets it; NaN does not."""
         return LIMITS[self.sign](value, self.limit)
@@ -85,6 +91,11 @@ class ClaimText(Node):
     def type(self) -> Any:
         """Return the type from which pydantic makes the JSON schema."""
         return str
+
+
+def claim_of(text: str) -> str:
+    """Return the claim that something does not happen: ``max_error <= 5 mrad`` of ``max_error > 5 mrad``."""
+    return re.sub("<=|>=|<|>", lambda found: OPPOSITE[found[0]], text, count=1)
 
 
 def limit_of(text: str, unit: str) -> float | None:
@@ -182,8 +193,8 @@ class Falsify:
     variables: Annotated[
         tuple[Allowed, ...],
         Key(
-            "Key -> the least and the greatest value that it may have: [0, 3], or {low: 0, high: 3}. Keys as for --set. "
-            "Of a key that holds a list each number is searched by itself"
+            "Key -> the least and the greatest value that it may have: [0, 3], or {low: 0, high: 3}; keys as for "
+            "--set. Of a key that holds a list each number is searched by itself"
         ),
         Varied(Span(), Allowed),
     ]
@@ -196,10 +207,12 @@ class Falsify:
         ),
         ClaimText(),
     ] = None
-    evaluations: Annotated[
-        int, Key("Runs of each law, method and seed", "1", at_least=1, at_most=MAX_EVALUATIONS)
-    ] = 300
-    seeds: Annotated[int, Key("Searches by each method, which begin differently", "1", at_least=1, at_most=MAX_SEEDS)] = 1
+    evaluations: Annotated[int, Key("Runs of each law, method and seed", "1", at_least=1, at_most=MAX_EVALUATIONS)] = (
+        300
+    )
+    seeds: Annotated[
+        int, Key("Searches by each method, which begin differently", "1", at_least=1, at_most=MAX_SEEDS)
+    ] = 1
     seed: Annotated[int, Key("Source of the searches' random numbers", "1", at_least=0, at_most=2**31)] = 0
 
     def faults(self) -> Iterator[Fault]:
@@ -222,7 +235,9 @@ def take_falsify(document: Document) -> Falsify:
         ConfigError: it is missing or has mistakes, all of them at once.
     """
     if FALSIFY not in document.root:
-        document.add((FALSIFY,), "missing: what may happen, such as {variables: {plant.payload.mass: [0, 3]}}", at="key")
+        document.add(
+            (FALSIFY,), "missing: what may happen, such as {variables: {plant.payload.mass: [0, 3]}}", at="key"
+        )
         document.raise_problems()
     found: Falsify = Here(document, group_of(Experiment)).read(group_of(Falsify), FALSIFY, document.root[FALSIFY])
     document.raise_problems()

@@ -17,7 +17,7 @@ from torquebench.experiment.falsify_section import Allowed, Falsify
 from torquebench.experiment.groups import FALSIFY
 from torquebench.experiment.reference import meanings_of, unit_of
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.source import Document, assign, dotted, tree_of
+from torquebench.experiment.source import Document, assign, tree_of
 from torquebench.experiment.sweep_section import between, expanded, indexed, with_number
 from torquebench.experiment.units import without_unit
 from torquebench.experiment.yaml_tree import KeyPath, Place, value_at
@@ -133,6 +133,11 @@ class Space:
     def controllers(self) -> tuple[str, ...]:
         """Names of the controllers."""
         return tuple(keys.name for keys in self._base.controllers)
+
+    @property
+    def name(self) -> str:
+        """Name of the experiment."""
+        return self._base.name
 
     @property
     def steps(self) -> int:

@@ -17,7 +17,7 @@ Search: TypeAlias = Generator[list[Point], Sequence[float], None]
 """Yields points, is sent the score of each, and ends when its evaluations are used up."""
 Method: TypeAlias = Literal["cma", "random"]
 METHODS: tuple[Method, ...] = ("cma", "random")
-TITLES: Mapping[str, str] = {"cma": "CMA-ES", "random": "random search"}
+TITLES: Mapping[Method, str] = {"cma": "CMA-ES", "random": "random search"}
 K = TypeVar("K")
 T = TypeVar("T")
 
@@ -77,13 +77,12 @@ def cma_search(dimensions: int, evaluations: int, rng: np.random.Generator) -> S
         "bounds": [0.0, 1.0],
         "randn": lambda *shape: rng.standard_normal(shape),
         "seed": math.nan,  # global random numbers are left alone
-        "verbose": -10,
+        "verbose": -10,  # and no file in the working folder is taken for options
         "verb_log": 0,
-        "signals_filename": None,
     }
     start, size, left = np.full(inner, 0.5), None, evaluations
     while left:
-        more = {} if size is None else {"popsize": size}
+        more: dict[str, Any] = {} if size is None else {"popsize": size}
         strategy = cma.CMAEvolutionStrategy(start, WIDTH, options | more)
         size = strategy.popsize
         while left and not strategy.stop():
@@ -154,7 +153,8 @@ def drive(
     """
     asked = dict[K, list[Point]]()
     for key, search in searches.items():
-        asked |= {key: points for points in (next(search, None),) if points}
+        if points := next(search, None):
+            asked[key] = points
     while asked:
         out = run([(key, point) for key, points in asked.items() for point in points])
         following, first = dict[K, list[Point]](), 0
