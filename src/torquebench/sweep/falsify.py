@@ -223,7 +223,7 @@ class Space:
         for variable in self.variables:
             for path in variable.paths:
                 other = next((seen[path[:i]] for i in range(1, len(path) + 1) if path[:i] in seen), None)
-                if other is not None and other != variable.key:
+                if other is not None:
                     text = f"{variable.key}: {other} changes it too"
                     self._document.add((FALSIFY, "variables"), text, place=variable.place, wanted="one of the two")
             seen |= dict.fromkeys(variable.paths, variable.key)
