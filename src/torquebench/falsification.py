@@ -113,8 +113,8 @@ class Falsification:
 
     def moved(self, own: Hunt) -> list[int]:
         """Return the variables that the smallest counterexample of a controller needs, the farthest moved first."""
-        point, base = (own.smallest or own.worst).point, self.space.nominal
-        far = [abs(x - y) for x, y in zip(point, base, strict=True)]
+        values = self.space.values((own.smallest or own.worst).point)
+        far = [abs(v.share(x) - v.nominal_share) for v, x in zip(self.space.variables, values, strict=True)]
         return sorted((i for i in range(len(far)) if far[i]), key=lambda i: -far[i])
 
     def number(self, value: float) -> str:

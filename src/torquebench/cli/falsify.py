@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,7 +66,7 @@ def falsify(
     A broken claim, or a failed run, makes the exit status 1.
     """
     from torquebench.experiment.falsify_section import claim_of
-    from torquebench.experiment.store import RunDirectory, claim_folder
+    from torquebench.experiment.store import EXPERIMENT, RunDirectory, claim_folder
     from torquebench.falsification import Falsification, space_of
     from torquebench.sweep.falsify import hunt
     from torquebench.sweep.search import METHODS, check_method
@@ -85,8 +86,8 @@ def falsify(
     report(found)
     say()
     say(f"results: {folder}; to run a case again, with its film:")
-    for own in found.hunts[:1]:
-        say(f"torquebench run {folder / own.controller / 'experiment.yaml'} --set video={{}}", fold=False)
+    first = folder / found.hunts[0].controller / EXPERIMENT
+    say(f"torquebench run {shlex.quote(str(first))} --set video={{}}", fold=False)
     if found.asked.claim is None:
         failed = [own.controller for own in found.hunts if own.controller in found.broken]
         for name in failed:
@@ -108,10 +109,9 @@ def report(found: Falsification) -> None:
     for own in found.hunts:
         worst = [found.worst_by(own, method) for method in used]
         rows.append([own.controller, found.shown(own.nominal), *worst, found.shown(own.smallest or own.worst)])
-    unit = f"{found.info.title}"
     say()
-    say(table([unit, "nominal", *(TITLES[method] for method in used), "smallest"], rows))
-    if found.ratios:
+    say(table([found.info.title, "nominal", *(TITLES[method] for method in used), "smallest"], rows))
+    if found.ratios and found.asked.claim is None:
         from statistics import median
 
         ratio = median(found.ratios.values())
@@ -120,11 +120,11 @@ def report(found: Falsification) -> None:
         moved = found.moved(own)
         if not moved:
             continue
-        point, values = (own.smallest or own.worst).point, found.space.values((own.smallest or own.worst).point)
+        values = found.space.values((own.smallest or own.worst).point)
         lines = []
         for i in moved[:MOST_ROWS]:
             v = found.space.variables[i]
-            where = scale(v.nominal_share, point[i])
+            where = scale(v.nominal_share, v.share(values[i]))
             lines.append(
                 [v.key, f"{v.low:.4g}", where, f"{v.high:.4g}", f"{values[i]:.4g}", f"{v.nominal:.4g}", v.unit]
             )
