@@ -70,13 +70,11 @@ PARTS = {
         (("_TORQUEBENCH_COMPLETE", "bash_complete"), ("COMP_LINE", LINE), ("COMP_POINT", str(len(LINE)))),
     ),
     "load a config": Part(("-c", f"import torquebench; torquebench.load_experiment({FIG9!r})")),
-    "run": command("run", FIG9, "--no-figures", "--out", "{out}"),
+    "run": command("run", FIG9, "--out", "{out}"),
     "page of a run": command("report", "{run}"),
     "one figure": command("figures", "{run}", "--only", "torque"),
     "check": command("check", "{law}"),
-    "sweep": command(
-        "sweep", "sweep", "--no-figures", "--set", "sweep.draws=1", "--set", "run.duration=1.5", "-o", "{out}"
-    ),
+    "sweep": command("sweep", "sweep", "--set", "sweep.draws=1", "--set", "run.duration=1.5", "-o", "{out}"),
     "page of a sweep": command("report", "{sweep}"),
     # so few draws decide no claim: status 1
     "audit": command(

@@ -1,4 +1,4 @@
-"""Write configs/schema.json, for editors, and docs/config.md, for readers; run after a change of any key."""
+"""Write configs/schema.json, for editors, docs/config.md and the tables of docs/chains.md, from the code."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import torquebench.laws  # noqa: F401  (registers the built-in laws)
+from torquebench.chain import CHAINS
+from torquebench.cli.discover import chain_facts, value_text
 from torquebench.experiment import experiment_json_schema
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -210,7 +212,25 @@ def _meaning(node: Node) -> str:
     return text[0].upper() + text[1:].removesuffix(".") + "."
 
 
+def chains_page(text: str) -> str:
+    """Return docs/chains.md with its tables of named chains as the code has them."""
+    parts = []
+    for name in CHAINS:
+        facts = chain_facts(name)
+        parts.append(f"### {name}\n\n{' '.join(filter(None, (facts['summary'], facts['note'])))}\n")
+        rows = []
+        for row in facts["numbers"]:
+            source = f"[{row['source']}]({row['link']})" if row["link"] else row["source"]
+            rows.append(f"| `{row['key']}` | {value_text(row['value'], row['unit'])} | {source} |\n")
+        if facts["control_period"] is not None:
+            parts.append("".join(["| key | value | where it is from |\n|---|---|---|\n", *rows]))
+    before, _, rest = text.partition("<!-- chains -->\n")
+    return f"{before}<!-- chains -->\n{chr(10).join(parts)}<!-- /chains -->{rest.partition('<!-- /chains -->')[2]}"
+
+
 if __name__ == "__main__":
+    page = ROOT / "docs" / "chains.md"
+    page.write_text(chains_page(page.read_text(encoding="utf-8")), encoding="utf-8")
     described = experiment_json_schema()
     schema_text = json.dumps(described, indent=2) + "\n"
     (ROOT / "configs" / "schema.json").write_text(schema_text, encoding="utf-8")

@@ -15,6 +15,7 @@ from torquebench.chain import CHAINS, Chain
 from torquebench.errors import ConfigError, ControllerError
 from torquebench.experiment import dump_experiment, load_experiment, parse_experiment
 from torquebench.experiment.describe import chosen_text
+from torquebench.experiment.run import run_experiment
 from torquebench.laws import find_law
 from torquebench.laws.law import law_names
 from torquebench.tuning import SHARE, least_inertia, limits_of
@@ -285,3 +286,39 @@ def test_gains_of_a_users_law_are_chosen_by_their_units_or_by_their_own_rule() -
     text = TEXT.replace("law: smc, gains: auto", "law: tuned-by-a-test, gains: auto")
     with pytest.raises(ConfigError, match=r"gain 'bare' \[not stated\] has no rule"):
         parse_experiment(text)
+
+
+def test_gains_overcome_the_friction_of_the_file(tmp_path: Path) -> None:
+    """With b = 2 N m s/rad, 0.1 N m on M = 1e-4 kg m^2: T b / M = 20, so it stands T b / (1 - exp(-20)) = 2e-3.
+
+    F = 2.1 N m: sqrt(F / (4 x 0.005 M)) is beyond 0.8 / (4 T) = 200, so lambda = 200; K = D phi = 0.8 x 2 x 1 = 1.6
+    is below 1.5 F, so K = 3.15 N m and phi = K / D; Kd = D = 1.6, as 4 lambda M and F / (0.005 lambda) ask for 2.1.
+    Behind too small a limit, F counts as what is left of it over 1.5.
+    """
+    path = tmp_path / "wrist.xml"
+    path.write_text(WRIST.replace('name="roll"', 'name="roll" damping="2" frictionloss="0.1"'))
+    arm, layer = load_model(path), {"switching": "saturation"}
+    smc = find_law("smc").choose_gains(arm, options=layer)
+    assert smc == pytest.approx({"lam": 200.0, "k": 3.15 / 28.0, "phi": 3.15 / 1.6}, rel=6e-3)
+    pd = find_law("pd").choose_gains(arm)
+    assert pd["kv"] * arm.flat.inertia_scale[0] == pytest.approx(1.6, rel=6e-3)
+    path.write_text(path.read_text().replace("28", "0.9"))
+    weak = find_law("smc").choose_gains(load_model(path), options=layer)
+    assert weak["k"] == pytest.approx(1.0, rel=6e-3)
+
+
+def test_what_friction_takes_is_followed(tmp_path: Path) -> None:
+    """On that wrist a 0.5 rad sine is held to 10 mrad by each law; gains that overlook friction leave it at rest."""
+    path = tmp_path / "wrist.xml"
+    path.write_text(WRIST.replace('name="roll"', 'name="roll" damping="2" frictionloss="0.1"'))
+    text = (
+        "name: own\nplant: {model: wrist.xml, engine: analytic, timestep: 0.0001, integrator: rk4}\n"
+        "controllers:\n  - {law: smc, switching: saturation, gains: auto}\n  - {law: computed-torque, gains: auto}\n"
+        "  - {law: pd, gains: auto}\n"
+        "reference: {kind: sine, amplitude: 0.5, frequency_hz: 0.5}\nrun: {duration: 2.0, metrics_from: 0.5}\n"
+    )
+    (tmp_path / "own.yaml").write_text(text)
+    result = run_experiment(load_experiment(tmp_path / "own.yaml"))
+    errors = {name: metrics.rmse.value for name, metrics in result.metrics.items()}
+    assert set(errors) == {"smc", "computed-torque", "pd"}
+    assert max(errors.values()) < 0.011

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from torquebench.audit import DIGEST, STUDY
 from torquebench.audit.judge import Judged, judge_study
 from torquebench.audit.pages import figures_of, write_files
 from torquebench.audit.run import CONDITIONS, Part, Runs, parts_of, read_parts, run_parts
@@ -20,7 +21,9 @@ from torquebench.experiment.run import Progress
 from torquebench.experiment.source import apply_overrides, read_bytes, read_document
 from torquebench.experiment.store import MANIFEST, RunDirectory, add_to_run, check_run, claim_folder, json_bytes
 from torquebench.laws.plugin import load_plugin
+from torquebench.robot.library import ArmFile, arm_name
 from torquebench.shipped import find_config
+from torquebench.sweep.folder import kept_at
 from torquebench.sweeps import edits_of
 
 if TYPE_CHECKING:
@@ -28,11 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from torquebench.report.figures.files import Wish
-
-STUDY = "study.yaml"
-"""The study's file, as it was given."""
-DIGEST = "study.json"
-"""What identifies the audit in a folder, so that it can go on there."""
 
 
 def run_audit(
@@ -65,17 +63,17 @@ def run_audit(
     """
     for file in plugins:
         load_plugin(Path(file))
-    path = find_config(str(study))
-    text = read_bytes(path)
     edits = edits_of(changes) if isinstance(changes, Mapping) else list(changes)
-    document = read_document(text, str(path))
-    text = flat_text(document, text)
-    apply_overrides(document, edits)
-    asked = take_audit(document)
+    asked, text = _asked(study, edits)
     parts = parts_of(asked, draws)
     directory = _claim(None if folder is None else Path(folder), asked, parts)
+    arms = {path: arm for path, (_, arm) in sorted(asked.document.arms.items())}
+    kept = {path: kept_at(path, arm) for path, arm in arms.items()}
+    for path, arm in arms.items():
+        directory.write(kept[path], arm.text.encode())
     directory.write(STUDY, text)
-    directory.write(DIGEST, json_bytes({"digest": _digest(parts), "draws": draws, "set": edits}))
+    made = {"digest": _digest(parts), "draws": draws, "set": edits}
+    directory.write(DIGEST, json_bytes(made | ({"arms": kept} if kept else {})))
     total = sum(part.plan.rows for part in parts)
     done = 0
 
@@ -91,6 +89,32 @@ def run_audit(
         directory.write(name, content)
     directory.finish({"name": asked.document.root["name"], "runs": total})
     return Audit(asked, runs, judged, directory.folder, reduced=draws is not None)
+
+
+def _asked(study: str | Path, edits: Sequence[str]) -> tuple[Study, bytes]:
+    """Return a study with changes, and its text without them and without `extends`."""
+    path = find_config(str(study))
+    text = read_bytes(path)
+    document = read_document(text, str(path))
+    text = flat_text(document, text)
+    apply_overrides(document, edits)
+    return take_audit(document), text
+
+
+def audit_config(study: str | Path, changes: Sequence[str] = ()) -> dict[str, Any]:
+    """Return a checked study's whole config, changes and what it extends included.
+
+    Args:
+        study: A config with a section ``audit``: its file, or the name of a shipped one.
+        changes: Texts ``key=value``.
+
+    Raises:
+        ConfigError: the study has mistakes.
+    """
+    asked, _ = _asked(study, changes)
+    parts_of(asked)
+    root: dict[str, Any] = asked.file.root
+    return root
 
 
 def read_audit(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Audit:
@@ -112,6 +136,8 @@ def read_audit(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Audit:
         raise ResultError(f"{folder}: is no audit's folder: {DIGEST} is missing")
     made = json.loads((folder / DIGEST).read_bytes())
     document = read_document(read_bytes(folder / STUDY), str(folder / STUDY))
+    for path, file in made.get("arms", {}).items():
+        document.arms[path] = None, ArmFile(arm_name(path), read_bytes(folder / file).decode())
     apply_overrides(document, made.get("set", ()))
     study = take_audit(document)
     parts = parts_of(study, made.get("draws"))
@@ -147,8 +173,10 @@ def draw_audit(
 
 
 def _digest(parts: Sequence[Part]) -> str:
-    """Return what identifies the runs of an audit."""
-    return hashlib.sha256("\n".join(part.folder + "\n" + part.text for part in parts).encode()).hexdigest()
+    """Return the digest of an audit's runs, by which they are known again."""
+    arms = sorted(f"{path} {arm.digest}" for path, (_, arm) in parts[0].arms.items()) if parts else []
+    texts = [part.folder + "\n" + part.text for part in parts]
+    return hashlib.sha256("\n".join([*texts, *arms]).encode()).hexdigest()
 
 
 def _claim(folder: Path | None, study: Study, parts: Sequence[Part]) -> RunDirectory:

@@ -268,7 +268,17 @@ def space_of(
     outside: bool = False,
     plugins: Sequence[str | Path] = (),
 ) -> Space:
-    """Return what may change in a config by its section ``falsify``, checked; arguments and errors as of `falsify`."""
+    """Return what may change in a config by its section ``falsify``, checked.
+
+    Args:
+        config: As of `falsify`, like the others.
+        changes: Edits of keys.
+        outside: Whether the arm's file may be outside the folder of the config.
+        plugins: Python files that register kinds of your own.
+
+    Raises:
+        ConfigError: the config has mistakes, all of them at once.
+    """
     for file in plugins:
         load_plugin(Path(file))
     if isinstance(config, Mapping):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from torquebench import comparison
 from torquebench.comparison import parse_sides
+from torquebench.diagnosis import Diagnosis, diagnose
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
 from torquebench.experiment.config import check_experiment
@@ -317,7 +318,7 @@ class Result:
         """
         from torquebench.report.figures.run_view import draw_figures
 
-        found = draw_figures(view_of(self.numbers), (name,))
+        found = draw_figures(view_of(self.numbers, (name,)), (name,))
         if name not in found:
             raise ResultError(f"no figure '{name}' of this run{did_you_mean(name, found or FIGURES)}")
         return found[name]
@@ -375,6 +376,18 @@ class Result:
 
     def _as_stored(self) -> ExperimentResult:
         return self.numbers if self.numbers.stored is not None else read_result(Path(self.folder or ""))
+
+    def why(self, controller: str | None = None, *, progress: Progress | None = None) -> Diagnosis:
+        """Say what makes a controller shake, fail, err or saturate, as ``torquebench why`` does.
+
+        Args:
+            controller: Its name; None for the only one, or the one whose run is worst.
+            progress: Called with what is run, how many runs are done, and of how many.
+
+        Raises:
+            ConfigError: there is no such controller.
+        """
+        return diagnose(self.experiment, controller, progress)
 
     def save(self, folder: str | Path | None = None, *, progress: Progress | None = None) -> Path:
         """Write the run into a folder, the same bytes as ``torquebench run`` leaves there, and return the folder.

@@ -99,6 +99,28 @@ def geometric_mean(values: Sequence[float | None]) -> Ratio:
     return paired_ratio(values, [1.0] * len(values))
 
 
+def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float, float]:
+    """Return the median of a sample with the interval of order statistics x_(r), x_(n+1-r) for that of the population.
+
+    r is the largest with P(B < r) <= (1 - confidence)/2, B binomial of n and 1/2: whatever the distribution, infinite
+    values included, the coverage is at least the confidence. Ends are NaN where n is too small for any, as below 6 at
+    95 %.
+
+    Args:
+        values: The sample, (n,); NaN is no value, and of none all three are NaN.
+        confidence: Probability content of the interval [1].
+    """
+    known = np.sort(np.asarray(values, dtype=np.float64))
+    known = known[~np.isnan(known)]
+    n = len(known)
+    if n == 0:
+        return math.nan, math.nan, math.nan
+    lower, upper = float(known[(n - 1) // 2]), float(known[n // 2])
+    median = lower if lower == upper else 0.5 * (lower + upper)
+    r = int(np.searchsorted(special.bdtr(np.arange(n), n, 0.5), 0.5 * (1.0 - confidence), side="right"))
+    return (median, float(known[r - 1]), float(known[n - r])) if r else (median, math.nan, math.nan)
+
+
 class Share(NamedTuple):
     """Successes out of trials, with an interval for the probability of success."""
 

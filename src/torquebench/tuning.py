@@ -7,6 +7,10 @@ is unstable from 2 on. One that answers after a time r has r in place of T. So t
 
 by which r rho(M^-1 D) <= SHARE at each of the poses: D M^-1 is similar to a matrix whose row i, in size, sums to at
 most D_i / I_i. The rest follows: a law that holds s within a layer phi = lambda ERROR may have K = SHARE phi I / r.
+
+A joint that the arm's file damps by b stands more: in a time r its velocity goes to tau / b as 1 - exp(-r b / I), so
+that r b / (1 - exp(-r b / I)) is in place of I. What its file says of friction, F = coulomb + b x 1 rad/s, gains are
+made to overcome: slopes may be quicker, and K is beyond F.
 """
 
 from __future__ import annotations
@@ -35,6 +39,10 @@ MOST = 0.3
 """Largest share of the torque limit that switches against what a model leaves over [1]."""
 HELD = 0.25
 """Share of the torque beyond gravity's that a law without a model uses [1]."""
+OVERCOME = 1.5
+"""What switches or holds against the friction of an arm's file, over it [1]."""
+RUBBED = 1.0
+"""Speed at which that friction is looked at [rad/s]."""
 POSES = 200
 """Random poses at which the arm is looked at, besides that at zero."""
 REACH = 0.5
@@ -59,6 +67,24 @@ class Limits:
     """Largest torque of gravity [N m]."""
     scale: Array
     """Inertia scale Mbar of the model [kg m^2]."""
+    viscous: Array
+    """Viscous friction of the arm's file [N m s/rad]."""
+    coulomb: Array
+    """Coulomb friction of the arm's file [N m]."""
+
+    @property
+    def friction(self) -> Array:
+        """F, friction of the arm's file at `RUBBED`, at most what gravity leaves of the limit over `OVERCOME` [N m]."""
+        return np.minimum(self.coulomb + RUBBED * self.viscous, self.spare / OVERCOME)
+
+    def stands(self, reaction: float) -> Array:
+        """Return the inertia that a term of a law seems to meet, I where the file has no damping [kg m^2].
+
+        Args:
+            reaction: Time until the loop answers [s].
+        """
+        damped = reaction * np.where(self.viscous > 0.0, self.viscous, 1.0)
+        return np.where(self.viscous > 0.0, damped / -np.expm1(-damped / self.least), self.least)
 
     @property
     def spare(self) -> Array:
@@ -74,7 +100,13 @@ def limits_of(model: RobotModel) -> Limits:
     M = model.mass_matrix(q)
     heaviest = np.max(np.diagonal(M, axis1=1, axis2=2), axis=0)
     return Limits(
-        flat.tau_max, least_inertia(M), heaviest, np.max(np.abs(model.gravity(q)), axis=0), flat.inertia_scale
+        flat.tau_max,
+        least_inertia(M),
+        heaviest,
+        np.max(np.abs(model.gravity(q)), axis=0),
+        flat.inertia_scale,
+        np.array(model.passive.viscous),
+        np.array(model.passive.coulomb),
     )
 
 
@@ -113,7 +145,7 @@ class Fit:
     def room(self) -> Array:
         """The most that one of the law's linear terms may be, D_i [N m s/rad]: `SHARE` is divided among them."""
         terms = sum(rule in TERMS for rule in self.rules.values())
-        return SHARE * self.limits.least / (self.reaction * max(terms, 1))
+        return SHARE * self.limits.stands(self.reaction) / (self.reaction * max(terms, 1))
 
     @property
     def lam(self) -> Array:
@@ -131,9 +163,14 @@ def rounded(x: Array) -> Array:
 
 
 def pole(fit: Fit) -> Array:
-    """Slope of a law that cancels the dynamics: SHARE / (4 r), at most 20, and such that 0.1 rad can be braked."""
-    braked = np.sqrt(fit.limits.spare / (fit.limits.heaviest * BRAKED))
-    return np.minimum(braked, min(QUICKEST, SHARE / (4.0 * fit.reaction)))
+    """Slope of a law that cancels the dynamics: SHARE / (4 r), at most 20, and such that 0.1 rad can be braked.
+
+    Where that leaves friction an error of more than `ERROR`, as 4 lambda^2 M `ERROR` < F, it is quicker than 20.
+    """
+    limits = fit.limits
+    braked = np.sqrt(limits.spare / (limits.heaviest * BRAKED))
+    quickest = np.maximum(QUICKEST, np.sqrt(limits.friction / (4.0 * ERROR * limits.heaviest)))
+    return np.minimum(braked, np.minimum(quickest, SHARE / (4.0 * fit.reaction)))
 
 
 def slope(fit: Fit) -> Array:
@@ -141,14 +178,19 @@ def slope(fit: Fit) -> Array:
     if fit.has_model:
         return pole(fit)
     limits = fit.limits
-    damping = fit.known["kv"] * limits.scale if "kv" in fit.known else SHARE * limits.least / fit.reaction
-    return np.minimum(pole(fit), damping / limits.heaviest)
+    own = SHARE * limits.stands(fit.reaction) / fit.reaction
+    damping = fit.known["kv"] * limits.scale if "kv" in fit.known else own
+    return np.minimum(pole(fit), (damping + limits.viscous) / limits.heaviest)
 
 
 def rate(fit: Fit) -> Array:
-    """Rate gain kV of a torque Kd = kV Mbar: Kd = 4 lambda M of the heaviest inertia, as far as there is room."""
-    lam = fit.known["lam"] if "lam" in fit.known else pole(fit)
-    return np.minimum(4.0 * lam * fit.limits.heaviest, fit.room) / fit.limits.scale
+    """Rate gain kV of a torque Kd = kV Mbar: Kd = 4 lambda M of the heaviest inertia, as far as there is room.
+
+    Where friction asks for more, so that lambda Kd `ERROR` = F, it is that.
+    """
+    lam, limits = fit.known["lam"] if "lam" in fit.known else pole(fit), fit.limits
+    wanted = np.maximum(4.0 * lam * limits.heaviest, limits.friction / (ERROR * lam))
+    return np.minimum(wanted, fit.room) / limits.scale
 
 
 def acceleration_rate(fit: Fit) -> Array:
@@ -167,17 +209,24 @@ def pull(fit: Fit) -> Array:
 
 
 def robust(fit: Fit) -> Array:
-    """Gain k of K = k tau_max against what a model leaves over: K = D phi with D the room; at most 0.3."""
-    phi = fit.known["phi"] if "phi" in fit.known else ERROR * fit.lam
-    return np.minimum(MOST, fit.room * phi / fit.limits.tau_max)
+    """Gain k of K = k tau_max against what a model leaves over: K = D phi with D the room; at most 0.3.
+
+    Where the arm's file has friction, at least `OVERCOME` times that.
+    """
+    phi, limits = fit.known["phi"] if "phi" in fit.known else ERROR * fit.lam, fit.limits
+    return np.maximum(np.minimum(MOST, fit.room * phi / limits.tau_max), OVERCOME * limits.friction / limits.tau_max)
 
 
 def holding(fit: Fit) -> Array:
-    """Gain k of K = k tau_max that carries the arm: gravity's torque, a quarter of the rest; `robust` with a model."""
+    """Gain k of K = k tau_max that carries the arm: gravity's torque, friction's, a quarter of the rest.
+
+    With a model it is `robust`.
+    """
     if fit.has_model:
         return robust(fit)
     limits = fit.limits
-    return np.minimum(1.0, (limits.gravity + HELD * limits.spare) / limits.tau_max)
+    held = limits.gravity + limits.friction + HELD * (limits.spare - limits.friction)
+    return np.minimum(1.0, held / limits.tau_max)
 
 
 def switching(fit: Fit) -> Array:

@@ -5,6 +5,8 @@ import pytest
 from tests.audit.studies import STUDY
 from torquebench.audit.run import parts_of
 from torquebench.audit.study import take_audit
+from torquebench.audits import run_audit
+from torquebench.cli.app import main
 from torquebench.errors import ConfigError
 from torquebench.experiment.source import read_document
 
@@ -151,3 +153,52 @@ def test_run_refuses_a_study():
 
     with pytest.raises(ConfigError, match="torquebench audit"):
         parse_experiment(STUDY)
+
+
+TOOL = """\
+name: path
+plant: {engine: analytic, model: puma560, timestep: 0.002, integrator: rk4}
+controllers: [{law: computed-torque, gains: puma560/l}]
+reference:
+  kind: tool-circle
+  radius: 0.1
+  period: 2
+  start: [0, -1, 3.3, 0, 0.84, 0]
+  approach: 0.2
+  origin: [0, -1, 3.3, 0, 0.84, 0]
+run: {duration: 0.8, control_period: 0.002, initial_q: [0, -1, 3.3, 0, 0.84, 0]}
+audit:
+  conditions: {way: {round: {}, line: {reference.radius: 0.05}}}
+  claims:
+    near:
+      says: The tool stays on its path.
+      where: here
+      implied: here
+      pairs: {ct: computed-torque}
+      measures: [{figure: tool_max_error, below: 0.01, why: A centimetre}]
+      under: {way: all}
+"""
+
+
+def test_a_study_of_tool_paths_judges_errors_of_the_tool(tmp_path):
+    """They are figures where the reference is a path of the tool under each condition, and no others."""
+    (tmp_path / "path.yaml").write_text(TOOL)
+    done = run_audit(tmp_path / "path.yaml", folder=tmp_path / "out", workers=1, figures=False)
+    (claim,) = done.claims
+    assert str(claim.verdict) == "holds"
+    assert all(0.0 < one.interval.value < 0.01 for case in claim.cases for one in case.figures)
+    other = TOOL.replace("line: {reference.radius: 0.05}", "line: {reference.kind: sine}")
+    with pytest.raises(ConfigError, match="no such figure, got the text 'tool_max_error'"):
+        take_audit(read_document(other, "path.yaml"))
+
+
+def test_show_config_prints_the_whole_study(tmp_path, capsys):
+    """What is printed is the study with its changes, and is judged as it; nothing is run."""
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY)
+    assert main(["audit", str(path), "--show-config", "--set", "audit.draws=5"]) == 0
+    printed = capsys.readouterr().out
+    shown, given = take_audit(read_document(printed, "shown.yaml")), take_audit(read_document(STUDY, "study.yaml"))
+    assert shown.audit.draws == 5
+    assert [part.text for part in parts_of(shown, 3)] == [part.text for part in parts_of(given, 3)]
+    assert [path.name for path in tmp_path.iterdir()] == ["study.yaml"]

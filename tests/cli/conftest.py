@@ -13,7 +13,7 @@ model: {structure: corrected, constants: printed}
 controllers:
   - {name: conventional, law: smc, switching: sign, gains: {lam: 10, k: 0.3}}
   - {name: linear-band, law: linear-band-smc, gains: {lam: 10, k: 0.3, phi: 0.3, kv: 20}}
-reference: {kind: sine, amplitude: 1.0, frequency_hz: 1.0}
+reference: {kind: sine, amplitude: 0.8, frequency_hz: 1.0}
 run: {duration: 0.8, metrics_from: 0.2}
 """
 

@@ -13,6 +13,7 @@ from click.shell_completion import FishComplete
 
 import torquebench
 from tests.command_line import COMMANDS, flags
+from torquebench.chain import CHAINS
 from torquebench.cli.app import app, main
 from torquebench.cli.compare import SideName
 from torquebench.cli.discover import LawOrConfig
@@ -145,5 +146,5 @@ def test_the_words_are_those_that_are_accepted():
         for item in SideName(".xml").shell_complete(None, None, engine):
             parse_side(item.value, "A")
     names = {item.value for item in LawOrConfig().shell_complete(None, None, "")}
-    assert names == {*law_names(), *configs()}
+    assert names == {*law_names(), *CHAINS, *configs()}
     assert {"run.duration", "plant.payload", "chain.measurement_delay", "sweep.draws"} <= set(config_keys())

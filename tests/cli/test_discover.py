@@ -8,6 +8,7 @@ import yaml
 
 from tests.cli.test_check import GOOD
 from tests.command_line import COMMANDS, parsed
+from torquebench.chain import CHAINS
 from torquebench.cli.app import COMMANDS as HEADINGS
 from torquebench.errors import ConfigError
 from torquebench.experiment import parse_experiment
@@ -30,6 +31,23 @@ def test_every_command_has_a_short_help(command):
     """One line of the help each, however narrow: at most 60 characters."""
     for name, found in COMMANDS.items():
         assert 10 < len(found.get_short_help_str(200)) <= 60, name
+
+
+def test_chains(command):
+    """All are listed; one is shown with its numbers, units, sources and links, and the same in the document."""
+    out = command("chains")[1]
+    assert all(name in out for name in CHAINS)
+    assert list(json.loads(command("chains", "--json")[1])["chains"]) == list(CHAINS)
+    shown = json.loads(command("show", "fr3", "--json")[1])
+    rate = next(row for row in shown["numbers"] if row["key"] == "torque_rate")
+    assert (rate["value"], rate["unit"]) == (1000.0, "N m/s")
+    text = " ".join(command("show", "fr3")[1].split())
+    assert "1000 N m/s" in text
+    assert "control_period: 0.001" in text
+    assert rate["link"].split("/")[-1] in text
+    status, _, err = command("show", "ur5")
+    assert status == 2
+    assert "did you mean 'ur5e'?" in err
 
 
 def test_laws(command):
@@ -81,7 +99,7 @@ def test_show_nothing(command):
     """Neither a law nor a config: the nearest of both."""
     assert command("show", "smcc")[::2] == (
         2,
-        "NAME: got 'smcc', which is neither a law nor a shipped config (did you mean 'smc'?)\n",
+        "NAME: got 'smcc', which is neither a law, a chain nor a shipped config (did you mean 'smc'?)\n",
     )
     assert "'fig9-step'" in command("show", "fig9-stpe")[2]
 

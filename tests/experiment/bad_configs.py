@@ -413,8 +413,8 @@ TWO_LINK = (
 )
 
 SCENARIOS = [
-    Bad("chain: ideal", "chain: 5", "chain", "got 5, wanted one of ideal, fast, slow, or a mapping (encoder_noise,"),
-    Bad("chain: ideal", "chain: [fast]", "chain", "got a list of 1, wanted one of ideal, fast, slow, or a mapping"),
+    Bad("chain: ideal", "chain: 5", "chain", "got 5, wanted one of ideal, fast, slow, slow-delay,"),
+    Bad("chain: ideal", "chain: [fast]", "chain", "got a list of 1, wanted one of ideal, fast,"),
     Bad(
         "chain: ideal",
         "chain: {}\nmeasurement_delay: 0.004",

@@ -134,6 +134,21 @@ controllers: [{name: only, law: pd, gains: {lam: 5, kv: 10}}]
 reference: {kind: step, target: 0.5, at: 0.1}
 run: {duration: 2.5}
 """
+FLEXIBLE = MINIMAL.replace(
+    "plant: {engine: analytic, model: puma560}\n",
+    """\
+plant:
+  engine: analytic
+  model: puma560
+  integrator: rk4
+  transmission:
+    stiffness: 20000
+    damping: 10
+    inertia: 1
+    backlash: 0.001
+    sensor: link
+""",
+)
 TOOL = tuple(
     MINIMAL.replace("{kind: step, target: 0.5, at: 0.1}", block)
     for block in (
@@ -249,6 +264,11 @@ sweep:
     disturbances[0].sigma:
       choice: [0.5, 1]
   certificates: true
+  border:
+    key: controllers.*.gains.k
+    from: 0.01
+    to: 1
+    within: 0.1
   keep:
     worst: 3
     by: hf
@@ -310,6 +330,7 @@ ALL = {
     "tolerance": TOLERANCE,
     "single": SINGLE,
     "minimal": MINIMAL,
+    "flexible": FLEXIBLE,
 }
 
 

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from torquebench import load_experiment, load_result, run_experiment, run_sweep
+from torquebench.audits import read_audit, run_audit
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError
 from torquebench.experiment import load_experiment as load_file
+from torquebench.experiment.build import build
 
 ARM = """<mujoco><compiler angle="radian"/><asset><mesh name="m" file="link.stl"/></asset><worldbody>
 <body><inertial mass="2" pos="0.3 0 0" diaginertia="0.02 0.03 0.03"/>
@@ -112,15 +114,20 @@ def test_an_experiment_with_an_arm_survives_python(config: Path) -> None:
 @pytest.mark.parametrize("engine", ["mujoco", "analytic"])
 def test_a_joint_that_leaves_its_range(config: Path, engine: str) -> None:
     """warn: a remark with joint, time and distance, the numbers as with ignore; stop: the run ends there."""
+    arm = config.parent / "arms" / "my-arm.xml"
+    arm.write_text(ARM.replace("-0.3 2", "-0.3 0.5"))
     runs = {}
     for word in ("warn", "stop", "ignore"):
-        changes = {"plant.limits": word, "plant.engine": engine}
+        changes = {"plant.limits": word, "plant.engine": engine, "reference.target": 0.45}
         runs[word] = run_experiment(load_experiment(config, changes))
     q, t = runs["warn"].trajectories["pd"].q[:, 0], runs["warn"].trajectories["pd"].t
-    first = int(np.argmax(q < -0.3))
+    first = int(np.argmax(q > 0.5))
     (remark,) = [flag for flag in runs["warn"].flags if "leaves its range" in flag]
-    assert f"a leaves its range, -0.3 to 2 rad, at {t[first]:.4g} s" in remark
-    assert f"up to {-0.3 - q.min():.3g} rad beyond it" in remark
+    assert remark.startswith(f"controller 'pd': a leaves its range, -0.3 to 0.5 rad, at {t[first]:.4g} s")
+    assert f"up to {q.max() - 0.5:.3g} rad beyond it" in remark
+    asked = run_experiment(load_experiment(config, {"plant.engine": engine}))
+    (said,) = [flag for flag in asked.flags if "leaves its range" in flag]
+    assert said.startswith("the reference: a leaves its range, -0.3 to 0.5 rad, at 0.1 s and goes up to 0.2 rad beyond")
     assert runs["ignore"].trajectories["pd"].digest() == runs["warn"].trajectories["pd"].digest()
     assert not any("leaves its range" in flag for flag in runs["ignore"].flags)
     stopped = runs["stop"].trajectories["pd"]
@@ -184,3 +191,64 @@ def test_model_takes_any_arm_on_the_command_line(config: Path, tmp_path: Path) -
     out = tmp_path / "sweep"
     assert main(["sweep", str(config), "--model", str(urdf), "--set", "sweep.draws=1", "--out", str(out)]) == 0
     assert main(["run", "--from-sweep", str(out), "--index", "0", "--out", str(tmp_path / "row")]) == 0
+
+
+def test_what_the_arm_cannot_do_of_its_reference_is_said_before_the_run(config: Path, capsys: Any) -> None:
+    """Range and torque of the motion that is asked for: joint, time and number, once, whatever the law.
+
+    A sine of 1 rad leaves the range. The torque is I qdd - m g c cos q + b qd +- 0.4 N m, with I = 0.03 + 2 x 0.3^2.
+    """
+    config.write_text(
+        CONFIG.replace("{kind: step, target: -0.5, at: 0.1}", "{kind: sine, amplitude: -1, frequency_hz: 2}")
+    )
+    flags = run_experiment(load_experiment(config, {"run.duration": 1.5})).flags
+    (said,) = [flag for flag in flags if "leaves its range" in flag]
+    assert said.startswith("the reference: a leaves its range, -0.3 to 2 rad, at ")
+    config.write_text(
+        config.read_text().replace("frequency_hz: 2", "frequency_hz: 4.5").replace("}\nrun", ", origin: 1}\nrun")
+    )
+    experiment = load_experiment(config, {"run.duration": 1.5})
+    (said,) = [flag for flag in run_experiment(experiment).flags if "more torque" in flag]
+    t = np.arange(0.0, 1.5, 0.001)
+    q, qd, qdd = (build(experiment).reference[i][:, 0] for i in range(3))
+    needed = np.abs(0.21 * qdd - 2 * 9.81 * 0.3 * np.cos(q) + 1.5 * qd + 0.4 * np.clip(qd / 1e-9, -1, 1))
+    assert f"a {needed.max():.3g}"[:4] in said
+    assert f"at {t[needed.argmax()]:.4g} s" in said
+    assert "limit is 60 N m" in said
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("arms/", r"arms/ is a folder \(did you mean '.*my-arm.xml'\?\)"),
+        ("ok.yaml", r"got the text 'ok.yaml', wanted .*\(.xml, .urdf\)"),
+    ],
+)
+def test_a_folder_and_another_file_are_no_arms(config: Path, model: str, words: str) -> None:
+    """The arm's file in a folder is suggested; a file of another kind is told what is wanted."""
+    config.write_text(CONFIG.replace("arms/my-arm.xml", model))
+    with pytest.raises(ConfigError, match=words):
+        load_file(config)
+
+
+def test_a_mistake_of_an_option_is_called_by_it(config: Path, capsys: Any) -> None:
+    """``--model nosuch.xml`` is answered with --model, not with the key that it sets."""
+    assert main(["run", str(config), "--model", "nosuch.xml"]) == 2
+    said = capsys.readouterr().err
+    assert "--model nosuch.xml" in said
+    assert "--set" not in said
+
+
+def test_an_audit_judges_an_arm_by_its_file(config: Path, tmp_path: Path) -> None:
+    """Its folder stands alone: with the arm's file gone it is read, and judged to the same values."""
+    study = CONFIG.replace("target: -0.5", "target: 0.5") + (
+        "audit:\n  conditions: {burden: {none: {}, some: {plant.payload: {mass: 0.5}}}}\n  claims:\n    good:\n"
+        "      says: It follows.\n      where: here\n      implied: here\n      pairs: {pd: pd}\n"
+        "      measures: [{figure: rmse, below: 1, why: A radian}]\n      under: {burden: all}\n"
+    )
+    config.write_text(study)
+    done = run_audit(config, folder=tmp_path / "out", workers=1, figures=False)
+    assert [str(claim.verdict) for claim in done.claims] == ["holds"]
+    (config.parent / "arms" / "my-arm.xml").unlink()
+    again = read_audit(tmp_path / "out")
+    assert again.to_dataframe().equals(done.to_dataframe())

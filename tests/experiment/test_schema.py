@@ -31,6 +31,13 @@ def test_committed_key_reference_is_current() -> None:
     assert (data_root() / "docs" / "config.md").read_text(encoding="utf-8") == written
 
 
+def test_committed_tables_of_chains_are_current() -> None:
+    """docs/chains.md has the numbers and sources of the code; if not, run scripts/config_schema.py."""
+    script = runpy.run_path(str(data_root() / "scripts" / "config_schema.py"))
+    text = (data_root() / "docs" / "chains.md").read_text(encoding="utf-8")
+    assert script["chains_page"](text) == text
+
+
 def test_key_reference_has_every_key_in_a_table_of_four_columns() -> None:
     """Each key of the schema has as many rows as there are sections with it; no cell breaks its table."""
     text = (data_root() / "docs" / "config.md").read_text(encoding="utf-8")
@@ -44,7 +51,19 @@ def test_key_reference_has_every_key_in_a_table_of_four_columns() -> None:
         assert listed == [*law.options, *["fuzzy"] * len(law.rules), *law.gains]
 
 
-WRITTEN = ("good", "step", "ramp", "analytic", "fuzzy", "scenario", "driven", "filtered", "tolerance", "single")
+WRITTEN = (
+    "good",
+    "step",
+    "ramp",
+    "analytic",
+    "fuzzy",
+    "scenario",
+    "driven",
+    "filtered",
+    "tolerance",
+    "single",
+    "flexible",
+)
 FACTS = [
     ("initial_q", "the reference starts there too, unless it has an origin of its own; otherwise it starts at zero"),
     ("expect", "failed makes a failing run the expected outcome"),

@@ -12,7 +12,7 @@ from torquebench.robot.loading import keyframes
 ARM = """
 <mujoco model="bent"><worldbody>
   <body><inertial mass="2" pos="0.3 0 0" diaginertia="0.01 0.1 0.1"/><joint name="a" axis="0 0 1"/>
-    <body pos="0.6 0 0"><inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.05 0.05"/>
+    <body pos="0.6 0 0"><inertial mass="1" pos="0.2 0 0" diaginertia="0.01 0.05 0.05"/><site name="tool" pos="0.4 0 0"/>
       <joint name="b" axis="0 0 1"/></body>
   </body></worldbody>
   <actuator><motor joint="a" ctrlrange="-9 9"/><motor joint="b" ctrlrange="-5 5"/></actuator>
@@ -114,3 +114,17 @@ def test_a_keyframe_that_is_not_there_is_told(change, words):
     assert words in str(caught.value)
     if "model" not in words:
         assert "run.initial_q" in str(caught.value)
+
+
+def test_a_path_of_the_tool_begins_at_a_keyframe():
+    """``start: key:home`` is the numbers of the file, stored as such; a wrong name is told at its own key."""
+    line = "{kind: tool-line, to: [0, 0.02, 0], period: 2, orientation: free, start: 'key:home'}"
+    text = TEXT.replace(MOTIONS["quintic"], line).replace(', initial_q: "key:home"', "")
+    with pytest.raises(
+        ConfigError, match=r"reference.start: the arm's file has no keyframe 'hom' \(did you mean 'key:"
+    ):
+        parse_experiment(text.replace("key:home", "key:hom"))
+    numbers = text.replace("'key:home'", "[0.4, -1.2]")
+    found, wanted = parse_experiment(text), parse_experiment(numbers)
+    assert found == wanted
+    assert found.reference.start == (0.4, -1.2)

@@ -48,6 +48,7 @@ def test_a_plugin_figure_is_drawn_like_the_others(folder: Path) -> None:
     ("body", "message"),
     [
         ("return x.nothing", "figure 'phase': AttributeError: 'RunView' object has no attribute 'nothing'"),
+        ("raise KeyError(*x.certificates)", "figure 'phase': KeyError: ('conventional', 'linear-band')"),
         ("return 1", "figure 'phase' returned int, wanted a matplotlib Figure"),
     ],
 )

@@ -484,3 +484,26 @@ def test_moments_that_no_body_has(put) -> None:
     m = mujoco.MjModel.from_xml_string(import_arm(put(two(inside=welded))).mjcf)
     rod = 0.004 + 0.02 + 2 * 0.2**2 - (2 * 0.2) ** 2 / 2.1  # about the z axis and the common centre
     assert np.sort(m.body_inertia[2])[-1] == pytest.approx(rod, rel=1e-14)
+
+
+def test_the_tool_is_where_the_last_link_branches_or_a_site_of_a_usual_name(put) -> None:
+    """Of a hand with two fingers it is the hand, in the middle; a site ``ee`` on it comes first; both are said."""
+    fingers = "".join(
+        f'<body name="{side}" pos="0 {y} 0.1"><geom type="sphere" size="0.01" mass="0.1"/></body>'
+        for side, y in (("left", 0.04), ("right", -0.04))
+    )
+    hand = f'<body name="hand" pos="0 0 0.2"><geom type="box" size="0.02 0.05 0.02" mass="0.3"/>%s{fingers}</body>'
+    for site, what in (("", "body hand"), ('<site name="ee" pos="0 0 0.1"/>', "site ee")):
+        arm = import_arm(put(two(inside=hand % site)))
+        assert [part.places for part in arm.findings if part.what == "tool"] == [(what,)]
+
+
+def test_nothing_is_welded_as_asked_where_nobody_asked(put) -> None:
+    """What a refusal proposes is told as such; what --fix names is welded."""
+    hand = '<body name="%s"><joint name="%s" type="slide" axis="0 1 0"/><geom size="0.02" mass="0.1"/></body>'
+    path = put(two(inside=hand % ("left", "l") + hand % ("right", "r")))
+    with pytest.raises(RefusedArmError) as refused:
+        import_arm(path)
+    assert any(part.reason == "would be welded at home" for part in refused.value.findings)
+    arm = import_arm(path, Options(fix=("left", "right")))
+    assert any(part.reason == "welded at home" for part in arm.findings)

@@ -21,6 +21,7 @@ from torquebench.chain import CHAINS, IDEAL, Chain
 from torquebench.references import Sine
 from torquebench.robot import RobotModel
 from torquebench.sim.friction import NONE
+from torquebench.sim.joints import rigid
 from torquebench.sim.plants import INTEGRATORS, NativePlant, mujoco_native
 from torquebench.sim.plants.mujoco import MujocoPlant
 from torquebench.sim.simulate import simulate_many
@@ -80,7 +81,7 @@ def test_the_refusals_are_needed(name: str, tmp_path: Path) -> None:
     """Forced upon such an arm, the lean step gives other bytes, so that each arm here has what it is named for."""
     plant = plant_from(REFUSED[name](), tmp_path)
     native = plant.native()
-    forced = native._replace(structure=mujoco_native._stepped(plant._m, plant._d, NONE, True))
+    forced = native._replace(structure=mujoco_native._stepped(plant._m, plant._d, NONE, rigid(plant.n), True))
     assert (steps(plant, native) == steps(plant, forced)) == (name in HARMLESS)
 
 
@@ -165,8 +166,8 @@ def test_a_lean_step_that_is_wrong_by_an_ulp_is_not_used(
     plant = MujocoPlant("puma560", 0.001, integrator)
     assert plant.replica().native().structure.lean  # type: ignore[attr-defined]
 
-    def spoilt(m: Any, d: Any, friction: Any, lean: bool) -> Any:
-        arm = real(m, d, friction, lean)
+    def spoilt(m: Any, d: Any, friction: Any, joints: Any, lean: bool) -> Any:
+        arm = real(m, d, friction, joints, lean)
         return replace(arm, **WRONG[wrong](arm)) if lean else arm
 
     monkeypatch.setattr(mujoco_native, "_stepped", spoilt)

@@ -11,7 +11,7 @@ model: {structure: corrected, constants: printed, mismatch: {relative: 0.3}}
 controllers:
   - {name: band, law: linear-band-smc, gains: {lam: 10, k: 0.3, phi: 0.3, kv: 20}}
   - {name: sign, law: smc, switching: sign, gains: {lam: 10, k: 0.3}}
-reference: {kind: sine, amplitude: 1.0, frequency_hz: 1.0}
+reference: {kind: sine, amplitude: 0.8, frequency_hz: 1.0}
 chain: {encoder_noise: 0.0001}
 disturbances:
   - {kind: band-limited-noise, channel: torque, sigma: [5.06, 16.59, 3.30, 0.54, 0.62, 0.81]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,6 +27,7 @@ from torquebench.metrics import METRICS
 from torquebench.references import Reference
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import own_copy
+from torquebench.robot.library import ArmFile
 from torquebench.sim.interpreted import Call
 from torquebench.sweep.executors import Threads
 from torquebench.sweep.folder import TABLE, open_sweep, verify
@@ -82,11 +83,14 @@ class Part:
     experiment: Experiment
     text: str
     """Its config, which can be run by itself."""
+    arms: Mapping[str, tuple[Path | None, ArmFile]]
+    """Arms that the study reads from files, as of a `Document`."""
 
     @cached_property
     def plan(self) -> Plan:
         """The sweep's rows."""
-        return Plan(Source(self.text.encode(), f"{self.folder}/sweep.yaml"))
+        arms = tuple((path, arm) for path, (_, arm) in sorted(self.arms.items()))
+        return Plan(Source(self.text.encode(), f"{self.folder}/sweep.yaml", arms=arms))
 
 
 def parts_of(study: Study, draws: int | None = None) -> list[Part]:
@@ -111,7 +115,9 @@ def parts_of(study: Study, draws: int | None = None) -> list[Part]:
         root = json.loads(json.dumps(document.root))
         root["name"] = f"{slug or 'case'}"
         text = dump_tree(root | {"sweep": sweep})
-        parts.append(Part(condition, study.words(condition), f"{len(parts) + 1:02d}-{slug}", experiment, text))
+        parts.append(
+            Part(condition, study.words(condition), f"{len(parts) + 1:02d}-{slug}", experiment, text, document.arms)
+        )
     return parts
 
 

@@ -19,6 +19,8 @@ from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import KeyPath
 from torquebench.keys import Key
 from torquebench.metrics import applicable
+from torquebench.references import REFERENCES
+from torquebench.references.reference import depends_on_arm
 from torquebench.registry import SLUG
 
 ALL, DRAWS = "all", "draws"
@@ -270,11 +272,38 @@ def take_audit(document: Document) -> Study:
     return Study(copy, document, audit, reader.axes, questions)
 
 
+def is_of_tool(kind: str) -> bool:
+    """Return whether a kind of reference is a path of the tool."""
+    return depends_on_arm(REFERENCES.find(kind))
+
+
+def _values(root: Mapping[str, Any], axes: Mapping[str, Any], section: str, key: str) -> Iterator[Any]:
+    """Yield the values that a section's key may have: the config's, and those that conditions set.
+
+    Args:
+        root: The config.
+        axes: Its conditions, which may have mistakes.
+        section: The section.
+        key: The key in it.
+    """
+    own = root.get(section)
+    yield own.get(key) if isinstance(own, dict) else None
+    for levels in axes.values():
+        for keys in levels.values() if isinstance(levels, dict) else ():
+            if isinstance(keys, dict) and f"{section}.{key}" in keys:
+                yield keys[f"{section}.{key}"]
+            if isinstance(keys, dict) and isinstance(keys.get(section), dict):
+                yield keys[section].get(key)
+
+
 class _Reader:
     """Reads what the section names elsewhere: axes, levels, controllers and figures."""
 
     def __init__(self, document: Document, draws: int, axes: Mapping[str, Any], controllers: Sequence[str]) -> None:
         self.document, self.draws, self.axes, self.controllers = document, draws, axes, controllers
+        kinds = {str(kind) for kind in _values(document.root, axes, "reference", "kind")}
+        self.of_tool = bool(kinds) and all(kind in REFERENCES and is_of_tool(kind) for kind in kinds)
+        """Whether the reference is a path of the tool under each condition."""
 
     def check_axes(self) -> None:
         """Record axes that are no mappings of levels to keys."""
@@ -369,7 +398,7 @@ class _Reader:
 
     def _check_measure(self, path: KeyPath, measure: Measure, pairs: Sequence[Pair]) -> None:
         add = self.document.add
-        figures = (*(info.key for info in applicable(tool=False)), *FIGURES, FEEDFORWARD)
+        figures = (*(info.key for info in applicable(self.of_tool)), *FIGURES, FEEDFORWARD)
         if measure.figure not in figures:
             near = nearest(measure.figure, figures) or ""
             wanted = "" if near else f"one of {', '.join(figures)}"

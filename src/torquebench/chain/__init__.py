@@ -1,19 +1,40 @@
 """Sensors and actuators between a law and the plant, each imperfection by itself, and chains that configs name."""
 
-from torquebench.chain.chain import CHAINS, IDEAL, NOTHING, Chain, Drawn, chain, late_steps
+from torquebench.chain.chain import (
+    ABOUT,
+    CHAINS,
+    IDEAL,
+    NOTHING,
+    About,
+    Chain,
+    Drawn,
+    Origin,
+    chain,
+    late_steps,
+    rate_remarks,
+)
 from torquebench.chain.drives import CurrentLoop, ThermalLimit, TorqueSpeed
+from torquebench.chain.response import Response, response
+from torquebench.chain.robots import ROBOT_CHAINS
 from torquebench.chain.sensors import Ripple
 
 __all__ = [
+    "ABOUT",
     "CHAINS",
     "IDEAL",
     "NOTHING",
+    "ROBOT_CHAINS",
+    "About",
     "Chain",
     "CurrentLoop",
     "Drawn",
+    "Origin",
+    "Response",
     "Ripple",
     "ThermalLimit",
     "TorqueSpeed",
     "chain",
     "late_steps",
+    "rate_remarks",
+    "response",
 ]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -175,7 +177,7 @@ class Chain:
                 yield Fault((key,), text, at="key")
         if self.velocity == "kalman" and self.kalman_acceleration is None:
             yield Fault(("kalman_acceleration",), "missing", at="key", wanted="a number, as velocity is kalman")
-        if self.velocity == "kalman" and self._position_noise == 0.0:
+        if self.velocity == "kalman" and self.position_noise == 0.0:
             text = "needs noise to filter: wanted encoder_noise or quantisation above zero"
             yield Fault(("velocity",), text)
         if self.current_loop is not None and self.actuator_lag > 0.0:
@@ -198,7 +200,7 @@ class Chain:
         return any((self.encoder_noise, self.velocity_noise, self.jitter, self.missed_deadlines))
 
     @property
-    def _position_noise(self) -> float:
+    def position_noise(self) -> float:
         """Standard deviation of the measured position, rounding included [rad]."""
         return math.hypot(self.encoder_noise, self.quantisation / math.sqrt(12.0))
 
@@ -237,7 +239,7 @@ class Chain:
         none, ripple, alpha, beta = np.zeros((0, n)), self.encoder_ripple, 0.0, 0.0
         kind = VELOCITIES.index(self.velocity)
         if kind == KALMAN and self.kalman_acceleration is not None:
-            alpha, beta = kalman_gains(self.kalman_acceleration, self._position_noise, control_period)
+            alpha, beta = kalman_gains(self.kalman_acceleration, self.position_noise, control_period)
         parts = () if ripple is None else (ripple.amplitude, ripple.cycles, ripple.phase)
         return Sensors(
             noise=none if drawn.position is None else np.ascontiguousarray(drawn.position, dtype=np.float64),
@@ -305,7 +307,7 @@ class Chain:
         """
         filtering = 0.0 if self.velocity_filter is None else 1.0 / self.velocity_filter
         if self.velocity == "kalman" and self.kalman_acceleration is not None:
-            alpha, beta = kalman_gains(self.kalman_acceleration, self._position_noise, control_period)
+            alpha, beta = kalman_gains(self.kalman_acceleration, self.position_noise, control_period)
             filtering = control_period * alpha / beta
         loop = self.current_loop
         acting = self.actuator_lag if loop is None else 2.0 * loop.damping / loop.frequency
@@ -342,7 +344,8 @@ class Chain:
 
     def describe(self, units: Units) -> str:
         """Return its name, or its imperfections in one line."""
-        if self.name in CHAINS:
+        named = self.name in CHAINS
+        if named and not ABOUT[self.name].origins:
             return self.name
         parts = [f"noise {1e3 * self.encoder_noise:g} {units.milli}"] * (self.encoder_noise > 0)
         parts += [f"encoder offset {in_words(self.encoder_offset)} rad"] * bool(np.any(self.encoder_offset))
@@ -371,7 +374,8 @@ class Chain:
         if self.thermal_limit is not None:
             parts.append(f"continuous torque {in_words(self.thermal_limit.torque)} {units.torque}")
         parts += [f"torque delay {1e3 * self.torque_delay:g} ms"] * (self.torque_delay > 0)
-        return f"({', '.join(parts)})" if parts else "ideal"
+        text = f"({', '.join(parts)})" if parts else "ideal"
+        return f"{self.name} {text}" if named else text
 
 
 def _each(value: Vector, n: int) -> Array:
@@ -403,8 +407,39 @@ CHAINS: Registry[Chain] = Registry("chain")
 """The chains that configs name."""
 
 
-def chain(name: str) -> Callable[[Callable[[], Chain]], Callable[[], Chain]]:
-    """Register the chain that a function returns under `name`.
+class Origin(NamedTuple):
+    """Where a number of a chain comes from."""
+
+    source: str
+    """Document; or ``assumed:`` and why it has that size."""
+    link: str = ""
+    """Address of the document."""
+
+
+class About(NamedTuple):
+    """What a named chain stands for."""
+
+    summary: str
+    note: str = ""
+    control_period: float | None = None
+    """Control period of the robot [s]; None for a chain of no robot."""
+    origins: Mapping[str, Origin] = MappingProxyType({})
+    """Key, ``control_period`` among them, -> where its number comes from; empty for a chain of no robot."""
+
+
+ABOUT: dict[str, About] = {}
+"""Name of a chain -> what it stands for."""
+
+
+def chain(
+    name: str, control_period: float | None = None, origins: Mapping[str, Origin] = MappingProxyType({})
+) -> Callable[[Callable[[], Chain]], Callable[[], Chain]]:
+    """Register the chain that a function returns under `name`, with the function's docstring as its summary.
+
+    Args:
+        name: Its name.
+        control_period: Control period of the robot that has it [s].
+        origins: Key -> where its number comes from.
 
     Raises:
         RegistryError: the name is taken, or is not a slug.
@@ -412,9 +447,20 @@ def chain(name: str) -> Callable[[Callable[[], Chain]], Callable[[], Chain]]:
 
     def register(make: Callable[[], Chain]) -> Callable[[], Chain]:
         CHAINS.register(name, replace(make(), name=name), make)
+        summary, _, note = inspect.cleandoc(make.__doc__ or "").partition("\n\n")
+        ABOUT[name] = About(" ".join(summary.split()), " ".join(note.split()), control_period, origins)
         return make
 
     return register
+
+
+def rate_remarks(found: Chain, control_period: float) -> list[str]:
+    """Return a line where a robot's chain runs at a control period that is not the robot's [s]."""
+    own = ABOUT[found.name].control_period if found.name in ABOUT else None
+    if own is None or math.isclose(own, control_period, rel_tol=1e-9):
+        return []
+    times = f"{1e3 * own:g} ms, this run's {1e3 * control_period:g} ms"
+    return [f"chain {found.name}: the robot's control period is {times} (run.control_period)"]
 
 
 @chain("ideal")
@@ -433,6 +479,12 @@ def fast() -> Chain:
 def slow() -> Chain:
     """The same noise, velocity filtered at 200 rad/s, actuators lagging by 8 ms."""
     return Chain(encoder_noise=1e-4, velocity="differentiated", velocity_filter=200.0, actuator_lag=0.008)
+
+
+@chain("slow-delay")
+def slow_delay() -> Chain:
+    """`slow` with measurements that come 2 ms late."""
+    return replace(slow(), measurement_delay=0.002)
 
 
 IDEAL = CHAINS["ideal"]

@@ -37,11 +37,18 @@ BAD_INPUT, INTERNAL, INTERRUPTED, UNREAD, TERMINATED = 2, 3, 130, 141, 143
 """Exit statuses of commands that ended early; one that did not returns 0, or 1 where something did not hold."""
 
 COMMANDS = {
-    "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "audit", "falsify": "falsify"},
+    "Experiments": {
+        "run": "run",
+        "sweep": "sweep",
+        "audit": "audit",
+        "paper": "audit",
+        "falsify": "falsify",
+        "why": "why",
+    },
     "Arms": {"import": "importing"},
     "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
     "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
-    "Discover": {"laws": "discover", "show": "discover", "configs": "discover"},
+    "Discover": {"laws": "discover", "chains": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
 }
 """Heading in the help -> command -> the module of this package that has it, under the command's name."""

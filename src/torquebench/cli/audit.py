@@ -36,6 +36,7 @@ ANY = "*"
     help="exit status 1 if this claim has this verdict; * stands for every claim; repeatable",
 )
 @option("--no-figures", is_flag=True, help="claims and page only: no figures")
+@option("--show-config", is_flag=True, help="print the whole study, what it extends included; run nothing")
 def audit(
     config: Path,
     out: Path | None,
@@ -45,6 +46,7 @@ def audit(
     plugin: Sequence[Path],
     fail_if: Sequence[str],
     no_figures: bool,
+    show_config: bool,
 ) -> int:
     """Judge the claims of a study under each of its conditions.
 
@@ -52,6 +54,8 @@ def audit(
     expects makes the exit status 1.
     """
     gates = _gates(fail_if)
+    if show_config:
+        return _show(config, overrides, plugin)
     draws = QUICK if quick else None
     return report(
         _run(
@@ -71,6 +75,20 @@ def paper(out: Path | None, quick: bool, workers: int | None) -> int:
     It is `torquebench audit paper/audit`.
     """
     return report(_run(find_config("paper/audit"), folder=out, draws=QUICK if quick else None, workers=workers))
+
+
+def _show(config: Path, overrides: Sequence[str], plugin: Sequence[Path]) -> int:
+    """Print a study as it would be run; arguments as of the command."""
+    from torquebench.audits import audit_config
+    from torquebench.experiment.dump import dump_tree
+    from torquebench.laws.plugin import load_plugin
+
+    for file in plugin:
+        load_plugin(file)
+    whole = audit_config(config, overrides)
+    tell(experiment=whole)
+    say(dump_tree(whole).rstrip("\n"), fold=False)
+    return 0
 
 
 def _run(config: Path, **given: Any) -> Audit:

@@ -1,4 +1,4 @@
-"""``torquebench laws``, ``configs`` and ``show``: what there is to run, and what each of it is."""
+"""``torquebench laws``, ``chains``, ``configs`` and ``show``: what there is to run, and what each of it is."""
 
 from __future__ import annotations
 
@@ -38,6 +38,83 @@ def laws(plugin: Sequence[Path]) -> int:
     return 0
 
 
+@command(example="torquebench chains")
+def chains() -> int:
+    """List the sensors and actuators that a config can name.
+
+    `chain: NAME` in a config; those of robots come with where each number is from.
+    """
+    from torquebench.chain import ABOUT, CHAINS
+
+    tell(
+        chains={
+            name: {"summary": about.summary, "control_period": about.control_period}
+            for name, about in ABOUT.items()
+            if name in CHAINS
+        }
+    )
+    rows = []
+    for name in CHAINS:
+        about = ABOUT[name]
+        rows.append([name, _period(about.control_period), about.summary])
+    say(table(["chain", "period", "what it is"], rows, left=3, prose=True))
+    say("\ntorquebench show CHAIN prints its numbers, and where they come from")
+    return 0
+
+
+def _period(period: float | None) -> str:
+    return "any" if period is None else f"{1e3 * period:g} ms"
+
+
+def chain_facts(name: str) -> dict[str, Any]:
+    """Return what a named chain is, for the terminal, ``--json`` and the documentation.
+
+    Returns:
+        Its name, summary, control period [s], and for each number its key, value, unit, source and link.
+    """
+    from torquebench.chain import ABOUT, CHAINS, Origin
+    from torquebench.experiment.dump import plain_values
+    from torquebench.keys import declared_keys
+
+    about, found, ideal = ABOUT[name], CHAINS[name], CHAINS["ideal"]
+    cls: Any = type(found)
+    rows: list[dict[str, Any]] = []
+
+    def add(key: str, value: Any, unit: str) -> None:
+        rows.append({"key": key, "value": value, "unit": unit, **about.origins.get(key, Origin(""))._asdict()})
+
+    if about.control_period is not None:
+        add("control_period", about.control_period, "s")
+    for declared in declared_keys(cls):
+        value = getattr(found, declared.attribute)
+        if value != getattr(ideal, declared.attribute):
+            add(declared.name, plain_values(value), declared.key.unit)
+    facts = {"chain": name, "summary": about.summary, "note": about.note}
+    return {**facts, "control_period": about.control_period, "numbers": rows}
+
+
+def _show_chain(name: str) -> None:
+    """Print a chain's numbers with their sources."""
+    facts = chain_facts(name)
+    tell(**facts)
+    say(f"{name}\n\n{' '.join(filter(None, (facts['summary'], facts['note'])))}\n")
+    rows = [
+        [row["key"], value_text(row["value"], row["unit"]), " ".join(filter(None, (row["source"], row["link"])))]
+        for row in facts["numbers"]
+    ]
+    if rows:
+        say(table(["key", "value", "where it is from"], rows, left=3, prose=True))
+    period = "" if facts["control_period"] is None else f"\nrun: {{control_period: {facts['control_period']:g}}}"
+    say(f"\nIn a config:\n\nchain: {name}{period}")
+
+
+def value_text(value: Any, unit: str) -> str:
+    """Return a number of a chain with its unit."""
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {number:g}" for key, number in value.items())
+    return value if isinstance(value, str) else f"{value:g} {unit}".rstrip()
+
+
 @command(example="torquebench configs")
 def configs() -> int:
     """List the experiments that come with the package.
@@ -56,38 +133,42 @@ def configs() -> int:
 
 
 class LawOrConfig(click.ParamType[str]):
-    """Name of a law or a shipped config."""
+    """Name of a law, a chain or a shipped config."""
 
     name = "name"
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return the names that begin as typed; laws are found without importing them."""
-        folder = Path(torquebench.__file__).parent / "laws"
-        found = [
-            re.findall(r'^@controller\(\s*"([\w-]+)"', file.read_text(), re.MULTILINE) for file in folder.glob("*.py")
-        ]
-        names = sorted(name for names in found for name in names) + list(shipped_configs())
-        return [CompletionItem(name) for name in names if name.startswith(incomplete)]
+        """Return the names that begin as typed; laws and chains are found without importing them."""
+        package, names = Path(torquebench.__file__).parent, list(shipped_configs())
+        for folder, decorator in (("laws", "controller"), ("chain", "chain")):
+            for file in sorted((package / folder).glob("*.py")):
+                names += re.findall(rf'^@{decorator}\(\s*"([\w-]+)"', file.read_text(), re.MULTILINE)
+        return [CompletionItem(name) for name in sorted(names) if name.startswith(incomplete)]
 
 
 @command(example="torquebench show linear-band-smc")
-@argument("name", type=LawOrConfig(), help="a law, or a config that comes with the package")
+@argument("name", type=LawOrConfig(), help="a law, a chain, or a config that comes with the package")
 @plugins
 def show(name: str, plugin: Sequence[Path]) -> int:
-    """Explain a law, or print a shipped config.
+    """Explain a law or a chain, or print a shipped config.
 
-    Of a law: what it computes, its gains and options, and lines for a config.
+    Of a law: what it computes, its gains and options, and lines for a config; of a chain: its numbers and their
+    sources.
     """
     if name in shipped_configs() or name.endswith((".yaml", ".yml")):
         return _show_config(find_config(name))
+    from torquebench.chain import CHAINS
     from torquebench.laws import find_law, law_names
     from torquebench.laws.plugin import load_plugin
 
     for file in plugin:
         load_plugin(file)
+    if name in CHAINS:
+        _show_chain(name)
+        return 0
     if name not in law_names():
-        text = f"got '{name}', which is neither a law nor a shipped config"
-        refuse([Problem("NAME", text=text, **suggest(name, [*law_names(), *shipped_configs()]))])
+        text = f"got '{name}', which is neither a law, a chain nor a shipped config"
+        refuse([Problem("NAME", text=text, **suggest(name, [*law_names(), *CHAINS, *shipped_configs()]))])
     _show_law(find_law(name))
     return 0
 

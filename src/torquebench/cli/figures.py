@@ -38,7 +38,7 @@ def figures(folder: Path, only: Sequence[str], pdf: bool, use: str, workers: int
 
     They go into its folder `figures`. Nothing is simulated.
     """
-    from torquebench.audits import DIGEST
+    from torquebench.audit import DIGEST
     from torquebench.laws.plugin import load_plugin
     from torquebench.report.figures.files import Wish, names_of
     from torquebench.sweep.folder import PLAN

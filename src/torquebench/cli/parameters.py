@@ -222,7 +222,11 @@ allow_outside = option("--allow-outside", is_flag=True, help="let the config nam
 
 def with_arm(overrides: Iterable[str], arm: Path | None) -> tuple[str, ...]:
     """Return changes of keys, with that of the arm where one is given."""
-    return (*overrides, *([] if arm is None else [f"plant.model={json.dumps(str(arm))}"]))
+    if arm is None:
+        return tuple(overrides)
+    from torquebench.experiment.source import OptionChange
+
+    return (*overrides, OptionChange(f"plant.model={json.dumps(str(arm))}", "--model", str(arm)))
 
 
 workers = functools.partial(option, "-j", "--workers", metavar="N", type=Number(int, 1, 4096))

@@ -25,6 +25,7 @@ from torquebench.cli.parameters import (
     with_arm,
 )
 from torquebench.cli.terminal import bad, complain, following, good, progress_bar, say, table, tell, voice, warn
+from torquebench.cli.why import hint
 from torquebench.errors import Problem
 
 if TYPE_CHECKING:
@@ -63,13 +64,14 @@ def run(
     _check_options(config, from_sweep, index, overrides)
     from torquebench.experiment import load_experiment
     from torquebench.experiment.build import build
-    from torquebench.experiment.certify import flags
+    from torquebench.experiment.certify import flags, planned
     from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
     from torquebench.experiment.dump import dump_tree, plain
     from torquebench.experiment.folder import write_experiment, write_trajectory
     from torquebench.experiment.run import run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
+    from torquebench.metrics.shaking import shaking
     from torquebench.report.answer import answer
     from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
@@ -92,7 +94,7 @@ def run(
     for line in chosen_text(experiment):
         say(line)
     loop = build(experiment)
-    for flag in [*flags(experiment, loop), *experiment.plant.remarks()]:
+    for flag in [*flags(experiment, loop), *planned(experiment, loop), *experiment.plant.remarks()]:
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(out, experiment.name))
     write_experiment(directory, experiment)
@@ -124,6 +126,8 @@ def run(
         from torquebench.cli.video import film_of_run
 
         film_of_run(result, directory.folder, gl)
+    if any(shaking(metrics, result.joints.tau_max) for metrics in result.metrics.values()):
+        say(hint(directory.folder))
     for remark in result.out_of_range:
         warn(f"torquebench: {remark}")
     return _print_failures(result)

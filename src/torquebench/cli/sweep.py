@@ -119,6 +119,7 @@ def sweep(**given: Any) -> int:
     summary = summary_of(stored)
     tell(directory=stored.folder, **sweep_facts(stored, outcomes, summary))
     if summary is not None:
+        _say_border(stored)
         _say_best(stored, summary)
     say(f"results: {stored.folder}")
     wrong = unexpected_outcomes(stored, outcomes)
@@ -129,6 +130,8 @@ def sweep(**given: Any) -> int:
 
 def _start(options: Options) -> StoredSweep | None:
     """Check, estimate and run a sweep; None if only the estimate is wanted."""
+    from torquebench.experiment.build import build
+    from torquebench.experiment.certify import planned
     from torquebench.experiment.dump import dump_tree
     from torquebench.experiment.store import RunDirectory, claim_folder, runs_folder
     from torquebench.sweep.checking import check_plan
@@ -152,6 +155,8 @@ def _start(options: Options) -> StoredSweep | None:
         survey = check_plan(plan, bar.update)
     with _executor(options) as executor:
         work = _print_estimate(plan, survey, executor, begun, ready)
+        for remark in planned(plan.first, build(plan.first)):
+            warn(f"torquebench: first case: {remark}")
         if not options.no_cap:
             refusals = work.refusals((options.out or runs_folder()).absolute())
             refuse([("sweep", f"needs {text}: --no-cap lifts the caps") for text in refusals])
@@ -281,6 +286,26 @@ def _resume_hint(stored: StoredSweep, options: Options) -> str:
     return f"what is stored is kept, go on with: {shlex.join(words)}"
 
 
+def _say_border(stored: StoredSweep) -> None:
+    """Say as bars and a table where each law starts to shake, if it was searched."""
+    from torquebench.metrics.chattering import STILL
+    from torquebench.report.sweep_tables import border_table
+    from torquebench.sweep.folder import TABLE
+    from torquebench.sweep.table import read_table
+
+    border = stored.plan.keys.border
+    if border is None:
+        return
+    header, rows = border_table(read_table(stored.folder / TABLE), ends=False)
+    say(f"First {border.key} at which each law shakes: chattering of {STILL:g} % of the torque limit or more")
+    say(f"\n{table(header, rows, left=next(i for i, x in enumerate(header) if x.endswith(':')) + 1)}\n")
+    say(
+        "medians over the draws; none: at no value searched; all: at every one; ~: predicted by describing functions; "
+        "the page has the intervals"
+    )
+    say(f"drawn by: torquebench figures {stored.folder} --only border\n")
+
+
 def _say_best(stored: StoredSweep, summary: Summary) -> None:
     """Say what came out, in sentences and as a table of the best choices, and where the page is."""
     from torquebench.experiment.schema import slide_joints
@@ -289,7 +314,7 @@ def _say_best(stored: StoredSweep, summary: Summary) -> None:
     from torquebench.report.tables import headlines
     from torquebench.sweep.best import best_choices, conditions, short_names
 
-    titles = headlines(slide_joints(stored.plan.first.plant.model))
+    titles = headlines(slide_joints(stored.plan.first.plant.model), tool=True)
     for sentence in answer(summary, titles):
         say(sentence)
     choices = told_choices(summary, titles, max(LEAST_TOLD, (height() - AROUND) // 2))

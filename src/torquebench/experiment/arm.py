@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torquebench.errors import ModelError, nearest_path
 from torquebench.experiment.values import Here, Node
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN
+from torquebench.kernel import Array
 from torquebench.robot import load_model
 from torquebench.robot.described import described_arm
 from torquebench.robot.library import MJCF, ArmFile, is_path, model_names
@@ -47,6 +49,9 @@ class ArmValue(Node):
                 except ModelError as error:
                     here.add(str(error))
                     return BROKEN
+                if described is None and Path(raw).suffix:
+                    here.add(got=shown(raw), wanted=f"{self.wanted} (.xml, .urdf)")
+                    return BROKEN
                 if described is None:
                     return raw  # the rules know which names there are
             return self._file(raw, described, here)
@@ -68,9 +73,10 @@ class ArmValue(Node):
             here.add(f"{raw} is outside the folder of the config", wanted="a file at or below it", note=note)
             return BROKEN
         if not path.is_file():
-            near = nearest_path(path, MJCF)
+            near = _arm_in(path) if path.is_dir() else nearest_path(path, MJCF)
             where = "" if folder is None or Path(raw).is_absolute() else f" in {folder.absolute()}"
-            here.add(f"there is no file {raw}{where}", nearest=near, wanted="" if near else self.wanted)
+            text = f"{raw} is a folder" if path.is_dir() else f"there is no file {raw}{where}"
+            here.add(text, nearest=near, wanted="" if near else self.wanted)
             return BROKEN
         from torquebench.robot.mjcf import read_arm
 
@@ -88,27 +94,67 @@ class ArmValue(Node):
         return str
 
 
+def _arm_in(folder: Path) -> str:
+    """Return the arm's file in a folder: the one that is called as the folder, or the only one; empty where none is."""
+    files = sorted(path for path in folder.iterdir() if is_path(path.name) and path.is_file())
+    alike = [path for path in files if path.stem == folder.name] or files
+    return str(alike[0]) if len(alike) == 1 else ""
+
+
 def range_remarks(experiment: Experiment, runs: Mapping[str, Trajectory]) -> list[str]:
-    """Return a line for each controller in whose run joints leave the range that the arm's file gives them."""
+    """Return a line for each controller in whose run joints leave the range that the arm's file gives them.
+
+    Joints whose reference leaves it are told by `planned_range` instead.
+    """
+    lines = []
+    for name, run in runs.items():
+        planned = np.any(_beyond(experiment, run.q_ref) > 0.0, axis=0)
+        lines += _leaving(experiment, f"controller '{name}': ", run.t, np.where(planned, run.q_ref, run.q), ~planned)
+    return lines
+
+
+def planned_range(experiment: Experiment, t: Array, q_ref: Array) -> list[str]:
+    """Return a line where the reference leaves the ranges of joints, or none.
+
+    Args:
+        experiment: What is to be run.
+        t: Control instants, (N,) [s].
+        q_ref: Desired positions, (N, n) [rad].
+    """
+    return _leaving(experiment, "the reference: ", t, q_ref, np.ones(q_ref.shape[1], dtype=bool))
+
+
+def _beyond(experiment: Experiment, q: Array) -> Array:
+    """Return how far joints are beyond their range, (N, n) [rad]; not above 0 where they are in it."""
+    passive = load_model(experiment.plant.model).passive
+    far: Array = np.maximum(np.array(passive.low) - q, q - np.array(passive.high))
+    return far
+
+
+def _leaving(experiment: Experiment, who: str, t: Array, q: Array, among: NDArray[np.bool_]) -> list[str]:
+    """Return a line where joints leave their range, or none.
+
+    Args:
+        experiment: What is run.
+        who: Beginning of the line.
+        t: Times, (N,) [s].
+        q: Positions, (N, n) [rad].
+        among: The joints that are looked at, (n,).
+    """
     if experiment.plant.limits == "ignore":
         return []
-    arm = load_model(experiment.plant.model)
-    low, high = np.array(arm.passive.low), np.array(arm.passive.high)
-    if not np.any(np.isfinite([low, high])):
+    beyond = _beyond(experiment, q)
+    left = np.flatnonzero(np.any(beyond > 0.0, axis=0) & among)
+    if len(left) == 0:
         return []
-    found = []
-    for name, run in runs.items():
-        beyond = np.maximum(low - run.q, run.q - high)
-        left = np.flatnonzero(np.any(beyond > 0.0, axis=0))
-        if len(left) == 0:
-            continue
-        worst = int(left[np.argmax(beyond[:, left].max(axis=0))])
-        unit, at = "m" if arm.flat.kind[worst] else "rad", float(run.t[np.argmax(beyond[:, worst] > 0.0)])
-        others = [arm.joint_names[j] for j in left if j != worst]
-        found.append(
-            f"controller '{name}': {arm.joint_names[worst]} leaves its range, {low[worst]:.4g} to {high[worst]:.4g} "
-            f"{unit}, at {at:.4g} s and goes up to {beyond[:, worst].max():.3g} {unit} beyond it"
-            + (f", as do {', '.join(others)} theirs" if others else "")
-            + ("" if experiment.plant.limits == "stop" else "; no plant holds a joint back")
-        )
-    return found
+    arm = load_model(experiment.plant.model)
+    worst = int(left[np.argmax(beyond[:, left].max(axis=0))])
+    unit, at = "m" if arm.flat.kind[worst] else "rad", float(t[np.argmax(beyond[:, worst] > 0.0)])
+    others = [arm.joint_names[j] for j in left if j != worst]
+    return [
+        f"{who}{arm.joint_names[worst]} leaves its range, {arm.passive.low[worst]:.4g} to "
+        f"{arm.passive.high[worst]:.4g} {unit}, at {at:.4g} s and goes up to {beyond[:, worst].max():.3g} {unit} "
+        "beyond it"
+        + (f", as do {', '.join(others)} theirs" if others else "")
+        + ("" if experiment.plant.limits == "stop" else "; no plant holds a joint back")
+    ]

@@ -20,6 +20,7 @@ from torquebench.references import Reference, from_samples
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.inverse_kinematics import PathError
 from torquebench.sim.friction import SteepError
+from torquebench.sim.joints import SpringError
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.signals import control_instants, total_torque
@@ -187,13 +188,15 @@ def build_plant(experiment: schema.Experiment) -> Plant:
     """Make the plant; MuJoCo is imported only for ``engine: mujoco``.
 
     Raises:
-        ConfigError: its friction is too steep for its time step.
+        ConfigError: its friction or its joints are too fast for its time step.
         ModelError: the arm cannot carry the payload.
     """
     try:
         return experiment.plant.build(plant_factors(experiment))
     except SteepError as error:
         raise _bad("plant.friction", str(error)) from error
+    except SpringError as error:
+        raise _bad("plant.transmission", str(error)) from error
 
 
 def sampled(experiment: schema.Experiment) -> Reference:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from torquebench.certificates import UNSTABLE, Certificate, Phases, SlidingLaw, certify, held_to, required_gain
 from torquebench.experiment import schema
+from torquebench.experiment.arm import planned_range
 from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
@@ -17,6 +18,7 @@ from torquebench.laws import find_law
 from torquebench.robot import RobotModel
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
+from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
 from torquebench.tuning import rate
@@ -24,6 +26,10 @@ from torquebench.tuning import rate
 POSES = 100
 """Poses along the motion at which the arm's inertia is looked at."""
 TINY = 1e-300
+INSTANTS = 2000
+"""Instants of a reference at which its torque is looked at."""
+ROUNDED = 1e-9
+"""What rounding may make of a torque at its limit [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +134,41 @@ def resistance(experiment: schema.Experiment, qd: Array) -> Array:
     return -(as_vector(friction.viscous, n) * qd + as_vector(friction.coulomb, n) * rising)
 
 
+def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
+    """Return a line where the reference needs more torque than the arm has, or none.
+
+    It is M qdd_ref + N(q_ref, qd_ref), friction included, of the true arm with what it carries, at up to `INSTANTS`
+    instants; what is drawn, disturbances, is no part of it.
+
+    Args:
+        experiment: What is to be run.
+        loop: Its objects.
+    """
+    step, truth = -(-len(loop.reference.q) // INSTANTS), truth_of(experiment)
+    if isinstance(truth, Phases):
+        truth = replace(truth, at=-(-truth.at // step))
+    q, qd, qdd = (x[::step] for x in loop.reference)
+    tau = np.einsum("kij,kj->ki", truth.mass_matrix(q), qdd) + truth.bias_forces(q, qd) - resistance(experiment, qd)
+    share = np.abs(tau) / np.asarray(loop.plant.tau_max)
+    over = np.flatnonzero(share.max(axis=0) > 1.0 + ROUNDED)
+    if not len(over):
+        return []
+    worst = int(over[np.argmax(share[:, over].max(axis=0))])
+    at, unit = int(np.argmax(share[:, worst])), "N" if loop.model.flat.kind[worst] == SLIDE else "N m"
+    others = [loop.joint_names[j] for j in over if j != worst]
+    return [
+        f"the reference needs more torque than the arm has: {loop.joint_names[worst]} {abs(tau[at, worst]):.4g} {unit} "
+        f"at {at * step * experiment.run.control_period:.4g} s, its limit is {loop.plant.tau_max[worst]:.4g} {unit}"
+        + (f"; so do {', '.join(others)}" if others else "")
+    ]
+
+
+def planned(experiment: schema.Experiment, loop: Loop) -> list[str]:
+    """Return what the arm cannot do of its reference, whatever the law: leave joints' ranges, exceed torque limits."""
+    t = control_instants(experiment.n_steps, experiment.run.control_period)
+    return [*planned_range(experiment, t, loop.reference.q), *planned_torque(experiment, loop)]
+
+
 def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
     """Return what a controller's certificates need, or None where they are not defined for its law.
 
@@ -159,7 +200,12 @@ def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
 
 
 def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Overdriven, ...]:
-    """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s."""
+    """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s.
+
+    All of that is said of rigid joints, so there is nothing to say where the plant's joints give.
+    """
+    if experiment.plant.transmission is not None:
+        return ()
     truth, found = truth_of(experiment), list[Flag | Coarse | Overdriven]()
     acting = resistance(experiment, loop.reference.qd) + (0.0 if loop.disturbance is None else loop.disturbance)
     for keys in experiment.controllers:
@@ -187,7 +233,7 @@ def certificate_of(
     run: Trajectory,
     truth: RobotModel | Phases | None = None,
 ) -> Certificate | None:
-    """Return the certificate of one run; None where it did not complete, or its law has none.
+    """Return the certificate of one run; None where it did not complete, joints give, or its law has none.
 
     Args:
         experiment: What was run.
@@ -197,7 +243,7 @@ def certificate_of(
         truth: The arm, where it is at hand; see `truth_of`.
     """
     law = sliding_law(keys, loop, experiment.n)
-    if law is None or not run.completed:
+    if law is None or not run.completed or experiment.plant.transmission is not None:
         return None
     period = experiment.run.control_period
     return certify(run, truth or truth_of(experiment), law, period, experiment.chain.reaction(period))

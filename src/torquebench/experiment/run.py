@@ -8,11 +8,12 @@ from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.certificates import Certificate
+from torquebench.chain import rate_remarks
 from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
 from torquebench.experiment.arm import range_remarks
 from torquebench.experiment.build import Loop, build, plant_factors
-from torquebench.experiment.certify import certificates, flags
+from torquebench.experiment.certify import certificates, flags, planned
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
 from torquebench.experiment.schema import Controller as ControllerKeys
@@ -94,9 +95,11 @@ class ExperimentResult:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """What was wrong with the controllers before the run, what the arm's file lost, and joints out of range."""
-        before = [*map(str, flags(self.experiment, self.loop)), *self.experiment.plant.remarks()]
-        return (*before, *self.out_of_range)
+        """What controllers or arm could not do before the run, what the arm's file lost, and joints out of range."""
+        experiment, loop = self.experiment, self.loop
+        before = [*map(str, flags(experiment, loop)), *planned(experiment, loop), *experiment.plant.remarks()]
+        rate = rate_remarks(experiment.chain, experiment.run.control_period)
+        return (*before, *rate, *self.out_of_range)
 
     @cached_property
     def out_of_range(self) -> tuple[str, ...]:

@@ -128,7 +128,7 @@ class Document:
     def problem(self, place: Place, **parts: Any) -> Problem:
         """Return a mistake at a place; `parts` are those of a `Problem`."""
         if place.override:
-            return Problem(f"--set {self.overrides[place.override - 1]}", **parts)
+            return Problem(self.overrides[place.override - 1], **parts)
         file = self.files[place.file]
         if not file or not place.line:
             return Problem(file, **parts)
@@ -351,6 +351,29 @@ def tree_of(value: Any) -> Any:
     return value
 
 
+class OptionChange(str):
+    """A change ``key=value`` that an option of its own stands for, by which messages call it."""
+
+    option: str
+    given: str
+
+    def __new__(cls, text: str, option: str, given: str) -> OptionChange:
+        """Return the change.
+
+        Args:
+            text: As for ``--set``.
+            option: The option.
+            given: Its value.
+        """
+        made = super().__new__(cls, text)
+        made.option, made.given = option, given
+        return made
+
+    def __getnewargs__(self) -> tuple[str, str, str]:  # type: ignore[override]  # a copy is made as this was
+        """Return what `__new__` takes."""
+        return str(self), self.option, self.given
+
+
 def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
     """Apply each override in order, the last one winning; mistakes are recorded in the document.
 
@@ -361,8 +384,9 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
         overrides: Texts ``key=value``; values follow the same rules as in the file.
     """
     for text in overrides:
-        shown = text if text.isprintable() else ascii(text)
-        document.overrides.append(shown if len(shown) <= 120 else shown[:120] + "...")
+        option, given = (text.option, text.given) if isinstance(text, OptionChange) else ("--set", text)
+        shown = given if given.isprintable() else ascii(given)
+        document.overrides.append(f"{option} {shown if len(shown) <= 120 else shown[:120] + '...'}")
         place = Place(len(document.overrides))
         key, equals, value_text = text.partition("=")
         if len(text) > MAX_OVERRIDE:

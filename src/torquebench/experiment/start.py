@@ -1,4 +1,4 @@
-"""A run that starts at a keyframe of the arm's file: ``initial_q: key:home``, with its reference."""
+"""A run, or a path of the tool, that starts at a keyframe of the arm's file: ``initial_q: key:home``."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _keyframes(model: Any, document: Document, top: Group) -> dict[str, Array] |
 
 
 def write_keyframe(document: Document, top: Group) -> None:
-    """Put numbers in place of the keyframe at which the run starts, and let its reference start there.
+    """Put numbers in place of keyframes: where a path of the tool begins, and where the run and its reference start.
 
     Args:
         document: The config; changed.
@@ -37,22 +37,40 @@ def write_keyframe(document: Document, top: Group) -> None:
     """
     root: Any = document.root
     run, plant, reference = (root.get(name) for name in ("run", "plant", "reference"))
-    given = run.get("initial_q") if isinstance(run, Map) else None
-    if not (isinstance(run, Map) and isinstance(given, str) and given.startswith(KEY)):
-        return
-    places, name = run.places["initial_q"], given.removeprefix(KEY)
+    model = plant.get("model") if isinstance(plant, Map) else None
+    if isinstance(reference, Map):
+        _pose_at(reference, ("reference", "start"), model, document, top)
+    pose = _pose_at(run, ("run", "initial_q"), model, document, top) if isinstance(run, Map) else None
+    kind = reference.get("kind") if isinstance(reference, Map) else None
+    if pose is not None and kind in tuple(REFERENCES) and "origin" not in reference:
+        if any(declared.name == "origin" for declared in declared_keys(REFERENCES.find(kind))):
+            reference.put("origin", pose, *run.places["initial_q"])
+
+
+def _pose_at(node: Map, path: tuple[str, str], model: Any, document: Document, top: Group) -> Any:
+    """Put numbers in place of a keyframe, and return them; BROKEN where there is none, None where numbers stand there.
+
+    Args:
+        node: A section.
+        path: Its key that may name a keyframe.
+        model: The arm.
+        document: The config; told what is wrong.
+        top: Its sections.
+    """
+    key, given = path[-1], node.get(path[-1])
+    if not (isinstance(given, str) and given.startswith(KEY)):
+        return None
+    places, name = node.places[key], given.removeprefix(KEY)
     pose: Any = BROKEN
-    poses = _keyframes(plant.get("model") if isinstance(plant, Map) else None, document, top)
+    poses = _keyframes(model, document, top)
     if poses is not None and name in poses:
         pose = Seq(poses[name].tolist(), [places[1]] * len(poses[name]))
     elif poses is not None:
         near = nearest(name, poses) or ""
         names = ", ".join(KEY + each for each in poses)
-        wanted = "" if near else f"one of {names}" if names else "numbers, or home: it has none at all"
+        numbers = "numbers, or home: it has none at all" if key == "initial_q" else "numbers: it has none at all"
+        wanted = "" if near else f"one of {names}" if names else numbers
         text = f"the arm's file has no keyframe '{name}'"
-        document.add(("run", "initial_q"), text, wanted=wanted, nearest=KEY + near if near else "")
-    run.put("initial_q", pose, *places)
-    kind = reference.get("kind") if isinstance(reference, Map) else None
-    if kind in tuple(REFERENCES) and "origin" not in reference:
-        if any(declared.name == "origin" for declared in declared_keys(REFERENCES.find(kind))):
-            reference.put("origin", pose, *places)
+        document.add(path, text, wanted=wanted, nearest=KEY + near if near else "")
+    node.put(key, pose, *places)
+    return pose

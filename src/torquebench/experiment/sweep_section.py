@@ -197,6 +197,7 @@ class Normal:
 
 Pair: TypeAlias = tuple[float, float]
 _PAIR = "two numbers: [least, greatest]"
+_GAIN = "a gain, such as controllers.*.gains.k"
 
 
 @dataclass(frozen=True)
@@ -293,6 +294,24 @@ class Worst:
 
 
 @dataclass(frozen=True)
+class Border:
+    """Where each law starts to shake: the first value of a gain at which it chatters by 0.1 % or more, or fails."""
+
+    key: Annotated[str, Key("The gain, such as controllers.*.gains.k; a law without it has no border", wanted=_GAIN)]
+    start: Annotated[float, Key("Value at which the search begins; its unit is the gain's", "1", above=0, name="from")]
+    stop: Annotated[float, Key("Value at which it ends; a smaller one to search downwards", "1", above=0, name="to")]
+    within: Annotated[float, Key("Width to which a border is narrowed, as a share of the value", "1", above=0)] = 0.05
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield what leaves it without meaning."""
+        parts = split_key(self.key.replace(EVERY, "controllers.x.", 1)) or []
+        if len(parts) != 4 or (parts[0], parts[2]) != ("controllers", "gains"):
+            yield Fault(("key",), got=self.key, wanted=_GAIN)
+        if self.start == self.stop:
+            yield Fault(("to",), got=f"{self.start:g} twice", wanted="another end")
+
+
+@dataclass(frozen=True)
 class Sweep:
     """Many runs of one experiment: every combination of the grid, each in every draw, for every controller."""
 
@@ -323,6 +342,10 @@ class Sweep:
     certificates: Annotated[
         bool, Key("Whether the table has the figures of each run's stability certificates, which cost as much as a run")
     ] = False
+    border: Annotated[
+        Border | None,
+        Key("Gain along which it is searched, in each case and draw, where each law starts to shake; if left out none"),
+    ] = None
     keep: Annotated[str | Worst, Key("Trajectories to store, besides the metrics"), NameOr(("none", "all"), Worst)] = (
         "none"
     )
@@ -331,11 +354,16 @@ class Sweep:
         """Yield a fault for each key that is both in the grid and random."""
         for both in {axis.key for axis in self.axes} & {r.key for r in self.random}:
             yield Fault(("random", both), "is in the grid already", at="key", wanted="it in one of the two")
+        varied_keys = {axis.key for axis in self.axes} | {r.key for r in self.random}
+        if self.border is not None and self.border.key in varied_keys:
+            yield Fault(("border", "key"), f"{self.border.key} is varied already", wanted="another gain")
 
     def plain(self) -> dict[str, Any]:
         """Return what decides results, as plain values."""
-        certified = {"certificates": True} if self.certificates else {}
-        return certified | {
+        more: dict[str, Any] = {"certificates": True} if self.certificates else {}
+        if self.border is not None:
+            more["border"] = values_of(self.border)
+        return more | {
             "draws": self.draws,
             "grid": [[axis.key, [[value.word, value.raw] for value in axis.values]] for axis in self.axes],
             "random": [

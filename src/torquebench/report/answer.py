@@ -9,10 +9,9 @@ from markupsafe import Markup
 from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
 from torquebench.metrics import METRICS
+from torquebench.metrics.chattering import STILL
+from torquebench.metrics.shaking import is_still
 from torquebench.report.tables import number
-
-STILL = 0.1
-"""Chattering below this is none worth the name [% of the torque limit]."""
 
 
 def answer(result: ExperimentResult) -> Markup:
@@ -74,7 +73,7 @@ def _chattering(result: ExperimentResult) -> list[Markup]:
     if not values:
         return []
     names, limit = list(values), "of the torque limit"
-    quiet = [name for name in names if values[name] < STILL]
+    quiet = [name for name in names if is_still(values[name])]
     loud = Markup("{} {} ({} % {})").format(
         _bold(names[-1:]), "chatters most" if len(names) > 1 else "chatters", number(values[names[-1]]), limit
     )
@@ -96,7 +95,7 @@ def _costs(result: ExperimentResult) -> list[Markup]:
     if len(errors) < 2 or set(errors) != set(chattering) or set(errors) != set(effort):
         return []
     best, calm, weak = (next(iter(values)) for values in (errors, chattering, effort))
-    if chattering[best] < STILL or best == calm:
+    if is_still(chattering[best]) or best == calm:
         other = list(effort)[-1] if best != list(effort)[-1] else weak
         return [
             Markup("{} takes {} the torque effort of {}.").format(

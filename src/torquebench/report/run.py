@@ -67,7 +67,7 @@ def run_files(
     from torquebench.report.figures.files import figure_files
     from torquebench.report.figures.run_view import draw_jobs
 
-    return figure_files(draw_jobs(view_of(result)), wish, progress, only)
+    return figure_files(draw_jobs(view_of(result, only)), wish, progress, only)
 
 
 def draw_run(
@@ -97,14 +97,24 @@ def draw_run(
     return files
 
 
-def view_of(result: ExperimentResult) -> RunView:
+def view_of(result: ExperimentResult, only: Sequence[str] = ()) -> RunView:
     """Return what the figures of a run show.
 
     The stability certificates need the arm that was run, and are left out where its files have changed.
+
+    Args:
+        result: The run.
+        only: Names of the figures that are wanted; what none of them shows is not worked out. All if there are none.
     """
+    from torquebench.report.figures.files import may_draw
     from torquebench.report.figures.run_view import RunView
 
+    def shown(name: str) -> bool:
+        """Whether a wanted figure may show what the built-in one of this name shows; that of a plug-in shows any."""
+        return any(may_draw(one.name, only) for one in FIGURES.values() if one.name == name or callable(one.draw))
+
     experiment = result.experiment
+    certified = shown("certificates") and result.certified and not result.arm_changed
     bands = {keys.name: band_of(keys.law, keys.gains) for keys in experiment.controllers}
     n = len(result.joints.names)
     return RunView(
@@ -120,9 +130,9 @@ def view_of(result: ExperimentResult) -> RunView:
         metrics=result.metrics,
         bands={name: as_vector(band, n) for name, band in bands.items() if band is not None},
         slides=result.slides,
-        certificates=result.certificates if result.certified and not result.arm_changed else {},
+        certificates=result.certificates if certified else {},
         fuzzy=fuzzy_in_use(experiment),
-        fired=fired_rules(result),
+        fired=fired_rules(result) if shown("rules") else {},
     )
 
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import base64
+import inspect
 import json
 import math
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
+from torquebench.kernel import is_foreign
+from torquebench.laws import find_law
 from torquebench.metrics import METRICS
 from torquebench.report.answer import answer
 from torquebench.report.looks import looks
@@ -18,6 +22,7 @@ from torquebench.report.render import THREE, UPLOT, render
 from torquebench.report.replay import replay_data
 from torquebench.report.scatter import Point, scatter
 from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text, uncovered
+from torquebench.robot.library import ArmFile, scene_path
 
 LEAST = 1e-3
 """Smaller figures of the table are written as ``<0.001``; the stored one is told under the pointer."""
@@ -64,7 +69,9 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         unit=joint_units(METRICS["rmse"].shown_unit, result.slides),
         by_joint=by_joint(result),
         certificates=certificate_words(result),
-        flags=[*result.flags, *uncovered(result), *changed_arm(result)],
+        flags=[*result.flags, *changed_arm(result)],
+        uncovered=uncovered(result),
+        drawn_as=drawn_as(experiment.plant.model),
         conditions=[first, second],
         gains=gain_table(result),
         config=dump_experiment(experiment),
@@ -72,7 +79,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         video=None if film is None else base64.b64encode(film).decode(),
         drawn=figures,
         commands={
-            "run it again": "torquebench run RUN/experiment.yaml",
+            "run it again": "torquebench run RUN/experiment.yaml" + plugin_flags(experiment.laws.values()),
             "this page, playing": "torquebench view RUN",
             "a film of it": "torquebench video RUN",
             "figures for print": "torquebench figures RUN",
@@ -199,6 +206,20 @@ def certificate_words(result: ExperimentResult) -> list[tuple[str, list[tuple[bo
         )
         found.append((name, [(enough, gain), (time is not None, layer), (not rising, falls + after)]))
     return found
+
+
+def drawn_as(model: str | ArmFile) -> str:
+    """Return that an arm is not drawn with its own looks, and how it would be; nothing where it is."""
+    if not isinstance(model, ArmFile) or scene_path(model) is not None:
+        return ""
+    return "links are drawn as capsules: torquebench import keeps an arm's meshes for pictures"
+
+
+def plugin_flags(laws: Iterable[str]) -> str:
+    """Return the options that load the files of users' laws."""
+    users = [find_law(name).function for name in laws if is_foreign(find_law(name).function)]
+    files = dict.fromkeys(inspect.getsourcefile(inspect.unwrap(function)) for function in users)
+    return "".join(f" --plugin {shlex.quote(file)}" for file in files if file)
 
 
 def changed_arm(result: ExperimentResult) -> list[str]:

@@ -103,7 +103,7 @@ def jobs_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str
     from torquebench.report.figures.sweep import sweep_jobs
 
     subtitle = f"{info.workload}\nfirst case, draw 0: {info.conditions}"
-    return sweep_jobs(table, info.name, subtitle, found, info.slides, info.laws)
+    return sweep_jobs(table, info.name, subtitle, found, info.slides, info.laws, info.border)
 
 
 def info_of(stored: StoredSweep) -> SweepInfo:
@@ -126,6 +126,7 @@ def info_of(stored: StoredSweep) -> SweepInfo:
         },
         [str(path) for path in plan.source.plugins],
         plan.source.overrides,
+        "" if plan.keys.border is None else plan.keys.border.key,
     )
 
 

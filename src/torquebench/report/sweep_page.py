@@ -19,6 +19,7 @@ from torquebench.report.sweep_tables import (
     SHOWN,
     Titles,
     answer,
+    border_table,
     columns_of,
     failures_table,
     influences,
@@ -61,6 +62,8 @@ class SweepInfo(NamedTuple):
     """Paths of the files of its own laws."""
     overrides: Sequence[str] = ()
     """Edits ``key=value`` that were made to its file."""
+    border: str = ""
+    """Gain along which it was searched where laws start to shake; empty if it was not."""
 
 
 def sweep_page(table: Table, summary: Summary, info: SweepInfo, found: Sequence[Sensitivity] = ()) -> bytes:
@@ -72,7 +75,7 @@ def sweep_page(table: Table, summary: Summary, info: SweepInfo, found: Sequence[
         info: What it is.
         found: What its metrics depend on; of those in `SHOWN` it is told.
     """
-    titles = headlines(info.slides, steps=True)
+    titles = headlines(info.slides, steps=True, tool=True)
     told = [one for one in found if one.metric in SHOWN]
     drawn = f"; drawn: {', '.join(summary.drawn)}" if summary.drawn else ""
     first, _, second = info.conditions.partition("\n")
@@ -90,6 +93,8 @@ def sweep_page(table: Table, summary: Summary, info: SweepInfo, found: Sequence[
         title=info.name,
         lead=info.description or info.workload,
         answer=answer(summary, titles),
+        borders=border_table(table) if info.border else None,
+        border=info.border,
         laws=law_rows(table, summary, titles, info.laws) if len(summary.overall) > 1 else [],
         shown=[titles[key][0] for key in SHOWN if key in summary.metrics],
         worst=bool(conditions(summary)),

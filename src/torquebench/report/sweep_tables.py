@@ -11,14 +11,18 @@ from torquebench.metrics import METRICS
 from torquebench.report.tables import Cells
 from torquebench.statistics import Ratio
 from torquebench.sweep.best import Choice, best_choices, conditions, short_names
+from torquebench.sweep.border import Level, level_of
 from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
 from torquebench.sweep.summary import Figure, Group, Summary
+from torquebench.sweep.table import Table, grid_keys, rows_by
 
 SHOWN = ("rmse", "chattering")
 """Metrics that answers, fronts and figures are about: error against chattering."""
 LEFT_OUT = ("steady_state_error", "chattering_peak", "limit_cycle", "hf", "saturation_fraction")
 """Metrics with a column elsewhere that tables of the best have no room for; ``summary.json`` has them."""
+BARS = "▁▂▃▄▅▆▇█"
+"""From low to high."""
 STRIP = 32
 """Characters of an axis of dots."""
 Titles = Mapping[str, tuple[str, float]]
@@ -186,6 +190,60 @@ def best_table(choices: Sequence[Choice], summary: Summary, titles: Titles) -> C
         figures = [figure_text(one, key, titles, named=False, ends=key in SHOWN) for key in shown]
         rows.append([one.controller, *values, *figures, f"{one.runs:,}", f"{one.runs - one.completed:,}"])
     return header, rows
+
+
+def border_table(table: Table, ends: bool = True) -> Cells:
+    """Return a row for each law under each further condition: where it starts to shake along the first key.
+
+    The bars of the second column are the borders, on a logarithmic scale from the least to the greatest of all.
+
+    Args:
+        table: A sweep's table with borders.
+        ends: Whether to say the intervals.
+    """
+    along, *apart = (key for key in grid_keys(table) if len(set(table[key].tolist())) > 1)
+    places = list(dict.fromkeys(table[along].tolist()))
+    found = {at: level_of(table, rows) for at, rows in rows_by(table, "controller", *apart, along).items()}
+    known = [x.border for x in found.values() if math.isfinite(x.border)]
+    least, most = (min(known), max(known)) if known else (1.0, 1.0)
+    short = short_names((along, *apart))
+    header = ["controller", *(short[key] for key in apart), f"{short[along]}:", *map(value_text, places)]
+    rows = []
+    for own in dict.fromkeys(at[:-1] for at in found):
+        levels = [found.get((*own, x)) for x in places]
+        bars = "".join(" " if x is None else _bar_of(x.border, least, most) for x in levels)
+        words = [value_text(x) for x in own[1:]]
+        rows.append([own[0], *words, bars, *("-" if x is None else border_text(x, ends) for x in levels)])
+    return header, rows
+
+
+def border_text(found: Level, ends: bool = True) -> str:
+    """Return a border with its interval, where it goes back to stillness beyond it, and what is predicted.
+
+    Args:
+        found: The border.
+        ends: Whether to say the interval.
+    """
+
+    def word(x: float) -> str:
+        return "none" if math.isinf(x) else f"{x:.3g}"
+
+    if math.isnan(found.border):
+        return "-"
+    text = "all" if math.isnan(found.before) and math.isfinite(found.border) else word(found.border)
+    if ends and not math.isnan(found.low) and found.low != found.high:
+        text += f" [{word(found.low)}, {word(found.high)}]"
+    if not math.isnan(found.last):
+        text += f" (still at {word(found.last)})"
+    return text if math.isnan(found.predicted) else f"{text} ~{word(found.predicted)}"
+
+
+def _bar_of(x: float, least: float, most: float) -> str:
+    """Return a bar as high as a border lies between the least and the greatest; a full one where there is none."""
+    if math.isnan(x):
+        return " "
+    share = 1.0 if x >= most else math.log(max(x, least) / least) / math.log(most / least)
+    return BARS[round(share * (len(BARS) - 1))]
 
 
 def ratio_text(ratio: Ratio | None) -> str:

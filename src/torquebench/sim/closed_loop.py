@@ -72,7 +72,7 @@ def give(job: Job, k: int, s: int) -> None:
     if s == (drives.late[k] if len(drives.late) > 0 and k > 0 else 0):
         for i in range(len(job.q)):
             drives.held[i] = drives.target[i]
-    drive(drives, k * job.substeps + s, job.qd, job.tau_max, job.output, torque)
+    drive(drives, k * job.substeps + s, job.motor_qd, job.tau_max, job.output, torque)
     for i in range(len(job.q)):
         if drives.active:
             mean = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0
@@ -123,13 +123,16 @@ def closed_loop(
     record_q, record_qd, record_tau_law = job.record_q, job.record_qd, job.record_tau_law
     measured, delayed = len(job.record_q_meas) > 0, len(job.late) > 0
     driven = job.drives.active or len(job.drives.decay) > 0
-    bounded = len(job.ends) > 0
+    bounded, geared = len(job.ends) > 0, len(job.motors) > 0
     for k in range(first, last):
         at[0] = k
         copy_row(q, record_q[k])
         copy_row(qd, record_qd[k])
+        if geared:
+            copy_row(job.motors[0], job.record_motor_q[k])
+            copy_row(job.motors[1], job.record_motor_qd[k])
         if measured:
-            measure(job.sensors, k, job.control_period, q, qd, job.fresh_q, job.fresh_qd)
+            measure(job.sensors, k, job.control_period, job.sensed_q, job.sensed_qd, job.fresh_q, job.fresh_qd)
             if delayed:
                 hold_back(job, k)
             copy_row(job.measured_q, job.record_q_meas[k])

@@ -36,7 +36,7 @@ class PythonRun:
         """Reason of a failure; empty if there was none."""
         self._call = Call(setup.law, setup.gains, setup.belief, setup.memory)
         self._loop, self._job = on_numbers(closed_loop), python_numbers(setup.job)
-        setup.job.q[:], setup.job.qd[:] = setup.plant.state()
+        self._see()
 
     def attach(self) -> None:
         """Have the plant go on with its payload."""
@@ -53,7 +53,13 @@ class PythonRun:
     def _step(self, job: Job, substeps: int, varying: int) -> None:
         plant, own = self.setup.plant, self.setup.job
         plant.step(own.torque if varying else own.torque[0], substeps)
+        self._see()
+
+    def _see(self) -> None:
+        plant, own = self.setup.plant, self.setup.job
         own.q[:], own.qd[:] = plant.state()
+        if len(own.motors) > 0:
+            own.motors[:] = plant.motors()  # type: ignore[attr-defined]  # only of a plant that has them
 
 
 MATH_ERROR = re.compile(r"math domain error|expected a (\w+ input|number in range)")

@@ -51,6 +51,14 @@ class Job(Structure):
     """The plant's position now, (n,) [rad]."""
     qd: Array
     """The plant's velocity now, (n,) [rad/s]."""
+    motors: Annotated[Array, 2]
+    """Position [rad] and velocity [rad/s] of motors that move relative to the links, (2, n); (0, n) for none."""
+    motor_qd: Array
+    """Velocity of the motors, (n,) [rad/s]; `qd` itself where they are the links'."""
+    sensed_q: Array
+    """Position that is measured, (n,) [rad]: `q`, or that of the motors."""
+    sensed_qd: Array
+    """Velocity that is measured, likewise, (n,) [rad/s]."""
     fresh_q: Array
     """Position measured last, (n,) [rad]; the array that the law sees where it sees it at once."""
     fresh_qd: Array
@@ -75,6 +83,8 @@ class Job(Structure):
     record_tau_law: Annotated[Array, 2]
     record_tau: Annotated[Array, 2]
     record_tau_applied: Annotated[Array, 2]
+    record_motor_q: Annotated[Array, 2]
+    record_motor_qd: Annotated[Array, 2]
     record_memory: Annotated[Array, 3]
     """Signals at each control instant, (N, n) or (0, n); of the memory (m, N, n)."""
 
@@ -137,10 +147,12 @@ def set_up(
     sensors = chain.sensors(n, control_period, drawn)
     drives = chain.drives(n, n_steps, plant.timestep, control_period, drawn)
     delay = min(chain.measurement_steps(control_period), n_steps)
-    measured = not sensors.exact or delay > 0
+    motors, by_motor = motors_of(plant, native), getattr(plant, "sensor", "link") == "motor"
+    geared = len(motors) > 0
+    measured = not sensors.exact or delay > 0 or by_motor
     acting = drives.active or len(drives.decay) > 0 or disturbance is not None
     # one block for all records: the operating system hands out its pages, which is slow, only once
-    records = np.empty((4 + 2 * measured + acting + len(fields), n_steps, n))
+    records = np.empty((4 + 2 * measured + acting + 2 * geared + len(fields), n_steps, n))
     one = iter(records)
     # copies: they become the trajectory's, which nobody may write to, and the caller's own arrays stay the caller's
     inputs = [x if is_fixed(x) else np.array(x, dtype=np.float64, order="C") for x in desired]
@@ -160,6 +172,10 @@ def set_up(
         drives=drives,
         q=q,
         qd=qd,
+        motors=motors,
+        motor_qd=motors[1] if geared else qd,
+        sensed_q=motors[0] if by_motor else q,
+        sensed_qd=motors[1] if by_motor else qd,
         fresh_q=fresh_q,
         fresh_qd=fresh_qd,
         late=np.zeros((delay, 2, n)),
@@ -175,11 +191,25 @@ def set_up(
         record_tau_law=next(one),
         record_tau=next(one),
         record_tau_applied=next(one) if acting else none,
+        record_motor_q=next(one) if geared else none,
+        record_motor_qd=next(one) if geared else none,
         record_memory=records[len(records) - len(fields) :],
         at=np.zeros(1, dtype=np.int64),
         call=np.zeros(7, dtype=np.int64),
     )
     return Setup(law, gains, belief, memory, plant, native, job)
+
+
+def motors_of(plant: Plant, native: NativePlant | None) -> Array:
+    """Return where a run finds the state of motors that move relative to the links, (2, n); (0, n) for none.
+
+    Args:
+        plant: The truth.
+        native: Its native form, when the run is to be compiled: then it is the plant's own state.
+    """
+    if not hasattr(plant, "motors"):
+        return np.zeros((0, plant.n))
+    return np.array(plant.motors()) if native is None or native.motors is None else native.motors
 
 
 def is_fixed(x: Array) -> bool:

@@ -39,6 +39,8 @@ class Outcome(Enum):
 
 
 SIGNALS = ("q", "qd", "q_meas", "qd_meas", "q_ref", "qd_ref", "qdd_ref", "s", "tau_law", "tau", "tau_applied")
+MOTORS = ("motor_q", "motor_qd")
+"""Signals of motors that move relative to the links; a run has both or neither."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -73,6 +75,10 @@ class Trajectory:
     """Torque after clipping to the limits [N m]."""
     tau_applied: Array
     """Mean torque on the joints during the step: actuator output plus disturbance [N m]."""
+    motor_q: Array | None = None
+    """Position of the motors [rad], seen at the joints; None where joints are rigid, and it is that of the links."""
+    motor_qd: Array | None = None
+    """Velocity of the motors [rad/s], likewise."""
     outcome: Outcome = Outcome.COMPLETED
     failed_at: int | None = None
     """Index of the control instant at which the run failed."""
@@ -91,7 +97,7 @@ class Trajectory:
         return "" if self.completed else f"{self.outcome.name.lower().replace('_', ' ')} at {self.t[-1]:g} s"
 
     def __post_init__(self) -> None:
-        for array in (self.t, *(getattr(self, name) for name in SIGNALS), *self.extra.values()):
+        for array in self.arrays().values():
             array.setflags(write=False)
 
     def __repr__(self) -> str:
@@ -107,6 +113,7 @@ class Trajectory:
     def arrays(self) -> dict[str, Array]:
         """Return every stored array by the name it has in ``trajectory.npz``."""
         named = {"t": self.t} | {name: getattr(self, name) for name in SIGNALS}
+        named |= {name: array for name in MOTORS if (array := getattr(self, name)) is not None}
         return named | {f"memory_{name}": value for name, value in self.extra.items()}
 
     def digest(self) -> str:
@@ -174,7 +181,7 @@ def refuse_what_is_no_run(arrays: Mapping[str, Array], outcome: Outcome, failed_
         ValueError: one is missing, unknown, of another type or shape, or holds what it cannot.
     """
     names = {name for name in arrays if not name.startswith("memory_")}
-    if wrong := names ^ {"t", *SIGNALS}:
+    if wrong := (names - set(MOTORS) if names >= set(MOTORS) else names) ^ {"t", *SIGNALS}:
         raise ValueError(f"{', '.join(sorted(wrong))}: wanted exactly t, {', '.join(SIGNALS)}")
     t, shape = arrays["t"], arrays["q"].shape
     if t.ndim != 1 or len(t) == 0 or len(shape) != 2 or shape[0] != len(t) or shape[1] == 0:
@@ -187,7 +194,7 @@ def refuse_what_is_no_run(arrays: Mapping[str, Array], outcome: Outcome, failed_
     if not np.isfinite(t).all() or np.any(np.diff(t) <= 0.0):
         raise ValueError("t does not rise")
     sure = len(t) if outcome is Outcome.COMPLETED else len(t) - 1
-    for name in SIGNALS:
+    for name in (*SIGNALS, *(names & set(MOTORS))):
         if name != "s" and not np.isfinite(arrays[name][:sure]).all():
             raise ValueError(f"{name} is not finite before the end of the run")
     if np.any(np.abs(arrays["q"][1:]) > MAX_POSITION) or np.any(np.abs(arrays["qd"][1:]) > MAX_VELOCITY):
@@ -222,6 +229,7 @@ def trajectory_of(setup: Setup, t: Array, status: int, detail: str, path: str, p
     def kept(array: Array) -> Array:
         return array if end == len(t) else array[:end].copy()
 
+    geared = len(job.record_motor_q) > 0
     q, qd, tau = kept(job.record_q), kept(job.record_qd), kept(job.record_tau)
     measured, acting = len(job.record_q_meas) > 0, len(job.record_tau_applied) > 0
     fields = () if setup.law.memory_type is None else setup.law.memory_type._fields
@@ -240,6 +248,8 @@ def trajectory_of(setup: Setup, t: Array, status: int, detail: str, path: str, p
         tau_law=kept(job.record_tau_law),
         tau=tau,
         tau_applied=kept(job.record_tau_applied) if acting else tau,
+        motor_q=kept(job.record_motor_q) if geared else None,
+        motor_qd=kept(job.record_motor_qd) if geared else None,
         outcome=OUTCOMES[status],
         failed_at=None if status == COMPLETED else k,
         detail="" if status == COMPLETED else detail,

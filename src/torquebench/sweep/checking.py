@@ -124,6 +124,7 @@ class _Checker:
         document, _ = self._plan.variant(values)
         try:
             experiment = sized(unsized(document), self._torques)
+            self._plan.border_places(document)
             self._check_names(document, experiment, values)
             if build:
                 self._build.fixed(experiment)

@@ -241,12 +241,17 @@ def facts_of(plan: Plan, shard_size: int) -> Facts:
         filename=source.filename,
         overrides=list(source.overrides),
         config=plan.raw,
-        arms={path: _kept_at(path, arm) for path, arm in plan.source.arms},
+        arms={path: kept_at(path, arm) for path, arm in plan.source.arms},
     )
 
 
-def _kept_at(path: str, arm: ArmFile) -> str:
-    """Return the file of a sweep's folder that keeps an arm: where the sweep's file has it, if that is inside."""
+def kept_at(path: str, arm: ArmFile) -> str:
+    """Return the file of a sweep's folder that keeps an arm: where the sweep's file has it, if that is inside.
+
+    Args:
+        path: The arm's file as the sweep's file has it.
+        arm: The arm.
+    """
     parts = Path(path).parts
     inside = (
         is_path(path) and not Path(path).is_absolute() and ".." not in parts and parts[0] not in (SHARDS, TRAJECTORIES)

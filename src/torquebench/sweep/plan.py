@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
+from torquebench.certificates import FIGURES
 from torquebench.disturbances import Stream, generator
 from torquebench.experiment.config import MotionTorques, sized, unsized
 from torquebench.experiment.dump import flat_text
@@ -30,6 +31,7 @@ from torquebench.experiment.sweep_section import (
 from torquebench.experiment.yaml_tree import KeyPath
 from torquebench.keys import altered
 from torquebench.robot.library import ArmFile
+from torquebench.sweep.border import COLUMNS
 
 Combination: TypeAlias = tuple[int, ...]
 """For each random key with choices, the number of its choice."""
@@ -72,6 +74,8 @@ class _Fixed:
     """Places of each varied key; continuous random ones are set there."""
     lacking: Mapping[str, frozenset[int]]
     """Varied key -> the controllers that do not have it."""
+    border: Mapping[int, KeyPath]
+    """Controller -> place of the gain along which its border is searched."""
 
 
 class Plan:
@@ -124,6 +128,11 @@ class Plan:
     def controllers(self) -> tuple[str, ...]:
         """Names of the controllers, the same in every case."""
         return tuple(keys.name for keys in self.first.controllers)
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Columns of figures that are no metrics."""
+        return (*(FIGURES if self.keys.certificates else ()), *(COLUMNS if self.keys.border else ()))
 
     @property
     def rows(self) -> int:
@@ -240,7 +249,27 @@ class Plan:
         _ = relative.n  # kept in the copies that draws make of it: it reads the arm's files
         experiment = sized(relative, self._torques)
         lacking = {key: _without(paths, experiment) for key, paths in places.items()}
-        return _Fixed(experiment, relative, places, lacking)
+        return _Fixed(experiment, relative, places, lacking, self.border_places(document))
+
+    def border_places(self, document: Document) -> dict[int, KeyPath]:
+        """Return for each controller the place of the gain along which its border is searched.
+
+        Raises:
+            ConfigError: no law has the gain, or it cannot be one of the ends.
+        """
+        border, found = self.keys.border, dict[int, KeyPath]()
+        if border is None:
+            return found
+        here = document.place((SWEEP, "border"))
+        for end in (border.start, border.stop):
+            there, places = varied(document, [(border.key, Value(end, end, here))])
+            unsized(there)
+            found = {int(path[1]): path for path in places[border.key]}
+        return found
+
+    def bordered(self, case: int, draw: int) -> Mapping[int, KeyPath]:
+        """Return `border_places` of a case in a draw."""
+        return self._fixed(case, self.combination(draw)).border
 
     def lacking(self, case: int, draw: int) -> Mapping[str, frozenset[int]]:
         """Return for each varied key the controllers that do not have it."""

@@ -18,6 +18,7 @@ from torquebench.kernel import Array
 from torquebench.metrics import METRICS, applicable
 from torquebench.references.reference import depends_on_arm
 from torquebench.sim.trajectory import Outcome
+from torquebench.sweep.border import COLUMNS
 from torquebench.sweep.plan import Plan
 
 Table: TypeAlias = Mapping[str, NDArray[Any]]
@@ -48,7 +49,7 @@ def empty_columns(plan: Plan, rows: int) -> dict[str, NDArray[Any]]:
     asked = {"" if isinstance(keep, str) else keep.by} & set(METRICS.names())
     shown = {info.key for info in applicable(depends_on_arm(plan.first.reference))} | asked
     kinds |= dict.fromkeys((key for key in METRICS.names() if key in shown), floats)
-    kinds |= dict.fromkeys(FIGURES if plan.keys.certificates else (), floats)
+    kinds |= dict.fromkeys(plan.figures, floats)
     return {name: np.zeros(rows, kind) for name, kind in kinds.items()}
 
 
@@ -130,7 +131,7 @@ def check_table(table: Table) -> Table:
 
 def varied_keys(table: Table) -> tuple[str, ...]:
     """Return the experiment's keys that the sweep varies, in the table's order."""
-    return tuple(name for name in table if not (name in FIXED or name in METRICS or name in FIGURES))
+    return tuple(name for name in table if not (name in FIXED or name in METRICS or name in FIGURES or name in COLUMNS))
 
 
 def grid_keys(table: Table) -> tuple[str, ...]:

@@ -12,18 +12,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench.certificates import FIGURES, Phases
+from torquebench.certificates import Phases
 from torquebench.errors import ConfigError, ModelError
 from torquebench.experiment.build import Builder, Loop
 from torquebench.experiment.certify import certificate_of, truth_of
 from torquebench.experiment.controllers import Controller
+from torquebench.experiment.predict import predicted_to_shake
 from torquebench.experiment.run import recorded, trial_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import atomic_write
+from torquebench.experiment.sweep_section import with_number
+from torquebench.experiment.yaml_tree import KeyPath
+from torquebench.keys import altered
 from torquebench.metrics import METRICS, JointRecord, headlines_of
+from torquebench.metrics.shaking import is_still
 from torquebench.robot import RobotModel
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
+from torquebench.sweep.border import COLUMNS, find_border
 from torquebench.sweep.plan import Plan, Source, pairs_of
 from torquebench.sweep.repeats import Known, keys_of
 from torquebench.sweep.table import REFUSED, Table, empty_columns, key_values
@@ -43,8 +49,8 @@ class Ended(NamedTuple):
     """None of a run that could not be built."""
     record: JointRecord | None = None
     """The run as metrics see it, if it completed."""
-    certified: Mapping[str, float] = MappingProxyType({})
-    """Figures of its certificates, where the sweep asks for them and the law has them."""
+    figures: Mapping[str, float] = MappingProxyType({})
+    """Figures of its certificates and of its border, where the sweep asks for them and the law has them."""
     key: bytes | None = None
     """What decides it, where loops that repeat are run once; see `keys_of`."""
 
@@ -78,12 +84,18 @@ class Runner:
         self._last_truth: tuple[Any, RobotModel | Phases] | None = None
         self._sessions = [Session(overwrite=True, steps=steps) for _ in range(controllers)]
 
-    def ended(self, experiment: Experiment, seen: Mapping[bytes, Ended] | None = None) -> Iterator[Ended]:
+    def ended(
+        self,
+        experiment: Experiment,
+        seen: Mapping[bytes, Ended] | None = None,
+        more: Callable[[int], Mapping[str, float]] = lambda place: {},
+    ) -> Iterator[Ended]:
         """Run every controller; a yielded trajectory lasts until the next experiment.
 
         Args:
             experiment: What is run.
             seen: Loops that are not run again, by their key; None to run all.
+            more: Number of the controller -> further figures of it, found before it is run.
         """
         try:
             loop = self._build(experiment)
@@ -96,16 +108,18 @@ class Runner:
             decided = keys_of(experiment, loop, self._certificates)
         sessions = self._sessions[: len(loop.controllers)]
         own = zip(experiment.controllers, loop.controllers, sessions, decided, strict=True)
-        for keys, controller, session, key in own:
+        for place, (keys, controller, session, key) in enumerate(own):
             if seen is not None and key is not None and key in seen:
                 yield seen[key]
                 continue
+            figures = more(place)
             run = session.run(loop.plant, trial_of(experiment, loop, controller))
             if run.completed:
-                record, certified = recorded(experiment, loop, keys, run), self._certify(experiment, loop, keys, run)
-                yield Ended(run.outcome.name, math.nan, run, record, certified, key)
+                record = recorded(experiment, loop, keys, run)
+                figures = {**figures, **self._certify(experiment, loop, keys, run)}
+                yield Ended(run.outcome.name, math.nan, run, record, figures, key)
             else:
-                yield Ended(run.outcome.name, float(run.failed_at or 0), run, key=key)
+                yield Ended(run.outcome.name, float(run.failed_at or 0), run, None, figures, key)
 
     def _certify(self, experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory) -> Mapping[str, float]:
         """Return the figures of a run's certificates, where the sweep asks for them and the law has them."""
@@ -159,7 +173,7 @@ class Worker(Runner):
         columns["case"][:], columns["draw"][:] = np.divmod(columns["index"] // count, plan.draws)
         columns["controller"][:] = np.tile(plan.controllers, len(pairs))
 
-        known = None if task.trajectories is not None else known
+        known = None if task.trajectories is not None or plan.keys.border is not None else known
         seen = None if known is None else ChainMap({}, known.ended)
         keyed = list[tuple[int, bytes]]()
 
@@ -175,8 +189,8 @@ class Worker(Runner):
                         keyed.append((at, ended.key))
                         seen.setdefault(ended.key, ended._replace(run=None, record=None))
                     outcome[at], failed_at[at] = ended.outcome, ended.failed_at
-                    for key in FIGURES if plan.keys.certificates else ():
-                        columns[key][at] = ended.certified.get(key, math.nan)
+                    for key in plan.figures:
+                        columns[key][at] = ended.figures.get(key, math.nan)
                     if task.trajectories is not None and ended.run is not None:
                         row, name = int(columns["index"][at]), plan.controllers[at - first]
                         write_trajectory(task.trajectories, row, name, ended.run)
@@ -200,7 +214,44 @@ class Worker(Runner):
             draw: The draw.
             seen: Loops that are not run again, by their key; None to run all.
         """
-        yield from self.ended(self._plan.experiment(case, draw), seen)
+        experiment, border = self._plan.experiment(case, draw), self._plan.bordered(case, draw)
+
+        def found(place: int) -> Mapping[str, float]:
+            return self._border(experiment, place, border[place]) if place in border else {}
+
+        yield from self.ended(experiment, seen, found)
+
+    def _border(self, experiment: Experiment, place: int, path: KeyPath) -> dict[str, float]:
+        """Return where a law starts to shake, and where it is predicted to.
+
+        Args:
+            experiment: The row's experiment.
+            place: Number of the controller.
+            path: Place of the gain.
+        """
+        keys, session = self._plan.keys.border, self._sessions[place]
+        if keys is None:
+            return {}
+        alone = altered(experiment, controllers=(experiment.controllers[place],))
+        path, truth = ("controllers", 0, *path[2:]), self._truth(experiment)
+
+        def at(value: float) -> tuple[Experiment, Loop]:
+            tried = with_number(alone, path, value)
+            return tried, self._build(tried)
+
+        def shakes(value: float) -> bool:
+            tried, loop = at(value)
+            run = session.run(loop.plant, trial_of(tried, loop, loop.controllers[0]))
+            if not run.completed:
+                return True
+            size = METRICS["chattering"].formula(recorded(tried, loop, tried.controllers[0], run))
+            return not is_still(float(np.mean(size)))
+
+        found, predicted = find_border(shakes, keys.start, keys.stop, keys.within), math.nan
+        if predicted_to_shake(*at(keys.start), truth) is not None:
+            search = find_border(lambda x: bool(predicted_to_shake(*at(x), truth)), keys.start, keys.stop, 0.01)
+            predicted = search.border
+        return dict(zip(COLUMNS, (*found, predicted), strict=True))
 
 
 def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:

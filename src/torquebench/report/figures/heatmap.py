@@ -60,7 +60,7 @@ def draw_heatmap(table: Table, keys: Sequence[str], metric: str, axis: Unit, tit
         ax.tick_params(length=0.0, labelleft=place % columns == 0)
     bar = fig.colorbar(panels[0].images[0], ax=panels, aspect=30, fraction=0.05, pad=0.02, label=axis.name)
     style.fit_scale(bar.ax.yaxis, centres)
-    handles = [Patch(label="no run has it", **_HATCHED)]
+    handles = [Patch(label="no run has it", **_HATCHED)] if np.isnan(centres).any() else []
     if failures.any():
         handles.append(Patch(facecolor="white", edgecolor="white", label="(n): n runs failed, and are left out"))
     finish_page(fig, title, subtitle, handles)

@@ -134,8 +134,9 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
     for written in fig.findobj(Text) if least_font(0.0) else ():
         if isinstance(written, Text):
             written.set_fontsize(least_font(float(written.get_fontsize())))
-    legend = _legend(fig, handles)
-    header = 2.2 * GAP + sum(size * 1.45 / 72.0 for _, size, _, _ in rows) + legend.get_window_extent().height / fig.dpi
+    legend = _legend(fig, handles) if handles else None
+    header = 2.2 * GAP + sum(size * 1.45 / 72.0 for _, size, _, _ in rows)
+    header += legend.get_window_extent().height / fig.dpi if legend else 0.0
     height = fig.get_figheight() + header
     fig.set_figheight(height)
     top = 1.0 - GAP / height
@@ -143,7 +144,8 @@ def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist
         at = fig.text(LEFT, top, text, fontsize=size, fontweight=weight, color=colour, va="top")
         at.set_in_layout(False)
         top -= size * 1.45 / 72.0 / height
-    legend.set_bbox_to_anchor((LEFT, top - 0.5 * GAP / height))
+    if legend:
+        legend.set_bbox_to_anchor((LEFT, top - 0.5 * GAP / height))
     fig.set_layout_engine("constrained", rect=(0.004, 0.004, 0.99, 1.0 - header / height - 0.004))
     _solve(fig)
 

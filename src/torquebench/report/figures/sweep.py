@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from torquebench.experiment.reference import joint_units
 from torquebench.metrics import METRICS
+from torquebench.report.figures.border import draw_border
 from torquebench.report.figures.heatmap import draw_heatmap
 from torquebench.report.figures.lines import draw_lines
 from torquebench.report.figures.pareto import draw_pareto, front_of
@@ -33,6 +34,10 @@ FRONT = (
     "each law and choice in the condition in which it is worst: geometric means over draws, bars: 95 % intervals; one "
     "with a failed run is not ringed"
 )
+BORDER = (
+    "medians over draws, shaded: 95 % intervals; dashed: predicted by describing functions; bars: still again beyond "
+    "the border in some draw"
+)
 EFFECTS = "standardised rank regression, the strongest first; 95 % intervals hold for all laws and constants at once"
 
 
@@ -43,12 +48,14 @@ def sweep_jobs(
     found: Sequence[Sensitivity],
     slides: Sequence[bool],
     laws: Mapping[str, str],
+    border: str = "",
 ) -> dict[str, partial[Figure]]:
     """Return what draws every figure that a sweep's table has the columns for, by file name.
 
-    ``spread``: metrics by law; ``over-KEY``: over each key of the grid; ``map-METRIC``: over the first two keys of the
-    grid; ``front``: error against chattering of every law and choice of gains; ``effects-METRIC``: what matters, where
-    anything does. Metrics are those of `SHOWN` that have a value.
+    ``border``: the gain at which each law starts to shake; ``spread``: metrics by law; ``over-KEY``: over each key of
+    the grid; ``map-METRIC``: over the first two keys of the grid; ``front``: error against chattering of every law and
+    choice of gains; ``effects-METRIC``: what matters, where anything does. Metrics are those of `SHOWN` that have a
+    value.
 
     Args:
         table: The table.
@@ -56,6 +63,7 @@ def sweep_jobs(
         found: What its metrics depend on.
         slides: Of each joint of the arm, whether it slides.
         laws: Controller -> name of its law, which sets its colour.
+        border: Gain along which borders were searched, if they were.
 
     Raises:
         ResultError: it is no sweep's table.
@@ -65,6 +73,9 @@ def sweep_jobs(
     spots = spot_looks(laws)
     keys = [key for key in grid_keys(table) if len(key_values(table, key)) > 1]
     plans: list[tuple[str, str, str, Callable[[str, str], Figure]]] = []
+    if border and keys:
+        what = f"where each law starts to shake, over {keys[0]}"
+        plans.append(("border", what, BORDER, partial(draw_border, table, keys[:2], border, spots)))
     if axes:
         plans.append(("spread", "all runs", SPREAD, partial(draw_violins, table, axes, spots)))
         for key in keys[:MOST_COURSES]:

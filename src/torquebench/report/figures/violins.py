@@ -45,7 +45,7 @@ def draw_violins(
         title, subtitle: Headings.
     """
     laws = rows_by(table, "controller")
-    height = 0.55 + 0.34 * len(laws)
+    height = 0.7 + 0.34 * len(laws)
     fig = new_page(1, height, height)
     panels = fig.subplots(1, len(axes), sharey=True, squeeze=False)[0]
     for ax, (metric, axis) in zip(panels, axes.items(), strict=True):
@@ -53,7 +53,7 @@ def draw_violins(
         logarithmic = style.fit_scale(ax.xaxis, np.concatenate(values))
         for place, (own, (law,)) in enumerate(zip(values, laws, strict=True)):
             _draw(ax, np.sort(own[np.isfinite(own)]), place, spots[law]["color"], logarithmic)
-        ax.set_xlabel(axis.name)
+        ax.set_xlabel(axis.name.replace(" [", "\n["))  # beside one another on a narrow page
     panels[0].set_yticks(range(len(laws)), [law_name(table, law, rows, "\n") for (law,), rows in laws.items()])
     panels[0].set_ylim(len(laws) - 0.5, -0.5)
     handles = [

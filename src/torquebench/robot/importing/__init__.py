@@ -87,7 +87,7 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
         chain.findings.extend(refused)
     forces = forces_of(chain, options)
     name = plain_name(options.name or path.stem)
-    _tell(chain, source, said)
+    _tell(chain, source, said, not refused)
     text = write(chain, forces, options, name, path.name)
     if any(part.verdict == "refused" for part in chain.findings):
         raise RefusedArmError(path, _sorted(chain.findings))
@@ -126,8 +126,15 @@ def _sorted(findings: list[Part]) -> tuple[Part, ...]:
     return tuple(sorted(findings, key=lambda part: VERDICTS.index(part.verdict)))
 
 
-def _tell(chain: Chain, source: Source, home: str) -> None:
-    """Add to a chain's findings what becomes of joints, bodies, looks and contacts."""
+def _tell(chain: Chain, source: Source, home: str, asked: bool) -> None:
+    """Add to a chain's findings what becomes of joints, bodies, looks and contacts.
+
+    Args:
+        chain: The chain.
+        source: The published file.
+        home: Name of the position at which joints are welded.
+        asked: Whether what is welded or left out was asked for, instead of being what refusals propose.
+    """
     m, first = chain.model, list[Part]()
     names = tuple(joint_name(m, j) for j in chain.joints)
     slides = sum(bool(m.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in chain.joints)
@@ -135,10 +142,17 @@ def _tell(chain: Chain, source: Source, home: str) -> None:
     first.append(Part("kept", " and ".join(kinds), names, "the law drives them"))
     first.append(Part("kept", "home", (home,), "keyframe home, where a run can begin"))
     if chain.fixed:
-        first.append(Part("mapped", "joints", tuple(joint_name(m, j) for j in chain.fixed), "welded at home, as asked"))
+        first.append(
+            Part(
+                "mapped",
+                "joints",
+                tuple(joint_name(m, j) for j in chain.fixed),
+                f"{'welded' if asked else 'would be welded'} at home",
+            )
+        )
     if chain.removed:
         bodies = tuple(body_name(m, b) for b in sorted(chain.removed))
-        first.append(Part("dropped", "bodies", bodies, "left out with their mass, as --base and --tip ask"))
+        first.append(Part("dropped", "bodies", bodies, "left out with their mass" if asked else "would be left out"))
     if source.guessed:
         text = "no mass: their inertia is not stated, and a URDF's collision shapes weigh nothing"
         first.append(Part("mapped", "links without inertia", source.guessed, text))

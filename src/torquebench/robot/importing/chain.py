@@ -28,7 +28,7 @@ class Options:
     tip: str = ""
     """Body that the chain ends with: what hangs from it is left out, and so are moving branches on the way to it."""
     tool: str = ""
-    """Site or body that is the tool; without it the site ``tool``, ``attachment_site``, or the last link."""
+    """Site or body that is the tool; without it a site by a usual name, else the last body before any branches."""
     torque_limits: tuple[float, ...] | Mapping[str, float] = ()
     """Torque limit of each joint, or of some by name [N m; N for slides]; the file's own without it."""
     drop: tuple[str, ...] = ()

@@ -16,7 +16,7 @@ from torquebench.robot.importing.findings import Part
 from torquebench.robot.importing.forces import Forces
 from torquebench.robot.mjcf_links import joint_name
 
-TOOLS = ("tool", "attachment_site")
+TOOLS = ("tool", "tcp", "attachment_site", "ee", "ee_site", "eef", "eef_site", "end_effector", "grip_site", "pinch")
 """Sites that are the tool, in this order."""
 _ROUNDING = 4e-15
 """What the turns between two links leave of a number that was round."""
@@ -109,9 +109,22 @@ def tool_of(chain: Chain, d: Any, options: Options) -> tuple[Array, Array, str]:
     for name in [options.tool] if options.tool else [] if options.tip else TOOLS:
         if name in sites:
             return d.site_xpos[sites[name]].copy(), d.site_xmat[sites[name]].reshape(3, 3).copy(), f"site {name}"
-    name = next((word for word in (options.tool, options.tip) if word in bodies), body_name(m, carried[-1]))
+    name = next((word for word in (options.tool, options.tip) if word in bodies), body_name(m, _end(m, last, carried)))
     body = bodies[name]
     return d.xpos[body].copy(), d.xmat[body].reshape(3, 3).copy(), f"body {name}"
+
+
+def _end(m: Any, link: int, carried: Sequence[int]) -> int:
+    """Return the last body of those that a link carries; where they branch, as a gripper's fingers do, the one before.
+
+    Args:
+        m: The compiled model.
+        link: The link.
+        carried: It, and the bodies that are welded to it.
+    """
+    while len(below := [b for b in carried if b != link and int(m.body_parentid[b]) == link]) == 1:
+        link = below[0]
+    return link
 
 
 class _Names:

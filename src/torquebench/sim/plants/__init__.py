@@ -60,6 +60,17 @@ class Bounded(Plant, Protocol):
     """Least and greatest position of each joint, (2, n) [rad], inf where there is no such; None for no such end."""
 
 
+class Geared(Plant, Protocol):
+    """A plant whose motors move relative to its links; others need none of this."""
+
+    sensor: str
+    """Side on which position and velocity are measured: ``motor`` or ``link``."""
+
+    def motors(self) -> Array:
+        """Return position [rad] and velocity [rad/s] of the motors, (2, n); (0, n) where they are the links'."""
+        ...
+
+
 class Carrier(Plant, Protocol):
     """A plant that takes up a payload in the middle of a run; `simulate` tells it when. Others need none of this."""
 
@@ -91,6 +102,8 @@ class NativePlant(NamedTuple):
     """The plant's velocity, likewise, (n,) [rad/s]."""
     loaded: Structure | None = None
     """The structure with the payload, for the rest of a run after it is taken up; with the same `q` and `qd`."""
+    motors: Array | None = None
+    """Position and velocity of motors that move relative to the links, likewise, (2, n); (0, n) where none do."""
 
 
 def check_own(plant: Plant, known: type[Any]) -> None:
@@ -133,12 +146,14 @@ def range_of(passive: Passive) -> Array:
     return np.array([passive.low, passive.high])
 
 
-def check_scheme(timestep: float, integrator: str) -> None:
-    """Refuse a time step or an integrator no plant can use.
+def check_scheme(timestep: float, integrator: str, transmission: object = None) -> None:
+    """Refuse a time step or an integrator no plant can use, or that its joints' own states cannot.
 
     Raises:
-        ValueError: the time step is not finite and positive, or the integrator is unknown.
+        ValueError: the time step is not finite and positive, or the integrator is unknown or does not go with them.
     """
     substeps_per_period(timestep, timestep, ("timestep", "timestep"))
     if integrator not in INTEGRATORS:
         raise ValueError(f"integrator is {integrator!r}, wanted one of {', '.join(INTEGRATORS)}")
+    if transmission is not None and integrator != "rk4":
+        raise ValueError(f"integrator is {integrator!r}, wanted 'rk4' where joints have a transmission")

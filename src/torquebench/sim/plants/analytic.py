@@ -11,11 +11,25 @@ import numpy as np
 from torquebench.kernel import Array, kernel
 from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.kernel.twin import on_numbers, python_numbers
-from torquebench.robot.dynamics import forward_dynamics
+from torquebench.robot.dynamics import forward_dynamics, gravity
 from torquebench.robot.flat_model import Model, own_copy
 from torquebench.robot.payload import Payload, phases
+from torquebench.robot.perturbation import perturbed
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.friction import Friction, Resistance, acting, resist
+from torquebench.sim.joints import (
+    Joints,
+    Transmission,
+    advance,
+    begin,
+    check_followed,
+    motors_in,
+    moved_by,
+    own_states,
+    rigid,
+    settle,
+    transmit,
+)
 from torquebench.sim.native import STEP_SIGNATURE, NativeFunction
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, range_of, stages
 
@@ -32,11 +46,12 @@ class AnalyticPlant:
         integrator: ``rk4`` or ``euler``.
         payload: What the last link takes up, at the start or in the middle of a run.
         friction: Friction of the joints; None for that which the model has of its own, if any.
+        transmission: What lies between motors and links; None for rigid joints.
         stops: Whether a run ends where a joint leaves its range; see `Plant`.
 
     Raises:
-        ValueError: the time step is not finite and positive, the integrator is unknown, or the friction does not fit
-            them.
+        ValueError: the time step is not finite and positive, the integrator is unknown, or friction or transmission do
+            not fit them.
         ModelError: the model has no terms for the payload; see `carrying`.
     """
 
@@ -50,17 +65,30 @@ class AnalyticPlant:
         *,
         payload: Payload | None = None,
         friction: Friction | None = None,
+        transmission: Transmission | None = None,
         stops: bool = False,
     ) -> None:
-        check_scheme(timestep, integrator)
+        check_scheme(timestep, integrator, transmission)
         self.n = model.n
         self.timestep = timestep
         self.tau_max = model.flat.tau_max.copy()
         self.payload, self.range = payload, range_of(model.passive) if stops else None
-        self.friction, resistance = acting(friction, model.passive, model.mass_matrix, timestep, integrator)
+        joints, masses = rigid(model.n), moved_by(transmission, model.flat.armature, model.mass_matrix)
+        if transmission is not None:
+            joints, model = transmission.of_joints(model.flat.armature), without_armature(model)
+        self.friction, resistance = acting(friction, model.passive, masses, timestep, integrator)
+        check_followed(joints, resistance, model.mass_matrix, timestep)
+        self.sensor = "link" if transmission is None else transmission.sensor
         n, (first, later) = model.n, phases(model, payload)
         self._empty = Integrated(
-            own_copy(first.flat), resistance, integrator == "rk4", timestep, np.zeros(n), np.zeros(n), np.zeros((6, n))
+            own_copy(first.flat),
+            resistance,
+            joints,
+            integrator == "rk4",
+            timestep,
+            np.zeros(n),
+            np.zeros(n),
+            np.zeros((6, n)),
         )
         self._loaded = None if later is None else replace(self._empty, model=own_copy(later.flat))
         self._arm = self._empty
@@ -70,6 +98,10 @@ class AnalyticPlant:
         """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
         self._arm = self._empty
         self._arm.q[:], self._arm.qd[:] = q, qd
+        if len(self.motors()) > 0:
+            load = np.zeros(self.n)
+            on_numbers(gravity)(python_numbers(self._arm.model), python_numbers(q), python_numbers(load))
+            settle(self._arm.joints, q, load)
 
     def attach(self) -> None:
         """Go on with the payload; see `Carrier`."""
@@ -78,6 +110,10 @@ class AnalyticPlant:
     def state(self) -> tuple[Array, Array]:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
         return self._arm.q.copy(), self._arm.qd.copy()
+
+    def motors(self) -> Array:
+        """Return position [rad] and velocity [rad/s] of the motors, (2, n), or (0, n); see `Geared`."""
+        return motors_in(self._arm.joints)
 
     def step(self, tau: Array, substeps: int) -> None:
         """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`.
@@ -103,7 +139,7 @@ class AnalyticPlant:
         """
         check_own(self, AnalyticPlant)
         _ = STEP.address  # compiled
-        return NativePlant(STEP, self._empty, self._arm.q, self._arm.qd, self._loaded)
+        return NativePlant(STEP, self._empty, self._arm.q, self._arm.qd, self._loaded, self.motors())
 
     @property
     def native_step(self) -> NativeFunction:
@@ -113,17 +149,34 @@ class AnalyticPlant:
     def replica(self) -> AnalyticPlant:
         """Return another plant of the same arm, for another thread."""
         twin, old = copy.copy(self), self._empty
-        twin._empty = replace(old, model=own_copy(old.model), q=old.q.copy(), qd=old.qd.copy(), work=old.work.copy())
+        twin._empty = replace(
+            old,
+            model=own_copy(old.model),
+            joints=own_states(old.joints),
+            q=old.q.copy(),
+            qd=old.qd.copy(),
+            work=old.work.copy(),
+        )
         if self._loaded is not None:
             twin._loaded = replace(twin._empty, model=own_copy(self._loaded.model))
         twin._arm = twin._empty
         return twin
 
 
+def without_armature(model: RobotModel) -> RobotModel:
+    """Return the links of an arm alone, its motors taken off.
+
+    Raises:
+        ModelError: the model is a closed form, which has no links.
+    """
+    return perturbed(model, np.tile([1.0] * 7 + [0.0], (model.n, 1)))
+
+
 @kernel
 def rk4_steps(
     model: Model,
     friction: Resistance,
+    joints: Joints,
     q: Array,
     qd: Array,
     start: Array,
@@ -138,6 +191,7 @@ def rk4_steps(
     Args:
         model: The plant's dynamics.
         friction: Friction of its joints.
+        joints: The joints; those with states of their own are moved on.
         q, qd: State, overwritten [rad, rad/s].
         start, middle, end: Torque at these times of each step, (n,) [N m].
         h: Step [s].
@@ -146,14 +200,18 @@ def rk4_steps(
     """
     n = len(q)
     position, velocity, acceleration, sum_v, sum_a = work[0], work[1], work[2], work[3], work[4]
-    rough = len(friction.viscous) > 0
+    rough, moving = len(friction.viscous) > 0, len(joints.state) > 0
     for _ in range(steps):
         for i in range(n):
             position[i], velocity[i] = q[i], qd[i]
             sum_v[i] = sum_a[i] = 0.0
+        begin(joints)
         for stage in range(4):
             torque = start if stage == 0 else end if stage == 3 else middle
-            if rough:
+            if moving:
+                transmit(joints, friction, position, velocity, torque, work[5])
+                forward_dynamics(model, position, velocity, work[5], acceleration)
+            elif rough:
                 resist(friction, velocity, torque, work[5])
                 forward_dynamics(model, position, velocity, work[5], acceleration)
             else:
@@ -165,6 +223,7 @@ def rk4_steps(
                 sum_a[i] += weight * acceleration[i]
                 position[i] = q[i] + ahead * velocity[i]
                 velocity[i] = qd[i] + ahead * acceleration[i]
+            advance(joints, stage, h)
         for i in range(n):
             q[i] += h / 6.0 * sum_v[i]
             qd[i] += h / 6.0 * sum_a[i]
@@ -192,6 +251,7 @@ class Integrated(Structure):
 
     model: Model
     friction: Resistance
+    joints: Joints
     rk4: bool
     timestep: float
     q: Array
@@ -203,7 +263,7 @@ class Integrated(Structure):
 def integrate(arm: Integrated, start: Array, middle: Array, end: Array, steps: int) -> None:
     """Advance `arm` by `steps` time steps under the torque (n,) [N m] at the start, middle and end of each."""
     if arm.rk4:
-        rk4_steps(arm.model, arm.friction, arm.q, arm.qd, start, middle, end, arm.timestep, steps, arm.work)
+        rk4_steps(arm.model, arm.friction, arm.joints, arm.q, arm.qd, start, middle, end, arm.timestep, steps, arm.work)
     else:
         euler_steps(arm.model, arm.friction, arm.q, arm.qd, start, arm.timestep, steps, arm.work)
 

@@ -21,6 +21,7 @@ from torquebench.robot.library import ArmFile
 from torquebench.robot.payload import Payload
 from torquebench.robot.perturbation import Perturbation, perturbed
 from torquebench.sim.friction import SPEED, Friction, acting
+from torquebench.sim.joints import Transmission, moved_by
 from torquebench.sim.plants import Plant
 from torquebench.timing import Timing
 
@@ -53,6 +54,13 @@ class PlantKeys(ABC):
         Friction | None,
         Key("Friction of the joints; if left out that which the arm's file gives them, none for no friction at all"),
     ] = None
+    transmission: Annotated[
+        Transmission | None,
+        Key(
+            "Springs, dampers and gaps between the motors and the links; without it joints are rigid. Friction and "
+            "disturbances then act on the motors, and integrator must be rk4"
+        ),
+    ] = None
     limits: Annotated[
         Literal["warn", "stop", "ignore"],
         Key(
@@ -80,6 +88,11 @@ class PlantKeys(ABC):
         if closed and self.payload is not None and any(self.payload.offset):
             text = "structures corrected and printed hold a payload at the wrist centre only"
             yield Fault(("payload", "offset"), text, wanted="[0, 0, 0]")
+        if closed and self.transmission is not None:
+            text = "needs structure exact: it takes the motors off the links, and corrected and printed have constants"
+            yield Fault(("transmission",), text, at="key")
+        if self.integrator != "rk4" and self.transmission is not None:
+            yield Fault(("integrator",), "the motors of a transmission move too fast for euler", wanted="rk4")
         if closed and self.perturb is not None:
             text = "needs structure exact: it changes links, and corrected and printed have constants"
             yield Fault(("perturb",), text, at="key")
@@ -104,11 +117,13 @@ class PlantKeys(ABC):
         if self.friction is not None:
             return self.friction
         own = _own_friction if isinstance(self.model, ArmFile) else _own_friction.__wrapped__
-        return own(self.model, self.timestep, self.integrator)
+        return own(self.model, self.timestep, self.integrator, self.transmission)
 
     def remarks(self) -> list[str]:
         """Return what was left out of the arm's file, or is not quite as it says."""
         found = [f"arm {self.model}: {text}" for text in getattr(self.model, "remarks", ())]
+        if self.transmission is not None:
+            found.append("joints that give: certificates and gains: auto hold for rigid joints, so none is certified")
         own = self.acting if self.friction is None else None
         if own is not None and own.speed > SPEED:
             why = f"{self.integrator} at {1e3 * self.timestep:g} ms follows no steeper friction on joints so light"
@@ -125,6 +140,7 @@ class PlantKeys(ABC):
 
         Raises:
             SteepError: its friction is too steep for its time step.
+            SpringError: its joints are too fast for it, or have no motors.
             ModelError: the arm cannot carry the payload.
         """
         ...
@@ -133,16 +149,19 @@ class PlantKeys(ABC):
         """Return what it is in one line."""
         form = "".join(f":{part}" for part in self.form) if "structure" in self.__dict__ else ""
         parts = [f"{self.engine}:{self.model}{form} ({self.integrator}, {1e3 * self.timestep:g} ms)"]
-        burdens = (self.perturb, self.payload, self.friction)
+        burdens = (self.perturb, self.payload, self.friction, self.transmission)
         parts += [burden.describe(units) for burden in burdens if burden is not None]
         own = self.acting if self.friction is None else None
         return ", ".join([*parts, *([] if own is None else [f"the arm's own {own.describe(units)}"])])
 
 
 @functools.lru_cache(maxsize=64)
-def _own_friction(model: str | ArmFile, timestep: float, integrator: str) -> Friction | None:
+def _own_friction(
+    model: str | ArmFile, timestep: float, integrator: str, transmission: Transmission | None
+) -> Friction | None:
     arm = load_model(model)
-    return acting(None, arm.passive, arm.mass_matrix, timestep, integrator)[0]
+    masses = moved_by(transmission, arm.flat.armature, arm.mass_matrix)
+    return acting(None, arm.passive, masses, timestep, integrator)[0]
 
 
 @plant("mujoco")
@@ -160,6 +179,7 @@ class Mujoco(PlantKeys):
             self.integrator,
             payload=self.load,
             friction=self.friction,
+            transmission=self.transmission,
             factors=factors,
             stops=self.limits == "stop",
         )
@@ -188,5 +208,6 @@ class Analytic(PlantKeys):
             self.integrator,
             payload=self.load,
             friction=self.friction,
+            transmission=self.transmission,
             stops=self.limits == "stop",
         )

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
-from torquebench.kernel.twin import on_numbers
+from torquebench.kernel.twin import on_numbers, python_numbers
 from torquebench.robot.library import ArmSource
 from torquebench.robot.mjcf import compile_arm, joint_names, tool_frame, torque_limits
 from torquebench.robot.mjcf_links import links_of, with_links
@@ -20,6 +20,18 @@ from torquebench.robot.payload import Payload, add_payload
 from torquebench.robot.perturbation import scaled
 from torquebench.robot.robot_model import Passive
 from torquebench.sim.friction import Friction, acting, resist
+from torquebench.sim.joints import (
+    Transmission,
+    advance,
+    begin,
+    check_followed,
+    motors_in,
+    moved_by,
+    own_states,
+    rigid,
+    settle,
+    transmit,
+)
 from torquebench.sim.plants import NativePlant, check_own, check_scheme, range_of, stages
 
 if TYPE_CHECKING:
@@ -71,13 +83,14 @@ class MujocoPlant:
         integrator: ``rk4`` or ``euler``; overrides the file's.
         payload: What the last joint's link takes up, at the start or in the middle of a run.
         friction: Friction of the joints; None for that which the arm's file gives them, if any.
+        transmission: What lies between motors and links; None for rigid joints.
         factors: What the links' parameters are multiplied by, (n, 8): see `scaled`; None for the links as they are.
         stops: Whether a run ends where a joint leaves its range; see `Bounded`.
 
     Raises:
         ModelError: the model cannot be used as a plant, or cannot carry the payload.
-        ValueError: the time step is not finite and positive, the integrator is unknown, or the friction does not fit
-            them.
+        ValueError: the time step is not finite and positive, the integrator is unknown, or friction or transmission do
+            not fit them.
     """
 
     def __init__(
@@ -88,10 +101,11 @@ class MujocoPlant:
         *,
         payload: Payload | None = None,
         friction: Friction | None = None,
+        transmission: Transmission | None = None,
         factors: Array | None = None,
         stops: bool = False,
     ) -> None:
-        check_scheme(timestep, integrator)
+        check_scheme(timestep, integrator, transmission)
         mujoco.set_mju_user_warning(_quiet)
         self._m, passive = load_mujoco(source)
         self._m.opt.timestep = timestep
@@ -99,8 +113,15 @@ class MujocoPlant:
         if factors is not None:
             self._m = with_links(self._m, scaled(links_of(self._m), factors))
         self.payload, self.range = payload, range_of(passive) if stops else None
-        masses = functools.partial(mass_matrices, self._m)
+        self._joints = rigid(int(self._m.nv))
+        masses = moved_by(transmission, self._m.dof_armature.copy(), functools.partial(mass_matrices, self._m))
+        if transmission is not None:
+            links = links_of(self._m)
+            self._joints = transmission.of_joints(links.armature)
+            self._m = with_links(self._m, links._replace(armature=np.zeros_like(links.armature)))
         self.friction, self._resistance = acting(friction, passive, masses, timestep, integrator)
+        check_followed(self._joints, self._resistance, functools.partial(mass_matrices, self._m), timestep)
+        self.sensor = "link" if transmission is None else transmission.sensor
         self._loaded: Any = None
         if payload is not None:
             self._loaded = with_links(self._m, add_payload(links_of(self._m), payload))
@@ -119,6 +140,10 @@ class MujocoPlant:
         """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
         self._now = self._m
         mujoco.mj_resetData(self._m, self._d)
+        if len(self.motors()) > 0:
+            self._d.qpos[:] = q
+            mujoco.mj_forward(self._m, self._d)
+            settle(self._joints, q, self._d.qfrc_bias - self._d.qfrc_passive)
         self._d.qpos[:], self._d.qvel[:] = q, qd
 
     def attach(self) -> None:
@@ -129,11 +154,15 @@ class MujocoPlant:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
         return self._d.qpos.copy(), self._d.qvel.copy()
 
+    def motors(self) -> Array:
+        """Return position [rad] and velocity [rad/s] of the motors, (2, n), or (0, n); see `Geared`."""
+        return motors_in(self._joints)
+
     def step(self, tau: Array, substeps: int) -> None:
         """Integrate `substeps` time steps under the joint torque `tau` [N m]: see `Plant.step`."""
         start, middle, end = stages(tau)
         rough, rk4 = self.friction is not None, self._m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        if rk4 and (rough or tau.ndim == 2):
+        if rk4 and (rough or len(self._joints.state) > 0 or tau.ndim == 2):
             for _ in range(substeps):
                 self._runge_kutta(start, middle, end)
         elif rough:
@@ -145,9 +174,13 @@ class MujocoPlant:
             mujoco.mj_step(self._now, self._d, substeps)
 
     def _apply(self, torque: Array) -> None:
-        """Apply `torque` (n,) [N m] minus the friction at the current velocity."""
+        """Apply `torque` (n,) [N m] minus the friction at the current velocity, through the joints."""
         self._d.qfrc_applied[:] = torque
-        if self.friction is not None:
+        if len(self._joints.state) > 0:
+            d = self._d
+            given = (d.qpos, d.qvel, d.qfrc_applied, d.qfrc_applied)
+            on_numbers(transmit)(python_numbers(self._joints), self._resistance, *map(python_numbers, given))
+        elif self.friction is not None:
             on_numbers(resist)(self._resistance, self._d.qvel, self._d.qfrc_applied, self._d.qfrc_applied)
 
     def _runge_kutta(self, start: Array, middle: Array, end: Array) -> None:
@@ -156,13 +189,16 @@ class MujocoPlant:
         q, qd = d.qpos.copy(), d.qvel.copy()
         velocity, acceleration = np.zeros(self.n), np.zeros(self.n)
         stages_of = ((start, 0.5, 1.0 / 6.0), (middle, 0.5, 1.0 / 3.0), (middle, 1.0, 1.0 / 3.0), (end, 0.0, 1.0 / 6.0))
-        for torque, ahead, weight in stages_of:
+        joints = python_numbers(self._joints)
+        on_numbers(begin)(joints)
+        for stage, (torque, ahead, weight) in enumerate(stages_of):
             self._apply(torque)
             mujoco.mj_forward(self._now, d)
             velocity += d.qvel * weight
             acceleration += d.qacc * weight
             at = d.qvel.copy()
             d.qpos[:], d.qvel[:] = q + h * (ahead * at), qd + h * (ahead * d.qacc)
+            on_numbers(advance)(joints, stage, h)
         d.qpos[:], d.qvel[:] = q + h * velocity, qd + h * acceleration
         d.qacc_warmstart[:] = d.qacc  # where constraints start from in the next step
 
@@ -178,13 +214,13 @@ class MujocoPlant:
             from torquebench.sim.plants.mujoco_native import STEP, native_arm
 
             lean = self._lean or (None, None)
-            arm = native_arm(self._m, self._d, self._resistance, lean[0])
+            arm = native_arm(self._m, self._d, self._resistance, self._joints, lean[0])
             loaded = None
             if self._loaded is not None:
-                loaded = native_arm(self._loaded, self._d, self._resistance, lean[1])
+                loaded = native_arm(self._loaded, self._d, self._resistance, self._joints, lean[1])
             self._lean = arm.lean, loaded is not None and loaded.lean
             _ = STEP.address  # compiled
-            self._native = NativePlant(STEP, arm, self._d.qpos, self._d.qvel, loaded)
+            self._native = NativePlant(STEP, arm, self._d.qpos, self._d.qvel, loaded, self.motors())
         return self._native
 
     @property
@@ -199,7 +235,7 @@ class MujocoPlant:
         twin = copy.copy(self)
         twin._m = twin._now = copy.copy(self._m)
         twin._loaded = copy.copy(self._loaded)
-        twin._d = mujoco.MjData(twin._m)
+        twin._d, twin._joints = mujoco.MjData(twin._m), own_states(self._joints)
         twin._native = None
         return twin
 

@@ -25,6 +25,7 @@ from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.robot.mjcf import features
 from torquebench.sim.friction import NONE, Resistance, resist
+from torquebench.sim.joints import Joints, advance, begin, rigid, transmit
 from torquebench.sim.native import STEP_SIGNATURE, NativeFunction
 from torquebench.sim.plants import NativeError
 
@@ -131,13 +132,18 @@ class Stepped(Structure):
     """Working memory of the Runge-Kutta method, and a row for the torque minus friction, (11, n)."""
     friction: Resistance
     """Friction of the joints."""
+    joints: Joints
+    """The joints themselves."""
 
 
 @register_jitable(_nrt=False)
 def accelerate(arm: Stepped, torque: Array) -> None:
-    """Compute the acceleration of the current state under `torque` (n,) [N m] and the friction at its velocity."""
+    """Compute the acceleration of the current state under `torque` (n,) [N m], with friction, through the joints."""
     n = len(arm.q)
-    if len(arm.friction.viscous) > 0:
+    if len(arm.joints.state) > 0:
+        transmit(arm.joints, arm.friction, arm.q, arm.qd, torque, arm.stages[10])
+        torque = arm.stages[10]
+    elif len(arm.friction.viscous) > 0:
         resist(arm.friction, arm.qd, torque, arm.stages[10])
         torque = arm.stages[10]
     if not arm.lean:
@@ -204,6 +210,7 @@ def runge_kutta(arm: Stepped, start: Array, middle: Array, end: Array) -> None:
     n, h, w = len(arm.q), arm.timestep, arm.stages
     for i in range(n):
         w[8, i], w[9, i] = arm.q[i], arm.qd[i]
+    begin(arm.joints)
     for stage in range(4):
         accelerate(arm, start if stage == 0 else end if stage == 3 else middle)
         ahead = 1.0 if stage == 2 else 0.5
@@ -212,6 +219,7 @@ def runge_kutta(arm: Stepped, start: Array, middle: Array, end: Array) -> None:
             if stage < 3:
                 arm.q[i] = w[8, i] + h * (ahead * w[stage, i])
                 arm.qd[i] = w[9, i] + h * (ahead * w[4 + stage, i])
+        advance(arm.joints, stage, h)
     sixth, third = 1.0 / 6.0, 1.0 / 3.0
     for i in range(n):
         velocity = w[0, i] * sixth + w[1, i] * third + w[2, i] * third + w[3, i] * sixth
@@ -230,8 +238,8 @@ def _step(address: int, torque: int, substeps: int, varying: int) -> int:
     start, middle, end = vector(torque, n), vector(torque + 8 * n, n), vector(torque + 16 * n, n)
     if not varying:
         middle, end = start, start
-    rough = len(arm.friction.viscous) > 0
-    if arm.lean or (arm.rk4 and (varying or rough)):
+    rough, moving = len(arm.friction.viscous) > 0, len(arm.joints.state) > 0
+    if arm.lean or (arm.rk4 and (varying or rough or moving)):
         for _ in range(substeps):
             if arm.rk4:
                 runge_kutta(arm, start, middle, end)
@@ -253,7 +261,7 @@ PROOF_STEPS = 20
 """Steps over which the lean step is compared with ``mj_step`` before it is used."""
 
 
-def native_arm(m: Any, d: Any, friction: Resistance, lean: bool | None = None) -> Stepped:
+def native_arm(m: Any, d: Any, friction: Resistance, joints: Joints, lean: bool | None = None) -> Stepped:
     """Return what the compiled step works on; lean where that is proven to change no byte.
 
     Args:
@@ -261,12 +269,13 @@ def native_arm(m: Any, d: Any, friction: Resistance, lean: bool | None = None) -
         d: Its data; not changed.
         friction: Friction of the joints; it enters as a torque, so that what is proven of the step
             without it holds with it.
+        joints: The joints, for which the same holds.
         lean: What was found of a model that this one is a copy of; None to find out.
 
     Raises:
         NativeError: MuJoCo's library cannot be called.
     """
-    return _stepped(m, d, friction, _is_plain(m) and _lean_is_equal(m) if lean is None else lean)
+    return _stepped(m, d, friction, joints, _is_plain(m) and _lean_is_equal(m) if lean is None else lean)
 
 
 def _is_plain(m: Any) -> bool:
@@ -281,7 +290,7 @@ def _lean_is_equal(m: Any) -> bool:
     rng = np.random.default_rng(0)
     for d in (lean, whole):
         d.qpos[:], d.qvel[:] = np.random.default_rng(1).normal(size=(2, own.nv))
-    arm = _stepped(own, lean, NONE, True)
+    arm = _stepped(own, lean, NONE, rigid(int(own.nv)), True)
     step = STEP.call
     for _ in range(PROOF_STEPS):
         torque = np.tile(rng.normal(size=own.nv), (3, 1))
@@ -294,7 +303,7 @@ def _lean_is_equal(m: Any) -> bool:
     return bool(np.all(np.isfinite(whole.qpos)))
 
 
-def _stepped(m: Any, d: Any, friction: Resistance, lean: bool) -> Stepped:
+def _stepped(m: Any, d: Any, friction: Resistance, joints: Joints, lean: bool) -> Stepped:
     at = addresses(m, d)
     return Stepped(
         m=at[0],
@@ -317,4 +326,5 @@ def _stepped(m: Any, d: Any, friction: Resistance, lean: bool) -> Stepped:
         columns=m.M_colind.ctypes.data,
         stages=np.zeros((11, m.nv)),
         friction=friction,
+        joints=joints,
     )

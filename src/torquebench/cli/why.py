@@ -1,0 +1,120 @@
+"""``torquebench why``: what makes a controller shake, fail, err or saturate, each with its number and a remedy."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Config, allow_outside, argument, check_out, option, out_file, plugins, settings
+from torquebench.cli.run_folder import read_run
+from torquebench.cli.terminal import following, progress_bar, say, table, tell
+
+if TYPE_CHECKING:
+    from torquebench.diagnosis import Diagnosis
+
+BAR = 30
+"""Characters of a bar of 100 %."""
+
+
+class ConfigOrRun(Config):
+    """A config, or the folder of a run."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Return its path."""
+        path = Path(str(value))
+        return path if path.is_dir() else super().convert(value, param, ctx)
+
+
+@command(example="torquebench why fig9-chattering --controller conventional")
+@argument("source", type=ConfigOrRun(), metavar="CONFIG|RUN", help="an experiment, or the folder of a run")
+@option("--controller", metavar="NAME", help="controller that is looked at (default: the one whose run is worst)")
+@out_file(help="page to write, with the figure (default: none; RUN/why.html for a run)")
+@settings(help="change one key of a config, for example chain=fast")
+@allow_outside
+@plugins
+def why(
+    source: Path,
+    controller: str | None,
+    out: Path | None,
+    overrides: Sequence[str],
+    allow_outside: bool,
+    plugin: Sequence[Path],
+) -> int:
+    """Name what makes a run shake, fail, err or saturate.
+
+    Each imperfection is taken away, and left alone, in a run of its own; what cures is a number that was tried.
+    """
+    check_out(out)
+    from torquebench.cli.parameters import refuse
+    from torquebench.diagnosis import diagnose
+    from torquebench.experiment import load_experiment
+    from torquebench.experiment.folder import read_result
+    from torquebench.experiment.store import add_to_run, atomic_write
+    from torquebench.laws.plugin import load_plugin
+    from torquebench.report.why_page import WHY_PAGE, why_page
+
+    for file in plugin:
+        load_plugin(file)
+    is_run = source.is_dir()
+    if is_run:
+        if overrides:
+            refuse([("--set", "has no effect on a run: give its config")])
+        experiment = read_run(source, "why", read_result).experiment
+    else:
+        experiment = load_experiment(source, overrides, allow_outside)
+    with progress_bar(0, "run", "starting") as bar:
+        found = diagnose(experiment, controller, following(bar))
+    tell(**found.to_json())
+    show(found)
+    if out is not None:
+        atomic_write(out, why_page(found))
+    elif is_run:
+        add_to_run(source, {WHY_PAGE: why_page(found)})
+        out = source / WHY_PAGE
+    if out is not None:
+        tell(page=out)
+        say(f"page: {out}")
+    return 0
+
+
+def show(found: Diagnosis) -> None:
+    """Say a diagnosis: the sentence, a bar for each cause, the table, the loop."""
+    say(found.sentence)
+    if found.causes:
+        say()
+        name = max(len(cause.key) for cause in found.causes)
+        for cause in found.causes:
+            bar = "█" * max(1, round(BAR * cause.effect))
+            say(f"{cause.key:<{name}}  {bar:<{BAR}} {100 * cause.effect:.0f} %", fold=False)
+        say()
+        header = ["cause", "it", "without", "alone", "remedy"]
+        say(
+            table(
+                header,
+                [[c.title.rstrip(","), c.symptom, c.without or "-", c.alone, c.remedy or "-"] for c in found.causes],
+                left=5,
+                prose=True,
+            )
+        )
+        say()
+        for cause in found.causes:
+            if cause.detail:
+                say(f"{cause.key}: {cause.detail}")
+    for line in found.cures:
+        say(f"or in the law: {line}")
+    margins = found.margins
+    if margins is not None and margins.crossover is not None:
+        delay = "no further delay" if margins.delay is None else f"a further delay of {1e3 * margins.delay:.3g} ms"
+        say(
+            f"loop of joint {margins.joint + 1}: crossover {margins.crossover:.3g} Hz, phase margin "
+            f"{margins.phase or 0.0:.0f} deg, bears {delay}"
+        )
+    say(f"{found.runs} closed loops run")
+
+
+def hint(folder: Path) -> str:
+    """Return the line that ends a run which shakes."""
+    return f"it shakes: torquebench why {shlex.quote(str(folder))}"

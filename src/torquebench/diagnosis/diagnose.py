@@ -1,0 +1,602 @@
+"""From a controller of an experiment to what is wrong with its run, and what does it, each with a number and a cure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from torquebench.certificates import Phases
+from torquebench.diagnosis.margins import (
+    Margins,
+    Slopes,
+    leaves_gravity,
+    margins_of,
+    slopes_of,
+    torque_noise,
+    weight_along,
+)
+from torquebench.diagnosis.parts import Part, parts_of, with_chain
+from torquebench.errors import ConfigError, Problem, nearest
+from torquebench.experiment.build import Loop, build
+from torquebench.experiment.certify import Flag, flags, truth_of
+from torquebench.experiment.run import Progress, metrics_of, trial_of
+from torquebench.experiment.schema import Controller, Experiment
+from torquebench.kernel import Array
+from torquebench.keys import Vector, as_vector, in_words
+from torquebench.laws import find_law
+from torquebench.metrics.chattering import CORNER_OVER_MOTION
+from torquebench.metrics.shaking import Shaking, shaking
+from torquebench.sim.session import Session
+from torquebench.sim.trajectory import Trajectory
+
+Kind: TypeAlias = Literal["fails", "shakes", "errs", "saturates"]
+KINDS: tuple[Kind, ...] = ("fails", "shakes", "errs", "saturates")
+SHARE = 0.25
+"""Share of a symptom's power from which on what takes it away, or brings it alone, is a cause [1]."""
+PERIOD_SHARE = 0.75
+"""Likewise for a shorter control period, which changes a little of everything [1]."""
+ERROR = 0.05
+"""RMS error from which on a joint errs, as a share of its motion [1]."""
+LEAST_MOTION = 0.2
+"""Motion that a joint which is to stay is held to [rad]."""
+NEAR = 1.2
+"""Times what is left of a symptom without its cause that counts as cured of it [1]."""
+QUIET, LARGE = 1.0, 0.2
+"""Shaking [% of the torque limit] that is named after an error of that share of the motion [1]."""
+SATURATED = 0.02
+"""Share of the time at the torque limit from which on a joint saturates [1]."""
+SMALLER = (0.5, 0.25, 0.1, 0.05)
+"""Shares of an imperfection that are tried as its cure [1]: one over a whole number, so that delays fit a period."""
+SOFTER = (0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
+"""Shares of the gains that are tried against shaking [1]."""
+CORNERS = (500.0, 200.0, 100.0, 50.0)
+"""Corners of a velocity filter that are tried against noise [rad/s]."""
+STIFFER = (2.0, 4.0, 8.0)
+"""Times the gains that are tried against errors [1]."""
+WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)
+"""Times the layer that one reaction of the loop crosses, tried for a law without one [1]."""
+
+
+class Seen(NamedTuple):
+    """What one run shows."""
+
+    ending: str
+    """How it failed; empty if it completed."""
+    shaking: Shaking | None
+    torque: Array
+    """RMS of the torque above the corner, (n,) [N m]."""
+    share: float
+    """Its RMS over the joints [% of the limit]."""
+    rmse: Array
+    """RMS error, (n,) [rad]."""
+    error: Array
+    """RMS error as a share of the motion, (n,) [1]."""
+    saturated: Array
+    """Share of the time at the torque limit, (n,) [1]."""
+    swings: Array
+    """Frequency at which the error changes its sign and back, (n,) [Hz]."""
+
+    def size(self, kind: Kind, joint: int | None = None) -> float:
+        """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
+        if kind == "fails":
+            return 1.0 if self.ending else 0.0
+        if self.ending:
+            return math.inf
+        if kind == "shakes":
+            return self.share
+        at = self.joint(kind) if joint is None else joint
+        return float((self.error if kind == "errs" else self.saturated)[at])
+
+    def joint(self, kind: Kind) -> int:
+        """Return the number of the joint that has most of a symptom."""
+        if kind == "shakes" and self.shaking is not None:
+            return self.shaking.joint
+        return int(np.argmax(self.error if kind == "errs" else self.saturated))
+
+    def has(self, kind: Kind) -> bool:
+        """Whether the run has a symptom."""
+        if kind == "fails" or self.ending:
+            return bool(self.ending) and kind == "fails"
+        if kind == "shakes":
+            return self.shaking is not None
+        return self.size(kind) >= (ERROR if kind == "errs" else SATURATED)
+
+    def text(self, kind: Kind, joint: int) -> str:
+        """Return a symptom of a joint as a number with its unit."""
+        if self.ending or kind == "fails":
+            return self.ending or "it completes"
+        if kind == "shakes":
+            return f"{_short(self.torque[joint])} N m"
+        if kind == "errs":
+            return f"{_short(self.rmse[joint])} rad"
+        return f"{100 * self.saturated[joint]:.3g} % of the time"
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One thing that makes a run do what it should not."""
+
+    key: str
+    """Key of the config, or ``law`` or ``gravity``."""
+    title: str
+    """The cause with its number."""
+    symptom: Kind
+    effect: float
+    """Share of the symptom's power that goes with it, or comes with it alone: the larger, 0 to 1 [1]."""
+    without: str
+    """The symptom without it; empty for the law itself, which nothing takes away."""
+    alone: str
+    """The symptom with it and no other imperfection."""
+    detail: str = ""
+    """Number by which it does it."""
+    remedy: str = ""
+    """Number that was tried, and what came of it."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What is wrong with a controller's run, and why."""
+
+    experiment: str
+    controller: str
+    law: str
+    joints: tuple[str, ...]
+    seen: Seen = field(repr=False)
+    symptoms: tuple[Kind, ...]
+    """Everything it does that it should not, the worst first."""
+    causes: tuple[Cause, ...]
+    """What does it, by symptom and the larger effect first."""
+    margins: Margins | None = field(repr=False)
+    cures: tuple[str, ...]
+    """Changes of the law's own gains that were tried, and what came of them."""
+    runs: int
+    """Closed loops that were run."""
+    motion_hz: float
+    """Frequency above which an error that swings does not follow the motion [Hz]."""
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong, what does it, and what is left without it."""
+        if not self.symptoms:
+            return f"'{self.controller}' does not shake, follows, and stays within its torque limits."
+        kind = self.symptoms[0]
+        first = next((cause for cause in self.causes if cause.symptom == kind), None)
+        begin = self._symptom(kind)
+        if first is None:
+            return f"{begin}; nothing that can be taken away by itself does it."
+        if not first.without:
+            return f"{begin}; {first.title} does it: with no other imperfection {first.alone}."
+        return f"{begin}; {first.title} does it: without it {first.without}."
+
+    def _symptom(self, kind: Kind) -> str:
+        seen, joint = self.seen, self.seen.joint(kind)
+        who = f"joint {joint + 1} of '{self.controller}'"
+        if kind == "fails":
+            return f"'{self.controller}' fails, {seen.ending}"
+        if kind == "shakes" and seen.shaking is not None:
+            at = "" if math.isnan(seen.shaking.frequency) else f" at {seen.shaking.frequency:.3g} Hz"
+            return f"{who} {seen.shaking.verb}{at}, {seen.text(kind, joint)}"
+        if kind == "errs":
+            swing = f", swinging at {seen.swings[joint]:.2g} Hz" if seen.swings[joint] > self.motion_hz else ""
+            return f"{who} errs by {seen.text(kind, joint)} RMS, {100 * seen.error[joint]:.3g} % of its motion{swing}"
+        return f"{who} is at its torque limit {seen.text(kind, joint)}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain values; infinite and undefined numbers are None."""
+        shake = self.seen.shaking
+        return {
+            "experiment": self.experiment,
+            "controller": self.controller,
+            "law": self.law,
+            "sentence": self.sentence,
+            "symptoms": list(self.symptoms),
+            "shaking": None
+            if shake is None
+            else {
+                "joint": shake.joint + 1,
+                "frequency_hz": None if math.isnan(shake.frequency) else shake.frequency,
+                "amplitude": shake.amplitude,
+                "chattering": shake.chattering,
+                "is_limit_cycle": shake.is_cycle,
+            },
+            "causes": [dict(vars(cause)) for cause in self.causes],
+            "margins": None if self.margins is None else self.margins.to_json(),
+            "cures": list(self.cures),
+            "runs": self.runs,
+        }
+
+
+def diagnose(experiment: Experiment, controller: str | None = None, progress: Progress | None = None) -> Diagnosis:
+    """Run a controller again and again, without each imperfection and with each alone, and say what does what.
+
+    Args:
+        experiment: The experiment.
+        controller: Name of the controller; None for the only one, or the one whose run is worst.
+        progress: Told what is run, how many runs are done, and of how many.
+
+    Raises:
+        ConfigError: there is no such controller.
+        ModelError: a model cannot be used.
+    """
+    names = [keys.name for keys in experiment.controllers]
+    if controller is not None and controller not in names:
+        near = nearest(controller, names) or ""
+        wanted = "" if near else f"one of {', '.join(names)}"
+        raise ConfigError([Problem("--controller", got=f"'{controller}'", wanted=wanted, nearest=near)])
+    chosen = [keys for keys in experiment.controllers if controller in (None, keys.name)]
+    found = [_Search(experiment, keys, progress) for keys in chosen]
+    worst = max(found, key=lambda one: [one.whole.has(kind) * one.whole.size(kind) for kind in KINDS])
+    return worst.diagnosis()
+
+
+class _Search:
+    """One controller's runs.
+
+    Args:
+        experiment: The experiment.
+        keys: The controller.
+        progress: As of `diagnose`.
+    """
+
+    def __init__(self, experiment: Experiment, keys: Controller, progress: Progress | None) -> None:
+        run = replace(experiment.run, chattering_from_hz=experiment.chattering_from_hz)
+        self.experiment = replace(experiment, controllers=(keys,), run=run)
+        self.keys, self._progress, self._session, self.runs = keys, progress, Session(), 0
+        self.loop = build(self.experiment)
+        self.tau_max = np.array(self.loop.plant.tau_max, dtype=np.float64)
+        span = np.max(np.abs(self.loop.reference.q - self.loop.initial_q), axis=0)
+        self.span = np.maximum(span, LEAST_MOTION)
+        self.slopes = slopes_of(self.experiment, self.loop)
+        self.weight = weight_along(self.experiment, self.loop)
+        self.parts = parts_of(self.experiment, leaves_gravity(self.slopes, self.weight))
+        self._expected = 2 * len(self.parts) + 2
+        self.run: Trajectory
+        self.whole = self.look("as it is", self.experiment, keep=True)
+
+    def look(
+        self, what: str, experiment: Experiment, change: Callable[[Loop], Loop] | None = None, keep: bool = False
+    ) -> Seen:
+        """Run one variant and return what it shows.
+
+        Args:
+            what: Its name for who waits.
+            experiment: The variant.
+            change: What is changed in its objects.
+            keep: Whether its trajectory is kept.
+        """
+        if self._progress is not None:
+            self._progress(what, self.runs, max(self._expected, self.runs + 1))
+        self.runs += 1
+        loop = build(experiment)
+        loop = loop if change is None else change(loop)
+        with np.errstate(all="ignore"):
+            run = self._session.run(loop.plant, trial_of(experiment, loop, loop.controllers[0]))
+        if keep:
+            self.run = run
+        n = experiment.n
+        nothing = np.zeros(n)
+        if not run.completed:
+            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing)
+        loop.plant.tau_max = self.tau_max.copy()
+        metrics = metrics_of(experiment, loop, self.keys, run)
+        shares = np.array([x or 0.0 for x in metrics.chattering.per_joint])
+        rmse = np.array([x or 0.0 for x in metrics.rmse.per_joint])
+        limit = self.tau_max * (1.0 - 1e-9)
+        saturated = np.mean(np.abs(run.tau_law) >= limit, axis=0)
+        power = float(np.sqrt(np.mean(shares**2)))
+        shake = shaking(metrics, self.tau_max.tolist())
+        return Seen(
+            "", shake, shares / 100.0 * self.tau_max, power, rmse, rmse / self.span, saturated, self._swings(run)
+        )
+
+    def _swings(self, run: Trajectory) -> Array:
+        late = run.t >= self.experiment.run.metrics_from
+        e = (run.q_ref - run.q)[late]
+        up = np.signbit(e - np.mean(e, axis=0))
+        turns = np.count_nonzero(up[1:] != up[:-1], axis=0)
+        return np.asarray(0.5 * turns / (run.t[late][-1] - run.t[late][0]))
+
+    def without(self, parts: Iterable[Part], what: str) -> Seen:
+        """Run it without some parts."""
+        gone = list(parts)
+        experiment = self.experiment
+        for part in gone:
+            experiment = part.without(experiment)
+
+        def change(loop: Loop) -> Loop:
+            for part in gone:
+                loop = part.loop(loop)
+            return loop
+
+        return self.look(what, experiment, change)
+
+    @cached_property
+    def ideal(self) -> Seen:
+        """The run without any imperfection."""
+        return self.without(self.gone, "without any imperfection")
+
+    @property
+    def gone(self) -> list[Part]:
+        """What a part is left alone of: all others but the torque limit, without which what is unstable only grows."""
+        return [part for part in self.parts if part.key != "torque_limit"]
+
+    def diagnosis(self) -> Diagnosis:
+        """Return what is wrong and why."""
+        symptoms = tuple(sorted((kind for kind in KINDS if self.whole.has(kind)), key=self._rank))
+        causes = self._causes(symptoms) if symptoms else ()
+        cures = self._cures(symptoms[0], causes) if symptoms else ()
+        margins = margins_of(self.experiment, self.loop, self.slopes_at_work)
+        causes = tuple(replace(cause, detail=self._detail(cause, margins)) for cause in causes)
+        names, name = tuple(self.loop.joint_names), self.experiment.name
+        motion_hz = 2.0 * self.experiment.chattering_from_hz / CORNER_OVER_MOTION
+        return Diagnosis(
+            name,
+            self.keys.name,
+            self.keys.law,
+            names,
+            self.whole,
+            symptoms,
+            causes,
+            margins,
+            cures,
+            self.runs,
+            motion_hz,
+        )
+
+    @cached_property
+    def slopes_at_work(self) -> Slopes:
+        """The law's slopes over the amplitude with which it shakes."""
+        if not self.slopes.jumps or self.whole.shaking is None:
+            return self.slopes
+        first = int(np.searchsorted(self.run.t, self.experiment.run.metrics_from))
+        rate = math.sqrt(2.0) * np.std(self.run.qd_meas[first:] - self.run.qd_ref[first:], axis=0)
+        place = math.sqrt(2.0) * np.std(self.run.q_meas[first:] - self.run.q_ref[first:], axis=0)
+        return slopes_of(self.experiment, self.loop, (place, rate))
+
+    def _rank(self, kind: Kind) -> tuple[bool, int]:
+        """Return where a symptom stands: large errors come before a torque that hardly shakes."""
+        later = kind == "shakes" and self.whole.share < QUIET and self.whole.size("errs") > LARGE
+        return later, KINDS.index(kind)
+
+    def _causes(self, symptoms: Sequence[Kind]) -> tuple[Cause, ...]:
+        without, alone = dict[str, Seen](), dict[str, Seen]()
+        known = {part.key: part for part in self.parts}
+        bases = dict[tuple[str, ...], Seen]()
+        for part in self.parts:
+            beside = tuple(key for key in part.beside if key in known)
+            if beside not in bases:
+                bases[beside] = self.whole
+                if beside:
+                    bases[beside] = self.without([known[key] for key in beside], f"without {', '.join(beside)}")
+            gone = [*(known[key] for key in beside), part]
+            without[part.key] = self.without(gone, f"without {part.key}")
+            others = [other for other in self.gone if other is not part]
+            alone[part.key] = self.without(others, f"{part.key} alone")
+        found = list[Cause]()
+        for kind in symptoms:
+            first = found[0].key if found else ""
+            if first in without and not without[first].has(kind):
+                continue  # it comes of the first symptom
+            joint = self.whole.joint(kind)
+            whole, ideal = self.whole.size(kind, joint), self.ideal.size(kind, joint)
+            own = list[Cause]()
+            for part in self.parts:
+                base = bases[tuple(key for key in part.beside if key in known)]
+                lost = _share(base.size(kind, joint), without[part.key].size(kind, joint), whole)
+                brought = _share(alone[part.key].size(kind, joint), ideal, whole)
+                effect = max(lost, brought)
+                if effect >= (PERIOD_SHARE if part.key == "control_period" else SHARE):
+                    texts = without[part.key].text(kind, joint), alone[part.key].text(kind, joint)
+                    own.append(Cause(part.key, part.title, kind, effect, *texts))
+            rest = _share(ideal, 0.0, whole)
+            if rest >= SHARE and not any(cause.key == "torque_limit" for cause in own):
+                title = self._blame(kind)
+                own.append(Cause("law", title, kind, rest, "", self.ideal.text(kind, joint)))
+            if self.backwards is not None:  # whatever else there is, that is the first thing to mend
+                own = [Cause("law", self._blame(kind), kind, 1.0, "", self.ideal.text(kind, joint))]
+            own.sort(key=lambda cause: -cause.effect)
+            named = {cause.key for cause in found}
+            new = [cause for cause in own if cause.key not in named]
+            for cause in new:
+                taken = known.get(cause.key)
+                left = 0.0 if taken is None else without[taken.key].size(kind, joint)
+                found.append(replace(cause, remedy=self._remedy(cause, taken, left)))
+        return tuple(found)
+
+    @cached_property
+    def backwards(self) -> int | None:
+        """Number of a joint that the law pushes away from its target all along; None where there is none."""
+        found = np.flatnonzero(np.all(np.diagonal(self.slopes.stiffness, axis1=1, axis2=2) < 0.0, axis=0))
+        return int(found[0]) if len(found) else None
+
+    def _blame(self, kind: Kind) -> str:
+        """Return what is wrong with the law itself."""
+        if self.backwards is not None:
+            return f"the law, whose torque pushes joint {self.backwards + 1} away from its target (wrong sign),"
+        if kind == "shakes" and self.slopes.jumps:
+            return "the law, which switches without a layer,"
+        if kind == "saturates" and (asked := self._asked()):
+            return asked
+        return "the law with these gains"
+
+    def _asked(self) -> str:
+        """Return that the motion itself takes more than the torque limits, if it does."""
+        truth, reference = truth_of(self.experiment), self.loop.reference
+        arm = truth.later if isinstance(truth, Phases) else truth
+        needed = np.abs(arm.inverse_dynamics(reference.q, reference.qd, reference.qdd)) / self.tau_max
+        joint = int(np.argmax(np.max(needed, axis=0)))
+        most = float(np.max(needed[:, joint]))
+        if most <= 1.0:
+            return ""
+        share = 100 * float(np.mean(needed[:, joint] > 1.0))
+        return f"the motion, which takes {most:.2g} times the limit of joint {joint + 1} in {share:.3g} % of the time,"
+
+    def _cured(self, kind: Kind, seen: Seen, left: float = 0.0) -> bool:
+        """Whether a run is rid of a symptom, or of all but what is left without its cause."""
+        if not seen.ending and kind != "fails" and seen.size(kind, self.whole.joint(kind)) <= NEAR * left:
+            return True
+        return not seen.ending and not seen.has(kind) and (kind == "shakes" or not seen.has("shakes"))
+
+    def _tried(self, kind: Kind, seen: Seen) -> str:
+        joint = self.whole.joint(kind)
+        left = "completes" if kind == "fails" else seen.text(kind, joint)
+        return f"tried: {left}"
+
+    def _remedy(self, cause: Cause, part: Part | None, left: float) -> str:
+        """Return the largest share of a part that was tried and cures, or the cure in words.
+
+        `left` is how much of the symptom there is without it.
+        """
+        if part is None:
+            return ""
+        if part.smaller is not None:
+            for share in SMALLER:
+                made = part.smaller(self.experiment, share)
+                if made is None:
+                    continue
+                seen = self.look(f"less of {part.key}", made[0])
+                if self._cured(cause.symptom, seen, left):
+                    return f"{made[1]} ({self._tried(cause.symptom, seen)})"
+        if cause.key in ("noise", "quantisation") and self.experiment.chain.velocity in (
+            "differentiated",
+            "tachometer",
+        ):
+            for corner in CORNERS:
+                if corner < (self.experiment.chain.velocity_filter or math.inf):
+                    seen = self.look("a velocity filter", with_chain(self.experiment, velocity_filter=corner))
+                    if self._cured(cause.symptom, seen, left):
+                        return f"velocity_filter <= {corner:g} rad/s ({self._tried(cause.symptom, seen)})"
+        return part.remedy
+
+    def _cures(self, kind: Kind, causes: Sequence[Cause]) -> tuple[str, ...]:
+        """Return changes of the law's gains that cure a symptom."""
+        found = list[str]()
+        if kind in ("shakes", "fails"):
+            layer = self._layer(kind)
+            found += [layer] if layer else []
+        if kind == "saturates" or any(cause.key == "gravity" for cause in causes):
+            return tuple(found)
+        if self.slopes.jumps and found:
+            return tuple(found)
+        for factor in STIFFER if kind == "errs" else SOFTER:
+            gains = _scaled(self.keys, factor)
+            if gains is None:
+                break
+            seen = self.look("other gains", self._with(replace(self.keys, gains=gains)))
+            if self._cured(kind, seen):
+                sign = ">=" if kind == "errs" else "<="
+                changed = [name for name in gains if gains[name] != self.keys.gains[name]]
+                words = ", ".join(f"{name} {sign} {in_words(_rounded(gains[name]))}" for name in changed)
+                return (*found, f"{words} ({self._tried(kind, seen)})")
+        return tuple(found)
+
+    def _layer(self, kind: Kind) -> str:
+        """Return the width of a layer that cures, for a law that has one or can have one; nothing where none does."""
+        law = find_law(self.keys.law)
+        option = law.options.get("switching")
+        if "phi" not in law.gains or "k" not in self.keys.gains:
+            return ""
+        period = self.experiment.run.control_period
+        truth = truth_of(self.experiment)
+        arm = truth.later if isinstance(truth, Phases) else truth
+        M = arm.mass_matrix(self.loop.reference.q[:: max(1, len(self.loop.reference.q) // 20)])
+        mobility = np.max(np.diagonal(np.linalg.inv(M), axis1=1, axis2=2), axis=0)
+        K = as_vector(self.keys.gains["k"], self.experiment.n) * self.tau_max
+        own = self.keys.gains.get("phi")
+        least = self.experiment.chain.reaction(period) * mobility * K if own is None else None
+        options = dict(self.keys.options)
+        if option is not None and "saturation" in option.values:
+            options["switching"] = "saturation"
+        for factor in WIDER:
+            wide = factor * least if least is not None else 2.0 * factor * as_vector(own, self.experiment.n)
+            phi = _rounded(tuple(wide.tolist()))
+            keys = replace(self.keys, gains={**self.keys.gains, "phi": phi}, options=options)
+            seen = self.look("a wider layer", self._with(keys))
+            if self._cured(kind, seen):
+                words = "" if own is not None else "switching: saturation, "
+                return f"{words}phi >= {in_words(phi)} ({self._tried(kind, seen)})"
+        return ""
+
+    def _with(self, keys: Controller) -> Experiment:
+        return replace(self.experiment, controllers=(keys,))
+
+    def _detail(self, cause: Cause, margins: Margins | None) -> str:
+        """Return the number by which a cause does what it does."""
+        key, joint, run = cause.key, self.whole.joint(cause.symptom), self.run
+        if key == "noise":
+            predicted = torque_noise(self.experiment, self.slopes)[joint]
+            return f"through the gains {predicted:.2g} N m RMS, of {self.whole.torque[joint]:.2g} N m"
+        if key == "gravity":
+            K = np.diagonal(self.slopes.stiffness, axis1=1, axis2=2)[:, joint]
+            with np.errstate(all="ignore"):
+                sag = float(np.nanmax(np.abs(self.weight[:, joint] / K)))
+            return f"gravity / Kp = {sag:.2g} rad"
+        if key == "friction":
+            friction = self.experiment.plant.acting
+            least = float(np.max(np.diagonal(self.slopes.stiffness, axis1=1, axis2=2)[:, joint]))
+            dry = 0.0 if friction is None else float(as_vector(friction.coulomb, self.experiment.n)[joint])
+            return f"friction / Kp = {dry / least:.2g} rad" if least > 0.0 and dry > 0.0 else ""
+        if key == "torque_rate" and self.experiment.chain.torque_rate is not None:
+            most = as_vector(self.experiment.chain.torque_rate, self.experiment.n) * self.experiment.run.control_period
+            hit = np.mean(np.abs(np.diff(run.tau, axis=0)) >= most * (1.0 - 1e-6), axis=0)
+            return f"the limit is hit {100 * hit[joint]:.3g} % of the time"
+        if key == "torque_limit":
+            share = 100 * float(np.mean(np.abs(run.tau_law[:, joint]) >= self.tau_max[joint] * (1.0 - 1e-9)))
+            return self._asked().rstrip(",") or f"the limit is hit {share:.3g} % of the time"
+        if key == "control_period":
+            said = [str(flag) for flag in flags(self.experiment, self.loop) if not isinstance(flag, Flag)]
+            if said:
+                return said[-1].removeprefix(f"controller '{self.keys.name}' ")
+        if margins is None or margins.crossover is None:
+            return ""
+        lost = margins.lost.get("hold" if key == "control_period" else key)
+        if lost is None:
+            return ""
+        at = f"at the crossover of {margins.crossover:.3g} Hz"
+        return f"costs {lost:.0f} deg of phase {at}, where {margins.phase or 0.0:.0f} deg are left"
+
+
+def _short(value: float) -> str:
+    """Return a number with two digits, one that is next to nothing as less than a thousandth."""
+    return f"{value:.2g}" if value >= 1e-3 else "< 0.001"
+
+
+def _share(more: float, less: float, whole: float) -> float:
+    """Return the share of a symptom's power that goes from one run to another; 0 where it does not fall.
+
+    Args:
+        more, less: The symptom in both.
+        whole: The symptom in the run as it is.
+    """
+    if not more > less or whole == 0.0:
+        return 0.0
+    if math.isinf(more):
+        return 1.0
+    return min(1.0, (more * more - less * less) / (whole * whole))
+
+
+def _scaled(keys: Controller, factor: float) -> dict[str, Vector] | None:
+    """Return a controller's gains with those that make torque multiplied; None where there are none."""
+    law = find_law(keys.law)
+    widths = {name for name, gain in law.gains.items() if gain.unit in ("rad", "rad/s") or name == "lam"}
+    if not set(keys.gains) - widths:
+        return None
+    return {
+        name: value
+        if name in widths
+        else tuple(factor * x for x in value)
+        if isinstance(value, tuple)
+        else factor * value
+        for name, value in keys.gains.items()
+    }
+
+
+def _rounded(value: Vector) -> Vector:
+    """Return numbers with three significant digits, one where all are the same."""
+    numbers = [float(f"{x:.3g}") for x in np.ravel(value).tolist()]
+    return numbers[0] if len(set(numbers)) == 1 else tuple(numbers)

@@ -1,0 +1,39 @@
+"""The page of a diagnosis: the sentence, causes and loop drawn, then the table of causes."""
+
+from __future__ import annotations
+
+from torquebench.diagnosis import Diagnosis
+from torquebench.report.figures.diagnosis import diagnosis_figure
+from torquebench.report.figures.files import figure_bytes
+from torquebench.report.render import Picture, render
+from torquebench.report.tables import number
+
+WHY_PAGE = "why.html"
+"""Name of the page in a run's folder."""
+
+
+def why_page(found: Diagnosis) -> bytes:
+    """Return the page of a diagnosis, which stands alone; the same diagnosis gives the same bytes."""
+    picture = Picture("Causes, and the loop's frequency response", figure_bytes(diagnosis_figure(found), "svg"))
+    rows = [
+        (c.title.rstrip(","), c.symptom, f"{100 * c.effect:.0f}", c.without or "-", c.alone, c.detail, c.remedy)
+        for c in found.causes
+    ]
+    margins = found.margins
+    facts = []
+    if margins is not None and margins.crossover is not None:
+        facts = [
+            ("crossover", f"{number(margins.crossover)} Hz"),
+            ("phase margin", f"{number(margins.phase or 0.0)} deg"),
+            ("delay margin", "none" if margins.delay is None else f"{number(1e3 * margins.delay)} ms"),
+        ]
+        facts += [(f"phase lost to {name}", f"{number(x)} deg") for name, x in margins.lost.items()]
+    return render(
+        "why",
+        figures=[picture],
+        title=f"Why {found.controller} does what it does",
+        lead=f"{found.experiment}, law {found.law}; {found.runs} closed loops run.",
+        found=found,
+        rows=rows,
+        facts=facts,
+    )

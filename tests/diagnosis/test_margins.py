@@ -1,0 +1,76 @@
+"""Margins of a loop against closed forms of one joint under PD."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.test_causes import SINE, experiment, pd
+from torquebench.diagnosis.margins import margins_of, slopes_of, torque_noise
+from torquebench.experiment.build import build
+from torquebench.robot import load_model
+
+CHAIN = {"command_delay": 0.004, "actuator_lag": 0.003}
+
+
+def test_slopes_of_pd() -> None:
+    """At no error -d tau/d qd is Kd = kV Mbar and -d tau/d q is lambda Kd, to the differences' error."""
+    built = experiment(pd(20, "pd"))
+    slopes = slopes_of(built, build(built))
+    Kd = 20.0 * load_model("two-link").flat.inertia_scale
+    assert np.diagonal(slopes.damping, axis1=1, axis2=2) == pytest.approx(np.tile(Kd, (5, 1)), rel=1e-6)
+    assert np.diagonal(slopes.stiffness, axis1=1, axis2=2) == pytest.approx(np.tile(10.0 * Kd, (5, 1)), rel=1e-6)
+    assert not slopes.jumps
+
+
+def test_phase_lost_to_delay_and_lag() -> None:
+    """A delay d costs 360 f d degrees at the crossover f, a lag T atan(2 pi f T), half a period of hold 180 f T."""
+    built = experiment(pd(60), chain=CHAIN)
+    loop = build(built)
+    found = margins_of(built, loop, slopes_of(built, loop))
+    assert found is not None
+    assert found.crossover is not None
+    f = found.crossover
+    assert found.lost["command_delay"] == pytest.approx(360.0 * f * 0.004, rel=1e-9)
+    assert found.lost["actuator_lag"] == pytest.approx(math.degrees(math.atan(2.0 * math.pi * f * 0.003)), rel=1e-9)
+    assert found.lost["hold"] == pytest.approx(180.0 * f * 0.001, rel=1e-9)
+
+
+def test_the_loop_oscillates_where_its_phase_says() -> None:
+    """With a delay beyond its margin the loop limit-cycles near the frequency at which its phase is -180 degrees.
+
+    A quarter off at most: the cycle is clipped, and of a joint that pulls the other along.
+    """
+    from torquebench.diagnosis import diagnose
+
+    found = diagnose(experiment(pd(60), chain={"command_delay": 0.02}, reference={**SINE, "frequency_hz": 0.3}))
+    assert found.margins is not None
+    assert found.margins.oscillation is not None
+    assert found.margins.phase is not None
+    assert found.margins.phase < 0.0
+    assert found.seen.shaking is not None
+    assert found.seen.shaking.frequency == pytest.approx(found.margins.oscillation, rel=0.25)
+
+
+@pytest.mark.parametrize("rate", [None, 200.0])
+def test_noise_through_the_gains(rate: float | None) -> None:
+    """Noise meets (b0 + b1/z)/(1 - c/z), whose power is (b0^2 + b1^2 + 2 c b0 b1)/(1 - c^2), and the run shows as much.
+
+    b0 = K + g, b1 = -c K - g, g = a Kd/T, c = 1 - a. Of a run's noise 10 % are chance and what the corner of chattering
+    leaves out; of the law's slopes 0.1 % are gravity's.
+    """
+    from torquebench.diagnosis import diagnose
+
+    chain = {"encoder_noise": 2e-4, "velocity": "differentiated"} | ({} if rate is None else {"velocity_filter": rate})
+    built = experiment(pd(20), chain=chain)
+    loop = build(built)
+    predicted = torque_noise(built, slopes_of(built, loop))
+    a = 1.0 if rate is None else 1.0 - math.exp(-rate * 0.001)
+    Kd = 20.0 * load_model("two-link").flat.inertia_scale
+    g, c = a * Kd / 0.001, 1.0 - a
+    b0, b1 = 10.0 * Kd + g, -c * 10.0 * Kd - g
+    power = (b0**2 + b1**2 + 2.0 * c * b0 * b1) / (1.0 - c * c)
+    assert predicted == pytest.approx(2e-4 * np.sqrt(power), rel=2e-3)
+    assert diagnose(built).seen.torque == pytest.approx(predicted, rel=0.1)
