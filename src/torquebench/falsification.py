@@ -7,12 +7,13 @@ import io
 import math
 import os
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from torquebench.experiment.falsify_section import Falsify, take_falsify
+from torquebench.experiment.falsify_section import Falsify, in_unit, take_falsify
 from torquebench.experiment.folder import write_experiment
 from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import Experiment
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TOLD = 3
-"""Variables that a sentence names, the farthest moved first."""
+"""Keys that a sentence names, the farthest moved first."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +82,10 @@ class Falsification:
         return self.space.checked((own.smallest or own.worst).point, controller)
 
     def worst_by(self, own: Hunt, method: Method) -> str:
-        """Return the worst run of a method, over all seeds, in words; a dash where it was not used."""
-        runs = [one for (used, _), tried in own.tried.items() if used == method for one in tried]
-        worst = _worst(runs)
-        return "-" if worst is None else self.shown(worst)
+        """Return the worst run of a method, over all seeds, in words, and, where a run ends it, after how many."""
+        tried = [runs for (used, _), runs in own.tried.items() if used == method]
+        runs = "" if self.asked.claim is None else f" in {sum(map(len, tried))} runs"
+        return self.shown(_worst(one for own in tried for one in own)) + runs
 
     def sentence(self, own: Hunt) -> str:
         """Return what came out for a controller in one sentence."""
@@ -95,12 +96,13 @@ class Falsification:
             return f"{name} keeps {claim.text} in {runs} runs: {self.shown(own.worst)} at worst; nominal {nominal}"
         if claim is not None and breaks(self.asked, own.nominal):
             return f"{name} breaks {claim.text} as the config is: {nominal}"
-        moved = self.moved(own)
-        values = self.space.values(shown.point)
-        parts = [
-            f"{self.space.variables[i].key} {values[i]:.4g} {_unit(self.space.variables[i].unit)}".rstrip()
-            for i in moved
-        ]
+        values, variables, parts = self.space.values(shown.point), self.space.variables, list[str]()
+        for key, moved in self.moved(own).items():
+            several = f"{len(moved)} of {sum(v.of == key for v in variables)} {key}"
+            at = moved[0]
+            parts.append(
+                several if len(moved) > 1 else f"{variables[at].key} {in_unit(values[at], variables[at].unit)}"
+            )
         more = f" and {len(parts) - TOLD} more" if len(parts) > TOLD else ""
         given = f" with {', '.join(parts[:TOLD])}{more}" if parts else ""
         if shown.score >= FAILED:
@@ -111,15 +113,19 @@ class Falsification:
         verb = "exceeds" if claim.info.better == "lower" else "falls below"
         return f"{name} {verb} {claim.metric} {self.number(claim.limit)}{given}: {self.shown(shown)}; nominal {nominal}"
 
-    def moved(self, own: Hunt) -> list[int]:
-        """Return the variables that the smallest counterexample of a controller needs, the farthest moved first."""
-        values = self.space.values((own.smallest or own.worst).point)
-        far = [abs(v.share(x) - v.nominal_share) for v, x in zip(self.space.variables, values, strict=True)]
-        return sorted((i for i in range(len(far)) if far[i]), key=lambda i: -far[i])
+    def moved(self, own: Hunt) -> dict[str, list[int]]:
+        """Return what the smallest counterexample of a controller needs: key -> variables, the farthest moved first."""
+        variables, values = self.space.variables, self.space.values((own.smallest or own.worst).point)
+        found = dict[str, list[int]]()
+        far = [abs(v.share(x) - v.nominal_share) for v, x in zip(variables, values, strict=True)]
+        for i in sorted(range(len(far)), key=lambda i: -far[i]):
+            if far[i]:
+                found.setdefault(variables[i].of, []).append(i)
+        return found
 
     def number(self, value: float) -> str:
         """Return a value of the metric with its unit."""
-        return f"{self.info.scale * value:.4g} {_unit(self.info.shown_unit)}".rstrip()
+        return in_unit(self.info.scale * value, self.info.shown_unit)
 
     def shown(self, tried: Tried) -> str:
         """Return how a run ended, or its metric."""
@@ -128,33 +134,20 @@ class Falsification:
     def to_json(self) -> dict[str, Any]:
         """Return everything but the single runs, as ``falsify.json`` has it; metrics in SI units."""
         asked, claim = self.asked, self.asked.claim
-        variables = [
-            {
-                "key": v.key,
-                "unit": v.unit,
-                "low": v.low,
-                "high": v.high,
-                "log": v.log,
-                "step": v.step,
-                "nominal": v.nominal,
-            }
-            for v in self.space.variables
-        ]
+        facts = ("key", "unit", "low", "high", "log", "step", "nominal")
         return {
             "metric": self.info.key,
             "unit": self.info.unit,
             "claim": None if claim is None else f"{claim.metric} {claim.sign} {claim.limit!r}",
             "evaluations": asked.evaluations,
             "seeds": asked.seeds,
-            "variables": variables,
+            "variables": [{fact: getattr(v, fact) for fact in facts} for v in self.space.variables],
             "controllers": {own.controller: self._json(own) for own in self.hunts},
             "cma_over_random": self.ratios,
         }
 
     def _json(self, own: Hunt) -> dict[str, Any]:
-        def run(tried: Tried | None) -> dict[str, Any] | None:
-            if tried is None:
-                return None
+        def run(tried: Tried) -> dict[str, Any]:
             value, failed_at = (None if math.isnan(x) else x for x in (tried.value, tried.failed_at))
             values = list(self.space.values(tried.point))
             return {"outcome": tried.outcome, "failed_at": failed_at, "value": value, "variables": values}
@@ -168,7 +161,7 @@ class Falsification:
             "sentence": self.sentence(own),
             "nominal": run(own.nominal),
             "worst": run(own.worst),
-            "smallest": run(own.smallest),
+            "smallest": None if own.smallest is None else run(own.smallest),
             "runs_to_shrink": own.returned,
             "searches": searches,
         }
@@ -187,20 +180,6 @@ class Falsification:
                     writer.writerow([*row, *map(repr, self.space.values(one.point))])
         return text.getvalue().encode()
 
-    def save(self, folder: str | Path | None = None, progress: Progress | None = None) -> Path:
-        """Write everything into a folder, and return it; see `write`.
-
-        Args:
-            folder: New or empty; None for ``runs/NAME-UTC``.
-            progress: Told each figure that is drawn.
-
-        Raises:
-            ConfigError: the folder is not empty, or cannot be made.
-        """
-        directory = RunDirectory(claim_folder(None if folder is None else Path(folder), self.space.name))
-        self.write(directory, progress)
-        return directory.folder
-
     def write(self, directory: RunDirectory, progress: Progress | None = None) -> None:
         """Write everything: for each law ``NAME/experiment.yaml``, which replays its case, numbers, and the figure.
 
@@ -214,7 +193,7 @@ class Falsification:
         directory.write("falsify.json", json_bytes(self.to_json()))
         for file, content in figure_files({"convergence": self.figure}, Wish(), progress):
             directory.write(file, content)
-        directory.finish({"name": self.space.name, "falsify": True})
+        directory.finish({"name": self.space.base.name, "falsify": True})
 
     def figure(self) -> Figure:
         """Draw the worst value found so far against the number of runs."""
@@ -225,9 +204,9 @@ class Falsification:
 
         courses: dict[str, dict[str, list[list[float]]]] = {}
         for own in self.hunts:
-            for method, i in own.tried:
-                seeds = courses.setdefault(own.controller, {}).setdefault(method, [])
-                seeds.append([value(score) for score in own.course(method, i)])
+            for (method, _), runs in own.tried.items():
+                worst = accumulate((one.score for one in runs), max)
+                courses.setdefault(own.controller, {}).setdefault(method, []).append([value(x) for x in worst])
         claim, count = self.asked.claim, len(self.space.variables)
         told = f"{count} variable{'s' * (count != 1)}, {self.asked.evaluations} runs a search"
         return draw_convergence(
@@ -237,7 +216,7 @@ class Falsification:
             Unit(self.info.shown_unit, self.info.scale),
             None if claim is None else claim.limit,
             TITLES,
-            (f"{self.space.name}: the worst run found so far", told),
+            (f"{self.space.base.name}: the worst run found so far", told),
         )
 
 
@@ -254,12 +233,8 @@ class _Below(RunDirectory):
         self._above.write(f"{self._name}/{name}", content)
 
 
-def _worst(runs: Sequence[Tried]) -> Tried | None:
-    return max(runs, key=lambda one: one.score, default=None)
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
+def _worst(runs: Iterable[Tried]) -> Tried:
+    return max(runs, key=lambda one: one.score)
 
 
 def space_of(
@@ -319,7 +294,7 @@ def falsify(
     """
     check_method(methods, "methods")
     space = space_of(config, changes, outside, plugins)
-    directory = None if folder is None else RunDirectory(claim_folder(Path(folder), space.name))
+    directory = None if folder is None else RunDirectory(claim_folder(Path(folder), space.base.name))
     run = (lambda what, done, total: None) if progress is None else progress
     found = Falsification(space, hunt(space, methods, workers or os.cpu_count() or 1, run))
     if directory is not None:

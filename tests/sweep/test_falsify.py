@@ -92,7 +92,8 @@ def test_the_worst_bias_is_at_the_end_of_its_range() -> None:
 
     CMA-ES comes within 1 % of the range; the error is that of the run at the end, to the same 1 %.
     """
-    keys = config(variables={"disturbances[0].value": {"low": [-3, -0.01], "high": [1, 0.01]}}, metric="rmse")
+    bounds = {"disturbances[0].value[0]": [-3, 1], "disturbances[0].value[1]": [-0.01, 0.01]}
+    keys = config(variables=bounds, metric="rmse")
     (own,) = torquebench.falsify(keys, methods=("cma",), changes={"falsify.evaluations": 150}).hunts
     end = torquebench.run_experiment(
         {**{k: v for k, v in keys.items() if k != "falsify"}, "disturbances": [{"kind": "bias", "value": [-3.0, 0.0]}]}
@@ -131,6 +132,15 @@ def test_a_delay_is_a_whole_number_of_periods() -> None:
     assert len(delays) > 3
     assert all(delay == float(f"{round(delay / 0.002) * 0.002:.15g}") for delay in delays)
     assert masses <= {0.0, 0.5, 1.0, 1.5, 2.0}
+
+
+def test_what_a_config_leaves_out_has_its_default() -> None:
+    """A key that is not in the file begins, and ends where it is not needed, at what it has there: its default."""
+    keys = config(variables={"chain.measurement_delay": [0, "20 ms"], "run.metrics_from": [0.1, 1.2]})
+    own, bare = {**keys, "chain": {"measurement_delay": 0.004}}, {"duration": 2.0, "control_period": 0.002}
+    delay, start = torquebench.falsify({**own, "run": bare}, methods=("random",)).space.variables
+    default = torquebench.load_experiment({**ARM, "run": bare}).run.metrics_from
+    assert (delay.nominal, start.nominal) == (0.004, default)
 
 
 def test_a_failed_run_is_worst_and_the_earlier_the_worse() -> None:
@@ -173,7 +183,8 @@ BAD: Mapping[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "unit": ({"variables": {"plant.payload.mass": [0, 3]}, "claim": "max_error < 5 kg"}, ("mrad",)),
     "none": ({"variables": {}}, ("nothing may change",)),
     "unknown": ({"variables": {"plant.payload.mas": [0, 3], "run.metrics": [0, 1]}}, ("mass", "metrics_from")),
-    "list": ({"variables": {"disturbances[0].value": {"low": [0, 0, 0], "high": 1}}}, ("as many as",)),
+    "list": ({"variables": {"disturbances[0].value": {"low": [0, 0], "high": 1}, "disturbances": [0, 1]}}, ("low",)),
+    "whole": ({"variables": {"disturbances": [0, 1]}}, ("no list of numbers",)),
     "twice": (
         {"variables": {"disturbances[0].value": [0, 1], "disturbances[0].value[1]": [0, 1]}},
         ("changes it too",),

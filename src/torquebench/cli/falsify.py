@@ -30,8 +30,11 @@ if TYPE_CHECKING:
 BOTH = "both"
 SCALE = 21
 """Characters of the line on which a variable's value stands in its range."""
-MOST_ROWS = 24
-"""Variables in the table; all are stored."""
+FEW = 3
+"""Numbers of a list that have a row each."""
+BARS = "▁▂▃▄▅▆▇█"
+LONGEST = 40
+"""Numbers of a list that are drawn."""
 
 
 @command(example="torquebench falsify studies/falsify --until 'max_error > 20 mrad'")
@@ -77,7 +80,7 @@ def falsify(
     if until is not None:
         changes.append(f"falsify.claim={claim_of(until)}")
     space = space_of(config, changes, allow_outside, plugin)
-    folder = claim_folder(out, space.name)
+    folder = claim_folder(out, space.base.name)
     with progress_bar(0, "run", "starting (compiles on first use)") as bar:
         found = Falsification(space, hunt(space, methods, workers or os.cpu_count() or 1, following(bar)))
     with progress_bar(0, "figure", "writing") as bar:
@@ -108,7 +111,14 @@ def report(found: Falsification) -> None:
     rows = []
     for own in found.hunts:
         worst = [found.worst_by(own, method) for method in used]
-        rows.append([own.controller, found.shown(own.nominal), *worst, found.shown(own.smallest or own.worst)])
+        rows.append(
+            [
+                own.controller,
+                found.shown(own.nominal),
+                *worst,
+                "-" if own.smallest is None else found.shown(own.smallest),
+            ]
+        )
     say()
     say(table([found.info.title, "nominal", *(TITLES[method] for method in used), "smallest"], rows))
     if found.ratios and found.asked.claim is None:
@@ -117,22 +127,24 @@ def report(found: Falsification) -> None:
         ratio = median(found.ratios.values())
         say(f"the worst of CMA-ES is {ratio:.3g} times that of random search with as many runs, median over the laws")
     for own in found.hunts:
-        moved = found.moved(own)
-        if not moved:
+        if own.smallest is None:
             continue
-        values = found.space.values((own.smallest or own.worst).point)
-        lines = []
-        for i in moved[:MOST_ROWS]:
-            v = found.space.variables[i]
-            where = scale(v.nominal_share, v.share(values[i]))
-            lines.append(
-                [v.key, f"{v.low:.4g}", where, f"{v.high:.4g}", f"{values[i]:.4g}", f"{v.nominal:.4g}", v.unit]
-            )
+        variables, values = found.space.variables, found.space.values(own.smallest.point)
+        shares, lines, count = [v.share(x) for v, x in zip(variables, values, strict=True)], [], 0
+        for key, moved in found.moved(own).items():
+            count += len(moved)
+            every = [i for i, v in enumerate(variables) if v.of == key]
+            for i in moved if len(every) <= FEW else moved[:1]:
+                v, where = variables[i], scale(variables[i].nominal_share, shares[i])
+                row = [v.key, f"{v.low:.4g}", where, f"{v.high:.4g}", f"{values[i]:.4g}", f"{v.nominal:.4g}", v.unit]
+                if len(every) > FEW:
+                    told = bars([shares[k] if k in moved else None for k in every])
+                    row = [key, row[1], told, row[3], f"{len(moved)} of {len(every)}", "", v.unit]
+                lines.append(row)
         say()
         say(table([own.controller, "low", "in its range", "high", "value", "nominal", "unit"], lines, left=1))
-        left = f"{len(moved) - MOST_ROWS} more in falsify.json; " if len(moved) > MOST_ROWS else ""
-        back = len(found.space.variables) - len(moved)
-        say(f"{left}○ nominal, ● needed; {back} of {len(found.space.variables)} variables are not needed")
+        say(f"○ nominal, ● needed; of a list {BARS[0]} low to {BARS[-1]} high, · not needed")
+        say(f"{len(variables) - count} of {len(variables)} variables are not needed")
 
 
 def scale(nominal: float, share: float) -> str:
@@ -141,3 +153,9 @@ def scale(nominal: float, share: float) -> str:
     marks[round(nominal * (SCALE - 1))] = "○"
     marks[round(share * (SCALE - 1))] = "●"
     return "".join(marks)
+
+
+def bars(shares: Sequence[float | None]) -> str:
+    """Return a bar for each number of a list, as high as it is in its range; a dot for None."""
+    marks = ["·" if share is None else BARS[round(share * (len(BARS) - 1))] for share in shares]
+    return "".join(marks[:LONGEST]) + ("…" if len(marks) > LONGEST else "")

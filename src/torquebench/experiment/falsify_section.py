@@ -18,7 +18,7 @@ from torquebench.experiment.units import units_of, without_unit
 from torquebench.experiment.values import Here, Node
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, Place
-from torquebench.keys import Key, Vector
+from torquebench.keys import Key
 from torquebench.metrics import METRICS, MetricInfo
 
 MAX_EVALUATIONS = 1_000_000
@@ -51,8 +51,7 @@ class Claim(NamedTuple):
     @property
     def text(self) -> str:
         """The claim as in a config, in the unit of tables."""
-        unit = f" {self.info.shown_unit}" if self.info.shown_unit != "1" else ""
-        return f"{self.metric} {self.sign} {self.info.scale * self.limit:.6g}{unit}"
+        return f"{self.metric} {self.sign} {in_unit(self.info.scale * self.limit, self.info.shown_unit)}"
 
     def holds(self, value: float) -> bool:
         """Whether a value of the metric meets it; NaN does not."""
@@ -76,8 +75,11 @@ class ClaimText(Node):
             here.add("no such metric", got=f"'{metric}'", nearest=near, wanted="" if near else ", ".join(METRICS))
             return BROKEN
         info = METRICS[metric]
-        limit = limit_of(text, info.unit)
-        if limit is None:
+        try:
+            limit = float(without_unit(text, info.unit))
+        except ValueError:
+            limit = math.nan
+        if not math.isfinite(limit):
             units = f" [{', '.join(units_of(info.unit))}]" if units_of(info.unit) else ""
             here.add(got=f"'{text}'", wanted=f"a number{units}, in SI units if it has none")
             return BROKEN
@@ -93,33 +95,22 @@ class ClaimText(Node):
         return str
 
 
+def in_unit(value: float, unit: str) -> str:
+    """Return a number with its unit, in four digits."""
+    return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
+
+
 def claim_of(text: str) -> str:
     """Return the claim that something does not happen: ``max_error <= 5 mrad`` of ``max_error > 5 mrad``."""
     return re.sub("<=|>=|<|>", lambda found: OPPOSITE[found[0]], text, count=1)
 
 
-def limit_of(text: str, unit: str) -> float | None:
-    """Return a number with or without unit as one in a metric's unit; None for what is none."""
-    value = without_unit(text, unit)
-    if isinstance(value, str):
-        try:
-            value = float(value)
-        except ValueError:
-            return None
-    return float(value) if math.isfinite(value) else None
-
-
-def as_tuple(x: Vector) -> tuple[float, ...]:
-    """Return a vector's numbers, one where it is a number."""
-    return x if isinstance(x, tuple) else (x,)
-
-
 @dataclass(frozen=True)
 class Bounds:
-    """Least and greatest value of a key; a list has one number for each of the key's."""
+    """Least and greatest value of a number."""
 
-    low: Annotated[Vector, Key("Least value; its unit is the key's", "1")]
-    high: Annotated[Vector, Key("Greatest value, likewise", "1")]
+    low: Annotated[float, Key("Least value; its unit is the key's", "1")]
+    high: Annotated[float, Key("Greatest value, likewise", "1")]
     spacing: Annotated[Literal["linear", "log"], Key("Whether equal steps or equal ratios count the same")] = "linear"
     step: Annotated[
         float | None,
@@ -131,27 +122,12 @@ class Bounds:
         ),
     ] = None
 
-    @property
-    def count(self) -> int:
-        """How many numbers it is for; 1 for any number of them."""
-        return max(len(x) if isinstance(x, tuple) else 1 for x in (self.low, self.high))
-
-    def pairs(self, count: int) -> list[tuple[float, float]]:
-        """Return least and greatest value of each of so many numbers."""
-        lows, highs = (x if isinstance(x, tuple) and len(x) > 1 else as_tuple(x) * count for x in (self.low, self.high))
-        return list(zip(lows, highs, strict=True))
-
     def faults(self) -> Iterator[Fault]:
         """Yield what leaves it without meaning."""
-        lows, highs = as_tuple(self.low), as_tuple(self.high)
-        if len(lows) != len(highs) and min(len(lows), len(highs)) > 1:
-            yield Fault(("high",), got=f"{len(highs)} numbers", wanted=f"as many as low has, {len(lows)}")
-            return
-        for low, high in self.pairs(self.count):
-            if not low < high:
-                yield Fault((), got=f"{low:g} and {high:g}", wanted="the smaller number first")
-            elif self.spacing == "log" and low <= 0.0:
-                yield Fault(("low",), got=f"{low:g}", wanted="more than 0 with spacing log")
+        if not self.low < self.high:
+            yield Fault((), got=f"{self.low:g} and {self.high:g}", wanted="the smaller number first")
+        elif self.spacing == "log" and self.low <= 0.0:
+            yield Fault(("low",), got=f"{self.low:g}", wanted="more than 0 with spacing log")
 
 
 class Span(Node):
@@ -163,8 +139,8 @@ class Span(Node):
         """Return the bounds."""
         if isinstance(raw, dict):
             return group_of(Bounds).read(raw, here)
-        plain = isinstance(raw, list) and len(raw) == 2
-        if not plain or not all(isinstance(x, int | float) and not isinstance(x, bool) for x in raw):
+        pair = raw if isinstance(raw, list) and len(raw) == 2 else [None]
+        if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in pair):
             here.add(got=shown(raw), wanted=self.wanted)
             return BROKEN
         bounds = Bounds(float(raw[0]), float(raw[1]))
@@ -194,7 +170,7 @@ class Falsify:
         tuple[Allowed, ...],
         Key(
             "Key -> the least and the greatest value that it may have: [0, 3], or {low: 0, high: 3}; keys as for "
-            "--set. Of a key that holds a list each number is searched by itself"
+            "--set. Of a key that holds a list each number is searched by itself; one alone is run.initial_q[0]"
         ),
         Varied(Span(), Allowed),
     ]

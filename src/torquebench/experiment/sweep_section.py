@@ -475,6 +475,21 @@ def with_number(experiment: Experiment, path: KeyPath, value: float) -> Experime
     return _replaced(experiment, path, value)  # type: ignore[no-any-return]
 
 
+def number_in(experiment: Experiment, path: KeyPath) -> Any:
+    """Return what an experiment has at a path of `with_number`, defaults included; None where there is nothing."""
+    node: Any = experiment
+    for key in path:
+        if isinstance(node, tuple):
+            node = node[key] if isinstance(key, int) and key < len(node) else None
+        elif isinstance(node, Mapping):
+            node = node.get(key)
+        elif isinstance(node, Controller) and key in node.options:
+            node = node.options[str(key)]
+        else:
+            node = getattr(node, str(key), None)
+    return node
+
+
 def with_draw(experiment: Experiment, draw: int) -> Experiment:
     """Return an experiment with another ``run.draw``."""
     return altered(experiment, run=altered(experiment.run, draw=draw))

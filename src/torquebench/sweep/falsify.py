@@ -7,18 +7,18 @@ import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from torquebench.chain import CHAINS
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment.build import Builder
 from torquebench.experiment.config import MotionTorques, sized, unsized
-from torquebench.experiment.falsify_section import Allowed, Falsify
+from torquebench.experiment.falsify_section import Allowed, Falsify, in_unit
 from torquebench.experiment.groups import FALSIFY
 from torquebench.experiment.reference import meanings_of, unit_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign, tree_of
-from torquebench.experiment.sweep_section import between, expanded, indexed, with_number
+from torquebench.experiment.sweep_section import between, expanded, indexed, number_in, with_number
 from torquebench.experiment.units import without_unit
 from torquebench.experiment.yaml_tree import KeyPath, Place, value_at
 from torquebench.keys import altered, values_of
@@ -43,6 +43,8 @@ class Variable:
 
     key: str
     """As for ``--set``."""
+    of: str
+    """The key of the section that it belongs to, which may hold a list."""
     place: Place
     paths: tuple[KeyPath, ...]
     """Where it stands in the experiment: in every controller that has it, for ``controllers.*``."""
@@ -103,46 +105,25 @@ class Space:
     """
 
     def __init__(self, document: Document, asked: Falsify) -> None:
-        self._document, self.asked = document.copy(), asked
+        self.asked, self._torques, self._document = asked, MotionTorques(), document.copy()
+        given = unsized(document.copy())
         _spell_chain(self._document, asked.variables)
-        document.raise_problems()
-        found = [self._variables(allowed) for allowed in asked.variables]
+        found = [self._variables(allowed, given) for allowed in asked.variables]
         self.variables = tuple(variable for group in found for variable in group)
         self._refuse_overlaps()
         if len(self.variables) > MOST_VARIABLES:
             text = f"{len(self.variables)} numbers may change"
             self._document.add((FALSIFY, "variables"), text, wanted=f"at most {MOST_VARIABLES}")
         self._document.raise_problems()
-        self._torques = MotionTorques()
-        self._base = unsized(self._document)
-        _ = self._base.n  # kept in the copies: it reads the arm's files
-        period = self._base.run.control_period
-        whole = [variable.step is None and _takes_whole(variable.key) for variable in self.variables]
-        self.variables = tuple(
-            altered(variable, step=period) if own else variable
-            for own, variable in zip(whole, self.variables, strict=True)
-        )
+        self.base = unsized(self._document)
+        """The config with every variable at its own value, before its disturbances have their sizes."""
+        _ = self.base.n  # kept in the copies: it reads the arm's files
         self._check()
 
     @property
     def nominal(self) -> Point:
-        """The point of the config's own values; of keys that it does not have, those nearest to zero."""
+        """The point of the config's own values."""
         return tuple(variable.nominal_share for variable in self.variables)
-
-    @property
-    def controllers(self) -> tuple[str, ...]:
-        """Names of the controllers."""
-        return tuple(keys.name for keys in self._base.controllers)
-
-    @property
-    def name(self) -> str:
-        """Name of the experiment."""
-        return self._base.name
-
-    @property
-    def steps(self) -> int:
-        """Number of control instants of the config's own run."""
-        return self._base.n_steps
 
     def values(self, point: Point) -> tuple[float, ...]:
         """Return the value of each variable at a point."""
@@ -155,7 +136,7 @@ class Space:
             point: The point.
             controller: The only controller; None for all.
         """
-        found = self._base
+        found = self.base
         for variable, value in zip(self.variables, self.values(point), strict=True):
             for path in variable.paths:
                 found = with_number(found, path, value)
@@ -179,7 +160,7 @@ class Space:
                 assign(document, path, value, variable.place, variable.place)
         return document
 
-    def _variables(self, allowed: Allowed) -> list[Variable]:
+    def _variables(self, allowed: Allowed, given: Experiment) -> list[Variable]:
         """Return a key's variables, and set its nominal values in the document; mistakes are recorded there."""
         document, bounds, unit = self._document, allowed.bounds, unit_of(allowed.key) or ""
         here: KeyPath = (FALSIFY, "variables", allowed.key)
@@ -188,29 +169,34 @@ class Space:
             document.add(here, "no controller's law has it", place=allowed.place)
             return []
         now = without_unit(value_at(document.root, paths[0], None), unit)
-        listed = now if isinstance(now, list) else [now] * bounds.count
-        if any(isinstance(x, list | dict) for x in listed) or isinstance(now, dict) or not listed:
+        now = number_in(given, paths[0]) if now is None else now
+        listed = list(now) if isinstance(now, list | tuple) else [now]
+        if isinstance(now, dict) or any(isinstance(x, list | dict) for x in listed) or not listed:
             document.add(here, "is no number, and no list of numbers", place=allowed.place, wanted="a key that is one")
             return []
-        if bounds.count not in (1, len(listed)):
-            text = f"{bounds.count} least or greatest values"
-            document.add(here, got=text, wanted=f"as many as the config has numbers there, {len(listed)}, or one")
-            return []
-        pairs = bounds.pairs(len(listed))
-        nominal = [_nominal(x, *pair) for x, pair in zip(listed, pairs, strict=True)]
-        several = isinstance(now, list) or bounds.count > 1
+        several = isinstance(now, list | tuple)
+        # of what is no number, such as a key that is absent and has no default, it is what is nearest to zero
+        nominal = [
+            float(x)
+            if isinstance(x, int | float) and not isinstance(x, bool)
+            else min(max(0.0, bounds.low), bounds.high)
+            for x in listed
+        ]
         for path in paths:
-            value = tree_of(nominal if several else nominal[0])
-            assign(document, path, value, allowed.place, allowed.place)
-        log = bounds.spacing == "log"
+            assign(document, path, tree_of(nominal if several else nominal[0]), allowed.place, allowed.place)
+        step = bounds.step
+        if step is None and any(WHOLE in meaning for meaning in meanings_of(allowed.key)):
+            step = given.run.control_period
         return [
             Variable(
                 f"{allowed.key}[{i}]" if several else allowed.key,
+                allowed.key,
                 allowed.place,
                 tuple((*path, i) if several else path for path in paths),
-                *pairs[i],
-                log,
-                bounds.step,
+                bounds.low,
+                bounds.high,
+                bounds.spacing == "log",
+                step,
                 x,
                 unit,
             )
@@ -256,16 +242,6 @@ def _spell_chain(document: Document, variables: Iterable[Allowed]) -> None:
         assign(document, ["chain"], tree_of(known), place, place)
 
 
-def _takes_whole(key: str) -> bool:
-    return any(WHOLE in meaning for meaning in meanings_of(key))
-
-
-def _nominal(now: Any, low: float, high: float) -> float:
-    """Return what a number is now; where it is none, what is nearest to zero."""
-    given = isinstance(now, int | float) and not isinstance(now, bool)
-    return float(now) if given else min(max(0.0, low), high)
-
-
 def tried_of(ended: Ended, point: Point, info: MetricInfo, steps: int) -> Tried:
     """Return what a run says of a point; greater scores are worse, and the earlier a run fails, the worse it is.
 
@@ -309,10 +285,10 @@ class Evaluator:
     def _one(self, asked: tuple[str, Point]) -> Tried:
         controller, point = asked
         if not hasattr(self._own, "runner"):
-            self._own.runner = Runner(1, self._space.asked.evaluations * self._space.steps)
+            self._own.runner = Runner(1, self._space.asked.evaluations * self._space.base.n_steps)
         runner: Runner = self._own.runner
         (ended,) = runner.ended(self._space.experiment(point, controller))
-        return tried_of(ended, point, self._info, self._space.steps)
+        return tried_of(ended, point, self._info, self._space.base.n_steps)
 
 
 @dataclass
@@ -338,14 +314,6 @@ class Hunt:
         """Return the worst score of each seed of a method."""
         return [max(one.score for one in runs) for (own, _), runs in self.tried.items() if own == method]
 
-    def course(self, method: Method, seed: int) -> list[float]:
-        """Return the worst score so far after each run."""
-        found, most = list[float](), -math.inf
-        for one in self.tried.get((method, seed), ()):
-            most = max(most, one.score)
-            found.append(most)
-        return found
-
 
 def breaks(asked: Falsify, tried: Tried) -> bool:
     """Whether a run breaks what is claimed; one that fails always does, one that says nothing never."""
@@ -368,14 +336,12 @@ def hunt(
         workers: How many runs are made at once.
         progress: Called with the worst so far, the number of runs that are made, and of all.
     """
-    asked, count = space.asked, len(space.variables)
-    keys: list[Key] = [
-        (name, method, i) for name in space.controllers for method in methods for i in range(asked.seeds)
-    ]
+    asked, count, names = space.asked, len(space.variables), [keys.name for keys in space.base.controllers]
+    keys: list[Key] = [(name, method, i) for name in names for method in methods for i in range(asked.seeds)]
     total, done, worst = len(keys) * asked.evaluations, 0, ("", -math.inf, math.nan)
     with Evaluator(space, workers) as evaluator:
-        nominal = evaluator.run([(name, space.nominal) for name in space.controllers])
-        hunts = {name: Hunt(name, own) for name, own in zip(space.controllers, nominal, strict=True)}
+        nominal = evaluator.run([(name, space.nominal) for name in names])
+        hunts = {name: Hunt(name, own) for name, own in zip(names, nominal, strict=True)}
 
         def told(key: Key, points: Sequence[Point], out: Sequence[Tried]) -> bool:
             nonlocal done, worst
@@ -385,7 +351,8 @@ def hunt(
             most = max(out, key=lambda one: one.score)
             if most.score > worst[1]:
                 worst = name, most.score, most.value
-            progress(f"'{worst[0]}' {_brief(worst[2], asked.info)}", done, total)
+            brief = "failed" if math.isnan(worst[2]) else in_unit(asked.info.scale * worst[2], asked.info.shown_unit)
+            progress(f"'{worst[0]}' {brief}", done, total)
             return asked.claim is not None and any(breaks(asked, one) for one in out)
 
         def run(points: list[tuple[Key, Point]]) -> list[Tried]:
@@ -395,10 +362,6 @@ def hunt(
         drive(searches, run, lambda one: one.score, told)
         _return(space, hunts, evaluator)
     return list(hunts.values())
-
-
-def _brief(value: float, info: MetricInfo) -> str:
-    return "failed" if math.isnan(value) else f"{info.scale * value:.4g} {info.shown_unit}"
 
 
 def _return(space: Space, hunts: Mapping[str, Hunt], evaluator: Evaluator) -> None:

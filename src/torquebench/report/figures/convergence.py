@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from torquebench.report.figures import style
 from torquebench.report.figures.layout import finish_page, panel_grid
 from torquebench.report.figures.style import Unit
 
@@ -43,13 +42,11 @@ def draw_convergence(
     fig, panels = panel_grid(list(courses), "runs", [f"{label} [{unit.name}]"] * len(courses))
     known = {method for own in courses.values() for method in own}
     for ax, (name, own) in zip(panels, courses.items(), strict=True):
-        values = [nominal[name], *([] if limit is None else [limit])]
         for method, seeds in own.items():
             for course in seeds:
                 y = unit.factor * np.array(course)
                 x, fine = np.arange(1, len(y) + 1), np.isfinite(y)
                 ax.plot(x[fine], y[fine], drawstyle="steps-post", linewidth=1.1, **LINES[method])
-                values += list(np.array(course)[fine])
                 if np.isposinf(y).any():
                     first = int(np.argmax(np.isposinf(y)))
                     ax.plot([x[first]], [0.97], "x", color=LINES[method]["color"], transform=ax.get_xaxis_transform())
@@ -57,8 +54,9 @@ def draw_convergence(
             ax.axhline(unit.factor * nominal[name], color="0.55", linewidth=0.8)
         if limit is not None:
             ax.axhline(unit.factor * limit, color="#b00020", linewidth=0.9, linestyle=":")
-        style.fit_scale(ax.yaxis, unit.factor * np.array(values))
         ax.set_xlim(left=0)
+        if ax.get_ylim()[0] < 0.0 <= ax.dataLim.ymin:
+            ax.set_ylim(bottom=0.0)
     handles = [Line2D([], [], label=titles[method], **look) for method, look in LINES.items() if method in known]
     handles.append(Line2D([], [], color="0.55", linewidth=0.8, label="the config's own run"))
     if limit is not None:
