@@ -47,6 +47,11 @@ GAINS = {
     "boost": 0.4,
     "forget": 1.0,
     "gamma": 100.0,
+    "kp": 300.0,
+    "kd": 30.0,
+    "viscous": 5.0,
+    "coulomb": 4.0,
+    "speed": 0.5,
 }
 
 

@@ -17,7 +17,7 @@ from torquebench.certificates import SlidingLaw, certify, held_to, required_gain
 from torquebench.errors import ResultError
 from torquebench.experiment import load_experiment, parse_experiment
 from torquebench.experiment.build import build
-from torquebench.experiment.certify import Coarse, Overdriven, certificates, flags, sliding_law
+from torquebench.experiment.certify import Coarse, Overdriven, certificates, flags, resistance, sliding_law
 from torquebench.experiment.folder import manifest_of
 from torquebench.experiment.run import run_experiment
 from torquebench.references import Quintic, Sine, Step
@@ -169,6 +169,18 @@ def test_a_gain_too_small_is_flagged_before_the_run() -> None:
     assert flag.k_needed == pytest.approx(99.0 / 186.4, abs=0.003)
     enough = load_experiment(config, [*blind, "controllers.conventional.gains.k=0.6"])
     assert flags(enough, build(enough)) == ()
+
+
+def test_friction_under_load_grows_with_itself() -> None:
+    """Motors give what the motion takes and the friction, d = sat(qd/v0) (C + load |M qdd + N + d|), to 1e-12 N m."""
+    changes = ["plant.friction={coulomb: 5, load: 0.2, speed: 0.1}"]
+    experiment = load_experiment(Path("configs/paper/fig9-chattering.yaml"), changes)
+    loop = build(experiment)
+    drag = -resistance(experiment, loop.model, loop.reference)
+    needed = loop.model.inverse_dynamics(*loop.reference)
+    rising = np.clip(loop.reference.qd / 0.1, -1.0, 1.0)
+    assert drag == pytest.approx(rising * (5.0 + 0.2 * np.abs(needed + drag)), abs=1e-12)
+    assert np.max(np.abs(drag)) > 10.0
 
 
 def test_forms_without_a_certificate() -> None:

@@ -32,6 +32,7 @@ LAYERS = (
     ("certificates", "describing"),
     ("experiment", "scene"),
     ("sweep", "diagnosis"),
+    ("preflight",),
     ("report",),
     ("video", "results", "audit"),
     ("sweeps",),

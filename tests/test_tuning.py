@@ -202,6 +202,19 @@ def test_the_config_is_stored_with_numbers() -> None:
     assert lines[1].endswith("phi 0.06 rad/s")
 
 
+@pytest.mark.parametrize(("other", "unit"), [("hinge", "rad/s (m/s for slides)"), ("slide", "m/s")])
+def test_gains_of_slides_are_told_in_their_units(tmp_path: Path, other: str, unit: str) -> None:
+    """The line has both units where some joints turn and some slide."""
+    body = '<body><joint name="{}" type="{}" axis="{}"/><inertial mass="2" pos="0.1 0 0" diaginertia="1 1 1"/>'
+    inside = body.format("b", other, "0 1 0")
+    motors = "".join(f'<motor joint="{name}" ctrlrange="-9 9"/>' for name in "ab")
+    arm = f"<worldbody>{body.format('a', 'slide', '1 0 0')}{inside}</body></body></worldbody>"
+    (tmp_path / "cart.xml").write_text(f"<mujoco>{arm}<actuator>{motors}</actuator></mujoco>")
+    path = tmp_path / "own.yaml"
+    path.write_text(TEXT.replace("two-link", "cart.xml"))
+    assert chosen_text(load_experiment(path))[1].endswith(f" {unit}")
+
+
 def test_gains_follow_what_is_set_beside_the_file(tmp_path: Path) -> None:
     """They are chosen after ``--set``: for the period, the chain and the gains that it gives, and by name."""
     path = tmp_path / "own.yaml"

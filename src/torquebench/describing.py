@@ -43,7 +43,9 @@ def saturating(ratio: Array) -> Array:
     return found
 
 
-def critical(chain: Chain, control_period: float, lam: float, model: float, damping: Array) -> tuple[Array, Array]:
+def critical(
+    chain: Chain, control_period: float, lam: float, model: Array | float, damping: Array
+) -> tuple[Array, Array]:
     """Return the least D/M with which a mode swings for ever, and the angular frequency, (m,) each [1/s], [rad/s].
 
     Infinite, and NaN, where there is none below half the sampling rate.
@@ -52,22 +54,23 @@ def critical(chain: Chain, control_period: float, lam: float, model: float, damp
         chain: Sensors and actuators.
         control_period: Control period T [s].
         lam: Slope lambda [1/s].
-        model: Share of the equivalent control: 1 with a model that is right, 0 without one.
+        model: The model's inertia of the mode over the true one, (m,) or one for all: 1 where it is right, 0 without.
         damping: B/M of the mode, (m,) [1/s].
     """
     omega = np.geomspace(LOWEST, math.pi / control_period, LINES)
     seen, rate = response(chain, omega, control_period), 1j * omega
     square = rate * rate
     per_gain = (seen.velocity * rate + lam * seen.position) * seen.torque / square
-    rest = 1.0 + model * lam * rate * seen.velocity * seen.torque / square + damping[:, None] / rate
+    share = np.broadcast_to(model, damping.shape)[:, None]
+    rest = 1.0 + share * lam * rate * seen.velocity * seen.torque / square + damping[:, None] / rate
     needed = -rest / per_gain
     a, b = needed.imag[:, :-1], needed.imag[:, 1:]
-    share = np.where(a != b, a / np.where(a != b, a - b, 1.0), 0.0)
-    gain = needed.real[:, :-1] + share * np.diff(needed.real, axis=1)
+    way = np.where(a != b, a / np.where(a != b, a - b, 1.0), 0.0)
+    gain = needed.real[:, :-1] + way * np.diff(needed.real, axis=1)
     least = np.where((a * b <= 0.0) & (gain > 0.0), gain, np.inf)
     place = np.argmin(least, axis=1)
     rows = np.arange(len(damping))
-    at = omega[place] + share[rows, place] * np.diff(omega)[place]
+    at = omega[place] + way[rows, place] * np.diff(omega)[place]
     found = least[rows, place]
     return found, np.where(np.isfinite(found), at, np.nan)
 
@@ -88,6 +91,23 @@ def relay_cycle(chain: Chain, control_period: float, lam: float, gain: float, mo
     return Cycle(float(omega) / (2.0 * math.pi), 4.0 * gain / (math.pi * float(least)))
 
 
+def square_wave(mean: Array, frequency: float, corner: float) -> Array:
+    """Return the RMS of what a square wave between +-1 of this mean has at `corner` and above; 0 where it has none.
+
+    It is up for a share D = (1 + mean)/2 of its period; its harmonic i has the amplitude 4/(pi i) |sin(pi i D)|.
+
+    Args:
+        mean: Mean, within +-1, of any shape [1].
+        frequency: Its frequency [Hz].
+        corner: Lowest frequency that counts [Hz].
+    """
+    i = np.arange(1.0, 200.0)
+    i = i[i * frequency >= corner]
+    up = 0.5 * (1.0 + np.clip(mean, -1.0, 1.0))
+    found: Array = np.sqrt(8.0 * np.sum((np.sin(np.pi * np.multiply.outer(up, i)) / i) ** 2, axis=-1)) / np.pi
+    return found
+
+
 class Arm(NamedTuple):
     """An arm at rest, and its friction, whose Coulomb part grows linearly up to a speed."""
 
@@ -102,7 +122,7 @@ class Arm(NamedTuple):
 
 
 def swings(
-    arm: Arm, chain: Chain, control_period: float, lam: float, model: float, K: Array, phi: Array, Kd: Array
+    arm: Arm, chain: Chain, control_period: float, lam: float, believed: Array, K: Array, phi: Array, Kd: Array
 ) -> bool:
     """Whether K sat(s/phi) + Kd s has a limit cycle, or grows, in some mode and at some amplitude.
 
@@ -115,7 +135,7 @@ def swings(
         chain: Sensors and actuators.
         control_period: Control period T [s].
         lam: Slope lambda [1/s].
-        model: As of `critical`.
+        believed: Mass matrices of the law's model, as of the arm's; zero without one.
         K, phi, Kd: Switching gain [N m], layer [rad/s] and rate gain [N m s/rad], (n,) each.
     """
     D = K / phi + Kd
@@ -123,9 +143,9 @@ def swings(
     pushed, ways = np.linalg.eigh(root[:, None] * np.linalg.inv(arm.M) * root)
     modes = np.swapaxes(ways, 1, 2)[:, -1] * root  # M v = D v / mu: the stiffest mode at each pose, up to M^-1
     moves = np.linalg.solve(arm.M, modes[..., None])[..., 0]
-    weight = np.einsum("pi,pij,pj->p", moves, arm.M, moves)
+    weight, share = (np.einsum("pi,pij,pj->p", moves, M, moves) for M in (arm.M, believed))
     has_coulomb = bool(np.any(arm.coulomb > 0.0))
-    for move, mass, stiff in zip(moves, weight, pushed[:, -1], strict=True):
+    for move, mass, model, stiff in zip(moves, weight, share / weight, pushed[:, -1], strict=True):
         size = np.abs(move) / np.max(np.abs(move))
         reach = SWINGS if has_coulomb else SWINGS[:1]
         V = reach[:, None] * size * arm.speed
@@ -134,8 +154,8 @@ def swings(
         known = np.isfinite(least)
         w = np.where(known, omega, 1.0)[:, None]
         A = V * np.hypot(1.0, lam / w) if has_coulomb else np.zeros_like(V)
-        share = (K / phi * saturating(A / phi) + Kd) / D
-        acting = stiff * (share * D * move * move).sum(axis=1) / (D * move * move).sum()
+        left = (K / phi * saturating(A / phi) + Kd) / D
+        acting = stiff * (left * D * move * move).sum(axis=1) / (D * move * move).sum()
         if np.any(known & (acting >= least)):
             return True
     return False

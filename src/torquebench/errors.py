@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -19,18 +19,24 @@ class ModelError(TorquebenchError):
 
     Args:
         message: What is wrong.
-        reasons: All that is wrong, where that is several things; the message has them all if none is given.
+        problems: All that is wrong, where that is several things; the message has them all if none is given.
     """
 
-    def __init__(self, message: str, reasons: Iterable[str] = ()) -> None:
-        self.reasons = tuple(reasons) or (message,)
+    def __init__(self, message: str, problems: Iterable[Problem] = ()) -> None:
+        self.problems = tuple(problems) or (Problem(text=message),)
         super().__init__(message)
 
     @classmethod
-    def of_file(cls, where: str, reasons: Iterable[str]) -> ModelError:
-        """Return the error of a file that is refused for several reasons, each of them with the file's name."""
-        told = [f"{where}: {reason}" for reason in reasons]
-        return cls("\n".join(told), told)
+    def of_file(cls, where: str, reasons: Iterable[Problem | str]) -> ModelError:
+        """Return the error of a file that is refused for several reasons.
+
+        Args:
+            where: The file.
+            reasons: The reasons; those that name no file of their own are at a place in this one.
+        """
+        problems = [Problem(text=reason) if isinstance(reason, str) else reason for reason in reasons]
+        problems = [one if one.source else replace(one, source=where) for one in problems]
+        return cls("\n".join(map(str, problems)), problems)
 
 
 class ControllerError(TorquebenchError):
@@ -111,8 +117,8 @@ class Problem:
 
     @property
     def where(self) -> str:
-        """Place of the mistake: ``file:line:column``, or the command-line option."""
-        return self.source if self.line is None else f"{self.source}:{self.line}:{self.column}"
+        """Place of the mistake: ``file:line:column``, as far as it is known, or the command-line option."""
+        return ":".join(str(part) for part in (self.source, self.line, self.column) if part is not None)
 
     @property
     def message(self) -> str:

@@ -39,6 +39,8 @@ MOST = 0.3
 """Largest share of the torque limit that switches against what a model leaves over [1]."""
 HELD = 0.25
 """Share of the torque beyond gravity's that a law without a model uses [1]."""
+CRAWL = 0.02
+"""Speed above which what a law believes of Coulomb friction is full [rad/s]."""
 OVERCOME = 1.5
 """What switches or holds against the friction of an arm's file, over it [1]."""
 RUBBED = 1.0
@@ -179,18 +181,29 @@ def slope(fit: Fit) -> Array:
         return pole(fit)
     limits = fit.limits
     own = SHARE * limits.stands(fit.reaction) / fit.reaction
-    damping = fit.known["kv"] * limits.scale if "kv" in fit.known else own
-    return np.minimum(pole(fit), (damping + limits.viscous) / limits.heaviest)
+    damper = fit.known["kv"] * limits.scale if "kv" in fit.known else own
+    return np.minimum(pole(fit), (damper + limits.viscous) / limits.heaviest)
 
 
-def rate(fit: Fit) -> Array:
-    """Rate gain kV of a torque Kd = kV Mbar: Kd = 4 lambda M of the heaviest inertia, as far as there is room.
+def damping(fit: Fit) -> Array:
+    """Rate gain Kd: 4 lambda M of the heaviest inertia, as far as there is room.
 
     Where friction asks for more, so that lambda Kd `ERROR` = F, it is that.
     """
     lam, limits = fit.known["lam"] if "lam" in fit.known else pole(fit), fit.limits
     wanted = np.maximum(4.0 * lam * limits.heaviest, limits.friction / (ERROR * lam))
-    return np.minimum(wanted, fit.room) / limits.scale
+    return np.minimum(wanted, fit.room)
+
+
+def stiffness(fit: Fit) -> Array:
+    """Position gain Kp = lambda Kd: `pole`, at most D / M, beyond which the heaviest inertia is damped too little."""
+    damper = fit["kd"] + fit.limits.viscous
+    return fit["kd"] * np.minimum(pole(fit), damper / fit.limits.heaviest)
+
+
+def rate(fit: Fit) -> Array:
+    """Rate gain kV of a torque Kd = kV Mbar: `damping`."""
+    return damping(fit) / fit.limits.scale
 
 
 def acceleration_rate(fit: Fit) -> Array:
@@ -299,12 +312,22 @@ def turn_width(fit: Fit) -> Array:
     return 2.0 * fit["k"] * fit.limits.tau_max / (SHARE * fit.limits.least)
 
 
+def none(fit: Fit) -> Array:
+    """Zero: the part is left out."""
+    return np.zeros_like(fit.limits.tau_max)
+
+
+def crawl(fit: Fit) -> Array:
+    """Speed of 0.02 rad/s, below which a sign is smoothed."""
+    return np.full_like(fit.limits.tau_max, CRAWL)
+
+
 def as_much(fit: Fit) -> Array:
     """One: as much again."""
     return np.ones_like(fit.limits.tau_max)
 
 
-TERMS = (rate, switching, fuzzy_torque)
+TERMS = (rate, damping, switching, fuzzy_torque)
 """Rules of gains that make a linear term near s = 0."""
 
 BY_UNIT: Mapping[str, Rule] = {

@@ -35,8 +35,8 @@ def test_a_refusal_shows_the_table_and_the_line_that_goes_on(arm: Path, capsys) 
     assert "refused  branches" in out
     assert "torquebench import arm.xml --fix left,right" in out
     assert [line.partition(";")[0] for line in err.splitlines()] == [
-        "arm.xml: branches of left, right",
-        "arm.xml: torque limits of a, b",
+        "arm.xml:2:125: branches of left, right",
+        "arm.xml:1:100: torque limits of a, b",
     ]
     assert list(Path().iterdir()) == [arm]
 
@@ -84,7 +84,7 @@ def test_bad_arguments_are_told_at_once(arm: Path, capsys) -> None:
     assert "FILE: got 'no.xml'" in capsys.readouterr().err
     Path("bad.xml").write_text("<mujoco", encoding="utf-8")
     assert main(["import", "bad.xml"]) == 2
-    assert "FILE: bad.xml: MuJoCo does not read it" in capsys.readouterr().err
+    assert "bad.xml:1: MuJoCo does not read it" in capsys.readouterr().err
 
 
 def test_every_force_that_can_be_left_out_is_offered() -> None:

@@ -9,6 +9,7 @@ from tests.sim.arm_files import SLIDES, _arm
 from torquebench import load_trajectory
 from torquebench.metrics import METRICS, Metric
 from torquebench.report.tables import joint_row
+from torquebench.video.film import read_footage
 
 CONFIG = """\
 name: rail
@@ -52,6 +53,9 @@ def test_errors_in_mrad_and_in_mm(rail, command):
         own = 1e3 * error[:, joints]
         assert float(cells[f"RMSE [{unit}]"]) == pytest.approx(np.sqrt(np.mean(own**2)), rel=1e-3)
         assert float(cells[f"max [{unit}]"]) == pytest.approx(own.max(), rel=1e-3)
+    note = next(shot.note for shot in read_footage(rail / "out").shots if shot.name == "pd")
+    for unit in ("mrad", "mm"):
+        assert f"RMSE {float(cells[f'RMSE [{unit}]']):.3g} {unit}" in note
     text = " ".join(out.split())
     assert "constant force or torque 1 N or N m" in text
     assert "viscous 1 N s/m or N m s/rad" in text

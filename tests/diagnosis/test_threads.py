@@ -1,16 +1,16 @@
-"""Eight complaints that people have had of real arms, rebuilt small: the cause that each ended on is named.
-
-Sources: the issue threads whose repository and number stand beside each case; the words and numbers here are our own.
-"""
+"""Complaints that people have had of real arms, rebuilt small in configs/shaking: what each ended on is named."""
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.diagnosis.test_causes import BIAS, FRICTION, NOISE, PLANT, SINE, experiment, pd
+from tests.diagnosis.test_causes import BIAS, experiment, pd
 from torquebench.diagnosis import diagnose
+from torquebench.experiment import load_experiment
 
 WRONG_SIGN = '''
 """A PD law whose torque has the wrong sign."""
@@ -28,36 +28,38 @@ def turned(gains, model, t, q, qd, ref, memory, tau):
     for i in range(len(tau)):
         tau[i] = -gains.kp[i] * (ref.q[i] - q[i]) + gains.kd[i] * (ref.qd[i] - qd[i])
 '''
-STEP = {"kind": "step", "target": [0.6, -0.4], "at": 0.2}
-
-THREADS: list[tuple[str, str, dict[str, Any], dict[str, Any]]] = [
-    # fan-ziqi/robot_lab#51: trained on an ideal motor, shakes on one with delay
-    ("command_delay", "command delay of 15 ms", pd(80), {"chain": {"command_delay": 0.015}}),
-    # mujoco_ros2_control_examples#6, HOVER#38: gains that 1 kHz bears, at 50 Hz
-    ("control_period", "control period of 20 ms", pd(80), {"run": {"control_period": 0.02}}),
-    # unitree_rl_gym#89: velocity differenced from encoders, times the rate gain
-    ("noise", "sensor noise", pd(30), {"chain": NOISE}),
-    # IsaacLab#2139: the motion takes more than the motors give
-    ("torque_limit", "torque limit", pd(20), {"reference": {**SINE, "amplitude": [1.5, -1.5], "frequency_hz": 1.5}}),
-    # mujoco_menagerie#251: position servos sag
-    ("gravity", "gravity", pd(10, "pd"), {"reference": STEP, "run": {"duration": 4.0}}),
-    # Universal_Robots_Client_Library#352, franka_ros#249: friction that the law does not know
-    ("friction", "friction", pd(10), {"plant": FRICTION}),
-    # strands-labs/robots#168: one of 25 steps is run, so that a command is held 25 times too long
-    ("control_period", "control period of 25 ms", pd(60), {"run": {"control_period": 0.025}}),
-    # choreonoid#26, intrinsic-dev/aic#419: what hangs on the arm is not in the model
-    ("payload", "payload of 5 kg", pd(10), {"plant": {**PLANT, "payload": {"mass": 5.0}}}),
-]
+FOLDER = Path("configs/shaking")
+ENDED_ON = {
+    "camera-on-hand": ("payload", "setLoad of a Franka"),
+    "delayed-motor": ("command_delay", "gains.kv <="),
+    "effort-at-100-hz": ("control_period", "gains.kv <="),
+    "elastic-joints": ("transmission", "gains.kv <="),
+    "gains-at-50-hz": ("control_period", "gains.kv <="),
+    "noisy-velocity": ("noise", "chain.velocity_filter <="),
+    "sagging-servo": ("gravity", "pd-gravity"),
+    "torque-discontinuity": ("torque_rate", "gains.kv <="),
+}
+"""Config -> the cause on which its thread ended, and what the cure is about."""
 
 
-@pytest.mark.parametrize(("key", "words", "controller", "sections"), THREADS)
-def test_the_cause_that_a_complaint_ended_on(
-    key: str, words: str, controller: dict[str, Any], sections: dict[str, Any]
-) -> None:
-    """The sentence names what the thread ended on, and it is the first cause."""
-    found = diagnose(experiment(controller, **sections))
-    assert found.causes[0].key == key
-    assert words in found.sentence
+@pytest.mark.parametrize("name", sorted(ENDED_ON))
+def test_the_cause_that_a_complaint_ended_on(name: str) -> None:
+    """It is the only cause, the sentence names it, and a cure is offered, which was tried where it is a number."""
+    key, cure = ENDED_ON[name]
+    found = diagnose(load_experiment(FOLDER / f"{name}.yaml"))
+    assert [cause.key for cause in found.causes] == [key], found.sentence
+    assert found.causes[0].title.rstrip(",") in found.sentence
+    assert cure in " ".join((*found.cures, found.causes[0].remedy))
+
+
+def test_every_complaint_has_its_thread_and_a_row() -> None:
+    """Each config says its complaint and the thread's address in its first line, and docs/why.md has a row for each."""
+    files = {path.stem: path.read_text() for path in FOLDER.glob("*.yaml")}
+    assert set(files) == set(ENDED_ON)
+    for text in files.values():
+        assert re.match(r"# .+[.?!] https://github\.com/[\w.-]+/[\w.-]+/(issues|pull)/\d+\n", text)
+    rows = re.findall(r"^\| `([\w-]+)` \|", Path("docs/why.md").read_text(), re.MULTILINE)
+    assert sorted(rows) == sorted(ENDED_ON)
 
 
 def test_a_torque_of_the_wrong_sign(tmp_path: Any) -> None:

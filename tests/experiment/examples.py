@@ -90,6 +90,17 @@ SCENARIO = (
     viscous: [5.8, 9.3, 4.0, 0.36, 0.36, 0.22]
     coulomb: 0.9
     speed: 0.02
+    breakaway: 1.2
+    stribeck_speed: 0.2
+    load: 0.1
+    bristle_stiffness: 300
+    bristle_damping: 0.01
+  transmission:
+    stiffness: 2.0e+4
+    damping: 20
+    inertia: 2
+    backlash: 1.0e-3
+    sensor: link
   limits: stop
   perturb:
     relative: 0.1

@@ -273,6 +273,8 @@ def test_an_override_may_take_over_what_only_the_parent_has(write) -> None:
     """``--set controllers=[first]`` of a file that lists another one."""
     path = write(own="extends: base.yaml\ncontrollers: [second]\n", base=BASE)
     assert [keys.name for keys in load_experiment(path, ["controllers=[first]"]).controllers] == ["first"]
+    with pytest.raises(ConfigError, match=r"--set controllers=first: .* such as \[first, second\], or of whole ones"):
+        load_experiment(path, ["controllers=first"])
 
 
 def test_the_short_files_of_the_documents(write) -> None:

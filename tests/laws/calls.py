@@ -66,6 +66,11 @@ VALUES = {
     "gi": 0.1,
     "k1": 4.0,
     "k2": 30.0,
+    "kp": 200.0,
+    "kd": 20.0,
+    "viscous": 5.0,
+    "coulomb": 4.0,
+    "speed": 0.5,
 }
 """Value of each gain, unless a test says otherwise."""
 

@@ -1,4 +1,4 @@
-"""The paper's laws and the baselines written out a second time, in vectors; nothing here is shared with the package."""
+"""The paper's, the vendors' and plain laws written out a second time, in vectors; nothing shared with the package."""
 
 from __future__ import annotations
 
@@ -161,6 +161,25 @@ def fuzzy_pid(options: Options, g: Gains, a: State) -> Answer:
     return Answer(0.5 * g["kf"] * a.tau_max * both, integral=kept_within(a, g["gi"]))
 
 
+def joint_impedance(options: Options, g: Gains, a: State) -> Answer:
+    """Kp e - Kd qd or Kp e + Kd de, + C qd + g."""
+    rate = {"velocity": -a.qd, "velocity-error": a.de}[options["damping"]]
+    return Answer(g["kp"] * a.e + g["kd"] * rate + a.velocity + a.gravity)
+
+
+def gravity_friction(options: Options, g: Gains, a: State) -> Answer:
+    """Kp e + Kd de + g + viscous v + coulomb sat(v/speed)."""
+    v = {"desired": a.qd + a.de, "measured": a.qd}[options["friction_at"]]
+    believed = g["viscous"] * v + g["coulomb"] * sat(v / g["speed"])
+    return Answer(g["kp"] * a.e + g["kd"] * a.de + a.gravity + believed)
+
+
+def position_servo(options: Options, g: Gains, a: State) -> Answer:
+    """Kp e - kd qd + ki int e."""
+    tau = g["kp"] * a.e - g["kd"] * a.qd + g["ki"] * a.integral
+    return Answer(tau, integral=grown(a, tau))
+
+
 EQUATIONS: dict[str, Callable[[Options, Gains, State], Answer]] = {
     "pd": pd,
     "pd-gravity": pd_gravity,
@@ -173,4 +192,7 @@ EQUATIONS: dict[str, Callable[[Options, Gains, State], Answer]] = {
     "fuzzy-pd": fuzzy_pd,
     "fuzzy-pi": fuzzy_pi,
     "fuzzy-pid": fuzzy_pid,
+    "joint-impedance": joint_impedance,
+    "gravity-friction": gravity_friction,
+    "position-servo": position_servo,
 }

@@ -10,8 +10,9 @@ import pytest
 
 from tests.arms import MGL, PENDULUM_INERTIA, pack, pendulum, slider, still, two_link, two_link_terms
 from torquebench.kernel import Array
-from torquebench.references import ReferenceSource, Sine
+from torquebench.references import Reference, ReferenceSource, Sine
 from torquebench.robot import RobotModel
+from torquebench.sim.friction import Friction
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
@@ -173,6 +174,53 @@ def test_what_removes_the_droop() -> None:
     for name, run_ in runs.items():
         assert abs(error(run_)[-1, 0]) < 1e-8, name
     assert runs["pid"].extra["integral"][-1, 0] == pytest.approx(MGL * math.cos(0.4) / (400 * 0.5), rel=1e-6)
+
+
+@pytest.mark.parametrize("arm", [pendulum(), two_link()], ids=["pendulum", "two-link"])
+def test_vendor_laws_at_rest(arm: RobotModel) -> None:
+    """A servo sags by g(q)/kp, with an integral not at all; impedance and gravity compensation arrive."""
+    target = np.array([0.4, -0.6])[: arm.n]
+    stiff: dict[str, Any] = {"kp": 200.0, "kd": 40.0}
+    impedance = run(arm, "joint-impedance", still(target), 8.0, **stiff)
+    compensated = run(arm, "gravity-friction", still(target), 8.0, viscous=1.0, coulomb=0.5, speed=0.1, **stiff)
+    sagging = run(arm, "position-servo", still(target), 8.0, ki=0.0, **stiff)
+    integral = run(arm, "position-servo", still(target), 12.0, ki=400.0, **stiff)
+    # the slowest poles are near Kp/Kd = 5/s, and KI/Kp = 2/s with the integral: exp(-24) = 4e-11 of 0.6 rad
+    for run_ in (impedance, compensated, integral):
+        assert np.max(np.abs(error(run_)[-1])) < 1e-8
+    assert error(sagging)[-1] == pytest.approx(arm.gravity(sagging.q[-1]) / 200.0, rel=1e-6)
+    assert np.max(np.abs(error(sagging)[-1])) > 0.02
+
+
+def test_impedance_lags_a_moving_reference_by_kd_over_kp() -> None:
+    """On a ramp of 0.5 rad/s the pendulum is 0.5 Kd/Kp behind where the velocity is damped, and nothing with de."""
+
+    def ramp(t: Array) -> Reference:
+        one = np.ones((len(t), 1))
+        return Reference(0.5 * t[:, None] * one, 0.5 * one, 0.0 * one)
+
+    for damping, lag in (("velocity", 0.5 * 20.0 / 200.0), ("velocity-error", 0.0)):
+        run_ = run(pendulum(), "joint-impedance", ramp, 3.0, options={"damping": damping}, kp=200.0, kd=20.0)
+        # the held torque is half a period late for gravity: mgl sin(1.5) 0.5 rad/s 0.5 ms / Kp = 1.2e-5 rad
+        assert error(run_)[-1, 0] == pytest.approx(lag, abs=2e-5)
+
+
+def test_friction_that_is_believed_rightly_leaves_no_lag() -> None:
+    """A ramp with the very friction that the law feeds forward is followed; without the feed-forward it lags."""
+    plant = AnalyticPlant(pendulum(), friction=Friction(viscous=4.0, coulomb=3.0))
+
+    def ramp(t: Array) -> Reference:
+        one = np.ones((len(t), 1))
+        return Reference(0.5 * t[:, None] * one, 0.5 * one, 0.0 * one)
+
+    def lag(viscous: float, coulomb: float) -> float:
+        gains = {"kp": 200.0, "kd": 20.0, "viscous": viscous, "coulomb": coulomb, "speed": 0.1}
+        run_ = simulate(plant, pack("gravity-friction", 1, None, **gains), pendulum(), ramp, duration=3.0)
+        return float(error(run_)[-1, 0])
+
+    # gravity's torque is held half a period too long: mgl sin(1.5) 0.5 rad/s 0.5 ms / Kp = 1.2e-5 rad
+    assert lag(4.0, 3.0) == pytest.approx(0.0, abs=2e-5)
+    assert lag(0.0, 0.0) == pytest.approx((4.0 * 0.5 + 3.0) / 200.0, abs=2e-5)
 
 
 def test_wrong_gravity_leaves_its_part_of_the_droop() -> None:

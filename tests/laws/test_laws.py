@@ -52,6 +52,29 @@ def test_pid(case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", CASES)
+def test_vendor_laws(case: Case) -> None:
+    """Kp 200 N m/rad, Kd 20 N m s/rad: impedance with C qd + g, PD with g and friction, a servo with nothing else."""
+    e, de, _ = errors(case)
+    _, velocity, gravity = case.terms(case.q, case.qd)
+    damped = 200.0 * e - 20.0 * case.qd
+    assert call("joint-impedance", case)[0] == pytest.approx(damped + velocity + gravity, rel=EXACT)
+    assert call("position-servo", case)[0] == pytest.approx(damped, rel=EXACT)
+    # 5 N m s/rad and 4 N m that are full from 0.5 rad/s on
+    rub = 5.0 * case.ref.qd + 4.0 * np.clip(2.0 * case.ref.qd, -1.0, 1.0)
+    wanted = 200.0 * e + 20.0 * de + gravity + rub
+    assert call("gravity-friction", case)[0] == pytest.approx(wanted, rel=EXACT)
+
+
+def test_vendor_law_by_hand() -> None:
+    """The pendulum at 0.3 rad and -0.5 rad/s, wanted 0.31 rad, -0.35 rad/s: m g l cos 0.3 = 9.3719 N m, no C.
+
+    200 x 0.01 + 20 x 0.5 = 12; 200 x 0.01 + 20 x 0.15 = 5; 5 x -0.35 + 4 x -0.7 = -4.55 N m.
+    """
+    torques = [float(call(law, PENDULUM)[0][0]) for law in ("joint-impedance", "position-servo", "gravity-friction")]
+    assert torques == pytest.approx([21.3719, 12.0, 9.8219], abs=1e-4)  # four digits of the cosine
+
+
+@pytest.mark.parametrize("case", CASES)
 def test_computed_torque(case: Case) -> None:
     """M (qdd_ref + kV de + lambda kV e + kI int e) + C qd + g; the gains act on accelerations, without Mbar."""
     e, de, _ = errors(case)
@@ -176,7 +199,9 @@ def feels(law: str, options: Options, part: str) -> bool:
         return bool(parts or (options["equivalent_control"] and part == "qd"))
     if part == "qd" and (law, options.get("surface")) == ("smc", "pi"):
         return bool(options["equivalent_control"])
-    return not (law == "fuzzy-pi" and part == "qd")
+    if part == "qd" and law == "joint-impedance":
+        return options["damping"] == "velocity-error"
+    return not (law in ("fuzzy-pi", "position-servo") and part == "qd")
 
 
 @pytest.mark.parametrize("law", list(EQUATIONS))

@@ -38,6 +38,10 @@ SIZE = {
     "rad s": 0.05,
     "rad^0.5/s^1.5": 4.0,
     "rad/s^3": 30.0,
+    "N m/rad": 200.0,
+    "N m s/rad": 20.0,
+    "N m/(rad s)": 100.0,
+    "N m": 4.0,
 }
 """Size of a gain by its unit; bands are wider than s, so that sgn and sat are told apart."""
 

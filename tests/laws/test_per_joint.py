@@ -40,6 +40,11 @@ GAINS = {
     "gi": np.array([0.03, 0.05]),
     "k1": np.array([4.0, 9.0]),
     "k2": np.array([30.0, 70.0]),
+    "kp": np.array([300.0, 80.0]),
+    "kd": np.array([30.0, 9.0]),
+    "viscous": np.array([5.0, 0.8]),
+    "coulomb": np.array([7.0, 1.5]),
+    "speed": np.array([0.9, 4.0]),
 }
 """s = de + lam e is 0.2 and 0.8, inside its joint's band; with the other joint's slope it is -0.1 and -1.0. On the
 other surfaces s is 0.625 and -1.32 (pi), 0.325 and 0.68 (pid)."""
@@ -116,6 +121,7 @@ def test_each_joints_gain_has_its_own_effect(law: str) -> None:
     [
         ("pid", {}),
         ("computed-torque", {}),
+        ("position-servo", {}),
         ("fuzzy-linear-band-smc", {"equivalent_control": False}),
         ("fuzzy-linear-band-smc", {"compensation": "off", "band": "off", "linear": False}),
     ],
@@ -140,7 +146,8 @@ def test_each_joints_integral_waits_for_its_own_limit(
     """
     options = next(forms(law)) | options
     rest = EQUATIONS[law](options, GAINS, state(np.zeros(2))).tau
-    scale = M @ np.diag(GAINS["ki"]) if law == "computed-torque" else np.diag(GAINS["ki"] * MBAR)
+    scales = {"computed-torque": M @ np.diag(GAINS["ki"]), "position-servo": np.diag(GAINS["ki"])}
+    scale = scales.get(law, np.diag(GAINS["ki"] * MBAR))
     start = np.linalg.solve(scale, np.array(wanted) - rest)
     tau, memory = call(law, options, GAINS, start)
     assert tau == pytest.approx(np.array(wanted), rel=1e-9)  # a linear solve lies between

@@ -134,6 +134,22 @@ def unpacked(signal, samples, n):
     return (values * np.repeat(scale, signal["block"], axis=1)[:, :samples]).T
 
 
+def test_joints_that_give_show_by_how_much(tmp_path):
+    """The page has motor less link as a signal, the samples to 16 bits; of joints that are rigid by word it has not."""
+    path = tmp_path / "page.yaml"
+    path.write_text(CONFIG)
+    for word, gives in (("{stiffness: 300, damping: 1}", True), ("rigid", False)):
+        run = run_experiment(load_experiment(path, [f"plant.transmission={word}"]))
+        page, own = run_page(run).decode(), run.runs["pd"]
+        assert ('value="deflection"' in page) == gives
+        shown = replay_data(run, dict.fromkeys(run.runs, "#000000"))["controllers"][2]
+        assert (shown["deflection"] is not None) == gives
+        assert ("transmission" in run.experiment.to_dict()["plant"]) == gives
+        if gives:
+            wound = own.motor_q - own.q
+            assert unpacked(shown["deflection"], 900, 2) == pytest.approx(wound, abs=2e-5 * np.max(np.abs(wound)))
+
+
 def test_signals_are_the_samples(result):
     """Each within 2e-5 of the largest in its block of 128 samples: half a step of 1 / 32766, and float32."""
     data = replay_data(result, dict.fromkeys(result.runs, "#000000"))

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torquebench import load_model
 from torquebench.errors import ModelError
 from torquebench.robot.importing import Options, RefusedArmError, import_arm, with_flags
 from torquebench.robot.importing.folder import write_folder
@@ -199,6 +200,62 @@ def test_rotors_and_dampers_of_actuators_are_the_joints(put) -> None:
     assert_same(path, arm)
 
 
+QUICK = """<robot name="r"><link name="base"/>
+  <link name="one"><inertial><origin xyz="0 0 0.4"/><mass value="1.5"/>
+    <inertia ixx="0.05" iyy="0.05" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="two"><inertial><origin xyz="0 0 0.4"/><mass value="1.5"/>
+    <inertia ixx="0.05" iyy="0.05" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="a" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 1 0"/>
+    <limit effort="40" velocity="2.5" lower="-3" upper="3"/></joint>
+  <joint name="b" type="revolute"><parent link="one"/><child link="two"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>
+    <limit effort="40" velocity="0" lower="-3" upper="3"/></joint>
+</robot>"""
+
+
+def test_speed_limits_are_kept(put) -> None:
+    """A URDF's velocity above zero, and what a velocity servo can ask at most; read again they are the same."""
+    servo = '<actuator><velocity joint="a" kv="3" gear="2" ctrlrange="-4 5" forcerange="-9 9"/>' + MOTORS.replace(
+        "<actuator>", ""
+    ).replace('joint="a"', 'joint="b"', 1)
+    for path, speeds in ((put(QUICK, "arm.urdf"), (2.5, np.inf)), (put(two(rest=servo)), (2.5, np.inf))):
+        arm = import_arm(path)
+        assert ("kept", "speed limits") in verdicts(arm.findings)
+        assert load_model(path).passive.speed == speeds
+        flat = put(arm.mjcf, "flat.xml")
+        assert load_model(flat).passive.speed == speeds
+        assert import_arm(flat).mjcf.count("speed_limits") == 1
+        wrong = put(arm.mjcf.replace('data="2.5 0"', 'data="2.5"'), "wrong.xml")
+        with pytest.raises(ModelError, match="<numeric speed_limits>; wants a number for each of 2 joints"):
+            load_model(wrong)
+
+
+def test_mistakes_have_the_place_in_the_file(put) -> None:
+    """Line and column of the first element that has a name; in an included file it is that file's."""
+    put("<mujocoinclude>\n <joint name='b' stiffness='3' axis='0 1 0'/></mujocoinclude>", "joint.xml")
+    text = two(a='stiffness="3"').replace('<joint name="b" axis="0 1 0" />', '<include file="joint.xml"/>')
+    path = put(text)
+    with pytest.raises(RefusedArmError) as caught:
+        import_arm(path)
+    (problem,) = caught.value.problems
+    line = text.splitlines()[1]
+    assert (problem.source, problem.line, problem.column) == (str(path), 2, line.index("<joint") + 1)
+    put(text.replace('stiffness="3"', ""))
+    with pytest.raises(RefusedArmError, match=r"joint.xml:2:2: springs of joints of b; "):
+        import_arm(path)
+    put(text.replace("<joint", "<jiont", 1))
+    with pytest.raises(ModelError, match=r"arm.xml: MuJoCo does not read it: .*line 2"):  # it may be the other file's
+        import_arm(path)
+    with pytest.raises(ModelError, match=r"arm.xml:2: MuJoCo does not read it: .*jiont"):
+        import_arm(put(two().replace("<joint", "<jiont", 1)))
+
+
+def test_a_negative_mass_is_refused(put) -> None:
+    """MuJoCo turns it into zero without a word; all such numbers are told at once, each at its place."""
+    with pytest.raises(ModelError) as caught:
+        import_arm(put(two(mass=-2)))
+    assert [problem.line for problem in caught.value.problems] == [2, 3]
+
+
 def test_torque_limits_can_be_given(put) -> None:
     """A table takes the place of the file's; without either, the refusal names the joints and the flag."""
     path = put(two(rest=""))
@@ -267,6 +324,35 @@ def test_a_base_cuts_one_arm_out_of_two(put) -> None:
     plain = mujoco.MjModel.from_xml_string(arm.mjcf)
     assert np.max(np.abs(plain.body_pos[1] - d.body("one").xpos)) <= 1e-15
     assert_same(path, arm, [1, 2], [0.5, 0, 0, 0, 0])
+
+
+def test_of_two_arms_on_a_torso_one_is_proposed(put) -> None:
+    """Where the largest branches have as many joints, more than what carries them, the flag takes one of them whole."""
+    joint = '<joint name="{0}" axis="0 1 0"/>' + LINK.format(mass=1)
+
+    def chain(name: str, count: int) -> str:
+        start = "".join(f'<body name="{name}{i}" pos="0.2 0 0">{joint.format(f"{name}{i}")}' for i in range(count))
+        return start + "</body>" * count
+
+    torso = f'<body name="torso">{joint.format("lift")}{chain("head", 1)}{chain("left", 3)}{chain("right", 3)}</body>'
+    path = put(f"<mujoco><worldbody>{torso}</worldbody></mujoco>")
+    with pytest.raises(RefusedArmError, match="stand on torso: --tip left2 or --tip right2 takes one") as caught:
+        import_arm(path)
+    options = with_flags(Options(torque_limits=(9.0,) * 4), caught.value.flags)
+    assert import_arm(path, options).joints == ("lift", "left0", "left1", "left2")
+
+
+def test_what_flags_would_leave_is_told_too(put) -> None:
+    """Welding joints that are called as their bodies leaves what is beyond: all is told at once, with all flags."""
+    finger = (
+        '<body name="{0}"><joint name="{0}"/>{2}<body name="{1}" pos="0.1 0 0"><joint name="{1}"/>{2}</body></body>'
+    )
+    hand = "".join(finger.format(name, f"{name}tip", LINK.format(mass=0.1)) for name in ("thumb", "finger"))
+    path = put(two(inside=hand))
+    with pytest.raises(RefusedArmError) as caught:
+        import_arm(path)
+    assert caught.value.flags == ("--fix", "thumb,finger", "--fix", "thumbtip,fingertip")
+    assert import_arm(path, with_flags(Options(), caught.value.flags)).joints == ("a", "b")
 
 
 def test_all_that_is_wrong_comes_at_once(put) -> None:
@@ -398,6 +484,14 @@ def test_a_mesh_gives_mass_or_looks(put, tmp_path: Path) -> None:
     assert scene.geom_rgba[0].tolist() == [1, 0, 0, 1]
     with pytest.raises(ModelError, match="not empty"):
         write_folder(arm, out, "")
+    touching = '<geom name="hull" type="box" size="0.1 0.1 0.1" mass="0"/>'
+    path = put(
+        two(settings=assets, inside=look + touching).replace("<joint", f"{touching.replace('hull', 'far')}<joint", 1)
+    )
+    write_folder(import_arm(path), tmp_path / "arms" / "two", "")
+    scene = mujoco.MjModel.from_xml_path(str(tmp_path / "arms" / "two" / "scene.xml"))
+    kinds = dict(zip(scene.geom_bodyid.tolist(), scene.geom_type.tolist(), strict=True))  # one shape of each link
+    assert kinds == {1: int(mujoco.mjtGeom.mjGEOM_BOX), 2: int(mujoco.mjtGeom.mjGEOM_MESH)}
     (tmp_path / "m.stl").unlink()
     assert ("dropped", "mesh files") in verdicts(import_arm(path).findings)
     with pytest.raises(ModelError, match="mass of some bodies comes from mesh files that are not there"):

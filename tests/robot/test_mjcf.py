@@ -138,7 +138,7 @@ def test_looks_in_files_are_left_out_and_told():
     assert arm.remarks == ("left out, as they only look: mesh shell, texture t",)
     assert read_arm(ArmFile("arm", arm.text)).text == arm.text  # kept beside results it is read as it is
     model = load_model(arm)
-    assert model.passive == ((1.5,), (0.4,), (-2.0,), (2.0,))
+    assert model.passive == ((1.5,), (0.4,), (-2.0,), (2.0,), (np.inf,))
     bare = load_model(ArmFile("arm", published("", joint='<joint name="a" axis="0 1 0"/>')))
     assert model.inverse_dynamics([0.3], [1.0], [2.0]) == bare.inverse_dynamics([0.3], [1.0], [2.0])
 
@@ -161,7 +161,7 @@ def test_all_reasons_come_at_once():
     text = published("", '<position name="servo" joint="a" kp="9"/>', JOINT.replace("damping", 'stiffness="3" damping'))
     with pytest.raises(ModelError) as refused:
         load_model(ArmFile("arm", text))
-    assert len(refused.value.reasons) == 2
+    assert len(refused.value.problems) == 2
 
 
 @pytest.mark.parametrize("flag", ["damper", "spring", "limit", "frictionloss", "constraint", "contact"])
@@ -191,7 +191,7 @@ def test_a_urdf_with_words_for_other_programs(tmp_path):
     <joint name="swing" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
     <dynamics damping="0.7" friction="0.2"/><limit effort="40" velocity="5" lower="-3" upper="3"/></joint></robot>"""
     model = load_model(write(tmp_path, text.format("")))
-    assert model.passive == ((0.7,), (0.2,), (-3.0,), (3.0,))
+    assert model.passive == ((0.7,), (0.2,), (-3.0,), (3.0,), (5.0,))
     assert model.flat.tau_max == [40.0]
     with pytest.raises(ModelError, match="<plugin> is refused: it runs code"):
         load_model(write(tmp_path, text.format("<mujoco><extension><plugin plugin='x'/></extension></mujoco>")))

@@ -156,3 +156,23 @@ def test_an_arm_without_a_look_can_be_drawn():
     assert sum(body.moves and bool(body.parts) for body in arm.bodies) == 2
     assert arm.floor < -0.1
     assert np.linalg.norm(arm.view.eye - arm.view.target) > scene.reach
+
+
+def test_long_links_without_a_shape_are_drawn(tmp_path):
+    """Of an arm with shapes on some links, one without gets a capsule where it is long; others stay as they are."""
+    inertial = '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
+    inside = f'<body pos="0.01 0 0"><joint/>{inertial}<site name="tool" pos="0.5 0 0"/></body>'
+    middle = f'<body pos="0.4 0 0"><joint/>{inertial}{inside}</body>'
+    box = '<geom type="box" size="0.1 0.1 0.1" contype="0" conaffinity="0"/>'
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        f"<mujoco><worldbody><body><joint/>{inertial}{box}{middle}</body></worldbody><actuator/></mujoco>".replace(
+            "<joint/>", '<joint axis="0 1 0" actuatorfrcrange="-9 9"/>'
+        )
+    )
+    scene = build_scene(path, np.zeros((1, 3)))
+    kinds = [scene.model.geom_type[scene.model.geom_bodyid == body].tolist() for body in (1, 2, 3)]
+    capsule, drum, cube = (
+        int(kind) for kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX)
+    )
+    assert kinds == [[cube], [], [capsule, drum]]

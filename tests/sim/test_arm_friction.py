@@ -94,7 +94,7 @@ def test_a_light_joint_gets_a_speed_that_the_integrator_can_follow() -> None:
     source = ArmFile("arm", text)
     plants: tuple[Any, ...] = (MujocoPlant(source), AnalyticPlant(load_model(source)))
     assert [plant.friction.speed for plant in plants] == [0.5, 0.5]
-    with pytest.raises(ValueError, match=r"of the arm's own: .* wanted .* a shorter time step, or `friction: none`"):
+    with pytest.raises(ValueError, match=r"of the arm's own: .* wanted a shorter time step, .* or `friction: none`"):
         MujocoPlant(ArmFile("arm", text.replace('frictionloss="1"', 'damping="9"')))
 
 
@@ -105,3 +105,12 @@ def test_the_belief_knows_nothing_of_it() -> None:
     assert with_it.inverse_dynamics(*state).tobytes() == without.inverse_dynamics(*state).tobytes()
     assert (with_it.passive.viscous, with_it.passive.coulomb) == ((1.2, 0.0), (0.5, 0.0))
     assert without.passive.high == (math.inf, math.inf)
+
+
+def test_a_speed_alone_is_that_of_the_arm_s_own_friction() -> None:
+    """Viscous and Coulomb friction stay the file's, on both engines; an arm that has neither refuses it."""
+    source, given = arm('damping="1.2" frictionloss="0.5"', 'damping="0.3"'), Friction(speed=2.0)
+    for plant in (MujocoPlant(source, friction=given), AnalyticPlant(load_model(source), friction=given)):
+        assert plant.friction == Friction((1.2, 0.3), (0.5, 0.0), 2.0)
+    with pytest.raises(ValueError, match="neither viscous nor coulomb is given, and the arm's file gives"):
+        MujocoPlant(arm("", ""), friction=given)

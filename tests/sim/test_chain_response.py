@@ -84,6 +84,8 @@ def test_what_reaches_the_joint(chain: Chain, tolerance: float) -> None:
                 drives.held[:] = drives.target
             acts(drives, k * SUBSTEPS + s, qd, tau_max, output, torque)
             out[k * SUBSTEPS + s] = torque[:, 0]
+            if len(drives.late) and s + 1 == SUBSTEPS == drives.late[k]:
+                drives.held[:] = drives.target
     start = np.arange(N * SUBSTEPS)[:, None] * H + np.array([0.0, 0.5, 1.0]) * H
     kept = slice(PERIOD * SUBSTEPS * PERIODS // 3, None)
     fourier = np.exp(-1j * OMEGA * start[kept]) * out[kept]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -23,36 +24,39 @@ SUBSTEPS = round(T / H)
 LIMITS = np.array([80.0, 25.0])
 
 
-def given(chain: Chain, asked: Array, late: Array | None = None, qd: Any = (0.0, 0.0)) -> tuple[Array, Array, Array]:
+def given(
+    chain: Chain, asked: Array, late: Array | None = None, qd: Any = (0.0, 0.0), substeps: int = SUBSTEPS
+) -> tuple[Array, Array, Array]:
     """Return the commands (N, 2), the torques at start, middle and end of each physics step, and the means on record.
 
     Args:
-        chain: The chain, on the two-joint arm with a period of 4 ms in steps of 1 ms.
+        chain: The chain, on the two-joint arm with a period of 4 ms.
         asked: The law's torque, (N, 2).
         late: Time by which each command is late, (N,) [s].
         qd: Velocity of the joints, which stay where they are.
+        substeps: Physics steps in a period.
     """
     n_steps = len(asked)
     job = set_up(
         law_of(lambda *arguments: None).law,
         (),
         arm().flat,
-        plant_of("analytic", H),
+        plant_of("analytic", T / substeps),
         Reference(*np.zeros((3, n_steps, 2))),
         chain,
         control_period=T,
-        substeps=SUBSTEPS,
+        substeps=substeps,
         drawn=Drawn(late=late),
         disturbance=None,
         native=None,
     ).job
     assert job.drives.active
     job.qd[:] = qd
-    torques = np.zeros((n_steps, SUBSTEPS, 3, 2))
+    torques = np.zeros((n_steps, substeps, 3, 2))
     for k in range(n_steps):
         job.record_tau_law[k] = asked[k]
         actuate(job, k)
-        for s in range(SUBSTEPS):
+        for s in range(substeps):
             give(job, k, s)
             torques[k, s] = job.torque
     return job.record_tau.copy(), torques.reshape(-1, 3, 2), job.record_tau_applied.copy()
@@ -111,6 +115,29 @@ def test_rounded_and_shifted_commands() -> None:
     commands, torques, _ = given(Chain(torque_quantum=0.25, torque_offset=(0.7, -0.3)), some())
     assert commands.tobytes() == np.clip(some(), -LIMITS, LIMITS).tobytes()
     assert torques == pytest.approx(held(0.25 * np.floor(commands / 0.25 + 0.5) + [0.7, -0.3]), abs=1e-13)
+
+
+def test_a_lag_is_the_inductance_of_mujoco_s_dcmotor(figure: Any) -> None:
+    """A blocked ``dcmotor`` of L/R = 8 ms with R/K volts per N m, as the lag: 1e-12 N m over 160 ms.
+
+    Both are exact between commands, which are random; MuJoCo's force is that at the end of its step.
+    """
+    asked = np.clip(some(20.0), -LIMITS, LIMITS)
+    _, torques, _ = given(Chain(actuator_lag=0.008, torque_offset=1e-300), asked)
+    m = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.001" gravity="0 0 0" integrator="Euler"/><worldbody><body>
+        <inertial mass="1" pos="0 0 0" diaginertia="1e15 1e15 1e15"/><joint name="a" axis="0 0 1"/></body></worldbody>
+        <actuator><dcmotor joint="a" input="voltage" motorconst="0.5 0.5" resistance="2" inductance="0.016"/></actuator>
+        </mujoco>"""
+    )
+    d, theirs = mujoco.MjData(m), []
+    for volts in np.repeat(asked[:, 0], SUBSTEPS) * 2.0 / 0.5:
+        d.ctrl[0] = volts
+        mujoco.mj_step(m, d)
+        theirs.append(d.actuator_force[0])
+    gap = float(np.max(np.abs(torques[:, 2, 0] - theirs)))
+    figure("lag of a drive against MuJoCo's dcmotor [N m]", gap, "<= 1e-12")
+    assert gap <= 1e-12
 
 
 @pytest.mark.parametrize(("damping", "frequency"), [(0.3, 600.0), (1.0, 400.0), (2.0, 900.0)])
@@ -175,6 +202,21 @@ def test_a_hot_motor_gives_its_continuous_torque() -> None:
     assert np.all(torques[:, :, 1] == 14.0)
 
 
+def test_a_sine_behind_a_rate_limit_and_in_a_hot_motor() -> None:
+    """Far too fast for the rate it becomes a triangle of rate pi/(2 omega); heat of A^2/2 cuts it at the stated time.
+
+    The triangle's corner lies between two commands: one of them, rate T. The heat swings by less than torque^2/(omega
+    time) about its mean, so that the peak which is cut first is within half a period of the sine.
+    """
+    omega, t = 2.0 * math.pi * 5.0, T * np.arange(500)
+    asked = np.stack([20.0 * np.sin(omega * t)] * 2, axis=1)
+    commands, _, _ = given(Chain(torque_rate=100.0, torque_quantum=1e-12), asked)
+    assert np.max(commands[-100:]) == pytest.approx(100.0 * math.pi / (2.0 * omega), abs=100.0 * T)
+    _, torques, _ = given(Chain(thermal_limit=ThermalLimit(11.0, 2.0)), asked)
+    cut = int(np.argmax(np.abs(torques[:, 0, 0] - np.repeat(asked[:, 0], SUBSTEPS)) > 1e-9))
+    assert cut * H == pytest.approx(-2.0 * math.log(1.0 - 2.0 * (11.0 / 20.0) ** 2), abs=0.1)
+
+
 @pytest.mark.parametrize("steps", [1, 7])
 def test_a_torque_delay(steps: int) -> None:
     """What acts in a physics step is what the motor gave so many steps before; until then its torque at t = 0."""
@@ -187,18 +229,28 @@ def test_a_torque_delay(steps: int) -> None:
 def test_late_and_missed_commands() -> None:
     """A command comes into force so many physics steps late; a missed one never does; the one before is held.
 
-    At t = 0 nothing can be held, so the first is never late.
+    At t = 0 nothing can be held, so the first is never late. One that is late by a whole period is there in the next.
     """
     times = np.array([0.003, 0.0, 0.0014, np.inf, 0.004, 0.0026])
     commands, torques, means = given(Chain(jitter=0.004), some(10.0, 6), late=times)
-    steps = [0, 0, 1, 4, 4, 3]
-    wanted, now = [], commands[0]
-    for k in range(6):
-        for s in range(SUBSTEPS):
-            now = commands[k] if s == steps[k] else now
-            wanted.append(now)
+    acting = [*4 * [0], *4 * [1], 1, 2, 2, 2, *8 * [2], 4, 4, 4, 5]  # 3 is missed, 4 late by a whole period
+    wanted = [commands[k] for k in acting]
     assert torques[:, 0].tobytes() == np.array(wanted).tobytes()
     assert means == pytest.approx(np.array(wanted).reshape(6, SUBSTEPS, 2).mean(axis=1), rel=1e-14)
+
+
+@pytest.mark.parametrize("substeps", [1, 4])
+def test_commands_are_late_by_half_the_jitter_on_average(substeps: int) -> None:
+    """Of a ramp the mean torque lacks half the jitter's rise, whatever the physics step; five deviations of 5000 draws.
+
+    A missed command is as if it had not been: with a share p of them the mean lateness is p/(1 - p) periods.
+    """
+    asked = np.stack([1e-3 * np.arange(5000.0)] * 2, axis=1)
+    for chain, late, deviation in ((Chain(jitter=T), 0.5, 0.5), (Chain(missed_deadlines=0.3), 3.0 / 7.0, 0.8)):
+        drawn = chain.draw(2, 5000, 5, 0)
+        _, _, means = given(chain, asked, drawn.late, substeps=substeps)
+        lacks = (asked - means)[1:, 0] / 1e-3
+        assert np.mean(lacks) == pytest.approx(late, abs=5.0 * deviation / math.sqrt(5000.0))
 
 
 def test_draws_of_deadlines() -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from torquebench import run_experiment, run_sweep
+from torquebench import load_model, run_experiment, run_sweep
 from torquebench.errors import ConfigError
 from torquebench.experiment.sweep_section import with_number
+from torquebench.report.sweep import border_facts
 from torquebench.report.sweep_tables import border_table
 from torquebench.sweep.border import find_border, level_of
 from torquebench.sweep.table import read_table
@@ -77,6 +78,12 @@ def test_runs_on_either_side_of_a_border(tmp_path: Path) -> None:
             assert (chattering >= 0.1) == shakes
         assert row.border_predicted == pytest.approx(row.border, rel=0.15)
     assert own["border"].iloc[0] > 2.0 * own["border"].iloc[1]
+    told = border_facts(read_table(sweep.folder / "results.npz"))
+    assert [(x["controller"], x["values"], x["border"]) for x in told] == [
+        ("band", {"chain.measurement_delay": delay}, border)
+        for delay, border in zip((0.01, 0.03), own["border"], strict=True)
+    ]
+    assert told[0]["low"] is None  # an interval takes six draws
     header, cells = border_table(read_table(sweep.folder / "results.npz"))
     assert header[-2:] == ["0.01", "0.03"]
     assert cells[0][0] == "band"
@@ -84,6 +91,22 @@ def test_runs_on_either_side_of_a_border(tmp_path: Path) -> None:
     assert cells[1][-1] == "-"
     assert [ax.get_yscale() for ax in sweep.figure("border").axes] == ["log"]
     assert "Where each law starts to shake" in sweep.report().decode()
+
+
+def test_a_law_without_a_model_is_predicted_to_switch_from_its_load_on(tmp_path: Path) -> None:
+    """K sgn(s) alone has to carry gravity first: not where its square wave is 0.1 % of the limit, but at the load.
+
+    Of the two joints the one with less gravity for its limit switches first. A sweep without a key that varies has a
+    border, too, and a page.
+    """
+    law = {"name": "relay", "law": "smc", "equivalent_control": False, "gains": {"lam": 10, "k": 0.3}}
+    asked = {"border": {"key": "controllers.*.gains.k", "from": 0.01, "to": 1}}
+    sweep = run_sweep({**CONFIG, "controllers": [law], "sweep": asked}, folder=tmp_path / "s", workers=1)
+    arm = load_model("two-link")
+    share = float(np.min(np.abs(arm.gravity(np.array([0.5, 0.5]))) / arm.flat.tau_max))
+    assert share > 0.05
+    assert sweep.to_dataframe()["border_predicted"].iloc[0] == pytest.approx(share, rel=0.02)
+    assert b"Where each law starts to shake" in (sweep.folder / "report.html").read_bytes()
 
 
 def test_levels_of_draws_with_and_without_a_border() -> None:

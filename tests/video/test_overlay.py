@@ -13,7 +13,16 @@ from torquebench.scene.look import Scene
 from torquebench.sim.trajectory import Outcome, Trajectory
 from torquebench.video.job import SEPARATOR, Footage, Shot
 from torquebench.video.layout import layout, timeline
-from torquebench.video.overlay import ALARM, JOINTS, LARGE, PLAIN, Overlay, layout_for, titles
+from torquebench.video.overlay import (
+    ALARM,
+    JOINTS,
+    LARGE,
+    PLAIN,
+    Overlay,
+    layout_for,
+    titles,
+    without_common_words,
+)
 from torquebench.video.paint import FINE, band, fill, font, text_width, wrap, write
 
 TAU_MAX = np.array([10.0, 20.0])
@@ -250,3 +259,19 @@ def test_time_is_written_and_moves():
     columns = np.flatnonzero((a != b).any(axis=(0, 2)))
     assert columns.size
     assert columns[0] > 0.7 * where.header.width
+
+
+@pytest.mark.parametrize(
+    ("names", "short"),
+    [
+        (["r_elbow_flex_joint", "r_wrist_joint"], ["elbow_flex", "wrist"]),
+        (["joint_1", "joint_2"], ["joint_1", "joint_2"]),
+        (["iiwa_joint_1", "iiwa_joint_2"], ["joint_1", "joint_2"]),
+        (["elbow_joint"], ["elbow_joint"]),
+        (["joint", "elbow_joint"], ["joint", "elbow_joint"]),
+        ([], []),
+    ],
+)
+def test_names_of_joints_without_their_common_words(names, short):
+    """What all begin or end with tells nothing apart; something that begins with a letter stays of each."""
+    assert without_common_words(names) == short

@@ -385,11 +385,12 @@ def _each(value: Vector, n: int) -> Array:
 
 
 def late_steps(late: Array | None, timestep: float, control_period: float) -> IntArray:
-    """Return in physics steps by how much commands are late: to the nearest one, a whole period at most."""
+    """Return in physics steps by how much commands are late: to the nearest one; one more than a period if missed."""
     if late is None:
         return np.zeros(0, dtype=np.int64)
-    steps: IntArray = np.rint(np.minimum(late, control_period) / timestep).astype(np.int64)
-    return steps
+    never = control_period + timestep
+    steps: IntArray = np.rint(np.where(np.isinf(late), never, np.minimum(late, control_period)) / timestep)
+    return steps.astype(np.int64)
 
 
 def _steps(time: float, step: float, key: str) -> int:

@@ -94,7 +94,7 @@ class Drives(Structure):
     """What is left of a lag after half a physics step, a whole one, and on average over a control period, (3,) or
     (0,)."""
     late: IntArray
-    """Physics steps for which the command before is held, at each control instant, (N,) or (0,)."""
+    """Physics steps by which each command is late, more than a control period for a missed one, (N,) or (0,)."""
     commands: Annotated[Array, 2]
     """Commands on their way, in a ring, (d, n), d the command's delay in control periods."""
     quantum: float

@@ -47,7 +47,14 @@ COMMANDS = {
     },
     "Arms": {"import": "importing"},
     "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
-    "Check": {"check": "check", "compare": "compare", "fuzzy": "fuzzy", "doctor": "doctor", "bench": "bench"},
+    "Check": {
+        "check": "check",
+        "preflight": "preflight",
+        "compare": "compare",
+        "fuzzy": "fuzzy",
+        "doctor": "doctor",
+        "bench": "bench",
+    },
     "Discover": {"laws": "discover", "chains": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
 }

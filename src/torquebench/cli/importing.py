@@ -118,7 +118,7 @@ def import_(
         tell(unproved=bad_line)
         return 1
     except ModelError as error:
-        refuse([Problem("FILE", text=str(error))])
+        refuse(error.problems)
         return 2
     _show(arm.findings)
     proof = arm.proof

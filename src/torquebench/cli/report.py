@@ -80,7 +80,7 @@ def _print_page(page: Path, stored: Mapping[Path, ExperimentResult]) -> None:
 
     tell(report=page, runs=[{"directory": folder, **result.to_json()} for folder, result in stored.items()])
     for folder, result in stored.items():
-        for line in changed_arm(result):
+        for line in (*result.flags, *changed_arm(result)):
             warn(f"torquebench: {folder}: {line}")
         say(f"{folder}: {summary(result)}\n")
     say(f"report: {page}")

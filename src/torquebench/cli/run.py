@@ -64,11 +64,10 @@ def run(
     _check_options(config, from_sweep, index, overrides)
     from torquebench.experiment import load_experiment
     from torquebench.experiment.build import build
-    from torquebench.experiment.certify import flags, planned
     from torquebench.experiment.describe import chosen_text, fuzzy_facts, fuzzy_remarks
     from torquebench.experiment.dump import dump_tree, plain
     from torquebench.experiment.folder import write_experiment, write_trajectory
-    from torquebench.experiment.run import run_experiment
+    from torquebench.experiment.run import foreseen, run_experiment
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
     from torquebench.metrics.shaking import shaking
@@ -94,7 +93,7 @@ def run(
     for line in chosen_text(experiment):
         say(line)
     loop = build(experiment)
-    for flag in [*flags(experiment, loop), *planned(experiment, loop), *experiment.plant.remarks()]:
+    for flag in foreseen(experiment, loop):
         warn(f"torquebench: {flag}")
     directory = RunDirectory(claim_folder(out, experiment.name))
     write_experiment(directory, experiment)

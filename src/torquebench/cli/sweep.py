@@ -296,12 +296,12 @@ def _say_border(stored: StoredSweep) -> None:
     border = stored.plan.keys.border
     if border is None:
         return
-    header, rows = border_table(read_table(stored.folder / TABLE), ends=False)
+    header, rows = border_table(read_table(stored.folder / TABLE))
     say(f"First {border.key} at which each law shakes: chattering of {STILL:g} % of the torque limit or more")
     say(f"\n{table(header, rows, left=next(i for i, x in enumerate(header) if x.endswith(':')) + 1)}\n")
     say(
         "medians over the draws; none: at no value searched; all: at every one; ~: predicted by describing functions; "
-        "the page has the intervals"
+        "the figure has the 95 % intervals"
     )
     say(f"drawn by: torquebench figures {stored.folder} --only border\n")
 

@@ -83,6 +83,8 @@ def why(
 def show(found: Diagnosis) -> None:
     """Say a diagnosis: the sentence, a bar for each cause, the table, the loop."""
     say(found.sentence)
+    if found.advice:
+        say(f"Cure: {found.advice}.")
     if found.causes:
         say()
         name = max(len(cause.key) for cause in found.causes)
@@ -104,7 +106,7 @@ def show(found: Diagnosis) -> None:
             if cause.detail:
                 say(f"{cause.key}: {cause.detail}")
     for line in found.cures:
-        say(f"or in the law: {line}")
+        say(f"in the law: {line}")
     margins = found.margins
     if margins is not None and margins.crossover is not None:
         delay = "no further delay" if margins.delay is None else f"a further delay of {1e3 * margins.delay:.3g} ms"

@@ -3,118 +3,58 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from torquebench.certificates import Phases
 from torquebench.diagnosis.margins import (
     Margins,
     Slopes,
+    backwards,
     leaves_gravity,
     margins_of,
+    resonances,
     slopes_of,
     torque_noise,
+    true_arm,
     weight_along,
 )
-from torquebench.diagnosis.parts import Part, parts_of, with_chain
+from torquebench.diagnosis.parts import Part, parts_of
+from torquebench.diagnosis.seen import KINDS, Kind, Seen, grows, slips, swings
 from torquebench.errors import ConfigError, Problem, nearest
 from torquebench.experiment.build import Loop, build
-from torquebench.experiment.certify import Flag, flags, truth_of
+from torquebench.experiment.certify import Flag, flags
 from torquebench.experiment.run import Progress, metrics_of, trial_of
 from torquebench.experiment.schema import Controller, Experiment
-from torquebench.kernel import Array
 from torquebench.keys import Vector, as_vector, in_words
 from torquebench.laws import find_law
 from torquebench.metrics.chattering import CORNER_OVER_MOTION
-from torquebench.metrics.shaking import Shaking, shaking
+from torquebench.metrics.shaking import shaking
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
+from torquebench.tuning import rate
 
-Kind: TypeAlias = Literal["fails", "shakes", "errs", "saturates"]
-KINDS: tuple[Kind, ...] = ("fails", "shakes", "errs", "saturates")
 SHARE = 0.25
 """Share of a symptom's power from which on what takes it away, or brings it alone, is a cause [1]."""
 PERIOD_SHARE = 0.75
 """Likewise for a shorter control period, which changes a little of everything [1]."""
-ERROR = 0.05
-"""RMS error from which on a joint errs, as a share of its motion [1]."""
 LEAST_MOTION = 0.2
 """Motion that a joint which is to stay is held to [rad]."""
 NEAR = 1.2
 """Times what is left of a symptom without its cause that counts as cured of it [1]."""
+HALF = 0.5
+"""Share of the symptom that a change may leave at most if it is to count as a cure [1]."""
 QUIET, LARGE = 1.0, 0.2
 """Shaking [% of the torque limit] that is named after an error of that share of the motion [1]."""
-SATURATED = 0.02
-"""Share of the time at the torque limit from which on a joint saturates [1]."""
-SMALLER = (0.5, 0.25, 0.1, 0.05)
-"""Shares of an imperfection that are tried as its cure [1]: one over a whole number, so that delays fit a period."""
 SOFTER = (0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 """Shares of the gains that are tried against shaking [1]."""
-CORNERS = (500.0, 200.0, 100.0, 50.0)
-"""Corners of a velocity filter that are tried against noise [rad/s]."""
 STIFFER = (2.0, 4.0, 8.0)
 """Times the gains that are tried against errors [1]."""
 WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Times the layer that one reaction of the loop crosses, tried for a law without one [1]."""
-
-
-class Seen(NamedTuple):
-    """What one run shows."""
-
-    ending: str
-    """How it failed; empty if it completed."""
-    shaking: Shaking | None
-    torque: Array
-    """RMS of the torque above the corner, (n,) [N m]."""
-    share: float
-    """Its RMS over the joints [% of the limit]."""
-    rmse: Array
-    """RMS error, (n,) [rad]."""
-    error: Array
-    """RMS error as a share of the motion, (n,) [1]."""
-    saturated: Array
-    """Share of the time at the torque limit, (n,) [1]."""
-    swings: Array
-    """Frequency at which the error changes its sign and back, (n,) [Hz]."""
-
-    def size(self, kind: Kind, joint: int | None = None) -> float:
-        """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
-        if kind == "fails":
-            return 1.0 if self.ending else 0.0
-        if self.ending:
-            return math.inf
-        if kind == "shakes":
-            return self.share
-        at = self.joint(kind) if joint is None else joint
-        return float((self.error if kind == "errs" else self.saturated)[at])
-
-    def joint(self, kind: Kind) -> int:
-        """Return the number of the joint that has most of a symptom."""
-        if kind == "shakes" and self.shaking is not None:
-            return self.shaking.joint
-        return int(np.argmax(self.error if kind == "errs" else self.saturated))
-
-    def has(self, kind: Kind) -> bool:
-        """Whether the run has a symptom."""
-        if kind == "fails" or self.ending:
-            return bool(self.ending) and kind == "fails"
-        if kind == "shakes":
-            return self.shaking is not None
-        return self.size(kind) >= (ERROR if kind == "errs" else SATURATED)
-
-    def text(self, kind: Kind, joint: int) -> str:
-        """Return a symptom of a joint as a number with its unit."""
-        if self.ending or kind == "fails":
-            return self.ending or "it completes"
-        if kind == "shakes":
-            return f"{_short(self.torque[joint])} N m"
-        if kind == "errs":
-            return f"{_short(self.rmse[joint])} rad"
-        return f"{100 * self.saturated[joint]:.3g} % of the time"
 
 
 @dataclass(frozen=True)
@@ -135,7 +75,7 @@ class Cause:
     detail: str = ""
     """Number by which it does it."""
     remedy: str = ""
-    """Number that was tried, and what came of it."""
+    """Key of the config and the number that was tried, and what came of it."""
 
 
 @dataclass(frozen=True)
@@ -158,6 +98,8 @@ class Diagnosis:
     """Closed loops that were run."""
     motion_hz: float
     """Frequency above which an error that swings does not follow the motion [Hz]."""
+    cured: Seen | None = field(repr=False)
+    """The run without the first cause; of a law that is the cause itself, with the change that cures it."""
 
     @property
     def sentence(self) -> str:
@@ -172,6 +114,15 @@ class Diagnosis:
         if not first.without:
             return f"{begin}; {first.title} does it: with no other imperfection {first.alone}."
         return f"{begin}; {first.title} does it: without it {first.without}."
+
+    @property
+    def advice(self) -> str:
+        """The change to make first, which was tried or follows from the cause; empty where there is none."""
+        remedies = [cause.remedy for cause in self.causes]
+        shakes = self.symptoms[:1] in (("shakes",), ("fails",))
+        by_gains = shakes and not any("velocity_filter <=" in text for text in remedies[:1])
+        found = [*self.cures, *remedies] if by_gains else [*remedies, *self.cures]
+        return next((text for text in found if text), "")
 
     def _symptom(self, kind: Kind) -> str:
         seen, joint = self.seen, self.seen.joint(kind)
@@ -207,6 +158,7 @@ class Diagnosis:
             "causes": [dict(vars(cause)) for cause in self.causes],
             "margins": None if self.margins is None else self.margins.to_json(),
             "cures": list(self.cures),
+            "advice": self.advice,
             "runs": self.runs,
         }
 
@@ -257,6 +209,24 @@ class _Search:
         self._expected = 2 * len(self.parts) + 2
         self.run: Trajectory
         self.whole = self.look("as it is", self.experiment, keep=True)
+        self.parts = [replace(part, title=self._title(part)) for part in self.parts]
+        self.cured: Seen | None = None
+
+    def _title(self, part: Part) -> str:
+        """Return a part's title, which for joints that ring or stick is what the run shows of them."""
+        if self.whole.ending:
+            return part.title
+        joint = self.whole.joint("shakes" if self.whole.has("shakes") else "errs")
+        if part.key == "transmission" and self.whole.has("shakes"):
+            found, at = resonances(self.experiment, self.loop), self.whole.shaking
+            if at is not None and not math.isnan(at.frequency):  # one joint's resonance shakes those beside it
+                joint = int(np.argmin(np.abs(np.log(found / at.frequency))))
+            return f"the resonance of joint {joint + 1} at {found[joint]:.3g} Hz"
+        if part.key == "friction":
+            often = slips(self.run, self.experiment.run.metrics_from, joint)
+            if often > 0.0:
+                return f"stick-slip of joint {joint + 1}, {often:.2g} times a second, by {part.title},"
+        return part.title
 
     def look(
         self, what: str, experiment: Experiment, change: Callable[[Loop], Loop] | None = None, keep: bool = False
@@ -279,27 +249,32 @@ class _Search:
         if keep:
             self.run = run
         n = experiment.n
+        late = run.t >= experiment.run.metrics_from
+        shown = run.t[late], run.tau[late], (run.q_ref - run.q)[late]
         nothing = np.zeros(n)
         if not run.completed:
-            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing)
+            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing, True, True, *shown)
         loop.plant.tau_max = self.tau_max.copy()
         metrics = metrics_of(experiment, loop, self.keys, run)
         shares = np.array([x or 0.0 for x in metrics.chattering.per_joint])
         rmse = np.array([x or 0.0 for x in metrics.rmse.per_joint])
         limit = self.tau_max * (1.0 - 1e-9)
-        saturated = np.mean(np.abs(run.tau_law) >= limit, axis=0)
+        saturated = np.mean(np.abs(run.tau_law[late]) >= limit, axis=0)
         power = float(np.sqrt(np.mean(shares**2)))
         shake = shaking(metrics, self.tau_max.tolist())
+        since, corner = experiment.run.metrics_from, self.experiment.chattering_from_hz
         return Seen(
-            "", shake, shares / 100.0 * self.tau_max, power, rmse, rmse / self.span, saturated, self._swings(run)
+            "",
+            shake,
+            shares / 100.0 * self.tau_max,
+            power,
+            rmse,
+            rmse / self.span,
+            saturated,
+            swings(run, since),
+            *grows(run, since, corner),
+            *shown,
         )
-
-    def _swings(self, run: Trajectory) -> Array:
-        late = run.t >= self.experiment.run.metrics_from
-        e = (run.q_ref - run.q)[late]
-        up = np.signbit(e - np.mean(e, axis=0))
-        turns = np.count_nonzero(up[1:] != up[:-1], axis=0)
-        return np.asarray(0.5 * turns / (run.t[late][-1] - run.t[late][0]))
 
     def without(self, parts: Iterable[Part], what: str) -> Seen:
         """Run it without some parts."""
@@ -328,8 +303,9 @@ class _Search:
     def diagnosis(self) -> Diagnosis:
         """Return what is wrong and why."""
         symptoms = tuple(sorted((kind for kind in KINDS if self.whole.has(kind)), key=self._rank))
-        causes = self._causes(symptoms) if symptoms else ()
+        causes, left = self._causes(symptoms) if symptoms else ((), ())
         cures = self._cures(symptoms[0], causes) if symptoms else ()
+        causes = tuple(replace(c, remedy=self._remedy(c, x)) for c, x in zip(causes, left, strict=True))
         margins = margins_of(self.experiment, self.loop, self.slopes_at_work)
         causes = tuple(replace(cause, detail=self._detail(cause, margins)) for cause in causes)
         names, name = tuple(self.loop.joint_names), self.experiment.name
@@ -346,6 +322,7 @@ class _Search:
             cures,
             self.runs,
             motion_hz,
+            self.cured,
         )
 
     @cached_property
@@ -363,7 +340,8 @@ class _Search:
         later = kind == "shakes" and self.whole.share < QUIET and self.whole.size("errs") > LARGE
         return later, KINDS.index(kind)
 
-    def _causes(self, symptoms: Sequence[Kind]) -> tuple[Cause, ...]:
+    def _causes(self, symptoms: Sequence[Kind]) -> tuple[tuple[Cause, ...], tuple[float, ...]]:
+        """Return the causes, and how much of the symptom there is without each."""
         without, alone = dict[str, Seen](), dict[str, Seen]()
         known = {part.key: part for part in self.parts}
         bases = dict[tuple[str, ...], Seen]()
@@ -377,42 +355,61 @@ class _Search:
             without[part.key] = self.without(gone, f"without {part.key}")
             others = [other for other in self.gone if other is not part]
             alone[part.key] = self.without(others, f"{part.key} alone")
-        found = list[Cause]()
+        found, lefts = list[Cause](), list[float]()
         for kind in symptoms:
             first = found[0].key if found else ""
             if first in without and not without[first].has(kind):
                 continue  # it comes of the first symptom
             joint = self.whole.joint(kind)
             whole, ideal = self.whole.size(kind, joint), self.ideal.size(kind, joint)
-            own = list[Cause]()
+            rated = list[Cause]()
             for part in self.parts:
                 base = bases[tuple(key for key in part.beside if key in known)]
-                lost = _share(base.size(kind, joint), without[part.key].size(kind, joint), whole)
-                brought = _share(alone[part.key].size(kind, joint), ideal, whole)
-                effect = max(lost, brought)
-                if effect >= (PERIOD_SHARE if part.key == "control_period" else SHARE):
-                    texts = without[part.key].text(kind, joint), alone[part.key].text(kind, joint)
-                    own.append(Cause(part.key, part.title, kind, effect, *texts))
+                lost = _share(base.size(kind, joint), self._size(kind, joint, without[part.key]), whole)
+                brought = _share(self._size(kind, joint, alone[part.key]), ideal, whole)
+                texts = without[part.key].text(kind, joint), alone[part.key].text(kind, joint)
+                rated.append(Cause(part.key, part.title, kind, max(lost, brought), *texts))
+            own = [c for c in rated if c.effect >= (PERIOD_SHARE if c.key == "control_period" else SHARE)]
             rest = _share(ideal, 0.0, whole)
+            by_law = Cause("law", self._blame(kind), kind, rest, "", self.ideal.text(kind, joint))
             if rest >= SHARE and not any(cause.key == "torque_limit" for cause in own):
-                title = self._blame(kind)
-                own.append(Cause("law", title, kind, rest, "", self.ideal.text(kind, joint)))
+                own.append(by_law)
+            elif own and not self._explained(kind, [known[cause.key] for cause in own], without):
+                smaller = (c for c in rated if c not in own and c.key not in ("control_period", "torque_limit"))
+                own += [c for c in smaller if alone[c.key].has(kind) and not self.ideal.has(kind)]
             if self.backwards is not None:  # whatever else there is, that is the first thing to mend
-                own = [Cause("law", self._blame(kind), kind, 1.0, "", self.ideal.text(kind, joint))]
+                own = [replace(by_law, effect=1.0)]
             own.sort(key=lambda cause: -cause.effect)
             named = {cause.key for cause in found}
-            new = [cause for cause in own if cause.key not in named]
-            for cause in new:
-                taken = known.get(cause.key)
-                left = 0.0 if taken is None else without[taken.key].size(kind, joint)
-                found.append(replace(cause, remedy=self._remedy(cause, taken, left)))
-        return tuple(found)
+            for cause in own:
+                if not found:
+                    self.cured = without.get(cause.key)
+                if cause.key not in named:
+                    found.append(cause)
+                    lefts.append(without[cause.key].size(kind, joint) if cause.key in without else 0.0)
+        return tuple(found), tuple(lefts)
+
+    def _size(self, kind: Kind, joint: int, seen: Seen) -> float:
+        """Return a symptom of another run: all of it where both are unstable, as it is chance how far one has grown.
+
+        Args:
+            kind: The symptom.
+            joint: The joint that has most of it in the run as it is.
+            seen: The other run.
+        """
+        size, whole = seen.size(kind, joint), self.whole.size(kind, joint)
+        return max(size, whole) if self.whole.unstable(kind) and seen.unstable(kind) else size
+
+    def _explained(self, kind: Kind, parts: Sequence[Part], without: Mapping[str, Seen]) -> bool:
+        """Whether a symptom is gone once some parts are, of which `without` has the run without each."""
+        if len(parts) == 1:
+            return not without[parts[0].key].has(kind)
+        return not self.without(parts, "without all of these").has(kind)
 
     @cached_property
     def backwards(self) -> int | None:
         """Number of a joint that the law pushes away from its target all along; None where there is none."""
-        found = np.flatnonzero(np.all(np.diagonal(self.slopes.stiffness, axis1=1, axis2=2) < 0.0, axis=0))
-        return int(found[0]) if len(found) else None
+        return backwards(self.slopes)
 
     def _blame(self, kind: Kind) -> str:
         """Return what is wrong with the law itself."""
@@ -426,8 +423,7 @@ class _Search:
 
     def _asked(self) -> str:
         """Return that the motion itself takes more than the torque limits, if it does."""
-        truth, reference = truth_of(self.experiment), self.loop.reference
-        arm = truth.later if isinstance(truth, Phases) else truth
+        arm, reference = true_arm(self.experiment), self.loop.reference
         needed = np.abs(arm.inverse_dynamics(reference.q, reference.qd, reference.qdd)) / self.tau_max
         joint = int(np.argmax(np.max(needed, axis=0)))
         most = float(np.max(needed[:, joint]))
@@ -437,40 +433,31 @@ class _Search:
         return f"the motion, which takes {most:.2g} times the limit of joint {joint + 1} in {share:.3g} % of the time,"
 
     def _cured(self, kind: Kind, seen: Seen, left: float = 0.0) -> bool:
-        """Whether a run is rid of a symptom, or of all but what is left without its cause."""
-        if not seen.ending and kind != "fails" and seen.size(kind, self.whole.joint(kind)) <= NEAR * left:
-            return True
-        return not seen.ending and not seen.has(kind) and (kind == "shakes" or not seen.has("shakes"))
+        """Whether a run is rid of a symptom, or of all but what is left without its cause, and has no new one."""
+        if seen.ending or any(seen.has(other) and not self.whole.has(other) for other in KINDS if other != kind):
+            return False
+        size, whole = (one.size(kind, self.whole.joint(kind)) for one in (seen, self.whole))
+        return kind == "fails" or not seen.has(kind) or size <= min(NEAR * left, HALF * whole)
 
     def _tried(self, kind: Kind, seen: Seen) -> str:
         joint = self.whole.joint(kind)
-        left = "completes" if kind == "fails" else seen.text(kind, joint)
+        left = "completes" if kind == "fails" else f"leaves {seen.text(kind, joint)}"
         return f"tried: {left}"
 
-    def _remedy(self, cause: Cause, part: Part | None, left: float) -> str:
-        """Return the largest share of a part that was tried and cures, or the cure in words.
+    def _remedy(self, cause: Cause, left: float) -> str:
+        """Return the least change that was tried and cures, or the cure in words.
 
-        `left` is how much of the symptom there is without it.
+        `left` is how much of the symptom there is without the cause.
         """
+        part = next((part for part in self.parts if part.key == cause.key), None)
         if part is None:
             return ""
-        if part.smaller is not None:
-            for share in SMALLER:
-                made = part.smaller(self.experiment, share)
-                if made is None:
-                    continue
-                seen = self.look(f"less of {part.key}", made[0])
-                if self._cured(cause.symptom, seen, left):
-                    return f"{made[1]} ({self._tried(cause.symptom, seen)})"
-        if cause.key in ("noise", "quantisation") and self.experiment.chain.velocity in (
-            "differentiated",
-            "tachometer",
-        ):
-            for corner in CORNERS:
-                if corner < (self.experiment.chain.velocity_filter or math.inf):
-                    seen = self.look("a velocity filter", with_chain(self.experiment, velocity_filter=corner))
-                    if self._cured(cause.symptom, seen, left):
-                        return f"velocity_filter <= {corner:g} rad/s ({self._tried(cause.symptom, seen)})"
+        if part.of_robot:
+            return f"the {self.experiment.chain.name} has it: change the law"
+        for variant in part.cures(self.experiment):
+            seen = self.look(f"less of {part.key}", variant.experiment)
+            if self._cured(cause.symptom, seen, left):
+                return f"{variant.text} ({self._tried(cause.symptom, seen)})"
         return part.remedy
 
     def _cures(self, kind: Kind, causes: Sequence[Cause]) -> tuple[str, ...]:
@@ -489,11 +476,26 @@ class _Search:
                 break
             seen = self.look("other gains", self._with(replace(self.keys, gains=gains)))
             if self._cured(kind, seen):
+                self.cured = self.cured or seen
                 sign = ">=" if kind == "errs" else "<="
                 changed = [name for name in gains if gains[name] != self.keys.gains[name]]
-                words = ", ".join(f"{name} {sign} {in_words(_rounded(gains[name]))}" for name in changed)
-                return (*found, f"{words} ({self._tried(kind, seen)})")
+                words = ", ".join(f"{self._key(name)} {sign} {in_words(_rounded(gains[name]))}" for name in changed)
+                return (*found, f"{words}{self._in_units(gains)} ({self._tried(kind, seen)})")
         return tuple(found)
+
+    def _key(self, gain: str) -> str:
+        """Return the key of a gain, as ``--set`` takes it."""
+        return f"controllers.{self.keys.name}.gains.{gain}"
+
+    def _in_units(self, gains: Mapping[str, Vector]) -> str:
+        """Return PD gains as an arm's own interface takes them, ``, that is Kp = .. N m/rad, Kd = .. N m s/rad``."""
+        law = find_law(self.keys.law)
+        if not {"lam", "kv"} <= set(gains) or law.gains["kv"].rule is not rate:
+            return ""
+        Kd = as_vector(gains["kv"], self.experiment.n) * self.loop.model.flat.inertia_scale
+        Kp = as_vector(gains["lam"], self.experiment.n) * Kd
+        both = (in_words(tuple(float(f"{x:.3g}") for x in each)) for each in (Kp, Kd))
+        return ", that is Kp = {} N m/rad, Kd = {} N m s/rad".format(*both)
 
     def _layer(self, kind: Kind) -> str:
         """Return the width of a layer that cures, for a law that has one or can have one; nothing where none does."""
@@ -502,8 +504,7 @@ class _Search:
         if "phi" not in law.gains or "k" not in self.keys.gains:
             return ""
         period = self.experiment.run.control_period
-        truth = truth_of(self.experiment)
-        arm = truth.later if isinstance(truth, Phases) else truth
+        arm = true_arm(self.experiment)
         M = arm.mass_matrix(self.loop.reference.q[:: max(1, len(self.loop.reference.q) // 20)])
         mobility = np.max(np.diagonal(np.linalg.inv(M), axis1=1, axis2=2), axis=0)
         K = as_vector(self.keys.gains["k"], self.experiment.n) * self.tau_max
@@ -518,8 +519,9 @@ class _Search:
             keys = replace(self.keys, gains={**self.keys.gains, "phi": phi}, options=options)
             seen = self.look("a wider layer", self._with(keys))
             if self._cured(kind, seen):
-                words = "" if own is not None else "switching: saturation, "
-                return f"{words}phi >= {in_words(phi)} ({self._tried(kind, seen)})"
+                self.cured = self.cured or seen
+                words = "" if own is not None else f"controllers.{self.keys.name}.switching: saturation, "
+                return f"{words}{self._key('phi')} >= {in_words(phi)} ({self._tried(kind, seen)})"
         return ""
 
     def _with(self, keys: Controller) -> Experiment:
@@ -539,14 +541,16 @@ class _Search:
         if key == "friction":
             friction = self.experiment.plant.acting
             least = float(np.max(np.diagonal(self.slopes.stiffness, axis1=1, axis2=2)[:, joint]))
-            dry = 0.0 if friction is None else float(as_vector(friction.coulomb, self.experiment.n)[joint])
+            n, held = self.experiment.n, () if friction is None else (friction.coulomb, friction.breakaway)
+            dry = max((float(as_vector(torque, n)[joint]) for torque in held), default=0.0)
             return f"friction / Kp = {dry / least:.2g} rad" if least > 0.0 and dry > 0.0 else ""
         if key == "torque_rate" and self.experiment.chain.torque_rate is not None:
             most = as_vector(self.experiment.chain.torque_rate, self.experiment.n) * self.experiment.run.control_period
-            hit = np.mean(np.abs(np.diff(run.tau, axis=0)) >= most * (1.0 - 1e-6), axis=0)
+            steps = np.diff(run.tau[run.t >= self.experiment.run.metrics_from], axis=0)
+            hit = np.mean(np.abs(steps) >= most * (1.0 - 1e-6), axis=0)
             return f"the limit is hit {100 * hit[joint]:.3g} % of the time"
         if key == "torque_limit":
-            share = 100 * float(np.mean(np.abs(run.tau_law[:, joint]) >= self.tau_max[joint] * (1.0 - 1e-9)))
+            share = 100 * float(self.whole.saturated[joint])
             return self._asked().rstrip(",") or f"the limit is hit {share:.3g} % of the time"
         if key == "control_period":
             said = [str(flag) for flag in flags(self.experiment, self.loop) if not isinstance(flag, Flag)]
@@ -559,11 +563,6 @@ class _Search:
             return ""
         at = f"at the crossover of {margins.crossover:.3g} Hz"
         return f"costs {lost:.0f} deg of phase {at}, where {margins.phase or 0.0:.0f} deg are left"
-
-
-def _short(value: float) -> str:
-    """Return a number with two digits, one that is next to nothing as less than a thousandth."""
-    return f"{value:.2g}" if value >= 1e-3 else "< 0.001"
 
 
 def _share(more: float, less: float, whole: float) -> float:

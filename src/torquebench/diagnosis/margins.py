@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +18,11 @@ from torquebench.experiment.schema import Experiment
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.references import Reference
+from torquebench.robot import RobotModel
 from torquebench.robot.flat_model import own_copy
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import Call
+from torquebench.sim.joints import Joints
 from torquebench.timing import whole_steps
 
 INSTANTS = 5
@@ -47,6 +50,10 @@ class Slopes:
     """-d tau_i / d q_j [N m/rad]."""
     damping: Array
     """-d tau_i / d qd_j [N m s/rad]."""
+    integral: Array
+    """What a lasting error of position adds to that in a second, [N m/(rad s)]."""
+    integral_damping: Array
+    """Likewise of velocity [N m/rad]."""
     at_rest: Array
     """Torque at no error and no speed, (m, n) [N m]."""
     jumps: bool
@@ -97,7 +104,8 @@ class Margins:
 def slopes_of(experiment: Experiment, loop: Loop, by: tuple[Array, Array] | None = None) -> Slopes:
     """Return a law's derivatives along the desired motion, by central differences at no error.
 
-    The law is called as at the start, with an empty memory; so what an integral adds is not in them.
+    The law is called as at the start, with an empty memory. What it adds from its second call to its third, at the same
+    error, is what an integral in it adds in a control period.
 
     Args:
         experiment: With one controller.
@@ -109,28 +117,37 @@ def slopes_of(experiment: Experiment, loop: Loop, by: tuple[Array, Array] | None
     belief = own_copy(loop.model.flat, control_period=experiment.run.control_period)
     dq, dqd = (np.full(n, least) for least in STEPS) if by is None else map(np.maximum, by, STEPS)
 
-    def torque(k: int, q: Array, qd: Array, moving: bool = True) -> Array:
+    def torque(k: int, q: Array, qd: Array, moving: bool = True) -> tuple[Array, Array]:
+        """Return the torque of the first call [N m], and what the third adds to that of the second [N m/s]."""
         call = Call(controller.law, controller.gains, belief, controller.law.new_memory(n))
         ref = Reference(*(signal[k] for signal in loop.reference))
         if not moving:
             ref = Reference(ref.q, np.zeros(n), np.zeros(n))
-        tau, status, _ = call(0.0, np.array(q), np.array(qd), ref)
-        return tau if status == COMPLETED else np.full(n, np.nan)
+        found = []
+        for _ in range(3 if remembers else 1):
+            tau, status, _ = call(0.0, np.array(q), np.array(qd), ref)
+            found.append(np.array(tau) if status == COMPLETED else np.full(n, np.nan))
+        return found[0], (found[2] - found[1]) / experiment.run.control_period if remembers else np.zeros(n)
 
-    instants = instants_of(experiment)
-    stiffness, damping = np.zeros((2, len(instants), n, n))
+    instants, remembers = instants_of(experiment), controller.law.memory_type is not None
+    stiffness, damping, summed, summed_rate = np.zeros((4, len(instants), n, n))
     rest, jumps = np.zeros((len(instants), n)), False
     limit = np.asarray(loop.plant.tau_max)
     for m, k in enumerate(instants):
         q, qd = loop.reference.q[k], loop.reference.qd[k]
         for j in range(n):
             unit = np.eye(n)[j]
-            stiffness[m, :, j] = -(torque(k, q + dq * unit, qd) - torque(k, q - dq * unit, qd)) / (2.0 * dq[j])
-            damping[m, :, j] = -(torque(k, q, qd + dqd * unit) - torque(k, q, qd - dqd * unit)) / (2.0 * dqd[j])
-            jump = torque(k, q, qd + TINY * unit) - torque(k, q, qd - TINY * unit)
+            more, less = torque(k, q + dq * unit, qd), torque(k, q - dq * unit, qd)
+            stiffness[m, :, j], summed[m, :, j] = (-(x - y) / (2.0 * dq[j]) for x, y in zip(more, less, strict=True))
+            more, less = torque(k, q, qd + dqd * unit), torque(k, q, qd - dqd * unit)
+            damping[m, :, j], summed_rate[m, :, j] = (
+                -(x - y) / (2.0 * dqd[j]) for x, y in zip(more, less, strict=True)
+            )
+            jump = torque(k, q, qd + TINY * unit)[0] - torque(k, q, qd - TINY * unit)[0]
             jumps = jumps or bool(np.any(np.abs(jump) > JUMP * limit))
-        rest[m] = torque(k, q, np.zeros(n), moving=False)
-    return Slopes(np.nan_to_num(stiffness), np.nan_to_num(damping), np.nan_to_num(rest), jumps)
+        rest[m] = torque(k, q, np.zeros(n), moving=False)[0]
+    K, B, integral, of_rate, at_rest = map(np.nan_to_num, (stiffness, damping, summed, summed_rate, rest))
+    return Slopes(K, B, integral, of_rate, at_rest, jumps)
 
 
 def instants_of(experiment: Experiment) -> list[int]:
@@ -142,8 +159,13 @@ def instants_of(experiment: Experiment) -> list[int]:
 def weight_along(experiment: Experiment, loop: Loop) -> Array:
     """Return gravity's torque on the true arm at the instants that are looked at, (m, n) [N m]."""
     q = loop.reference.q[instants_of(experiment)]
-    truth = truth_of(experiment)
-    return np.asarray((truth.later if isinstance(truth, Phases) else truth).bias_forces(q, np.zeros_like(q)))
+    return np.asarray(true_arm(experiment).bias_forces(q, np.zeros_like(q)))
+
+
+def backwards(slopes: Slopes) -> int | None:
+    """Return the number of a joint that a law pushes away from its target all along; None where there is none."""
+    found = np.flatnonzero(np.all(np.diagonal(slopes.stiffness, axis1=1, axis2=2) < 0.0, axis=0))
+    return int(found[0]) if len(found) else None
 
 
 def leaves_gravity(slopes: Slopes, weight: Array) -> bool:
@@ -152,45 +174,123 @@ def leaves_gravity(slopes: Slopes, weight: Array) -> bool:
     return heavy > 0.0 and float(np.max(np.abs(slopes.at_rest))) < SMALL * heavy
 
 
+class _Terms(NamedTuple):
+    """What a loop is made of at an instant, (n, n) each."""
+
+    M: Array
+    """Inertia of the links [kg m^2]; of the whole arm where joints are rigid."""
+    D: Array
+    """Viscous friction [N m s/rad]."""
+    G: Array
+    """Stiffness of gravity [N m/rad]."""
+    K: Array
+    """The law's stiffness [N m/rad]."""
+    B: Array
+    """The law's damping [N m s/rad]."""
+    I: Array  # noqa: E741
+    """Its integral of position errors [N m/(rad s)]."""
+    J: Array
+    """Its integral of velocity errors [N m/rad]."""
+    joints: Joints | None
+    """Springs between motors and links; None for rigid joints."""
+    on_link: bool
+    """Whether the sensors are on the links."""
+
+
+def _terms(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int) -> _Terms:
+    """Return the terms at the instant `m` of the slopes, control instant `k`.
+
+    Args:
+        experiment, loop, slopes: As of `margins_of`.
+        m, k: The instant's number there, and that of its control period.
+    """
+    arm, n, q = true_arm(experiment), experiment.n, loop.reference.q[k]
+    friction, between = experiment.plant.acting, experiment.plant.transmission
+    drag = np.zeros(n) if friction is None else as_vector(friction.viscous, n)
+    M, joints = _links(experiment, q)
+    near = q + 1e-5 * np.eye(n)
+    weight = arm.bias_forces(np.concatenate([near, 2.0 * q - near]), np.zeros((2 * n, n)))
+    G = (weight[:n] - weight[n:]).T / 2e-5
+    own = slopes.stiffness[m], slopes.damping[m], slopes.integral[m], slopes.integral_damping[m]
+    return _Terms(M, np.diag(drag), G, *own, joints, between is not None and between.sensor == "link")
+
+
+def _links(experiment: Experiment, q: Array) -> tuple[Array, Joints | None]:
+    """Return the inertia of the links at `q` (n,) [rad], and the springs that turn them, if any."""
+    arm, between = true_arm(experiment), experiment.plant.transmission
+    M = arm.mass_matrix(q[None])[0]
+    if between is None:
+        return M, None
+    return M - np.diag(arm.flat.armature), between.of_joints(arm.flat.armature)
+
+
+def true_arm(experiment: Experiment) -> RobotModel:
+    """Return the model of the arm as it is at the end of a run, payload included."""
+    truth = truth_of(experiment)
+    return truth.later if isinstance(truth, Phases) else truth
+
+
+def resonances(experiment: Experiment, loop: Loop) -> Array:
+    """Return the frequency at which each joint's motor and link swing against each other, (n,) [Hz].
+
+    Square roots of the eigenvalues of (B^-1 + M^-1) k, each for the joint whose spring has most of its energy, halfway
+    through the motion.
+    """
+    M, joints = _links(experiment, loop.reference.q[instants_of(experiment)[INSTANTS // 2]])
+    if joints is None:
+        return np.full(experiment.n, np.nan)
+    root = np.sqrt(joints.stiffness)
+    values, ways = np.linalg.eigh(root[:, None] * (np.diag(1.0 / joints.inertia) + np.linalg.inv(M)) * root)
+    found, left = np.zeros(experiment.n), np.abs(ways)
+    for _ in range(experiment.n):  # each mode to a joint of its own
+        joint, mode = np.unravel_index(np.argmax(left), left.shape)
+        found[joint] = math.sqrt(values[mode]) / (2.0 * math.pi)
+        left[joint], left[:, mode] = -1.0, -1.0
+    return found
+
+
 def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | None:
     """Return the margins of the joint, and at the instant, where the phase margin is least; None where none crosses.
 
-    With P = (M s^2 + D s + G)^-1 and what the chain makes of the law, C = H_tau (K H_q + s B H_qd), the open loop of
-    joint i is (C P)_ii: the other joints are left free, as they are above their own crossovers.
+    With P = (M s^2 + D s + G)^-1, or from motor to sensor through the springs of the joints, and what the chain makes
+    of the law, C = H_tau ((K + I/s) H_q + (s B + J) H_qd), the open loop of joint i is (C P)_ii: the other joints are
+    left free, as they are above their own crossovers.
 
     Args:
         experiment: With one controller.
         loop: Its objects.
-        slopes: The law's derivatives K and B.
+        slopes: The law's derivatives K and B, and those of its integral, I and J.
     """
-    truth, n, period = truth_of(experiment), experiment.n, experiment.run.control_period
-    arm = truth.later if isinstance(truth, Phases) else truth
-    friction = experiment.plant.acting
-    drag = np.zeros(n) if friction is None else as_vector(friction.viscous, n)
+    n, period, chain = experiment.n, experiment.run.control_period, experiment.chain
     frequency = np.geomspace(LOWEST_HZ, 0.5 / period, LINES)
-    seen = response(experiment.chain, 2.0 * math.pi * frequency, period)
+    found = resonances(experiment, loop)
+    if np.all(np.isfinite(found)):  # dense where the phase turns within a few lines
+        near = [f * np.linspace(0.7, 1.4, LINES) for f in found]
+        frequency = np.unique(np.concatenate([frequency, *near]))
+        frequency = frequency[frequency <= 0.5 / period]
+    seen = response(chain, 2.0 * math.pi * frequency, period)
     late = seen.torque * seen.position
     worst: Margins | None = None
     for m, k in enumerate(instants_of(experiment)):
-        q = loop.reference.q[k]
-        M = arm.mass_matrix(q[None])[0]
-        near = q + 1e-5 * np.eye(n)
-        weight = arm.bias_forces(np.concatenate([near, 2.0 * q - near]), np.zeros((2 * n, n)))
-        G = (weight[:n] - weight[n:]).T / 2e-5
-        terms = M, np.diag(drag), G, slopes.stiffness[m], slopes.damping[m]
-        loops = _open_loops(experiment.chain, period, frequency, *terms)
+        terms = _terms(experiment, loop, slopes, m, k)
+        loops = _open_loops(chain, period, frequency, terms)
         for i in range(n):
-            found = _margins(i, k * period, frequency, loops[:, i], late)
-            if found.phase is not None and (worst is None or worst.phase is None or found.phase < worst.phase):
-                worst, kept = found, terms
+            one = _margins(i, k * period, frequency, loops[:, i], late, 0.7 * float(np.min(found)))
+            if one.phase is not None and (worst is None or worst.phase is None or one.phase < worst.phase):
+                worst, kept = one, terms
     if worst is None or worst.crossover is None:
         return worst
-    at = np.array([worst.crossover])
-    whole = _open_loops(experiment.chain, period, at, *kept)[0, worst.joint]
-    lost = {}
-    for name, chain in _lesser(experiment.chain).items():
-        without = _open_loops(chain, period, at, *kept)[0, worst.joint]
-        lost[name] = float(np.degrees(np.angle(without / whole)))
+    up_to = np.geomspace(LOWEST_HZ, worst.crossover, LINES)
+    whole = _open_loops(chain, period, up_to, kept)[:, worst.joint]
+    variants = {name: (lesser, kept) for name, lesser in _lesser(chain).items()}
+    if np.any(kept.I) or np.any(kept.J):
+        variants["integral"] = chain, kept._replace(I=np.zeros((n, n)), J=np.zeros((n, n)))
+    lost = {
+        name: float(
+            np.degrees(np.unwrap(np.angle(_open_loops(lesser, period, up_to, terms)[:, worst.joint] / whole))[-1])
+        )
+        for name, (lesser, terms) in variants.items()
+    }
     lost["hold"] = 180.0 * worst.crossover * period
     return replace(worst, lost={name: x for name, x in lost.items() if abs(x) >= 0.05})
 
@@ -214,27 +314,36 @@ def _lesser(chain: Chain) -> dict[str, Chain]:
     return {name: replace(chain, **keys) for name, keys in bare.items()}  # type: ignore[arg-type]
 
 
-def _open_loops(
-    chain: Chain, period: float, frequency: Array, M: Array, D: Array, G: Array, K: Array, B: Array
-) -> Complex:
+def _open_loops(chain: Chain, period: float, frequency: Array, terms: _Terms) -> Complex:
     """Return the open loop of each joint with the others left free, (f, n).
 
     Args:
         chain: Sensors and actuators.
         period: Control period [s].
         frequency: Frequencies, (f,) [Hz].
-        M, D, G: Inertia, viscous friction, and stiffness of gravity, (n, n).
-        K, B: The law's stiffness and damping, (n, n).
+        terms: What the loop is made of.
     """
     omega = 2.0 * math.pi * frequency
     seen, s = response(chain, omega, period), (1j * omega)[:, None, None]
-    P = np.linalg.inv(M * s**2 + D * s + G)
-    C = seen.torque[:, None, None] * (K * seen.position[:, None, None] + s * B * seen.velocity[:, None, None])
+    M, D, G, joints = terms.M, terms.D, terms.G, terms.joints
+    if joints is None:
+        P = np.linalg.inv(M * s**2 + D * s + G)
+    else:
+        n, spring = len(M), np.diag(joints.stiffness) + np.diag(joints.damping) * s
+        links, motors = M * s**2 + G + spring, np.diag(joints.inertia) * s**2 + D * s + spring
+        P = np.linalg.inv(np.block([[links, -spring], [-spring, motors]]))[:, :, n:]
+        P = P[:, :n] if terms.on_link else P[:, n:]
+    back = np.exp(-s * period)
+    summed = period * back / (1.0 - back)
+    C = seen.torque[:, None, None] * (
+        (terms.K + terms.I * summed) * seen.position[:, None, None]
+        + s * (terms.B + terms.J * summed) * seen.velocity[:, None, None]
+    )
     own: Complex = np.diagonal(C @ P, axis1=1, axis2=2)
     return own
 
 
-def _margins(joint: int, time: float, frequency: Array, gain: Complex, late: Complex) -> Margins:
+def _margins(joint: int, time: float, frequency: Array, gain: Complex, late: Complex, rigid_to: float) -> Margins:
     """Return the margins of one open loop.
 
     Args:
@@ -243,9 +352,15 @@ def _margins(joint: int, time: float, frequency: Array, gain: Complex, late: Com
         gain: The open loop, (f,).
         late: What is in it of the chain's delays and lags, (f,): their phase is counted from zero on, the rest's from
             -270 to 90 degrees.
+        rigid_to: Frequency up to which joints are as good as rigid [Hz]; from there on the phase goes on from what it
+            was. NaN where they are rigid.
     """
     size, rest = np.abs(gain), np.angle(gain / late)
-    angle = np.unwrap(np.angle(late)) + np.where(rest > 0.5 * math.pi, rest - 2.0 * math.pi, rest)
+    rest = np.where(rest > 0.5 * math.pi, rest - 2.0 * math.pi, rest)
+    if rigid_to > frequency[0]:
+        first = int(np.searchsorted(frequency, rigid_to)) - 1
+        rest[first:] = np.unwrap(rest[first:])
+    angle = np.unwrap(np.angle(late)) + rest
     falls = np.flatnonzero((size[:-1] >= 1.0) & (size[1:] < 1.0))
     crossover = phase = delay = oscillation = factor = None
     if len(falls):
@@ -254,7 +369,8 @@ def _margins(joint: int, time: float, frequency: Array, gain: Complex, late: Com
         crossover = float(frequency[at] * (frequency[at + 1] / frequency[at]) ** share)
         phase = 180.0 + math.degrees(angle[at] + share * (angle[at + 1] - angle[at]))
         delay = phase / 360.0 / crossover if phase > 0.0 else None
-    turns = np.flatnonzero((angle[:-1] > -math.pi) & (angle[1:] <= -math.pi))
+    near = angle[:-1] - angle[1:] < math.pi  # a phase that leaps from 90 to -270 degrees has not fallen
+    turns = np.flatnonzero((angle[:-1] > -math.pi) & (angle[1:] <= -math.pi) & near)
     if len(turns):
         at = int(turns[0])
         share = (angle[at] + math.pi) / (angle[at] - angle[at + 1])

@@ -5,22 +5,52 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench.certificates import Phases
-from torquebench.chain import Chain
+from torquebench.chain import ABOUT, ROBOT_CHAINS, Chain
+from torquebench.diagnosis.margins import true_arm
 from torquebench.experiment.build import Loop
-from torquebench.experiment.certify import truth_of
 from torquebench.experiment.schema import Experiment
-from torquebench.keys import in_words
+from torquebench.keys import Vector, in_words
+from torquebench.laws import find_law
 from torquebench.sim.friction import FRICTIONS
+from torquebench.sim.joints import Transmission
 
 FINER = 10
 """Times by which the control period is shortened where its own effect is wanted."""
 FREE = 1e3
 """Times the torque limit that counts as none."""
+
+
+SMALLER = (0.5, 0.25, 0.1, 0.05)
+"""Shares of an imperfection that are tried as its cure [1]: one over a whole number, so that delays fit a period."""
+CORNERS = (500.0, 200.0, 100.0, 50.0)
+"""Corners of a velocity filter that are tried against noise [rad/s]."""
+
+
+class Variant(NamedTuple):
+    """A change that may cure."""
+
+    experiment: Experiment
+    text: str
+    """The change, as a key of the config and a number."""
+
+
+def no_variants(experiment: Experiment) -> Iterator[Variant]:
+    """Yield nothing."""
+    yield from ()
+
+
+def shares(smaller: Callable[[Experiment, float], Variant | None]) -> Callable[[Experiment], Iterator[Variant]]:
+    """Return what yields an experiment with less and less of a part; `smaller` gives None where that has no value."""
+
+    def variants(experiment: Experiment) -> Iterator[Variant]:
+        found = (smaller(experiment, share) for share in SMALLER)
+        return (one for one in found if one is not None)
+
+    return variants
 
 
 def same_loop(loop: Loop) -> Loop:
@@ -43,12 +73,14 @@ class Part:
     """Takes it away."""
     loop: Callable[[Loop], Loop] = same_loop
     """Takes it out of the loop's objects."""
-    smaller: Callable[[Experiment, float], tuple[Experiment, str] | None] | None = None
-    """Makes it a share of what it is, and says what it is then; None where there is no such value."""
+    cures: Callable[[Experiment], Iterator[Variant]] = no_variants
+    """Yields what to try against it, the least change first."""
     beside: tuple[str, ...] = ()
     """Parts that are taken away first: its effect is that beyond theirs."""
     remedy: str = ""
-    """Cure in words, where there is no smaller value of it."""
+    """Cure in words, where nothing that was tried cures."""
+    of_robot: bool = False
+    """Whether a robot's maker has put it there, so that only the law can answer it."""
 
 
 def parts_of(experiment: Experiment, lacks_gravity: bool) -> list[Part]:
@@ -58,12 +90,20 @@ def parts_of(experiment: Experiment, lacks_gravity: bool) -> list[Part]:
         experiment: The experiment.
         lacks_gravity: Whether the law leaves gravity to its error.
     """
-    return [
-        *_sensors(experiment.chain),
-        *_drives(experiment.chain, experiment.run.control_period),
+    chain, period = experiment.chain, experiment.run.control_period
+    found = [
+        *_sensors(chain),
+        *_drives(chain, period),
         *_arm(experiment),
+        *_integral(experiment),
         *_loop(experiment, lacks_gravity),
     ]
+    if chain.name not in ROBOT_CHAINS:
+        return found
+    of_robot = {key for key in ABOUT[chain.name].origins if key not in ("velocity", "velocity_filter")}
+    if period > (ABOUT[chain.name].control_period or 0.0) * (1.0 + 1e-9):
+        of_robot.discard("control_period")
+    return [replace(part, of_robot=part.key in of_robot) for part in found]
 
 
 def with_chain(experiment: Experiment, **keys: Any) -> Experiment:
@@ -77,31 +117,42 @@ def _sensors(chain: Chain) -> Iterator[Part]:
         sizes = [f"{1e3 * chain.encoder_noise:g} mrad"] * (chain.encoder_noise > 0.0)
         sizes += [f"{chain.velocity_noise:g} rad/s"] * (chain.velocity_noise > 0.0)
 
-        def quieter(experiment: Experiment, share: float) -> tuple[Experiment, str]:
+        def quieter(experiment: Experiment, share: float) -> Variant:
             own = experiment.chain
             changed = with_chain(
                 experiment, encoder_noise=share * own.encoder_noise, velocity_noise=share * own.velocity_noise
             )
-            now = [f"encoder_noise <= {share * own.encoder_noise:.3g} rad"] * (own.encoder_noise > 0.0)
-            now += [f"velocity_noise <= {share * own.velocity_noise:.3g} rad/s"] * (own.velocity_noise > 0.0)
-            return changed, ", ".join(now)
+            now = [f"chain.encoder_noise <= {share * own.encoder_noise:.3g} rad"] * (own.encoder_noise > 0.0)
+            now += [f"chain.velocity_noise <= {share * own.velocity_noise:.3g} rad/s"] * (own.velocity_noise > 0.0)
+            return Variant(changed, ", ".join(now))
 
         yield Part(
             "noise",
             f"sensor noise of {' and '.join(sizes)}",
             lambda experiment: experiment,
             lambda loop: loop._replace(drawn=loop.drawn._replace(position=None, velocity=None)),
-            quieter,
+            filtered(shares(quieter)),
         )
     if np.any(chain.encoder_offset):
         title = f"the encoders' offset of {in_words(chain.encoder_offset)} rad"
-        yield Part("encoder_offset", title, lambda experiment: with_chain(experiment, encoder_offset=0.0))
+        yield Part(
+            "encoder_offset",
+            title,
+            lambda experiment: with_chain(experiment, encoder_offset=0.0),
+            remedy="calibrate the encoders",
+        )
     if chain.encoder_ripple is not None:
         title = f"the encoders' ripple of {in_words(chain.encoder_ripple.amplitude)} rad"
-        yield Part("encoder_ripple", title, lambda experiment: with_chain(experiment, encoder_ripple=None))
+        yield Part(
+            "encoder_ripple",
+            title,
+            lambda experiment: with_chain(experiment, encoder_ripple=None),
+            remedy="calibrate the encoders",
+        )
     if chain.quantisation > 0.0 and chain.velocity != "kalman":
         title = f"the encoders' step of {1e3 * chain.quantisation:g} mrad"
-        yield _scalar(chain, "quantisation", title, "rad")
+        part = _scalar(chain, "quantisation", title, "rad")
+        yield replace(part, cures=filtered(part.cures))
     if chain.velocity != "exact":
         title = "the differentiated velocity"
         if chain.velocity_filter is not None:
@@ -109,34 +160,52 @@ def _sensors(chain: Chain) -> Iterator[Part]:
         elif chain.velocity != "differentiated":
             title = f"the velocity by {'Kalman filter' if chain.velocity == 'kalman' else 'tachometer'}"
 
-        def quicker(experiment: Experiment, share: float) -> tuple[Experiment, str] | None:
+        def quicker(experiment: Experiment, share: float) -> Variant | None:
             corner = experiment.chain.velocity_filter
             if corner is None:
                 return None
-            return with_chain(experiment, velocity_filter=corner / share), f"velocity_filter >= {corner / share:g}"
+            text = f"chain.velocity_filter >= {corner / share:g} rad/s"
+            return Variant(with_chain(experiment, velocity_filter=corner / share), text)
 
         beside = ("noise", "quantisation", "encoder_ripple")
         exact: dict[str, Any] = {"velocity": "exact", "velocity_filter": None, "velocity_noise": 0.0}
         exact["kalman_acceleration"] = None
-        yield Part("velocity", title, lambda experiment: with_chain(experiment, **exact), same_loop, quicker, beside)
+        yield Part(
+            "velocity", title, lambda experiment: with_chain(experiment, **exact), same_loop, shares(quicker), beside
+        )
     if chain.measurement_delay > 0.0:
         title = f"the measurement delay of {1e3 * chain.measurement_delay:g} ms"
         yield _delay("measurement_delay", title)
+
+
+def filtered(then: Callable[[Experiment], Iterator[Variant]]) -> Callable[[Experiment], Iterator[Variant]]:
+    """Return what yields filters of the velocity, wide ones first, and then other cures."""
+
+    def variants(experiment: Experiment) -> Iterator[Variant]:
+        chain = experiment.chain
+        if chain.velocity in ("differentiated", "tachometer"):
+            for corner in CORNERS:
+                if corner < (chain.velocity_filter or math.inf):
+                    text = f"chain.velocity_filter <= {corner:g} rad/s"
+                    yield Variant(with_chain(experiment, velocity_filter=corner), text)
+        yield from then(experiment)
+
+    return variants
 
 
 def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
     if chain.torque_rate is not None:
         rate = chain.torque_rate
 
-        def faster(experiment: Experiment, share: float) -> tuple[Experiment, str]:
+        def faster(experiment: Experiment, share: float) -> Variant:
             more = tuple((np.asarray(rate) / share).ravel().tolist())
             limit = more if isinstance(rate, tuple) else more[0]
-            return with_chain(experiment, torque_rate=limit), f"torque_rate >= {in_words(limit)} N m/s"
+            return Variant(with_chain(experiment, torque_rate=limit), f"chain.torque_rate >= {in_words(limit)} N m/s")
 
         title = f"the torque-rate limit of {in_words(rate)} N m/s"
-        yield Part("torque_rate", title, lambda x: with_chain(x, torque_rate=None), same_loop, faster)
+        yield Part("torque_rate", title, lambda x: with_chain(x, torque_rate=None), same_loop, shares(faster))
     if chain.missed_deadlines > 0.0:
-        yield _scalar(chain, "missed_deadlines", f"{100 * chain.missed_deadlines:g} % of missed deadlines", "")
+        yield _scalar(chain, "missed_deadlines", f"the loss of {100 * chain.missed_deadlines:g} % of the commands", "")
     if chain.jitter > 0.0:
         yield Part(
             "jitter", f"the jitter of {1e3 * chain.jitter:g} ms", lambda experiment: with_chain(experiment, jitter=0.0)
@@ -147,22 +216,28 @@ def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
         yield _scalar(chain, "torque_quantum", f"the torque step of {chain.torque_quantum:g} N m", "N m")
     if np.any(chain.torque_offset):
         title = f"the drives' offset of {in_words(chain.torque_offset)} N m"
-        yield Part("torque_offset", title, lambda experiment: with_chain(experiment, torque_offset=0.0))
+        cure = "an integral in the law, or drives that are calibrated"
+        yield Part("torque_offset", title, lambda experiment: with_chain(experiment, torque_offset=0.0), remedy=cure)
     if chain.actuator_lag > 0.0:
         yield _scalar(chain, "actuator_lag", f"the actuators' lag of {1e3 * chain.actuator_lag:g} ms", "s")
     if chain.current_loop is not None:
         loop = chain.current_loop
 
-        def quicker(experiment: Experiment, share: float) -> tuple[Experiment, str]:
+        def quicker(experiment: Experiment, share: float) -> Variant:
             made = replace(loop, frequency=loop.frequency / share)
-            return with_chain(experiment, current_loop=made), f"current_loop.frequency >= {made.frequency:g} rad/s"
+            text = f"chain.current_loop.frequency >= {made.frequency:.4g} rad/s"
+            return Variant(with_chain(experiment, current_loop=made), text)
 
         title = f"the current loop of {loop.frequency:g} rad/s"
-        yield Part("current_loop", title, lambda x: with_chain(x, current_loop=None), same_loop, quicker)
+        yield Part("current_loop", title, lambda x: with_chain(x, current_loop=None), same_loop, shares(quicker))
     if chain.torque_speed is not None:
-        yield Part("torque_speed", "the motors' torque-speed limit", lambda x: with_chain(x, torque_speed=None))
+        cure = f"a motion much slower than {in_words(chain.torque_speed.no_load)} rad/s, where the motors give nothing"
+        title = "the motors' torque-speed limit"
+        yield Part("torque_speed", title, lambda x: with_chain(x, torque_speed=None), remedy=cure)
     if chain.thermal_limit is not None:
-        yield Part("thermal_limit", "the motors' continuous torque", lambda x: with_chain(x, thermal_limit=None))
+        cure = f"a motion that takes less than {in_words(chain.thermal_limit.torque)} N m RMS"
+        title = "the motors' continuous torque"
+        yield Part("thermal_limit", title, lambda x: with_chain(x, thermal_limit=None), remedy=cure)
     if chain.torque_delay > 0.0:
         yield _delay("torque_delay", f"the torque delay of {1e3 * chain.torque_delay:g} ms")
 
@@ -177,19 +252,22 @@ def _scalar(chain: Chain, key: str, title: str, unit: str) -> Part:
     """
     own = float(getattr(chain, key))
 
-    def smaller(experiment: Experiment, share: float) -> tuple[Experiment, str]:
-        return with_chain(experiment, **{key: share * own}), f"{key} <= {share * own:.3g} {unit}".rstrip()
+    def smaller(experiment: Experiment, share: float) -> Variant:
+        text = f"chain.{key} <= {share * own:.3g} {unit}".rstrip()
+        return Variant(with_chain(experiment, **{key: share * own}), text)
 
-    return Part(key, title, lambda experiment: with_chain(experiment, **{key: 0.0}), same_loop, smaller)
+    return Part(key, title, lambda experiment: with_chain(experiment, **{key: 0.0}), same_loop, shares(smaller))
 
 
 def _delay(key: str, title: str) -> Part:
-    def smaller(experiment: Experiment, share: float) -> tuple[Experiment, str] | None:
+    def smaller(experiment: Experiment, share: float) -> Variant | None:
         step = experiment.plant.timestep if key == "torque_delay" else experiment.run.control_period
         time = step * math.floor(share * getattr(experiment.chain, key) / step + 1e-9)
-        return (with_chain(experiment, **{key: time}), f"{key} <= {1e3 * time:g} ms") if time > 0.0 else None
+        if time <= 0.0:
+            return None
+        return Variant(with_chain(experiment, **{key: time}), f"chain.{key} <= {1e3 * time:g} ms")
 
-    return Part(key, title, lambda experiment: with_chain(experiment, **{key: 0.0}), same_loop, smaller)
+    return Part(key, title, lambda experiment: with_chain(experiment, **{key: 0.0}), same_loop, shares(smaller))
 
 
 def _arm(experiment: Experiment) -> Iterator[Part]:
@@ -199,17 +277,20 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
         return lambda experiment: replace(experiment, plant=replace(experiment.plant, **{key: value}))
 
     friction = plant.acting
-    if friction is not None and (np.any(friction.viscous) or np.any(friction.coulomb)):
+    if friction is not None and not friction.name:
         title = f"friction, Coulomb {in_words(friction.coulomb)} N m"
-        cure = "compensate friction in the law"
+        cure = (
+            f"add up to {in_words(friction.coulomb)} N m against it to the law, with the sign of the desired velocity"
+        )
         yield Part("friction", title, other("friction", FRICTIONS["none"]), remedy=cure)
-    if getattr(plant, "joints", None) is not None:
-        yield Part("joints", "the joints' elasticity", other("joints", None), remedy="stiffer joints, or smaller gains")
+    if plant.transmission is not None:
+        yield from _between(plant.transmission)
     if plant.load is not None:
         title = f"the payload of {plant.load.mass:g} kg"
-        yield Part("payload", title, other("payload", None), remedy="tell the model of the load")
+        yield Part("payload", title, other("payload", None), remedy=_told(plant.load.mass))
     if plant.perturb is not None:
-        yield Part("perturb", "the arm's own difference from its model", other("perturb", None))
+        cure = "identify the arm's constants"
+        yield Part("perturb", "the arm's own difference from its model", other("perturb", None), remedy=cure)
     if experiment.model.mismatch is not None:
 
         def right(experiment: Experiment) -> Experiment:
@@ -224,13 +305,83 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
 
         yield Part("model", f"the model's {' and '.join(experiment.model.form)} equations", exact)
     if experiment.disturbances:
-        yield Part("disturbances", "the disturbance", lambda experiment: replace(experiment, disturbances=()))
+        cure = "larger gains, or an integral against what is constant"
+        yield Part("disturbances", "the disturbance", lambda x: replace(x, disturbances=()), remedy=cure)
+
+
+def _told(mass: float) -> str:
+    """Return how a robot is told of a load [kg]."""
+    return f"tell the robot of {mass:g} kg: set_payload of a UR, setLoad of a Franka, or the masses of the law's model"
+
+
+def _between(between: Transmission) -> Iterator[Part]:
+    """Yield the parts of the joints that give.
+
+    Args:
+        between: What lies between motors and links.
+    """
+
+    def other(experiment: Experiment, made: Transmission | None, finer: int = 1) -> Experiment:
+        plant = replace(experiment.plant, transmission=made, timestep=experiment.plant.timestep / finer)
+        return replace(experiment, plant=plant)
+
+    def cures(experiment: Experiment) -> Iterator[Variant]:
+        if between.sensor == "link":
+            made = replace(between, sensor="motor")
+            yield Variant(other(experiment, made), "plant.transmission.sensor: motor")
+        for share in SMALLER:
+            more = tuple((np.asarray(between.stiffness) / share).ravel().tolist())
+            k = more if isinstance(between.stiffness, tuple) else more[0]
+            finer = math.ceil(math.sqrt(1.0 / share))
+            text = f"plant.transmission.stiffness >= {in_words(tuple(float(f'{x:.3g}') for x in more))} N m/rad"
+            yield Variant(other(experiment, replace(between, stiffness=k), finer), text)
+
+    if np.any(between.backlash):
+        gap = between.backlash
+
+        def narrower(experiment: Experiment, share: float) -> Variant:
+            less = tuple((np.asarray(gap) * share).ravel().tolist())
+            width = less if isinstance(gap, tuple) else less[0]
+            text = f"plant.transmission.backlash <= {in_words(width)} rad"
+            return Variant(other(experiment, replace(between, backlash=width)), text)
+
+        tight = replace(between, backlash=0.0)
+        title = f"the joints' backlash of {in_words(gap)} rad"
+        yield Part("backlash", title, lambda x: other(x, tight), same_loop, shares(narrower), remedy="tighter gears")
+    title = f"the joints' elasticity, {in_words(between.stiffness)} N m/rad,"
+    yield Part("transmission", title, lambda x: other(x, None), same_loop, cures, ("backlash",), "stiffer joints")
+
+
+def _integral(experiment: Experiment) -> Iterator[Part]:
+    """Yield the integral action of the law of an experiment's only controller, if it has some."""
+    (keys,) = experiment.controllers
+    gains = find_law(keys.law).gains
+    own = {
+        name: value
+        for name, value in keys.gains.items()
+        if not gains[name].positive and "integral" in gains[name].meaning and np.any(value)
+    }
+    if not own:
+        return
+
+    def less(experiment: Experiment, share: float) -> Variant:
+        def times(value: Vector) -> Vector:
+            return tuple(share * x for x in value) if isinstance(value, tuple) else share * value
+
+        changed = {name: times(value) for name, value in own.items()}
+        made = replace(keys, gains={**keys.gains, **changed})
+        words = ", ".join(
+            f"controllers.{keys.name}.gains.{name} <= {in_words(value)}" for name, value in changed.items()
+        )
+        return Variant(replace(experiment, controllers=(made,)), words)
+
+    title = f"the integral action, {' and '.join(f'{name} = {in_words(value)}' for name, value in own.items())},"
+    yield Part("integral", title, lambda x: less(x, 0.0).experiment, same_loop, shares(less))
 
 
 def _loop(experiment: Experiment, lacks_gravity: bool) -> Iterator[Part]:
     if lacks_gravity:
-        truth = truth_of(experiment)
-        arm = truth.later if isinstance(truth, Phases) else truth
+        arm = true_arm(experiment)
 
         def held(loop: Loop) -> Loop:
             weight = arm.bias_forces(loop.reference.q, np.zeros_like(loop.reference.q))
@@ -238,20 +389,23 @@ def _loop(experiment: Experiment, lacks_gravity: bool) -> Iterator[Part]:
             return loop._replace(disturbance=acting)
 
         cure = "a law with gravity compensation, such as pd-gravity"
-        yield Part("gravity", "gravity, which the law leaves to its error", lambda x: x, held, remedy=cure)
+        yield Part("gravity", "gravity, which the law leaves to its error,", lambda x: x, held, remedy=cure)
 
     def free(loop: Loop) -> Loop:
         loop.plant.tau_max = FREE * np.asarray(loop.plant.tau_max)
         return loop
 
-    yield Part("torque_limit", "the torque limit", lambda x: x, free, remedy="a slower motion, or smaller gains")
+    cure = "a slower motion, or smaller gains"
+    beside = "torque_speed", "thermal_limit"  # both are shares of the limit
+    yield Part("torque_limit", "the torque limit", lambda x: x, free, beside=beside, remedy=cure)
     period = experiment.run.control_period
 
-    def finer(experiment: Experiment, share: float) -> tuple[Experiment, str]:
-        return with_period(experiment, share * period), f"control_period <= {1e3 * share * period:.3g} ms"
+    def finer(experiment: Experiment, share: float) -> Variant:
+        text = f"run.control_period <= {1e3 * share * period:.3g} ms"
+        return Variant(with_period(experiment, share * period), text)
 
     title = f"the control period of {1e3 * period:g} ms"
-    yield Part("control_period", title, lambda x: with_period(x, period / FINER), same_loop, finer)
+    yield Part("control_period", title, lambda x: with_period(x, period / FINER), same_loop, shares(finer))
 
 
 def with_period(experiment: Experiment, period: float) -> Experiment:

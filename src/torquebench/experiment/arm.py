@@ -83,8 +83,8 @@ class ArmValue(Node):
         try:
             arm = read_arm(path)
         except ModelError as error:
-            for reason in error.reasons:
-                here.add(" ".join(reason.removeprefix(f"{path}: ").split()))
+            for problem in error.problems:
+                here.add(" ".join(str(problem).removeprefix(f"{path}: ").split()))
             return BROKEN
         document.arms[raw] = folder, arm
         return arm
@@ -111,6 +111,55 @@ def range_remarks(experiment: Experiment, runs: Mapping[str, Trajectory]) -> lis
         planned = np.any(_beyond(experiment, run.q_ref) > 0.0, axis=0)
         lines += _leaving(experiment, f"controller '{name}': ", run.t, np.where(planned, run.q_ref, run.q), ~planned)
     return lines
+
+
+def speed_remarks(experiment: Experiment, runs: Mapping[str, Trajectory]) -> list[str]:
+    """Return a line for each controller in whose run joints are faster than the arm's file allows.
+
+    Joints whose reference is too fast itself are told by `planned_speed` instead.
+    """
+    most, lines = np.array(load_model(experiment.plant.model).passive.speed), list[str]()
+    for name, run in runs.items():
+        asked = np.any(np.abs(run.qd_ref) > most, axis=0)
+        lines += _too_fast(experiment, f"controller '{name}': ", run.t, run.qd, ~asked)
+    return lines
+
+
+def planned_speed(experiment: Experiment, t: Array, qd_ref: Array) -> list[str]:
+    """Return a line where the reference is faster than the arm's file allows, or none.
+
+    Args:
+        experiment: What is to be run.
+        t: Control instants, (N,) [s].
+        qd_ref: Desired velocities, (N, n) [rad/s].
+    """
+    return _too_fast(experiment, "the reference: ", t, qd_ref, np.ones(qd_ref.shape[1], dtype=bool))
+
+
+def _too_fast(experiment: Experiment, who: str, t: Array, qd: Array, among: NDArray[np.bool_]) -> list[str]:
+    """Return a line where joints exceed their greatest speed, or none.
+
+    Args:
+        experiment: What is run.
+        who: Beginning of the line.
+        t: Times, (N,) [s].
+        qd: Velocities, (N, n) [rad/s].
+        among: The joints that are looked at, (n,).
+    """
+    if experiment.plant.limits == "ignore":
+        return []
+    arm = load_model(experiment.plant.model)
+    most, speed = np.array(arm.passive.speed), np.abs(qd)
+    fast = np.flatnonzero(np.any(speed > most, axis=0) & among)
+    if len(fast) == 0:
+        return []
+    worst = int(fast[np.argmax(speed[:, fast].max(axis=0) / most[fast])])
+    unit, at = "m/s" if arm.flat.kind[worst] else "rad/s", float(t[np.argmax(speed[:, worst] > most[worst])])
+    others = [arm.joint_names[j] for j in fast if j != worst]
+    return [
+        f"{who}{arm.joint_names[worst]} exceeds its speed limit, {most[worst]:.4g} {unit}, at {at:.4g} s and "
+        f"reaches {speed[:, worst].max():.4g} {unit}" + (f", as do {', '.join(others)} theirs" if others else "")
+    ]
 
 
 def planned_range(experiment: Experiment, t: Array, q_ref: Array) -> list[str]:

@@ -19,7 +19,7 @@ from torquebench.laws import find_law
 from torquebench.references import Reference, from_samples
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.inverse_kinematics import PathError
-from torquebench.sim.friction import SteepError
+from torquebench.sim.friction import FrictionError
 from torquebench.sim.joints import SpringError
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
@@ -188,12 +188,12 @@ def build_plant(experiment: schema.Experiment) -> Plant:
     """Make the plant; MuJoCo is imported only for ``engine: mujoco``.
 
     Raises:
-        ConfigError: its friction or its joints are too fast for its time step.
+        ConfigError: its friction or its joints do not fit the arm, or are too fast for its time step.
         ModelError: the arm cannot carry the payload.
     """
     try:
         return experiment.plant.build(plant_factors(experiment))
-    except SteepError as error:
+    except FrictionError as error:
         raise _bad("plant.friction", str(error)) from error
     except SpringError as error:
         raise _bad("plant.transmission", str(error)) from error

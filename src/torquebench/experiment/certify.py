@@ -9,20 +9,24 @@ import numpy as np
 
 from torquebench.certificates import UNSTABLE, Certificate, Phases, SlidingLaw, certify, held_to, required_gain
 from torquebench.experiment import schema
-from torquebench.experiment.arm import planned_range
+from torquebench.experiment.arm import planned_range, planned_speed
 from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
+from torquebench.references import Reference
 from torquebench.robot import RobotModel
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.payload import phases
+from torquebench.sim.friction import steady
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory
 from torquebench.timing import whole_steps
 from torquebench.tuning import rate
 
+LOADED = 20
+"""Rounds after which friction under its own load is known to load^20 of it."""
 POSES = 100
 """Poses along the motion at which the arm's inertia is looked at."""
 TINY = 1e-300
@@ -125,13 +129,35 @@ def truth_of(experiment: schema.Experiment) -> RobotModel | Phases:
     return Phases(first, later, whole_steps(payload.at, experiment.run.control_period))
 
 
-def resistance(experiment: schema.Experiment, qd: Array) -> Array:
-    """Return the torque of an experiment's friction at joint velocities (N, n) [rad/s], as it acts, (N, n) [N m]."""
-    friction, n = experiment.plant.acting, experiment.n
+def needed_torque(arm: RobotModel | Phases, motion: Reference) -> Array:
+    """Return M qdd + N(q, qd) along a motion, (N, n) [N m]."""
+    q, qd, qdd = motion
+    torque: Array = np.einsum("kij,kj->ki", arm.mass_matrix(q), qdd) + arm.bias_forces(q, qd)
+    return torque
+
+
+def resistance(experiment: schema.Experiment, arm: RobotModel | Phases, motion: Reference) -> Array:
+    """Return the torque of an experiment's friction along a motion, as it acts, (N, n) [N m].
+
+    What grows with the load grows with the torque that the motion takes, friction included.
+
+    Args:
+        experiment: The experiment.
+        arm: The true arm.
+        motion: Position, velocity and acceleration, (N, n) each [rad, rad/s, rad/s^2].
+    """
+    qd = motion[1]
+    friction = experiment.plant.acting
     if friction is None:
         return np.zeros_like(qd)
-    rising = np.clip(qd / friction.speed, -1.0, 1.0)
-    return -(as_vector(friction.viscous, n) * qd + as_vector(friction.coulomb, n) * rising)
+    acting = friction.of_joints(experiment.n)
+    if not np.any(acting.load):
+        return -steady(acting, qd, qd)
+    needed = needed_torque(arm, motion)
+    drag = steady(acting, qd, needed)
+    for _ in range(LOADED):
+        drag = steady(acting, qd, needed + drag)
+    return -drag
 
 
 def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
@@ -147,8 +173,8 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
     step, truth = -(-len(loop.reference.q) // INSTANTS), truth_of(experiment)
     if isinstance(truth, Phases):
         truth = replace(truth, at=-(-truth.at // step))
-    q, qd, qdd = (x[::step] for x in loop.reference)
-    tau = np.einsum("kij,kj->ki", truth.mass_matrix(q), qdd) + truth.bias_forces(q, qd) - resistance(experiment, qd)
+    motion = Reference(*(x[::step] for x in loop.reference))
+    tau = needed_torque(truth, motion) - resistance(experiment, truth, motion)
     share = np.abs(tau) / np.asarray(loop.plant.tau_max)
     over = np.flatnonzero(share.max(axis=0) > 1.0 + ROUNDED)
     if not len(over):
@@ -164,9 +190,10 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
 
 
 def planned(experiment: schema.Experiment, loop: Loop) -> list[str]:
-    """Return what the arm cannot do of its reference, whatever the law: leave joints' ranges, exceed torque limits."""
+    """Return what the arm cannot do of its reference, whatever the law: leave ranges, exceed speed or torque limits."""
     t = control_instants(experiment.n_steps, experiment.run.control_period)
-    return [*planned_range(experiment, t, loop.reference.q), *planned_torque(experiment, loop)]
+    motion = [*planned_range(experiment, t, loop.reference.q), *planned_speed(experiment, t, loop.reference.qd)]
+    return [*motion, *planned_torque(experiment, loop)]
 
 
 def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
@@ -207,7 +234,7 @@ def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Ov
     if experiment.plant.transmission is not None:
         return ()
     truth, found = truth_of(experiment), list[Flag | Coarse | Overdriven]()
-    acting = resistance(experiment, loop.reference.qd) + (0.0 if loop.disturbance is None else loop.disturbance)
+    acting = resistance(experiment, truth, loop.reference) + (0.0 if loop.disturbance is None else loop.disturbance)
     for keys in experiment.controllers:
         law = sliding_law(keys, loop, experiment.n)
         if law is None:

@@ -14,13 +14,16 @@ from torquebench.laws import find_law
 
 def chosen_text(experiment: Experiment) -> list[str]:
     """Return a line for each controller with gains that were chosen: what they are, by joint where they differ."""
-    lines, run = [], experiment.run
+    lines, run, slides = [], experiment.run, slide_joints(experiment.plant.model)
     for keys in experiment.controllers:
         gains, units = [], find_law(keys.law).gains
         for name in experiment.chosen.get(keys.name, ()):
-            value, unit = keys.gains[name], units[name].unit
+            value, unit = keys.gains[name], "" if units[name].unit == "1" else f" {units[name].unit}"
+            if "rad" in unit and any(slides):
+                straight = unit.replace("rad", "m")
+                unit = straight if all(slides) else f"{unit} ({straight.strip()} for slides)"
             numbers = f"[{', '.join(f'{x:g}' for x in value)}]" if isinstance(value, tuple) else f"{value:g}"
-            gains.append(f"{name} {numbers}{'' if unit == '1' else f' {unit}'}")
+            gains.append(f"{name} {numbers}{unit}")
         if gains:
             where = f"{experiment.plant.model} at {1e3 * run.control_period:g} ms"
             lines.append(f"controller '{keys.name}': gains chosen for {where}: {', '.join(gains)}")

@@ -18,9 +18,9 @@ from torquebench.experiment.values import Anything, Here, Node, Slug, Value, Wor
 from torquebench.experiment.words import SLUG_IN_WORDS, a_value, shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.keys import Declared, Key, declared_keys
-from torquebench.registry import Registry
 from torquebench.robot.library import ArmFile
 from torquebench.sim.friction import FRICTIONS, Friction
+from torquebench.sim.joints import JOINTS, Transmission
 
 SWEEP, AUDIT, FALSIFY = "sweep", "audit", "falsify"
 MANY = {
@@ -29,6 +29,8 @@ MANY = {
     FALSIFY: "torquebench falsify FILE, or one of its counterexamples by torquebench run DIR/NAME/experiment.yaml",
 }
 """Section that makes many runs of an experiment -> what to type instead of ``torquebench run``."""
+WORDS: dict[Any, Any] = {Friction: FRICTIONS, Transmission: JOINTS}
+"""Class -> words for some of it."""
 TYPO = 0.8
 """So alike are a word and the key that it surely was meant to be, wherever else such a key may be valid."""
 
@@ -415,7 +417,7 @@ class NameOr(Node):
         if isinstance(raw, dict) and self._group is not None:
             return self._group.read(raw, here)
         if isinstance(raw, str) and raw in self._registry:
-            return self._registry[raw] if self._group is not None and isinstance(self._registry, Registry) else raw
+            return raw if self._group is None or isinstance(self._registry, tuple) else self._registry[raw]
         near = nearest(raw, tuple(self._registry)) if isinstance(raw, str) else None
         here.add(got=shown(raw), wanted=self.wanted, nearest=near or "")
         return BROKEN
@@ -474,8 +476,8 @@ def node_of(declared: Declared) -> Node:
     if len(members) == 1:
         (plain,) = members
     args = get_args(plain)
-    if plain is Friction:
-        return NameOr(FRICTIONS, Friction)
+    if plain in WORDS:
+        return NameOr(WORDS[plain], plain)
     if isinstance(plain, type) and dataclasses.is_dataclass(plain):
         return group_of(plain)
     if get_origin(plain) is dict:

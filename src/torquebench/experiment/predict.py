@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from torquebench.certificates import Phases
-from torquebench.describing import Arm, relay_cycle, swings
+from torquebench.describing import Arm, relay_cycle, square_wave, swings
 from torquebench.experiment import schema
 from torquebench.experiment.build import Loop
 from torquebench.experiment.certify import sliding_law
@@ -19,11 +19,12 @@ POSES = 3
 
 
 def predicted_to_shake(experiment: schema.Experiment, loop: Loop, truth: RobotModel | Phases) -> bool | None:
-    """Whether the first controller is predicted to shake; None where there is no prediction for its law.
+    """Whether the first controller is predicted to shake; None where there is no prediction for law or friction.
 
-    There is one for K sgn(s) and K sat(s/phi), Kd s beside it or not, with or without a model, which counts as right.
-    A joint under K sgn(s) cycles unless its Coulomb friction is more than K; its torque is then a square wave of +-K,
-    of which the harmonics above the corner are chattering. The slope is the largest of the joints'.
+    There is one for K sgn(s) and K sat(s/phi), Kd s beside it or not, with or without a model, on joints whose friction
+    is a line through zero up to Coulomb's. A joint under K sgn(s) cycles where K is more than its Coulomb friction and
+    what gravity asks of it beyond the model; its torque is then a square wave between +-K whose mean is that, of which
+    the harmonics above the corner are chattering. The slope is the largest of the joints'.
 
     Args:
         experiment: The experiment.
@@ -39,17 +40,18 @@ def predicted_to_shake(experiment: schema.Experiment, loop: Loop, truth: RobotMo
     q = np.unique(counted[:: -(-len(counted) // POSES)], axis=0)
     viscous, coulomb, speed = np.zeros(n), np.zeros(n), 1.0
     if friction is not None:
+        if not friction.is_line:
+            return None
         viscous, coulomb, speed = as_vector(friction.viscous, n), as_vector(friction.coulomb, n), friction.speed
-    model, lam = float(law.belief is not None), float(np.max(law.lam))
+    lam, belief = float(np.max(law.lam)), law.belief
     if law.phi is None:
-        cycle = relay_cycle(chain, period, lam, 1.0, model)
+        cycle = relay_cycle(chain, period, lam, 1.0, float(belief is not None))
         if cycle is None:
             return False
-        odd = np.arange(1.0, 100.0, 2.0)
-        heard = odd[odd * cycle.frequency >= experiment.chattering_from_hz]
-        square = np.sqrt(8.0 * np.sum(1.0 / heard**2)) / np.pi
-        shares = np.where(law.K > coulomb, law.K / np.asarray(loop.plant.tau_max), 0.0)
-        return not is_still(100.0 * float(square * np.mean(shares)))
-    Kd = np.zeros(n) if law.Kd is None else law.Kd
-    at_rest = Arm(arm.mass_matrix(q), viscous, coulomb, speed)
-    return swings(at_rest, chain, period, lam, model, law.K, law.phi, Kd)
+        load = arm.gravity(q) - (0.0 if belief is None else belief.gravity(q))
+        heard = law.K * square_wave(load / law.K, cycle.frequency, experiment.chattering_from_hz)
+        power = np.mean(np.where(law.K > coulomb + np.abs(load), heard**2, 0.0), axis=0)
+        return not is_still(float(np.mean(100.0 * np.sqrt(power) / np.asarray(loop.plant.tau_max))))
+    Kd, M = np.zeros(n) if law.Kd is None else law.Kd, arm.mass_matrix(q)
+    believed = np.zeros_like(M) if belief is None else belief.mass_matrix(q)
+    return swings(Arm(M, viscous, coulomb, speed), chain, period, lam, believed, law.K, law.phi, Kd)

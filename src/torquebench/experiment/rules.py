@@ -76,8 +76,8 @@ def check_rules(document: Document, values: Mapping[str, Any]) -> None:
                 model_folder(plant.model)
             known["n"] = joint_count(plant.model)
         except ModelError as error:
-            for reason in error.reasons:
-                document.add(("plant", "model"), " ".join(reason.split()))
+            for problem in error.problems:
+                document.add(("plant", "model"), " ".join(str(problem).split()))
             del known["plant"]
     if run is not None:
         whole = plant is None or not list(multiple_of((), run.control_period, "", plant.timestep))

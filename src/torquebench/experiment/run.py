@@ -11,7 +11,7 @@ from torquebench.certificates import Certificate
 from torquebench.chain import rate_remarks
 from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
-from torquebench.experiment.arm import range_remarks
+from torquebench.experiment.arm import range_remarks, speed_remarks
 from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags, planned
 from torquebench.experiment.describe import conditions_text
@@ -96,15 +96,12 @@ class ExperimentResult:
     @cached_property
     def flags(self) -> tuple[str, ...]:
         """What controllers or arm could not do before the run, what the arm's file lost, and joints out of range."""
-        experiment, loop = self.experiment, self.loop
-        before = [*map(str, flags(experiment, loop)), *planned(experiment, loop), *experiment.plant.remarks()]
-        rate = rate_remarks(experiment.chain, experiment.run.control_period)
-        return (*before, *rate, *self.out_of_range)
+        return (*foreseen(self.experiment, self.loop), *self.out_of_range)
 
     @cached_property
     def out_of_range(self) -> tuple[str, ...]:
-        """A line for each controller in whose run joints leave the range that the arm's file gives them."""
-        return tuple(range_remarks(self.experiment, self.runs))
+        """A line for each controller in whose run joints leave the range, or the speed, that the arm's file allows."""
+        return (*range_remarks(self.experiment, self.runs), *speed_remarks(self.experiment, self.runs))
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:
@@ -176,6 +173,17 @@ class ExperimentResult:
             "joints": list(self.joints.names),
             "controllers": controllers,
         }
+
+
+def foreseen(experiment: Experiment, loop: Loop) -> tuple[str, ...]:
+    """Return what controllers or arm cannot do, and what the arm's file lost, as it is known before the run.
+
+    Args:
+        experiment: What is to be run.
+        loop: Its objects.
+    """
+    lacking = [*map(str, flags(experiment, loop)), *planned(experiment, loop), *experiment.plant.remarks()]
+    return (*lacking, *rate_remarks(experiment.chain, experiment.run.control_period))
 
 
 def outcome_facts(trajectory: Trajectory) -> dict[str, Any]:

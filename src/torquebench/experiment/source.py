@@ -11,6 +11,7 @@ from typing import Any, Literal, NoReturn
 from torquebench.errors import ConfigError, Fault, Problem, did_you_mean_path, nearest, nearest_path
 from torquebench.experiment.extends import EXTENDS, MAX_PARENTS, Text, extended, orphaned, with_names
 from torquebench.experiment.presets import GAINS, MOTION, write_presets
+from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import (
     BROKEN,
     MAX_DEPTH,
@@ -385,8 +386,8 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> None:
     """
     for text in overrides:
         option, given = (text.option, text.given) if isinstance(text, OptionChange) else ("--set", text)
-        shown = given if given.isprintable() else ascii(given)
-        document.overrides.append(f"{option} {shown if len(shown) <= 120 else shown[:120] + '...'}")
+        plain = given if given.isprintable() else ascii(given)
+        document.overrides.append(f"{option} {plain if len(plain) <= 120 else plain[:120] + '...'}")
         place = Place(len(document.overrides))
         key, equals, value_text = text.partition("=")
         if len(text) > MAX_OVERRIDE:
@@ -423,8 +424,14 @@ def assign(document: Document, parts: Sequence[str | int], value: Any, key_place
             return
         path = (*path, index)
         last = depth == len(parts) - 1
-        if last and path == ("controllers",) and isinstance(value, Seq):
-            value = with_names(value, (*document.inherited, *(node.get("controllers") or ())), document.add)
+        if last and path == ("controllers",):
+            known = (*document.inherited, *(node.get("controllers") or ()))
+            if isinstance(value, Seq):
+                value = with_names(value, known, document.add)
+            elif names := [str(item["name"]) for item in known if isinstance(item, Map) and "name" in item]:
+                wanted = f"a list of those to run, such as [{', '.join(dict.fromkeys(names))}], or of whole ones"
+                document.add(path, got=shown(value), wanted=wanted, place=value_place)
+                return
         if isinstance(node, Map) and (last or node.get(part) is None):  # type: ignore[arg-type]
             node.put(str(index), value if last else Map(), key_place, value_place)
         elif last:

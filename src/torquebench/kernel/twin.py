@@ -88,7 +88,7 @@ def _each(function: Callable[[float], float]) -> Callable[[Any], Any]:
     return of
 
 
-_COLUMNS = _math(sin=_each(math.sin), cos=_each(math.cos))
+_COLUMNS = _math(sin=_each(math.sin), cos=_each(math.cos), exp=_each(math.exp))
 
 
 @lru_cache(maxsize=256)

@@ -9,7 +9,7 @@ from torquebench.laws.declare import Gain, Option
 from torquebench.references import Reference
 from torquebench.robot.dynamics import inverse_dynamics
 from torquebench.robot.flat_model import Model
-from torquebench.tuning import rate
+from torquebench.tuning import damping, rate, stiffness
 
 Slope: TypeAlias = Annotated[Array, Gain("slope lambda of the sliding variable s = de + lambda e", "1/s")]
 Switching: TypeAlias = Annotated[Array, Gain("switching gain kK, a fraction of the torque limit, K = kK tau_max", "1")]
@@ -24,6 +24,8 @@ Rate: TypeAlias = Annotated[
 Integral: TypeAlias = Annotated[
     Array, Gain("integral gain kI, KI = kI Mbar; zero leaves the integral out", "1/s^3", positive=False)
 ]
+Stiffness: TypeAlias = Annotated[Array, Gain("position gain Kp, a stiffness", "N m/rad", auto=stiffness)]
+Damping: TypeAlias = Annotated[Array, Gain("rate gain Kd, a damping", "N m s/rad", auto=damping)]
 Band: TypeAlias = Annotated[Array, Gain("half-width phi of the band |s| <= phi", "rad/s")]
 UseModel: TypeAlias = Annotated[
     int,

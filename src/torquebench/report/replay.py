@@ -90,6 +90,7 @@ def _signals(run: Trajectory, every: int) -> dict[str, Any]:
         "error": packed(error),
         "torque": packed(thinned(run.tau, every)),
         "sliding": packed(thinned(run.s, every)) if known else None,
+        "deflection": None if run.motor_q is None else packed(thinned(run.motor_q - run.q, every)),
     }
 
 

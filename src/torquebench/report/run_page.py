@@ -24,6 +24,8 @@ from torquebench.report.scatter import Point, scatter
 from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text, uncovered
 from torquebench.robot.library import ArmFile, scene_path
 
+SIGNALS = ("error", "torque", "position", "sliding", "deflection")
+"""Signals that a page may show; of the last two those that some run has."""
 LEAST = 1e-3
 """Smaller figures of the table are written as ``<0.001``; the stored one is told under the pointer."""
 
@@ -54,7 +56,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         data=data,
         every=data["every"],
         of_tool=data["path_from"] is not None,
-        slides=any(shown["sliding"] for shown in data["controllers"]),
+        signals=[key for key in SIGNALS if key == "position" or any(shown[key] for shown in data["controllers"])],
         title=experiment.name,
         lead=experiment.description or first,
         answer=answer(result),

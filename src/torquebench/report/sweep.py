@@ -19,11 +19,12 @@ from torquebench.report.sweep_tables import SHOWN
 from torquebench.report.tables import headlines
 from torquebench.sim.trajectory import Outcome
 from torquebench.sweep.best import best_choices
+from torquebench.sweep.border import level_of
 from torquebench.sweep.folder import TABLE, StoredSweep, read_column
 from torquebench.sweep.run import worst_rows
 from torquebench.sweep.sensitivity import Sensitivity, sensitivities
 from torquebench.sweep.summary import Summary, summarise
-from torquebench.sweep.table import Table, metric_keys, read_table, words
+from torquebench.sweep.table import Table, grid_keys, metric_keys, read_table, rows_by, words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -185,7 +186,21 @@ def sweep_facts(stored: StoredSweep, outcomes: Outcomes, summary: Summary | None
         for i, name in enumerate(plan.controllers)
     }
     size = {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows}
-    return {**size, "controllers": found, "best": [] if summary is None else best_facts(summary)}
+    best = [] if summary is None else best_facts(summary)
+    searched = summary is not None and plan.keys.border is not None
+    borders = border_facts(read_table(stored.folder / TABLE)) if searched else []
+    return {**size, "controllers": found, "best": best, "borders": borders}
+
+
+def border_facts(table: Table) -> list[dict[str, Any]]:
+    """Return where each law starts to shake in each case, as in `Level`; what is infinite or unknown is None."""
+    keys, found = grid_keys(table), list[dict[str, Any]]()
+    for (controller, *values), rows in rows_by(table, "controller", *grid_keys(table)).items():
+        level = level_of(table, rows)._asdict()
+        if not np.isnan(level["border"]):
+            told = {key: x if np.isfinite(x) else None for key, x in level.items()}
+            found.append({"controller": controller, "values": dict(zip(keys, values, strict=True)), **told})
+    return found
 
 
 def best_facts(summary: Summary) -> list[dict[str, Any]]:

@@ -82,7 +82,7 @@ def choice_text(choice: Choice, summary: Summary) -> str:
 
 def value_text(value: float | str) -> str:
     """Return a key's value as it is shown: a number to six digits, or a word."""
-    return f"{value:.6g}" if isinstance(value, float) else in_words(value)
+    return in_words(value) if isinstance(value, str) else f"{value:.6g}"
 
 
 def _values(choice: Choice, summary: Summary) -> list[Any]:
@@ -192,16 +192,15 @@ def best_table(choices: Sequence[Choice], summary: Summary, titles: Titles) -> C
     return header, rows
 
 
-def border_table(table: Table, ends: bool = True) -> Cells:
+def border_table(table: Table) -> Cells:
     """Return a row for each law under each further condition: where it starts to shake along the first key.
 
     The bars of the second column are the borders, on a logarithmic scale from the least to the greatest of all.
 
     Args:
         table: A sweep's table with borders.
-        ends: Whether to say the intervals.
     """
-    along, *apart = (key for key in grid_keys(table) if len(set(table[key].tolist())) > 1)
+    along, *apart = [key for key in grid_keys(table) if len(set(table[key].tolist())) > 1] or ["case"]
     places = list(dict.fromkeys(table[along].tolist()))
     found = {at: level_of(table, rows) for at, rows in rows_by(table, "controller", *apart, along).items()}
     known = [x.border for x in found.values() if math.isfinite(x.border)]
@@ -213,17 +212,12 @@ def border_table(table: Table, ends: bool = True) -> Cells:
         levels = [found.get((*own, x)) for x in places]
         bars = "".join(" " if x is None else _bar_of(x.border, least, most) for x in levels)
         words = [value_text(x) for x in own[1:]]
-        rows.append([own[0], *words, bars, *("-" if x is None else border_text(x, ends) for x in levels)])
+        rows.append([own[0], *words, bars, *("-" if x is None else border_text(x) for x in levels)])
     return header, rows
 
 
-def border_text(found: Level, ends: bool = True) -> str:
-    """Return a border with its interval, where it goes back to stillness beyond it, and what is predicted.
-
-    Args:
-        found: The border.
-        ends: Whether to say the interval.
-    """
+def border_text(found: Level) -> str:
+    """Return a border, where it goes back to stillness beyond it, and what is predicted."""
 
     def word(x: float) -> str:
         return "none" if math.isinf(x) else f"{x:.3g}"
@@ -231,8 +225,6 @@ def border_text(found: Level, ends: bool = True) -> str:
     if math.isnan(found.border):
         return "-"
     text = "all" if math.isnan(found.before) and math.isfinite(found.border) else word(found.border)
-    if ends and not math.isnan(found.low) and found.low != found.high:
-        text += f" [{word(found.low)}, {word(found.high)}]"
     if not math.isnan(found.last):
         text += f" (still at {word(found.last)})"
     return text if math.isnan(found.predicted) else f"{text} ~{word(found.predicted)}"

@@ -1,4 +1,4 @@
-"""The page of a diagnosis: the sentence, causes and loop drawn, then the table of causes."""
+"""The page of a diagnosis: the sentence, joint and loop drawn, then each cause with its bar and its remedy."""
 
 from __future__ import annotations
 
@@ -14,11 +14,9 @@ WHY_PAGE = "why.html"
 
 def why_page(found: Diagnosis) -> bytes:
     """Return the page of a diagnosis, which stands alone; the same diagnosis gives the same bytes."""
-    picture = Picture("Causes, and the loop's frequency response", figure_bytes(diagnosis_figure(found), "svg"))
-    rows = [
-        (c.title.rstrip(","), c.symptom, f"{100 * c.effect:.0f}", c.without or "-", c.alone, c.detail, c.remedy)
-        for c in found.causes
-    ]
+    fig = diagnosis_figure(found)
+    title = "The joint as it is and without the first cause, and the loop's frequency response"
+    pictures = [] if fig is None else [Picture(title, figure_bytes(fig, "svg"))]
     margins = found.margins
     facts = []
     if margins is not None and margins.crossover is not None:
@@ -27,13 +25,12 @@ def why_page(found: Diagnosis) -> bytes:
             ("phase margin", f"{number(margins.phase or 0.0)} deg"),
             ("delay margin", "none" if margins.delay is None else f"{number(1e3 * margins.delay)} ms"),
         ]
-        facts += [(f"phase lost to {name}", f"{number(x)} deg") for name, x in margins.lost.items()]
+        facts += [(f"phase lost to {name.replace('_', ' ')}", f"{number(x)} deg") for name, x in margins.lost.items()]
     return render(
         "why",
-        figures=[picture],
+        figures=pictures,
         title=f"Why {found.controller} does what it does",
         lead=f"{found.experiment}, law {found.law}; {found.runs} closed loops run.",
         found=found,
-        rows=rows,
         facts=facts,
     )

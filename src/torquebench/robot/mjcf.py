@@ -13,13 +13,23 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from torquebench.errors import ModelError
+from torquebench.errors import ModelError, Problem
 from torquebench.kernel import Array
 from torquebench.robot.flat_model import HINGE, SLIDE, Model, rigid_model
 from torquebench.robot.library import ArmFile, ArmSource, file_of_arm
 from torquebench.robot.links import check_physical
-from torquebench.robot.mjcf_links import ON_JOINT, at_zero, carrier, frames, joint_name, links_of, moving_parent
-from torquebench.robot.mjcf_text import listed, refused_inside, standing_alone
+from torquebench.robot.mjcf_links import (
+    ON_JOINT,
+    SPEEDS,
+    at_zero,
+    carrier,
+    frames,
+    joint_name,
+    links_of,
+    moving_parent,
+    speed_limits,
+)
+from torquebench.robot.mjcf_text import listed, refused_inside, remarks_in, standing_alone, urdf_speeds, with_remarks
 from torquebench.robot.robot_model import Passive, RobotModel
 
 _OFF = mujoco.mjtDisableBit
@@ -59,37 +69,39 @@ def read_arm(source: ArmSource, is_serial: bool = True) -> ArmFile:
 
 @functools.lru_cache(maxsize=32)
 def _read(arm: ArmFile, is_serial: bool) -> ArmFile:
-    text, remarks, reasons, compiles = standing_alone(arm.text)
-    read = dataclasses.replace(arm, text=text, remarks=(*arm.remarks, *remarks))
+    text, told, problems, compiles = standing_alone(arm.text)
+    left_out, reasons = remarks_in(text) or (*arm.remarks, *told), list[Problem | str](problems)
+    read, broken = dataclasses.replace(arm, text=with_remarks(text, left_out), remarks=left_out), None
     try:
         if compiles:
             m = _compiled(read).model
-            reasons = (*reasons, *torque_limits(m)[1], *(unrepresented(m) if is_serial else ()))
+            reasons += (*torque_limits(m)[1], *(unrepresented(m) if is_serial else ()))
     except ModelError as error:  # without what it needs it may well not compile
-        reasons = reasons or tuple(reason.removeprefix(f"{read}: ") for reason in error.reasons)
-    if reasons and arm.origin is not None:
+        broken = None if reasons else error
+    if (reasons or broken) and arm.origin is not None:
         return _imported(arm, arm.origin, reasons)
+    if broken:
+        raise broken
     if reasons:
         raise ModelError.of_file(str(arm), reasons)
     return read
 
 
-def _imported(arm: ArmFile, path: Path, reasons: Sequence[str]) -> ArmFile:
+def _imported(arm: ArmFile, path: Path, reasons: Sequence[Problem | str]) -> ArmFile:
     """Return the plain chain that an import makes of a file which cannot be taken as it is, for `reasons`."""
     if inside := refused_inside(path):
-        raise ModelError.of_file(str(path), dict.fromkeys((*reasons, *inside)))
+        known = {problem.text for problem in inside}
+        raise ModelError.of_file(str(path), [*(one for one in reasons if _text(one) not in known), *inside])
     from torquebench.robot.importing import RefusedArmError, import_arm
 
     try:
         made = import_arm(path)
     except RefusedArmError as error:
-        told = [": ".join(filter(None, (problem.key, problem.message))) for problem in error.problems]
         flags = " ".join(error.flags)
         hint = [f"torquebench import {shlex.quote(str(path))} {flags} makes an arm of it"] if flags else []
-        raise ModelError.of_file(str(path), [*told, *hint]) from error
+        raise ModelError.of_file(str(path), [*error.problems, *hint]) from error
     except ModelError as error:
-        text = " ".join(str(error).removeprefix(f"{path}: ").split())
-        raise ModelError.of_file(str(path), dict.fromkeys((*reasons, text))) from error
+        raise ModelError.of_file(str(path), [*reasons, *error.problems]) from error
     told = [
         f"{part.verdict} {part.what} ({listed(part.places)})" if part.places else f"{part.verdict} {part.what}"
         for part in made.findings
@@ -97,6 +109,10 @@ def _imported(arm: ArmFile, path: Path, reasons: Sequence[str]) -> ArmFile:
     ]
     text = f"is made a plain chain: {'; '.join(told) or 'nothing is left out'}"
     return _read(ArmFile(arm.name, made.mjcf, (text,)), is_serial=True)
+
+
+def _text(reason: Problem | str) -> str:
+    return reason if isinstance(reason, str) else reason.text
 
 
 @functools.lru_cache(maxsize=32)
@@ -107,6 +123,11 @@ def _compiled(arm: ArmFile) -> Compiled:
         raise ModelError(f"{arm}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
     if not (np.isfinite(m.opt.timestep) and m.opt.timestep > 0):
         raise ModelError(f"{arm}: timestep is {m.opt.timestep}, wanted finite and positive")
+    if (speeds := speed_limits(m)) is None:
+        raise ModelError(f"{arm}: <numeric {SPEEDS}> wants a number for each of {m.njnt} joints, 0 for no limit")
+    if "<robot" in arm.text:
+        stated = urdf_speeds(arm.text)
+        speeds = np.array([stated.get(name, np.inf) for name in joint_names(m)])
     damped, rubs, limited = not _is_off(m, "DAMPER"), not _is_off(m, "FRICTIONLOSS", "CONSTRAINT"), _has_limits(m)
     none = np.zeros(m.nv)
     passive = Passive(
@@ -114,6 +135,7 @@ def _compiled(arm: ArmFile) -> Compiled:
         tuple((m.dof_frictionloss if rubs else none).tolist()),
         tuple(np.where(limited, m.jnt_range[:, 0], -np.inf).tolist()),
         tuple(np.where(limited, m.jnt_range[:, 1], np.inf).tolist()),
+        tuple(speeds.tolist()),
     )
     m.dof_damping[:], m.dof_frictionloss[:], m.jnt_limited[:] = 0.0, 0.0, 0
     return Compiled(m, passive)

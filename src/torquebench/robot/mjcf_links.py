@@ -15,10 +15,27 @@ from torquebench.robot.perturbation import Links
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 """Kinds of actuators that drive one joint."""
 
+SPEEDS = "speed_limits"
+"""Custom numbers of an MJCF file: the greatest speed of each joint [rad/s; m/s of a slide], 0 for none."""
+
 
 def joint_name(m: Any, joint: int) -> str:
     """Return the name of a joint of a compiled model, or its number from 1."""
     return mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"joint{joint + 1}"
+
+
+def speed_limits(m: Any) -> Array | None:
+    """Return the greatest speed of each joint, (n,) [rad/s], infinite where the file states none.
+
+    MJCF has no such limits: they are the custom numbers `SPEEDS`. None where these do not fit the joints.
+    """
+    i = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_NUMERIC, SPEEDS)
+    if i < 0:
+        return np.full(m.njnt, np.inf)
+    first, count = int(m.numeric_adr[i]), int(m.numeric_size[i])
+    speeds = np.array(m.numeric_data[first : first + count])
+    fit = count == m.njnt and np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)
+    return np.where(speeds > 0.0, speeds, np.inf) if fit else None
 
 
 def frames(m: Any) -> tuple[list[Array], list[Array]]:

@@ -9,13 +9,16 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple, TypeAlias
+from xml.parsers import expat
 
+from torquebench.errors import Problem
 from torquebench.robot.library import MAX_BYTES
 
 Element: TypeAlias = ElementTree.Element
+_Found: TypeAlias = tuple[Element, str]
 ROOTS = ("mujoco", "robot")
 """Names of the outermost element of MJCF and of URDF."""
 MAX_MEMORY, MAX_COUNT, MAX_INCLUDES = 1 << 28, 100_000, 64
@@ -48,8 +51,8 @@ class ArmText(NamedTuple):
     text: str
     remarks: tuple[str, ...] = ()
     """What was left out."""
-    reasons: tuple[str, ...] = ()
-    """Why it is refused: element, place, and what to do."""
+    reasons: tuple[Problem, ...] = ()
+    """Why it is refused: place, element, and what to do."""
     compiles: bool = False
     """Whether it can be compiled without harm, be it only to find more reasons."""
 
@@ -57,22 +60,82 @@ class ArmText(NamedTuple):
 def standing_alone(text: str) -> ArmText:
     """Return the text of an MJCF or URDF file without what only looks and needs files, and all reasons to refuse it."""
     if re.search(r"<!(DOCTYPE|ENTITY)", text):
-        return ArmText(text, reasons=("document types and entities are refused: write out what they stand for",))
+        return _refused(text, "document types and entities are refused: write out what they stand for")
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        return ArmText(text, reasons=(f"not a readable MJCF file ({error})",))
+        return _refused(text, f"not a readable MJCF file ({error})")
     if root.tag not in ROOTS:
-        return ArmText(text, reasons=(f"<{root.tag}> is no arm: wanted MJCF, <mujoco>, or URDF, <robot>",))
+        return _refused(text, f"<{root.tag}> is no arm: wanted MJCF, <mujoco>, or URDF, <robot>")
     if _depth(root) > MAX_DEPTH:
-        return ArmText(text, reasons=(f"elements are nested more than {MAX_DEPTH} deep",))
-    reasons = [*_greedy(root), *_numbers(root)]
+        return _refused(text, f"elements are nested more than {MAX_DEPTH} deep")
+    reasons = _placed([*_greedy(root), *_numbers(root)], starts(root, text))
     needed: list[str] = []
     left_out = _without_visuals(root) if root.tag == "robot" else _without_looks(root, needed)
     remarks = [f"left out, as they only look: {listed(left_out)}"] if left_out else []
     if left_out or needed:
         text = ElementTree.tostring(root, encoding="unicode")
-    return ArmText(text, tuple(remarks), tuple(dict.fromkeys((*reasons, *needed))), not reasons)
+    problems = [*reasons, *(Problem(text=reason) for reason in needed)]
+    return ArmText(text, tuple(remarks), tuple(dict.fromkeys(problems)), not reasons)
+
+
+def _refused(text: str, reason: str) -> ArmText:
+    return ArmText(text, reasons=(Problem(text=reason),))
+
+
+def starts(root: Element, text: str) -> dict[Element, tuple[int, int]]:
+    """Return line and column, from 1, of each element of a text that can be read.
+
+    Args:
+        root: The outermost element.
+        text: What it was read from.
+    """
+    found, parser = list[tuple[int, int]](), expat.ParserCreate()
+    parser.StartElementHandler = lambda *_: found.append((parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
+    parser.Parse(text.encode(), True)
+    return dict(zip(root.iter(), found, strict=True))
+
+
+def _placed(found: Iterable[_Found], places: Mapping[Element, tuple[int, int]], file: str = "") -> list[Problem]:
+    """Return what is wrong with elements as mistakes at their places.
+
+    Args:
+        found: The elements, and what is wrong with them.
+        places: Where elements are.
+        file: The file; empty where it is that of the arm.
+    """
+    return [
+        Problem(file, text=text, line=line, column=column)
+        for element, text in found
+        for line, column in [places[element]]
+    ]
+
+
+_TOLD = re.compile(r"<!-- torquebench: (.*?) -->\n")
+
+
+def with_remarks(text: str, remarks: Sequence[str]) -> str:
+    """Return the text of an arm's file that begins with what was left out of it, so that a copy of it says so too.
+
+    Args:
+        text: The text; what it begins with already is not written again.
+        remarks: What was left out.
+    """
+    told = "" if remarks_in(text) else "".join(f"<!-- torquebench: {one} -->\n" for one in map(_uncommented, remarks))
+    return told + text
+
+
+def remarks_in(text: str) -> tuple[str, ...]:
+    """Return what the text of an arm's file begins with that `with_remarks` wrote."""
+    found, at = [], 0
+    while match := _TOLD.match(text, at):
+        found.append(match[1].replace("- -", "--"))
+        at = match.end()
+    return tuple(found)
+
+
+def _uncommented(remark: str) -> str:
+    return " ".join(remark.replace("--", "- -").split())
 
 
 def named(element: Element) -> str:
@@ -95,27 +158,28 @@ def listed(names: Sequence[str], most: int = 4) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
-def _greedy(root: Element) -> Iterator[str]:
+def _greedy(root: Element) -> Iterator[_Found]:
     """Yield what asks for other files, code or memory; of a URDF MuJoCo reads such things in its own element alone."""
     parts = root.findall("mujoco") if root.tag == "robot" else [root]
     for element in (inner for part in parts for inner in part.iter()):
         if element.tag in CODE:
-            yield f"{named(element)} is refused: it {CODE[element.tag]}"
+            yield element, f"{named(element)} is refused: it {CODE[element.tag]}"
         elif element.tag in FILES:
-            yield f"{named(element)} is refused: a model must stand alone; put in what it stands for"
+            yield element, f"{named(element)} is refused: a model must stand alone; put in what it stands for"
         elif "file" in element.attrib and element.tag not in (*LOOKS, "skin"):
-            yield f"{named(element)} is refused: a model must stand alone"
+            yield element, f"{named(element)} is refused: a model must stand alone"
         for key, value in element.attrib.items() if element.tag == "size" else ():
             if not _bytes(value) <= (MAX_MEMORY if key == "memory" else MAX_COUNT):
-                yield f'<size {key}="{value}"> is refused: it asks for more memory than any arm needs; leave it out'
+                text = f'<size {key}="{value}"> is refused: it asks for more memory than any arm needs; leave it out'
+                yield element, text
         for key, most in LARGEST.items():
             if key in element.attrib and (key != "size" or element.tag == "numeric"):
                 too_large = [x for x in _floats(element.attrib[key]) if not x <= most]
                 if too_large and element.tag != "geom":
-                    yield f'{named(element)} is refused: {key}="{element.attrib[key]}", at most {most} is read'
+                    yield element, f'{named(element)} is refused: {key}="{element.attrib[key]}", at most {most} is read'
 
 
-def _numbers(root: Element) -> Iterator[str]:
+def _numbers(root: Element) -> Iterator[_Found]:
     """Yield numbers that MuJoCo's compiler lets pass although no simulation can use them."""
     skipped = {inner for element in root if element.tag in _UNREAD for inner in element.iter()}
     for element in root.iter():
@@ -123,7 +187,7 @@ def _numbers(root: Element) -> Iterator[str]:
             numbers = [] if key in _TEXT else _floats(value)
             if not all(map(math.isfinite, numbers)) or (key in _NOT_NEGATIVE and any(x < 0 for x in numbers)):
                 # it turns a negative mass into zero without a word
-                yield f'<{element.tag} {key}="{value}"> is negative or not finite'
+                yield element, f'<{element.tag} {key}="{value}"> is negative or not finite'
 
 
 def _floats(text: str) -> list[float]:
@@ -139,31 +203,92 @@ def _bytes(text: str) -> float:
     return float(found[1]) * 1024.0 ** " KMGTPE".index(found[2] or " ") if found else math.inf
 
 
-def refused_inside(path: Path) -> list[str]:
+def refused_inside(path: Path) -> list[Problem]:
     """Return what must not even be parsed by MuJoCo, in a file and in those that it includes: code, memory, far files.
 
     Args:
         path: The file; what it includes is at or below its folder.
     """
-    folder, todo, seen, reasons = path.resolve().parent, [path.resolve()], set[Path](), list[str]()
-    while todo and len(seen) < MAX_INCLUDES:
-        file = todo.pop()
-        if file in seen:
-            continue
-        seen.add(file)
+    folder, reasons = path.resolve().parent, list[Problem]()
+    for file, source in _with_included(path):
         if not file.is_relative_to(folder) or not file.is_file() or file.stat().st_size > MAX_BYTES:
-            reasons.append(f"it includes {file}: wanted a file of at most {MAX_BYTES >> 20} MiB at or below {folder}")
+            text = f"it includes {file}: wanted a file of at most {MAX_BYTES >> 20} MiB at or below {folder}"
+            reasons.append(Problem(text=text))
             continue
         try:
             root = ElementTree.fromstring(text := file.read_text(encoding="utf-8-sig"))
         except (OSError, ValueError, ElementTree.ParseError) as error:
-            reasons.append(f"{file.name} is not readable ({error})")
+            reasons.append(Problem(source, text=f"is not readable ({error})"))
             continue
-        reasons += ["document types and entities are refused"] * ("<!DOCTYPE" in text or "<!ENTITY" in text)
-        reasons += ["elements are nested too deeply"] * (_depth(root) > MAX_DEPTH)
-        reasons += [reason for reason in (*_greedy(root), *_numbers(root)) if not reason.startswith("<include")]
-        todo += [(folder / element.get("file", "")).resolve() for element in root.iter("include")]
+        whole = ["document types and entities are refused"] * ("<!DOCTYPE" in text or "<!ENTITY" in text)
+        whole += ["elements are nested too deeply"] * (_depth(root) > MAX_DEPTH)
+        reasons += [Problem(source, text=reason) for reason in whole]
+        found = [(element, why) for element, why in (*_greedy(root), *_numbers(root)) if element.tag != "include"]
+        reasons += _placed(found, starts(root, text), source)
     return reasons
+
+
+def wrong_numbers(path: Path) -> list[Problem]:
+    """Return numbers that MuJoCo's compiler lets pass although no simulation can use them, as far as they can be read.
+
+    Args:
+        path: The file; what it includes may be anywhere.
+    """
+    return [problem for root, places, source in _readable(path) for problem in _placed(_numbers(root), places, source)]
+
+
+def named_places(path: Path) -> dict[str, list[Problem]]:
+    """Return the elements of a file, and of those that it includes, by their names: text is the tag, with a place.
+
+    Args:
+        path: The file; one that cannot be read has none.
+    """
+    found = dict[str, list[Problem]]()
+    for root, places, source in _readable(path):
+        for element in root.iter():
+            if name := element.get("name"):
+                found.setdefault(name, []).extend(_placed([(element, element.tag)], places, source))
+    return found
+
+
+def _readable(path: Path) -> Iterator[tuple[Element, dict[Element, tuple[int, int]], str]]:
+    """Yield root, places of the elements, and name of a file and of those that it includes, as far as XML goes."""
+    for file, source in _with_included(path):
+        try:
+            root = ElementTree.fromstring(text := file.read_text(encoding="utf-8-sig"))
+        except (OSError, ValueError, ElementTree.ParseError):
+            continue
+        yield root, starts(root, text), source
+
+
+def _with_included(path: Path) -> Iterator[tuple[Path, str]]:
+    """Yield a file and those that it includes, and they, as far as they can be read; each with its name in messages."""
+    todo, seen = [path.resolve()], set[Path]()
+    while todo and len(seen) < MAX_INCLUDES:
+        file = todo.pop(0)
+        if file in seen:
+            continue
+        seen.add(file)
+        yield file, str(path if file == path.resolve() else file)
+        try:
+            if not file.is_file() or file.stat().st_size > MAX_BYTES:
+                continue
+            root = ElementTree.parse(file).getroot()
+        except (OSError, ValueError, ElementTree.ParseError):
+            continue
+        todo += [(path.resolve().parent / element.get("file", "")).resolve() for element in root.iter("include")]
+
+
+def urdf_speeds(text: str) -> dict[str, float]:
+    """Return the greatest speed of each joint of a URDF that states one above zero, which MuJoCo leaves out [rad/s]."""
+    try:
+        joints = list(ElementTree.fromstring(text).iter("joint"))
+    except ElementTree.ParseError:
+        return {}
+    speeds = {
+        joint.get("name", ""): _floats(limit.get("velocity", "")) for joint in joints for limit in joint.iter("limit")
+    }
+    return {name: speed for name, found in speeds.items() for speed in found[:1] if speed > 0.0}
 
 
 def _without_visuals(root: Element) -> list[str]:

@@ -27,6 +27,8 @@ class Passive(NamedTuple):
     """Least position [rad]; -inf for none."""
     high: tuple[float, ...]
     """Greatest position [rad]; inf for none."""
+    speed: tuple[float, ...]
+    """Greatest speed [rad/s]; inf for none."""
 
     @property
     def rubs(self) -> bool:
@@ -36,7 +38,7 @@ class Passive(NamedTuple):
 
 def nothing_passive(n: int) -> Passive:
     """Return what a file says that knows neither friction nor limits of its `n` joints."""
-    return Passive((0.0,) * n, (0.0,) * n, (-math.inf,) * n, (math.inf,) * n)
+    return Passive((0.0,) * n, (0.0,) * n, (-math.inf,) * n, (math.inf,) * n, (math.inf,) * n)
 
 
 @kernel

@@ -21,6 +21,8 @@ FLAT = 0.02
 """An arm that leaves its plane by less than this fraction of its size is seen from across that plane."""
 MARGIN = 0.04
 """Space that a film leaves on each side of the arm, as a fraction of what the arm takes."""
+LONG = 0.1
+"""Links without a shape are drawn beside links that have one if they are so long, over the arm's length."""
 VISIBLE_GROUPS = 2
 """Geoms of higher groups are hidden by the arm's files."""
 MOST_DRAWN = 1.0
@@ -44,7 +46,7 @@ class Scene(NamedTuple):
     joints: Sequence[str]
     """Names of the joints."""
     unit: str
-    """Unit of the joints' positions: ``rad``, ``m`` or both."""
+    """Unit of the joints' positions: ``rad``, ``m`` or ``m or rad``."""
     limits: Array
     """Torque limits, (n,) [N m]."""
 
@@ -66,7 +68,7 @@ def build_scene(source: ArmSource, poses: Array, bare: bool = False) -> Scene:
         spec = mujoco.MjSpec.from_file(str(look)) if look else mujoco.MjSpec.from_string(read_arm(source).text)
         spec.compiler.discardvisual = False  # which a URDF's is: what is drawn here would go
         check_same_arm(arm, spec.compile(), str(look))
-        dress(spec, arm, poses, reach)
+        dress(spec, arm, poses, reach, own=look is None or has_imported_looks(look))
         m = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         if look and has_imported_looks(look):
@@ -75,7 +77,7 @@ def build_scene(source: ArmSource, poses: Array, bare: bool = False) -> Scene:
     visible = np.flatnonzero(m.geom_group <= VISIBLE_GROUPS)
     moving = tuple(int(g) for g in visible if m.body_weldid[m.geom_bodyid[g]] != 0)
     kinds = ("m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for kind in arm.jnt_type)
-    return Scene(m, moving, reach, joint_names(arm), "/".join(dict.fromkeys(kinds)), torque_limits(arm)[0])
+    return Scene(m, moving, reach, joint_names(arm), " or ".join(dict.fromkeys(kinds)), torque_limits(arm)[0])
 
 
 def scene_of_runs(source: ArmSource, runs: Sequence[Trajectory], bare: bool = False) -> Scene:
@@ -116,7 +118,7 @@ def check_same_arm(arm: Any, look: Any, where: str) -> None:
         raise ModelError(f"{where}: its tool is not where the arm's is; it shows another arm")
 
 
-def dress(spec: Any, arm: Any, poses: Array, reach: float) -> None:
+def dress(spec: Any, arm: Any, poses: Array, reach: float, own: bool = False) -> None:
     """Add what a scene lacks: links, a floor, lights, a sky, and cameras that see every pose.
 
     Args:
@@ -124,12 +126,13 @@ def dress(spec: Any, arm: Any, poses: Array, reach: float) -> None:
         arm: The arm, compiled.
         poses: Joint positions that the cameras must show, (N, n) [rad].
         reach: Length of the stretched arm [m].
+        own: Whether its bodies are the arm's, so that long links without a shape can be told.
     """
     points = joint_points(arm, poses)
     low, high = points.min(axis=0), points.max(axis=0)
     visible = [g for g in spec.geoms if g.group <= VISIBLE_GROUPS]
-    if not visible:
-        add_links(spec, arm, reach)
+    if not visible or own:
+        add_links(spec, arm, reach, LONG if visible else 0.0)
     if not any(g.type == mujoco.mjtGeom.mjGEOM_PLANE for g in visible):
         ground = min(float(low[2]), float(joint_chain(arm)[0, 2])) - 0.12 * reach
         spec.worldbody.add_geom(
@@ -209,19 +212,23 @@ def add_tiles(spec: Any, reach: float) -> str:
     return name
 
 
-def add_links(spec: Any, arm: Any, reach: float) -> None:
-    """Draw each link as a capsule from its joint to the next, and each joint as a drum about its axis.
+def add_links(spec: Any, arm: Any, reach: float, least: float = 0.0) -> None:
+    """Draw each link without a shape as a capsule from its joint to the next, and its joint as a drum about its axis.
 
     Args:
         spec: The arm's ``MjSpec``; changed in place.
         arm: The arm, compiled.
         reach: Length of the stretched arm [m].
+        least: Length of the links that are drawn, over `reach`.
     """
     chain, d = joint_chain(arm), mujoco.MjData(arm)
     mujoco.mj_kinematics(arm, d)
     bodies = list(spec.bodies)  # in the order of the compiled model
+    shown = {int(arm.body_weldid[i]) for i, b in enumerate(bodies) if any(g.group <= VISIBLE_GROUPS for g in b.geoms)}
     for j in range(arm.njnt):
         index = int(arm.jnt_bodyid[j])
+        if index in shown or np.linalg.norm(chain[j + 1] - chain[j]) < least * reach:
+            continue
         body = bodies[index]
         turn, origin = d.xmat[index].reshape(3, 3), d.xpos[index]
         start, end = turn.T @ (chain[j] - origin), turn.T @ (chain[j + 1] - origin)

@@ -65,14 +65,19 @@ def actuate(job: Job, k: int) -> None:
 def give(job: Job, k: int, s: int) -> None:
     """Write the torque on the joints at the start, middle and end of physics step s of a control period.
 
-    A late command comes into force at one of them. What the motors give is added to the mean on record, but that of a
-    lag alone, which is there already.
+    A late command comes into force at one of them; one that is late by a whole period after the last, and acts if the
+    next one is late as well. What the motors give is added to the mean on record, but that of a lag alone, which is
+    there already.
     """
     drives, torque, disturbed = job.drives, job.torque, len(job.disturbance) > 0
-    if s == (drives.late[k] if len(drives.late) > 0 and k > 0 else 0):
+    late = drives.late[k] if len(drives.late) > 0 and k > 0 else 0
+    if s == late:
         for i in range(len(job.q)):
             drives.held[i] = drives.target[i]
     drive(drives, k * job.substeps + s, job.motor_qd, job.tau_max, job.output, torque)
+    if s + 1 == late == job.substeps:
+        for i in range(len(job.q)):
+            drives.held[i] = drives.target[i]
     for i in range(len(job.q)):
         if drives.active:
             mean = (torque[0, i] + 4.0 * torque[1, i] + torque[2, i]) / 6.0

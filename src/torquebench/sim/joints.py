@@ -1,13 +1,14 @@
 """Joints that give: a motor turns its link through a spring, a damper and a gap, and has a state of its own.
 
 A plant integrates the states of its joints together with those of its links, at every stage of the Runge-Kutta method:
-`begin` before the first stage, `transmit` for the torques and rates at each, `advance` after each.
+`begin` before the first stage, where it bends the bristles of their friction too, `transmit` for the torques and rates
+at each, `advance` after each.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 from torquebench.kernel import Array, kernel
 from torquebench.kernel.struct import Structure
 from torquebench.keys import Key, Units, Vector, as_vector, check_numbers, in_words
-from torquebench.sim.friction import Resistance, poses, resist
+from torquebench.sim.friction import Resistance, drag_along, poses, resist
 
 FASTEST = 1.0
 """Largest (frequency) x (time step) of an oscillation [rad]: there rk4 adds 0.7 % of critical damping of its own."""
@@ -111,8 +112,20 @@ def transmit(joints: Joints, friction: Resistance, q: Array, qd: Array, torque: 
 
 
 @kernel
-def begin(joints: Joints) -> None:
-    """Begin a Runge-Kutta step at the joints' states."""
+def begin(joints: Joints, friction: Resistance, qd: Array, torque: Array, h: float) -> None:
+    """Begin a Runge-Kutta step at the joints' states, and bend the bristles of their friction for it.
+
+    Args:
+        joints: The joints, at their states.
+        friction: Friction of the motors, which are the links where joints are rigid.
+        qd: Velocity of the links, (n,) [rad/s].
+        torque: Torque of the motors at the start of the step, (n,) [N m].
+        h: Step [s].
+    """
+    if len(joints.state) > 0:
+        drag_along(friction, joints.state[1], torque, h)
+    else:
+        drag_along(friction, qd, torque, h)
     for row in range(len(joints.state)):
         for i in range(len(joints.state[row])):
             joints.work[0, row, i] = joints.state[row, i]
@@ -215,6 +228,10 @@ class Transmission:
         return Joints(k, d, self.motors(armature), 0.5 * gap, np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, 2, n)))
 
 
+JOINTS: Mapping[str, None] = {"rigid": None}
+"""Joints by a word: rigid, where a case of a sweep takes the transmission away."""
+
+
 def moved_by(
     transmission: Transmission | None, armature: Array, arm: Callable[[Array], Array]
 ) -> Callable[[Array], Array]:
@@ -253,16 +270,16 @@ def modes(joints: Joints, friction: Resistance, masses: Array) -> list[Mode]:
 
     Args:
         joints: The joints.
-        friction: Friction of the motors, at its steepest.
+        friction: Friction of the motors, at its steepest and, on bristles, its stiffest.
         masses: Mass matrices of the links, (N, n, n) [kg m^2].
     """
     n, N = len(joints.inertia), len(masses)
     K, D = np.diag(joints.stiffness), np.diag(joints.damping)
-    steep = friction.viscous + friction.coulomb / friction.speed if len(friction.viscous) else np.zeros(n)
+    steep, held = (x if len(x) else np.zeros(n) for x in (friction.steep, friction.bristle_stiffness))
     A, B = np.zeros((N, 4 * n, 4 * n)), joints.inertia[:, None]
     A[:, : 2 * n, 2 * n :] = np.eye(2 * n)  # states q, th, qd, thd
     A[:, 2 * n : 3 * n] = np.linalg.solve(masses, np.broadcast_to(np.hstack([-K, K, -D, D]), (N, n, 4 * n)))
-    A[:, 3 * n :] = np.hstack([K, -K, D, -D - np.diag(steep)]) / B
+    A[:, 3 * n :] = np.hstack([K, -K - np.diag(held), D, -D - np.diag(steep)]) / B
     values, ways = np.linalg.eig(A)
     worst = np.argmax(np.abs(values), axis=1)
     at = np.arange(N)

@@ -13,7 +13,9 @@ from torquebench.errors import ConfigError, Problem, ResultError, VideoError, di
 from torquebench.experiment.schema import Video
 from torquebench.experiment.source import read_document
 from torquebench.experiment.store import EXPERIMENT, add_to_run, checksums, refuse_without_experiment
+from torquebench.metrics import METRICS, Metric
 from torquebench.report.looks import looks
+from torquebench.report.tables import joined
 from torquebench.robot.library import is_path, mjcf_path
 from torquebench.video.encode import ffmpeg_program
 from torquebench.video.job import SEPARATOR, Footage, Job, Shot
@@ -62,7 +64,11 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         if wrong:
             raise ConfigError([Problem("--controllers", "", text) for text in wrong])
         colours = {name: look.colour for name, look in looks(laws).items()}  # the same, whichever are shown
-        shots = tuple(_shot(folder, name, laws[name], metrics.get(name), colours[name]) for name in controllers or laws)
+        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        slides = tuple(map(bool, (manifest.get("joints") or {}).get("slides", ())))  # older versions stored none
+        shots = tuple(
+            _shot(folder, name, laws[name], metrics.get(name), colours[name], slides) for name in controllers or laws
+        )
         period, duration = float(config["run"]["control_period"]), float(config["run"]["duration"])
         arm = str(config["plant"]["model"])
         arm = str(folder / arm) if is_path(arm) else arm
@@ -73,14 +79,18 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         raise ResultError(f"{folder}: its files are not those of a run ({type(error).__name__}: {error})") from error
 
 
-def _shot(folder: Path, name: str, law: str, metrics: Any, colour: str) -> Shot:
+def _shot(folder: Path, name: str, law: str, metrics: Any, colour: str, slides: tuple[bool, ...]) -> Shot:
     path = folder / name / "trajectory.npz"
     figures = []
     for key, title, factor, unit in HEADLINES if metrics else ():
-        value = metrics.get(key, {}).get("value")
-        if value is not None:
-            text = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
-            figures.append(f"{title} {text} {unit}")
+        info, values = METRICS[key], metrics.get(key, {})
+        metric = Metric(values.get("value"), tuple(values.get("per_joint", ())), values.get("counted", 0))
+        kinds = sorted(set(slides)) if info.is_angle and slides else [False]
+        for kind in kinds:
+            value = joined(info, metric, slides or (False,), kind)
+            if value is not None:
+                text = f"{value * factor:.3g}" if abs(value * factor) >= LEAST else f"<{LEAST:g}"
+                figures.append(f"{title} {text} {'mm' if kind else unit}")
     return Shot(name, SEPARATOR.join([*figures, law] if law != name else figures), str(path.resolve()), colour)
 
 

@@ -28,6 +28,8 @@ HEADER_UNITS = 26.0
 HEADER, HEADER_INK, ALARM = (38, 44, 54), (245, 247, 250), (200, 30, 30)
 SIGN, RANGE = 217, 102
 """How much of 255 a sign on a view and the range of a torque hide."""
+SWATCH = 4.0
+"""Width of the mark in a joint's colour before its name, in units of a layout."""
 STRIPE = 1.5
 """Height of the stripe in the colour of a controller above its name, in units of a layout."""
 SMALL, PLAIN, LARGE = 9.6, 10.6, 13.0
@@ -64,6 +66,17 @@ def layout_for(shots: Sequence[Shot], size: tuple[int, int], joints: int) -> Lay
     return layout(len(shots), size, joints, title)
 
 
+def without_common_words(names: Sequence[str]) -> list[str]:
+    """Return names of joints without the words that all begin or end with: ``r_elbow_joint`` beside others is elbow."""
+    shorter = [name.split("_") for name in names]
+    for end in (0, -1):
+        while len({words[end] for words in shorter}) == 1 < len(names) and all(
+            len(words) > 1 and "".join(words[1:] if end == 0 else words[:-1])[:1].isalpha() for words in shorter
+        ):
+            shorter = [words[1:] if end == 0 else words[:-1] for words in shorter]
+    return ["_".join(words) for words in shorter]
+
+
 class Overlay:
     """Draws everything but the views.
 
@@ -78,7 +91,7 @@ class Overlay:
     def __init__(
         self, footage: Footage, runs: Sequence[Trajectory], settings: Video, timeline: Timeline, scene: Scene
     ) -> None:
-        self._runs, self._timeline, self._joints = runs, timeline, scene.joints
+        self._runs, self._timeline, self._joints = runs, timeline, without_common_words(scene.joints)
         self.where = layout_for(footage.shots, settings.size, len(scene.joints))
         self._unit = self.where.unit
         self._small, self._large = self._unit * SMALL, self._unit * LARGE
@@ -193,7 +206,7 @@ class Overlay:
     def _bar_rows(self, box: Box) -> tuple[float, float, float]:
         """Return where the first bar begins, the height of a row, and the left end of the bars."""
         top = LABEL * self._unit
-        room = max(text_width(name, self._small) for name in self._joints) + 5 * self._unit
+        room = max(text_width(name, self._small) for name in self._joints) + (SWATCH + 8) * self._unit
         return (
             box.y + top,
             min((box.height - top) / len(self._joints), ROW * self._unit),
@@ -206,9 +219,10 @@ class Overlay:
         label = "torque / limit  ±1"
         write(draw, box.x, box.y + 9 * unit, label, shrunk(label, self._small, box.width - 3 * unit), INK)
         for j, name in enumerate(self._joints):
-            y, colour = top + j * row, JOINTS[j % len(JOINTS)]
-            size = min(shrunk(name, self._small, left - box.x - 4 * unit), 1.1 * row)
-            write(draw, box.x, y + row / 2 + 0.36 * size, name, size, colour)
+            y, mark = top + j * row, box.x + SWATCH * unit
+            size = min(shrunk(name, self._small, left - mark - 5 * unit), row)
+            fill(draw, box.x, y + 0.15 * row, mark, y + 0.85 * row, JOINTS[j % len(JOINTS)])
+            write(draw, mark + 3 * unit, y + row / 2 + 0.36 * size, name, size, INK)
             fill(draw, left, y + 0.15 * row, right, y + 0.85 * row, TRACK)
             for x, half in ((left, 1.0), ((left + right) / 2, 0.5), (right, 1.0)):
                 fill(draw, x - half, y + 0.1 * row, x + half, y + 0.9 * row, FAINT)

@@ -52,6 +52,7 @@ def test_isolated_peaks() -> None:
 def test_choose_unit(peak: float, name: str, factor: float) -> None:
     """The prefix makes the peak a number from 0.5 to 500."""
     assert choose_unit(peak, "rad") == (name, factor)
+    assert choose_unit(peak, "m or rad") == (f"{name.removesuffix('rad')}m or {name}", factor)
 
 
 def test_limits() -> None:

@@ -97,12 +97,13 @@ class Unit(NamedTuple):
 def choose_unit(peak: float, unit: str) -> Unit:
     """Choose the SI prefix that writes `peak` as 0.5 to 500, so that no axis needs a power of ten.
 
-    The prefix goes to the first unit of a compound: 2e-3 rad/s is 2 mrad/s. A larger value keeps the unit.
+    The prefix goes to the first unit of a compound, 2e-3 rad/s is 2 mrad/s, and to both of two, 2e-3 m or rad is 2 mm
+    or mrad. A larger value keeps the unit.
     """
     if peak > 0.0 and math.isfinite(peak):
         for prefix, factor in (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9), ("p", 1e12)):
             if peak * factor >= 0.5:
-                return Unit(prefix + unit, factor)
+                return Unit(prefix + unit.replace(" or ", f" or {prefix}"), factor)
     return Unit(unit, 1.0)
 
 

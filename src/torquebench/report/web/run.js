@@ -3,6 +3,7 @@
 const { period, samples, joints, controllers, arm } = DATA;
 const end = (samples - 1) * period, asked = new URLSearchParams(location.hash.slice(1)), only = asked.get("show")?.split(",");
 const shown = new Set(controllers.filter(({ name }) => !only || only.includes(name))), signals = new Set(["error", "torque"]);
+if (controllers.some(({ deflection }) => deflection)) signals.add("deflection");
 let joint = DATA.joint, time = 0, speed = Number(asked.get("speed")) || 1, playing = false, stale = true, zoomed = [0, end];
 const times = Array.from({ length: samples }, (_, k) => k * period);
 
@@ -25,6 +26,7 @@ const SIGNALS = {
     more: (j) => [dashed("reference", reference(j))] },
   sliding: { unit: ({ angle }) => `${angle}/s`, of: (c, j) => c.sliding && signal(c, "sliding", j),
     more: (j) => [...new Set(controllers.map(({ band }) => band?.[j]))].filter(Boolean).flatMap(level) },
+  deflection: { unit: ({ angle }) => `m${angle}`, of: (c, j) => c.deflection && each(signal(c, "deflection", j), (x) => 1000 * x), more: () => [] },
 };
 
 // One chart; what chatters most is drawn first, so that the others stay seen.
@@ -43,7 +45,7 @@ function drawSignals() {
   at("signals").replaceChildren();
   for (const key of Object.keys(SIGNALS).filter((name) => signals.has(name))) {
     const { name, limit, torque } = joints[joint], unit = SIGNALS[key].unit(joints[joint]);
-    const rest = `${name}: ${key}${key === "torque" ? `, limit ± ${limit} ${torque}` : key === "sliding" ? " variable, dashed: the bands" : ""}`;
+    const rest = `${name}: ${key}${key === "torque" ? `, limit ± ${limit} ${torque}` : { sliding: " variable, dashed: the bands", deflection: " of the joint, motor - link" }[key] ?? ""}`;
     const caption = made("figcaption", {}, rest), figure = made("figure", { class: "plot" }, caption), mark = made("div", { class: "now" });
     at("signals").append(figure);
     const plot = draw(figure, key, joint, { told: (text) => { caption.textContent = text ? `t = ${text} ${unit}` : rest; } });

@@ -18,6 +18,7 @@ from torquebench.robot.importing.proof import LIMIT, STATES, Proof, prove
 from torquebench.robot.importing.source import Source, listening, read
 from torquebench.robot.library import plain_name
 from torquebench.robot.mjcf_links import joint_name
+from torquebench.robot.mjcf_text import wrong_numbers
 
 __all__ = [
     "LIMIT",
@@ -73,19 +74,22 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
         ModelError: the file cannot be read or compiled.
         UnprovedArmError: the chain is not the same arm.
     """
+    if wrong := wrong_numbers(path):
+        raise ModelError.of_file(str(path), wrong)
     source = read(path, "impossible-inertia" in options.drop)
     m = source.model
     home, said = home_of(m)
-    chain = find_chain(m, options, home)
-    if refused := [part for part in chain.findings if part.verdict == "refused"]:
+    chain, refused = find_chain(m, options, home), list[Part]()
+    while found := [part for part in chain.findings if part.verdict == "refused" and part not in refused]:
         # what else is in the way is told of the chain that the flags of these would leave
+        refused += found
         chain = find_chain(m, with_flags(options, [word for part in refused for word in part.flags]), home)
         if not chain.joints:  # such flags are no cure
-            refused = [part._replace(flags=()) for part in refused]
-        if not chain.joints or any(part.verdict == "refused" for part in chain.findings):
-            raise RefusedArmError(path, refused)
-        chain.findings.extend(refused)
-    forces = forces_of(chain, options)
+            raise RefusedArmError(path, [part._replace(flags=()) for part in refused])
+    if any(part.verdict == "refused" for part in chain.findings):
+        raise RefusedArmError(path, refused)
+    chain.findings.extend(refused)
+    forces = forces_of(chain, options, source.speeds)
     name = plain_name(options.name or path.stem)
     _tell(chain, source, said, not refused)
     text = write(chain, forces, options, name, path.name)
@@ -138,7 +142,8 @@ def _tell(chain: Chain, source: Source, home: str, asked: bool) -> None:
     m, first = chain.model, list[Part]()
     names = tuple(joint_name(m, j) for j in chain.joints)
     slides = sum(bool(m.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in chain.joints)
-    kinds = [f"{count} {kind}" for count, kind in ((len(names) - slides, "hinges"), (slides, "slides")) if count]
+    counts = (len(names) - slides, "hinge"), (slides, "slide")
+    kinds = [f"{count} {kind}{'s' * (count > 1)}" for count, kind in counts if count]
     first.append(Part("kept", " and ".join(kinds), names, "the law drives them"))
     first.append(Part("kept", "home", (home,), "keyframe home, where a run can begin"))
     if chain.fixed:

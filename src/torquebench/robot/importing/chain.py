@@ -204,8 +204,9 @@ def _check(chain: Chain) -> None:
         others = [b for b in branches if b != trunk]
         names = tuple(body_name(m, b) for b in branches)
         where = body_name(m, point) if point else "the world"
-        if point == 0 and trunk is None and max(size.values()) >= (0, 3):
-            largest = [b for b in branches if size[b] == max(size.values())]
+        most = max(size.values())
+        if trunk is None and most[1] >= max(3, _before(chain, point) + 1):  # more than what carries it: no finger
+            largest = [b for b in branches if size[b] == most]
             tips = " or ".join(f"--tip {body_name(m, _last(b, children))}" for b in largest)
             tip = body_name(m, _last(largest[0], children))
             findings.append(
@@ -221,6 +222,15 @@ def _check(chain: Chain) -> None:
         if trunk is None:
             return
         point = trunk
+
+
+def _before(chain: Chain, body: int) -> int:
+    """Return how many kept joints there are from the base to a body, its own included."""
+    count = 0
+    while body:
+        count += sum(int(chain.model.jnt_bodyid[j]) == body for j in chain.joints)
+        body = int(chain.model.body_parentid[body])
+    return count
 
 
 def _size(chain: Chain, body: int) -> tuple[int, int]:

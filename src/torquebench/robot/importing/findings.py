@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from torquebench.errors import ConfigError, Problem
+from torquebench.robot.mjcf_text import named_places
 
 Verdict = Literal["kept", "mapped", "dropped", "refused"]
 VERDICTS: tuple[Verdict, ...] = ("kept", "mapped", "dropped", "refused")
@@ -31,13 +33,32 @@ class RefusedArmError(ConfigError):
     def __init__(self, path: Path, findings: Iterable[Part]) -> None:
         self.findings = tuple(findings)
         refused = [part for part in self.findings if part.verdict == "refused"]
-        super().__init__(
-            Problem(str(path), "", f"{part.what} of {', '.join(part.places)}" if part.places else part.what, note=note)
-            for part in refused
-            for note in [part.reason]
-        )
+        places = named_places(path)
+        super().__init__(_mistake(path, part, places) for part in refused)
 
     @property
     def flags(self) -> tuple[str, ...]:
         """Flags that take all that was refused, as far as flags can: ``("--fix", "left_finger")``."""
         return tuple(word for pair in dict.fromkeys(part.flags for part in self.findings) for word in pair)
+
+
+_OF_BODIES = ("branches", "inertia", "gravity", "free joint", "ball joint")
+"""What is said of bodies, where a joint may have the same name, has one of these words in it."""
+
+
+def _mistake(path: Path, part: Part, places: Mapping[str, Sequence[Problem]]) -> Problem:
+    """Return what is refused of a published arm, at the place of the first of its parts that has a name.
+
+    Args:
+        path: The file.
+        part: What is refused.
+        places: Elements of the file by their names.
+    """
+    text = f"{part.what} of {', '.join(part.places)}" if part.places else part.what
+    problem = Problem(str(path), text=text, note=part.reason)
+    names = [name.removeprefix("body ") for name in part.places]
+    found = next((places[name] for name in names if name in places), ())
+    wanted = ("body", "link") if any(word in part.what for word in _OF_BODIES) else ("joint",)
+    for element in sorted(found, key=lambda element: element.text not in wanted)[:1]:
+        return replace(problem, source=element.source, line=element.line, column=element.column)
+    return problem

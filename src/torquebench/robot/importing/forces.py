@@ -13,9 +13,10 @@ from torquebench.errors import did_you_mean
 from torquebench.kernel import Array
 from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero, name_of
 from torquebench.robot.importing.findings import Part
-from torquebench.robot.mjcf_links import ON_JOINT, joint_name
+from torquebench.robot.mjcf_links import ON_JOINT, SPEEDS, joint_name, speed_limits
 
 _OBJ, _OFF, _TRN, _EQ = mujoco.mjtObj, mujoco.mjtDisableBit, mujoco.mjtTrn, mujoco.mjtEq
+_NO_STATE = mujoco.mjtDyn.mjDYN_NONE
 _STATES = 20
 _SAME = 1e-12
 DROPS = ("springs", "fluid", "tendons", "equalities", "gravcomp", "nonlinear-damping", "impossible-inertia")
@@ -37,14 +38,17 @@ class Forces:
     """(n, 2) [rad or m]."""
     gravity: Array
     """(3,) [m/s^2]."""
+    speeds: Array
+    """Greatest speed [rad/s]; infinite where the file states none."""
 
 
-def forces_of(chain: Chain, options: Options) -> Forces:
+def forces_of(chain: Chain, options: Options, stated: Mapping[str, float]) -> Forces:
     """Return the forces of a chain; what it does with each is added to the chain's findings.
 
     Args:
         chain: The chain; it has joints.
         options: What is left out, and torque limits.
+        stated: Greatest speeds of some joints, as of `Source.speeds`.
     """
     m, dofs, joints = chain.model, chain.dofs, chain.joints
     names = tuple(joint_name(m, j) for j in joints)
@@ -98,7 +102,34 @@ def forces_of(chain: Chain, options: Options) -> Forces:
         limited,
         m.jnt_range[list(joints)].copy(),
         _gravity(chain, options),
+        _speeds(chain, names, stated),
     )
+
+
+def _speeds(chain: Chain, names: Sequence[str], stated: Mapping[str, float]) -> Array:
+    """Return the greatest speeds of the kept joints, (n,) [rad/s]: those stated, else what velocity servos can ask."""
+    m = chain.model
+    own = speed_limits(m)
+    if own is None:
+        text = f"wants a number for each of {m.njnt} joints, 0 for no limit"
+        chain.findings.append(Part("refused", f"<numeric {SPEEDS}>", (), text))
+    speeds = np.full(len(names), np.inf) if own is None else own[list(chain.joints)]
+    for a in range(m.nu):
+        if int(m.actuator_trntype[a]) in ON_JOINT and int(m.actuator_trnid[a, 0]) in chain.joints:
+            i, gear = chain.joints.index(int(m.actuator_trnid[a, 0])), abs(float(m.actuator_gear[a, 0]))
+            gain, (_, stiff, damped) = float(m.actuator_gainprm[a, 0]), m.actuator_biasprm[a, :3]
+            plain = m.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED and m.actuator_dyntype[a] == _NO_STATE
+            if plain and m.actuator_ctrllimited[a] and stiff == 0 and gain > 0 and damped == -gain and gear > 0:
+                most = float(np.max(np.abs(m.actuator_ctrlrange[m.actuator_ctrladr[a]])))
+                speeds[i] = min(speeds[i], most / gear) if most > 0 else speeds[i]
+    for i, name in enumerate(names):
+        speeds[i] = min(speeds[i], stated.get(name, np.inf))
+    if np.any(some := np.isfinite(speeds)):
+        slides = {bool(m.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in chain.joints}
+        unit = "m/s" if slides == {True} else "rad/s" if slides == {False} else "rad/s, m/s of slides"
+        text = f"{' '.join(f'{x:g}' for x in speeds[some])} {unit}: a run tells where they are exceeded"
+        chain.findings.append(Part("kept", "speed limits", _where(names, some), text))
+    return speeds
 
 
 def _where(names: Sequence[str], here: Array) -> tuple[str, ...]:

@@ -139,7 +139,7 @@ def _looks(path: Path) -> Any:
 
 
 def _shown(m: Any, chain: Chain) -> list[int]:
-    """Return the shapes that are the arm's looks: those that touch nothing, where there are some, else all."""
+    """Return the shapes that are looks: of each link those that touch nothing, where it has some, else all."""
     visible = [
         g
         for g in range(m.ngeom)
@@ -150,8 +150,10 @@ def _shown(m: Any, chain: Chain) -> list[int]:
         and _colour(m, g)[3] > 0
         and (m.geom_type[g] != _KIND.mjGEOM_MESH or m.mesh_facenum[m.geom_dataid[g]] <= MOST_FACES)
     ]
-    looks = [g for g in visible if not m.geom_contype[g] and not m.geom_conaffinity[g]]
-    return looks if any(chain.link(int(m.geom_bodyid[g])) for g in looks) else visible
+    links = {g: chain.link(int(m.geom_bodyid[g])) for g in visible}
+    looks = {g for g in visible if not m.geom_contype[g] and not m.geom_conaffinity[g]}
+    has_looks = {links[g] for g in looks}
+    return [g for g in visible if g in looks or links[g] not in has_looks]
 
 
 def _colour(m: Any, geom: int) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from torquebench.errors import ModelError
+from torquebench.errors import ModelError, Problem
 from torquebench.kernel import Array
+from torquebench.robot.mjcf_text import urdf_speeds
 
 MESHES = (".obj", ".stl", ".msh", ".ply")
 """Endings of the mesh files that MuJoCo reads."""
@@ -43,6 +44,8 @@ class Source:
     """Whether some links have no inertia, or one that no body has alone."""
     balanced: tuple[str, ...]
     """Bodies whose moments no body has, which are given their mean."""
+    speeds: Mapping[str, float]
+    """Greatest speed of each joint of a URDF that states one above zero, which MuJoCo does not read [rad/s]."""
 
 
 def read(path: Path, balance: bool = False) -> Source:
@@ -67,10 +70,12 @@ def read(path: Path, balance: bool = False) -> Source:
             healed, balanced = _heal(spec)
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
-            raise ModelError(f"{path}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
+            raise _unread(path, "MuJoCo does not compile it", error) from error
     for body, mass, inertia in healed:
         model.body_mass[body.id], model.body_inertia[body.id] = mass, inertia
-    return Source(path, urdf, model, missing, guessed, tuple(dict.fromkeys(said)), touching, bool(healed), balanced)
+    speeds = urdf_speeds(path.read_text(encoding="utf-8-sig")) if urdf else {}
+    told = tuple(dict.fromkeys(said))
+    return Source(path, urdf, model, missing, guessed, told, touching, bool(healed), balanced, speeds)
 
 
 @contextlib.contextmanager
@@ -111,13 +116,23 @@ def parse(path: Path) -> tuple[Any, bool]:
         else:
             spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f"{path}: MuJoCo does not read it: {' '.join(str(error).split())}") from error
+        raise _unread(path, "MuJoCo does not read it", error) from error
     if list(spec.plugins) or spec.hasImplicitPluginElem:
         raise ModelError(f"{path}: names a plugin: no code is run for a model")
     if list(spec.flexes):
         raise ModelError(f"{path}: has flexible bodies, wanted an arm of rigid links")
     spec.compiler.discardvisual, spec.compiler.fusestatic = False, False
     return spec, urdf
+
+
+def _unread(path: Path, what: str, error: Exception) -> ModelError:
+    """Return MuJoCo's mistake in a file, at the line that it names; in a file that includes others it may be theirs."""
+    text = " ".join(str(error).split())
+    line = re.search(r",? *line (?:number=)?(\d+)", text, re.IGNORECASE)
+    if line is None or "<include" in path.read_text(encoding="utf-8-sig"):
+        return ModelError.of_file(str(path), [f"{what}: {text}"])
+    told = text.replace(line[0], "")
+    return ModelError.of_file(str(path), [Problem(text=f"{what}: {told}", line=int(line[1]))])
 
 
 def _with_looks(urdf: str) -> str:

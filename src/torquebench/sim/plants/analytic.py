@@ -16,7 +16,7 @@ from torquebench.robot.flat_model import Model, own_copy
 from torquebench.robot.payload import Payload, phases
 from torquebench.robot.perturbation import perturbed
 from torquebench.robot.robot_model import RobotModel
-from torquebench.sim.friction import Friction, Resistance, acting, resist
+from torquebench.sim.friction import Friction, Resistance, acting, drag_along, own_bristles, resist
 from torquebench.sim.joints import (
     Joints,
     Transmission,
@@ -76,7 +76,7 @@ class AnalyticPlant:
         joints, masses = rigid(model.n), moved_by(transmission, model.flat.armature, model.mass_matrix)
         if transmission is not None:
             joints, model = transmission.of_joints(model.flat.armature), without_armature(model)
-        self.friction, resistance = acting(friction, model.passive, masses, timestep, integrator)
+        self.friction, resistance = acting(friction, model.passive, masses, timestep, integrator, self.tau_max)
         check_followed(joints, resistance, model.mass_matrix, timestep)
         self.sensor = "link" if transmission is None else transmission.sensor
         n, (first, later) = model.n, phases(model, payload)
@@ -98,6 +98,7 @@ class AnalyticPlant:
         """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
         self._arm = self._empty
         self._arm.q[:], self._arm.qd[:] = q, qd
+        self._arm.friction.bristles[:] = 0.0
         if len(self.motors()) > 0:
             load = np.zeros(self.n)
             on_numbers(gravity)(python_numbers(self._arm.model), python_numbers(q), python_numbers(load))
@@ -152,6 +153,7 @@ class AnalyticPlant:
         twin._empty = replace(
             old,
             model=own_copy(old.model),
+            friction=own_bristles(old.friction),
             joints=own_states(old.joints),
             q=old.q.copy(),
             qd=old.qd.copy(),
@@ -205,7 +207,7 @@ def rk4_steps(
         for i in range(n):
             position[i], velocity[i] = q[i], qd[i]
             sum_v[i] = sum_a[i] = 0.0
-        begin(joints)
+        begin(joints, friction, qd, start, h)
         for stage in range(4):
             torque = start if stage == 0 else end if stage == 3 else middle
             if moving:
@@ -238,6 +240,7 @@ def euler_steps(
     for _ in range(steps):
         if len(friction.viscous) > 0:
             net = work[5]
+            drag_along(friction, qd, torque, h)
             resist(friction, qd, torque, net)
         forward_dynamics(model, q, qd, net, acceleration)
         for i in range(len(q)):

@@ -57,15 +57,16 @@ class PlantKeys(ABC):
     transmission: Annotated[
         Transmission | None,
         Key(
-            "Springs, dampers and gaps between the motors and the links; without it joints are rigid. Friction and "
-            "disturbances then act on the motors, and integrator must be rk4"
+            "Springs, dampers and gaps between the motors and the links, where friction and disturbances act on the "
+            "motors; integrator must be rk4. Without it, or with the word rigid, joints are rigid"
         ),
     ] = None
     limits: Annotated[
         Literal["warn", "stop", "ignore"],
         Key(
             "What comes of a joint that leaves the range which the arm's file gives it: a remark, the end of the run "
-            "there (OUT_OF_RANGE), or nothing; no plant holds a joint back"
+            "there (OUT_OF_RANGE), or nothing; no plant holds a joint back. Of speed limits there is a remark but with "
+            "ignore"
         ),
     ] = "warn"
     perturb: Annotated[
@@ -114,20 +115,22 @@ class PlantKeys(ABC):
     @property
     def acting(self) -> Friction | None:
         """Friction that acts: the config's, else the arm's own, if any."""
-        if self.friction is not None:
+        if self.friction is not None and not self.friction.is_partial:
             return self.friction
         own = _own_friction if isinstance(self.model, ArmFile) else _own_friction.__wrapped__
-        return own(self.model, self.timestep, self.integrator, self.transmission)
+        return own(self.friction, self.model, self.timestep, self.integrator, self.transmission)
 
     def remarks(self) -> list[str]:
         """Return what was left out of the arm's file, or is not quite as it says."""
         found = [f"arm {self.model}: {text}" for text in getattr(self.model, "remarks", ())]
         if self.transmission is not None:
             found.append("joints that give: certificates and gains: auto hold for rigid joints, so none is certified")
-        own = self.acting if self.friction is None else None
+        chosen = self.friction is None or (self.friction.is_partial and self.friction.speed == SPEED)
+        own = self.acting if chosen else None
         if own is not None and own.speed > SPEED:
             why = f"{self.integrator} at {1e3 * self.timestep:g} ms follows no steeper friction on joints so light"
-            text = f"its Coulomb friction is fully developed above {own.speed:g} rad/s, as {why}"
+            text = f"its Coulomb friction is fully developed above {own.speed:g} rad/s, as {why}: a shorter timestep"
+            text += " brings that down, and on bristles, plant.friction.bristle_stiffness, joints stick"
             found.append(f"arm {self.model}: {text}")
         return found
 
@@ -139,7 +142,7 @@ class PlantKeys(ABC):
             factors: What its links are multiplied by; see `factors`.
 
         Raises:
-            SteepError: its friction is too steep for its time step.
+            FrictionError: its friction does not fit the arm, or its time step.
             SpringError: its joints are too fast for it, or have no motors.
             ModelError: the arm cannot carry the payload.
         """
@@ -149,19 +152,24 @@ class PlantKeys(ABC):
         """Return what it is in one line."""
         form = "".join(f":{part}" for part in self.form) if "structure" in self.__dict__ else ""
         parts = [f"{self.engine}:{self.model}{form} ({self.integrator}, {1e3 * self.timestep:g} ms)"]
-        burdens = (self.perturb, self.payload, self.friction, self.transmission)
+        friction = self.acting
+        own = None if friction is self.friction else friction
+        burdens = (self.perturb, self.payload, self.friction if own is None else None, self.transmission)
         parts += [burden.describe(units) for burden in burdens if burden is not None]
-        own = self.acting if self.friction is None else None
         return ", ".join([*parts, *([] if own is None else [f"the arm's own {own.describe(units)}"])])
 
 
 @functools.lru_cache(maxsize=64)
 def _own_friction(
-    model: str | ArmFile, timestep: float, integrator: str, transmission: Transmission | None
+    given: Friction | None,
+    model: str | ArmFile,
+    timestep: float,
+    integrator: str,
+    transmission: Transmission | None,
 ) -> Friction | None:
     arm = load_model(model)
     masses = moved_by(transmission, arm.flat.armature, arm.mass_matrix)
-    return acting(None, arm.passive, masses, timestep, integrator)[0]
+    return acting(given, arm.passive, masses, timestep, integrator, arm.flat.tau_max)[0]
 
 
 @plant("mujoco")

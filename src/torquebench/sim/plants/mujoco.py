@@ -19,7 +19,7 @@ from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload
 from torquebench.robot.perturbation import scaled
 from torquebench.robot.robot_model import Passive
-from torquebench.sim.friction import Friction, acting, resist
+from torquebench.sim.friction import Friction, acting, drag_along, own_bristles, resist
 from torquebench.sim.joints import (
     Transmission,
     advance,
@@ -113,13 +113,14 @@ class MujocoPlant:
         if factors is not None:
             self._m = with_links(self._m, scaled(links_of(self._m), factors))
         self.payload, self.range = payload, range_of(passive) if stops else None
+        self.tau_max = torque_limits(self._m)[0]
         self._joints = rigid(int(self._m.nv))
         masses = moved_by(transmission, self._m.dof_armature.copy(), functools.partial(mass_matrices, self._m))
         if transmission is not None:
             links = links_of(self._m)
             self._joints = transmission.of_joints(links.armature)
             self._m = with_links(self._m, links._replace(armature=np.zeros_like(links.armature)))
-        self.friction, self._resistance = acting(friction, passive, masses, timestep, integrator)
+        self.friction, self._resistance = acting(friction, passive, masses, timestep, integrator, self.tau_max)
         check_followed(self._joints, self._resistance, functools.partial(mass_matrices, self._m), timestep)
         self.sensor = "link" if transmission is None else transmission.sensor
         self._loaded: Any = None
@@ -133,7 +134,6 @@ class MujocoPlant:
         self._lean: tuple[bool, bool] | None = None
         self.n = int(self._m.nv)
         self.timestep = timestep
-        self.tau_max = torque_limits(self._m)[0]
         self.joint_names = tuple(joint_names(self._m))
 
     def reset(self, q: Array, qd: Array) -> None:
@@ -145,6 +145,7 @@ class MujocoPlant:
             mujoco.mj_forward(self._m, self._d)
             settle(self._joints, q, self._d.qfrc_bias - self._d.qfrc_passive)
         self._d.qpos[:], self._d.qvel[:] = q, qd
+        self._resistance.bristles[:] = 0.0
 
     def attach(self) -> None:
         """Go on with the payload; see `Carrier`."""
@@ -167,6 +168,7 @@ class MujocoPlant:
                 self._runge_kutta(start, middle, end)
         elif rough:
             for _ in range(substeps):
+                on_numbers(drag_along)(self._resistance, self._d.qvel, start, self.timestep)
                 self._apply(start)
                 mujoco.mj_step(self._now, self._d)
         else:
@@ -190,7 +192,7 @@ class MujocoPlant:
         velocity, acceleration = np.zeros(self.n), np.zeros(self.n)
         stages_of = ((start, 0.5, 1.0 / 6.0), (middle, 0.5, 1.0 / 3.0), (middle, 1.0, 1.0 / 3.0), (end, 0.0, 1.0 / 6.0))
         joints = python_numbers(self._joints)
-        on_numbers(begin)(joints)
+        on_numbers(begin)(joints, self._resistance, d.qvel, start, h)
         for stage, (torque, ahead, weight) in enumerate(stages_of):
             self._apply(torque)
             mujoco.mj_forward(self._now, d)
@@ -236,6 +238,7 @@ class MujocoPlant:
         twin._m = twin._now = copy.copy(self._m)
         twin._loaded = copy.copy(self._loaded)
         twin._d, twin._joints = mujoco.MjData(twin._m), own_states(self._joints)
+        twin._resistance = own_bristles(self._resistance)
         twin._native = None
         return twin
 

@@ -24,7 +24,7 @@ from numba.extending import register_jitable
 from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.robot.mjcf import features
-from torquebench.sim.friction import NONE, Resistance, resist
+from torquebench.sim.friction import NONE, Resistance, drag_along, resist
 from torquebench.sim.joints import Joints, advance, begin, rigid, transmit
 from torquebench.sim.native import STEP_SIGNATURE, NativeFunction
 from torquebench.sim.plants import NativeError
@@ -193,6 +193,7 @@ def solve(arm: Stepped, x: Array, factor: Array, inverse_diagonal: Array) -> Non
 def euler(arm: Stepped, torque: Array) -> None:
     """Semi-implicit Euler as ``mj_Euler`` does it."""
     n, h = len(arm.q), arm.timestep
+    drag_along(arm.friction, arm.qd, torque, h)
     accelerate(arm, torque)
     for i in range(n):
         arm.qd[i] += h * arm.qdd[i]
@@ -210,7 +211,7 @@ def runge_kutta(arm: Stepped, start: Array, middle: Array, end: Array) -> None:
     n, h, w = len(arm.q), arm.timestep, arm.stages
     for i in range(n):
         w[8, i], w[9, i] = arm.q[i], arm.qd[i]
-    begin(arm.joints)
+    begin(arm.joints, arm.friction, arm.qd, start, h)
     for stage in range(4):
         accelerate(arm, start if stage == 0 else end if stage == 3 else middle)
         ahead = 1.0 if stage == 2 else 0.5
@@ -250,6 +251,7 @@ def _step(address: int, torque: int, substeps: int, varying: int) -> int:
             arm.applied[i] = start[i]
         for _ in range(substeps):
             if rough:
+                drag_along(arm.friction, arm.qd, start, arm.timestep)
                 resist(arm.friction, arm.qd, start, arm.applied)
             mj_step(arm.m, arm.d)
     return 0

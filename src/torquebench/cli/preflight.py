@@ -1,0 +1,170 @@
+"""``torquebench preflight``: whether a law would trip, saturate or shake on a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from torquebench.cli.app import command
+from torquebench.cli.parameters import Number, argument, option, refuse, suggest
+from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell, warn
+from torquebench.errors import ConfigError, Problem
+
+if TYPE_CHECKING:
+    from torquebench.experiment.schema import Experiment
+    from torquebench.preflight import Finding, Report
+
+CONFIGS = (".yaml", ".yml")
+GAINS = "controllers[0].gains"
+BAR, WIDTH = 30, 16
+"""Characters of a bar that is at its limit, and of what it is of."""
+
+
+@command(example="torquebench preflight joint-impedance --robot fr3")
+@argument("law", help="a law, a Python file of laws as for --plugin, or a config")
+@option("--robot", required=True, metavar="NAME", help="the arm, by name or file; its chain has the same name")
+@option("--chain", metavar="NAME", help="another chain than the robot's")
+@option("--gain", "gains", multiple=True, metavar="NAME=X[,X..]", help="a gain; those not given suit the arm")
+@option(
+    "--payload", type=Number(float, 0.0), default=1.0, show_default=True, metavar="KG", help="load of half the motions"
+)
+def preflight(law: str, robot: str, chain: str | None, gains: tuple[str, ...], payload: float) -> int:
+    """Ask before a law moves a robot: would it trip, saturate or shake?
+
+    Small motions are flown with the robot's chain, with and without a load. The exit status is 0 when the law passes, 1
+    when it is refused: then the largest share of its gains that would pass is said.
+    """
+    from torquebench.chain import CHAINS, rate_remarks
+    from torquebench.experiment.config import load_experiment
+    from torquebench.laws import law_names
+    from torquebench.laws.plugin import load_plugin
+    from torquebench.preflight import experiment_of
+    from torquebench.preflight import preflight as fly
+    from torquebench.robot.library import is_path, model_names
+
+    given, problems = _numbers(gains)
+    chain = robot if chain is None else chain
+    if robot not in model_names() and not is_path(robot):
+        problems.append(Problem("--robot", got=f"'{robot}'", **suggest(robot, model_names())))
+    elif chain not in CHAINS:
+        text = "" if chain != robot else "this robot has no chain of its name: choose one by --chain"
+        problems.append(Problem("--chain", text=text, got=f"'{chain}'", **suggest(chain, tuple(CHAINS))))
+    names: tuple[str, ...] = ()
+    if law.endswith(".py"):
+        names = load_plugin(Path(law), "LAW")
+        if not names:
+            problems.append(Problem("LAW", text=f"{law} registers no law", wanted="a function with @controller"))
+    elif not law.endswith(CONFIGS):
+        names = (law,)
+        if law not in law_names():
+            problems.append(Problem("LAW", got=f"'{law}'", **suggest(law, law_names())))
+    elif given:
+        problems.append(Problem("--gain", text="a config has its own gains", wanted="a law, or no --gain"))
+    refuse(problems)
+    if names:
+        arm = Path(robot) if robot not in model_names() else robot
+        experiments = [_of_gains(lambda name=name: experiment_of(name, arm, chain, given)) for name in names]  # type: ignore[misc]
+    else:
+        experiments = [load_experiment(Path(law), [f"plant.model={robot}", f"chain={chain}"], outside=True)]
+    reports = []
+    with progress_bar(0, "motion", "starting") as bar:
+        for experiment in experiments:
+            reports += fly(experiment, payload, bar.describe)
+    passed = all(report.passed for report in reports)
+    tell(
+        passed=passed,
+        robot=robot,
+        chain=chain,
+        payload=payload,
+        laws=[
+            {
+                "controller": report.controller,
+                "passed": report.passed,
+                "flights": report.flights,
+                "findings": [finding._asdict() for finding in report.findings],
+                "closest": [finding._asdict() for finding in report.closest],
+                "scaled_gains": report.scaled,
+                "largest_share": report.share,
+            }
+            for report in reports
+        ],
+    )
+    say("\n\n".join(_text(report, robot) for report in reports))
+    for remark in rate_remarks(CHAINS[chain], experiments[0].run.control_period):
+        warn(remark)
+    return 0 if passed else 1
+
+
+def _of_gains(make: Callable[[], Experiment]) -> Experiment:
+    """Return an experiment; what is wrong with its gains is said of --gain."""
+    try:
+        return make()
+    except ConfigError as error:
+        raise ConfigError(
+            [
+                replace(one, source="--gain", key=one.key.removeprefix(GAINS).lstrip("."))
+                if one.key.startswith(GAINS)
+                else one
+                for one in error.problems
+            ]
+        ) from error
+
+
+def _numbers(gains: tuple[str, ...]) -> tuple[dict[str, float | list[float]], list[Problem]]:
+    """Return gains given as NAME=X,X.., and what is wrong with them."""
+    found: dict[str, float | list[float]] = {}
+    problems = []
+    for text in gains:
+        name, _, numbers = text.partition("=")
+        try:
+            values = [float(word) for word in numbers.split(",")]
+        except ValueError:
+            problems.append(Problem("--gain", text=f"got '{text}'", wanted="NAME=X, or one X for each joint"))
+            continue
+        found[name] = values[0] if len(values) == 1 else values
+    return found, problems
+
+
+def _text(report: Report, robot: str) -> str:
+    """Return a row of dots for each motion, a bar for each limit, then what was found and what to change."""
+    from torquebench.preflight import REMEDIES
+
+    refused = {finding.flight for finding in report.findings}
+    motions: dict[str, str] = {}
+    for flight in report.flights:
+        motion = flight.partition(",")[0]
+        motions[motion] = motions.get(motion, "") + ("x" if flight in refused else "o")
+    lines = [f"{report.controller} on {robot}: {'passes' if report.passed else 'REFUSED'}", ""]
+    lines += [f"  {motion:<{WIDTH}}  {' '.join(dots)}" for motion, dots in motions.items()]
+    lines += ["", "  o: nothing a robot would not stand; x: something", ""]
+    for one in report.closest:
+        share = one.value / one.limit
+        bar = "█" * min(BAR, round(BAR * share)) + ("▶" if one.beyond else "")
+        size = f"{100.0 * share:.0f} %" if share < 10.0 else f"{share:.0f} times"
+        lines.append(f"  {one.reason:<{WIDTH}}  {bar:<{BAR + 1}}  {size} of {one.limit:.4g} {one.unit}")
+    if report.passed:
+        return "\n".join(lines)
+    first: dict[str, Finding] = {}
+    for finding in report.findings:
+        first.setdefault(finding.reason, finding)
+    rows = [
+        [
+            bad(one.reason),
+            one.joint or "-",
+            "-" if one.t is None else f"{one.t:.3g} s",
+            f"{one.value:.4g}",
+            f"{one.limit:.4g}",
+            one.unit,
+            one.flight or "the law itself",
+        ]
+        for one in first.values()
+    ]
+    lines += ["", str(table(["reason", "joint", "at", "value", "limit", "unit", "in"], rows, left=2, prose=True)), ""]
+    gains = ", ".join(report.scaled)
+    if report.share is None:
+        lines.append(f"no smaller share of {gains or 'its gains'} passes: it is not their size")
+    else:
+        lines.append(str(good(f"{100.0 * report.share:.2g} % of {gains} would pass")))
+    return "\n".join([*lines, *(f"{reason}: {REMEDIES[reason]}" for reason in first)])

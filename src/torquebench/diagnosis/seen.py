@@ -1,0 +1,158 @@
+"""From a run to what it shows: how it ended, shakes, errs and saturates, and whether a joint sticks and slips."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from torquebench.kernel import Array
+from torquebench.metrics.shaking import Shaking
+from torquebench.sim.trajectory import Trajectory
+
+Kind: TypeAlias = Literal["fails", "shakes", "errs", "saturates"]
+KINDS: tuple[Kind, ...] = ("fails", "shakes", "errs", "saturates")
+ERROR = 0.05
+"""RMS error from which on a joint errs, as a share of its motion [1]."""
+SATURATED = 0.02
+"""Share of the time at the torque limit from which on a joint saturates [1]."""
+GROWTH = 2.0
+"""Times the torque above the corner in the first half of a window that a run has in the second if it grows [1]."""
+LEAST = 1e-9
+"""Share of the largest torque that is rounding [1], and error [rad]."""
+STILL = 0.02
+"""Speed below which a joint stands, as a share of its fastest [1]."""
+
+
+class Seen(NamedTuple):
+    """What one run shows."""
+
+    ending: str
+    """How it failed; empty if it completed."""
+    shaking: Shaking | None
+    torque: Array
+    """RMS of the torque above the corner, (n,) [N m]."""
+    share: float
+    """Its RMS over the joints [% of the limit]."""
+    rmse: Array
+    """RMS error, (n,) [rad]."""
+    error: Array
+    """RMS error as a share of the motion, (n,) [1]."""
+    saturated: Array
+    """Share of the window for metrics at the torque limit, (n,) [1]."""
+    swings: Array
+    """Frequency at which the error changes its sign and back, (n,) [Hz]."""
+    grows: bool
+    """Whether its torque above the corner grows."""
+    strays: bool
+    """Whether its error grows."""
+    t: Array
+    """Instants of the window for metrics, (m,) [s]."""
+    tau: Array
+    """Torque that is asked of the drives then, (m, n) [N m]."""
+    e: Array
+    """Error then, (m, n) [rad]."""
+
+    def unstable(self, kind: Kind) -> bool:
+        """Whether a symptom grows, or what shakes has grown to the torque limit."""
+        if kind == "shakes":
+            at_limit = self.shaking is not None and bool(np.max(self.saturated) >= SATURATED)
+            return self.grows or self.strays or at_limit
+        return self.strays if kind == "errs" else False
+
+    def size(self, kind: Kind, joint: int | None = None) -> float:
+        """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
+        if kind == "fails":
+            return 1.0 if self.ending else 0.0
+        if self.ending:
+            return math.inf
+        if kind == "shakes":
+            return self.share
+        at = self.joint(kind) if joint is None else joint
+        return float((self.error if kind == "errs" else self.saturated)[at])
+
+    def joint(self, kind: Kind) -> int:
+        """Return the number of the joint that has most of a symptom."""
+        if kind == "shakes" and self.shaking is not None:
+            return self.shaking.joint
+        return int(np.argmax(self.error if kind == "errs" else self.saturated))
+
+    def has(self, kind: Kind) -> bool:
+        """Whether the run has a symptom."""
+        if kind == "fails" or self.ending:
+            return bool(self.ending) and kind == "fails"
+        if kind == "shakes":
+            return self.shaking is not None
+        return self.size(kind) >= (ERROR if kind == "errs" else SATURATED)
+
+    def text(self, kind: Kind, joint: int) -> str:
+        """Return a symptom of a joint as a number with its unit."""
+        if self.ending or kind == "fails":
+            return self.ending or "it completes"
+        if kind == "shakes":
+            return f"{_short(self.torque[joint])} N m"
+        if kind == "errs":
+            return f"{_short(self.rmse[joint])} rad"
+        return f"{100 * self.saturated[joint]:.3g} % of the time"
+
+
+def _short(value: float) -> str:
+    """Return a number with two digits or whole, one that is next to nothing as less than a thousandth."""
+    if value >= 100.0:
+        return f"{value:.0f}"
+    return f"{value:.2g}" if value >= 1e-3 else "< 0.001"
+
+
+def swings(run: Trajectory, since: float) -> Array:
+    """Return the frequency at which each joint's error changes its sign and back, (n,) [Hz], from `since` [s] on."""
+    late = run.t >= since
+    e = (run.q_ref - run.q)[late]
+    up = np.signbit(e - np.mean(e, axis=0))
+    turns = np.count_nonzero(up[1:] != up[:-1], axis=0)
+    return np.asarray(0.5 * turns / (run.t[late][-1] - run.t[late][0]))
+
+
+def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
+    """Whether a joint's torque above the corner, and its error, is `GROWTH` times as large in the window's second half.
+
+    Args:
+        run: The run.
+        since: Start of the window [s].
+        corner: Frequency above which torque counts [Hz].
+    """
+    late = run.t >= since
+    tau, e = run.tau_law[late], (run.q_ref - run.q)[late]
+    half = len(tau) // 2
+    above = np.fft.rfftfreq(half, float(run.t[1] - run.t[0])) >= corner
+    taper = np.hanning(half)[:, None]
+
+    def fast(part: Array) -> Array:
+        return np.asarray(np.linalg.norm(np.fft.rfft(taper * (part - np.mean(part, axis=0)), axis=0)[above], axis=0))
+
+    def more(first: Array, second: Array, least: float) -> bool:
+        return bool(np.any(second > GROWTH * first + least))
+
+    shakes = more(fast(tau[:half]), fast(tau[-half:]), LEAST * half * float(np.max(np.abs(tau))))
+    return shakes, more(np.std(e[:half], axis=0), np.std(e[-half:], axis=0), LEAST)
+
+
+def slips(run: Trajectory, since: float, joint: int) -> float:
+    """Return how often a joint that sticks breaks away in a second [Hz]; 0 where it stands no oftener than its target.
+
+    It stands where it is slower than `STILL` of its fastest.
+
+    Args:
+        run: The run.
+        since: Time from which on it is looked at [s].
+        joint: Number of the joint, from 0.
+    """
+    late = run.t >= since
+    duration = float(run.t[late][-1] - run.t[late][0])
+
+    def starts(qd: Array) -> int:
+        stands = np.abs(qd) <= STILL * np.max(np.abs(qd))
+        return int(np.count_nonzero(stands[:-1] & ~stands[1:])) if np.any(qd) else 0
+
+    own, wanted = starts(run.qd[late, joint]), starts(run.qd_ref[late, joint])
+    return own / duration if own > wanted + 1 else 0.0

@@ -1,0 +1,506 @@
+"""Preflight of a law on a robot: whether it would trip, saturate or shake, and which share of its gains would not.
+
+A law flies a fixed set of small motions with the robot's chain, from home and from a drawn position, with and without a
+load that it knows nothing of. What it asks for is judged before the chain limits it: a robot whose torque rate is
+limited stops there, where a chain slews.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from torquebench.chain import ABOUT, Chain
+from torquebench.diagnosis.diagnose import SATURATED
+from torquebench.diagnosis.margins import backwards, leaves_gravity, slopes_of, weight_along
+from torquebench.experiment.build import Builder
+from torquebench.experiment.controllers import Controller
+from torquebench.experiment.schema import Experiment
+from torquebench.kernel import Array
+from torquebench.keys import altered, as_vector
+from torquebench.laws import Gain, Law, find_law
+from torquebench.metrics import from_joints, per_joint
+from torquebench.metrics.chattering import STILL
+from torquebench.metrics.shaking import shaking
+from torquebench.references import Reference
+from torquebench.robot import RobotModel, load_model
+from torquebench.robot.library import ArmSource
+from torquebench.robot.payload import Payload
+from torquebench.sim.session import SampledTrial, Session
+from torquebench.sim.signals import control_instants
+from torquebench.sim.trajectory import Outcome, Trajectory
+from torquebench.tuning import (
+    acceleration_rate,
+    damping,
+    fuzzy_torque,
+    integral,
+    rate,
+    stiffness,
+    switching,
+    twist,
+    twist_rate,
+)
+
+LOST = 0.5
+"""Error from which on a motion counts as lost [rad], [m] of a joint that slides."""
+JUMP = 0.5
+"""First command, away from the gravity that the robot held until then, of a robot without a rate limit [tau_max]."""
+ROUGH = 1.0
+"""Chattering beyond which a law is refused though it is no limit cycle: noise passed on [% of tau_max]."""
+SETTLED = 0.5
+"""Time from which on shaking is looked for [s]."""
+SWINGS, TURNS, FADES = 0.001, 4, 0.7
+"""Swing about its mean [rad], and turns, that are left in the last third of a small step's rest, and the share of those
+in the third before from which on they do not fade [1]."""
+DURATION, STEP = 2.0, 0.5
+"""Time of every motion, and within it of a small step [s]."""
+SPREAD = 0.5
+"""How far a drawn position is from home, at most [rad]."""
+SHARES = (0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08, 0.06, 0.04, 0.03)
+"""Shares of the gains that are tried in turn."""
+REFINED = 2
+"""Bisections between the largest of them that passes and the one above it."""
+STRENGTHS = (
+    rate,
+    acceleration_rate,
+    damping,
+    stiffness,
+    switching,
+    fuzzy_torque,
+    integral,
+    twist,
+    twist_rate,
+)
+"""Rules of the gains that are scaled: the torque's, not those of slopes and widths."""
+SPEEDS: Mapping[str, tuple[float, ...]] = {
+    "fr3": (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
+    "ur5e": (math.pi,) * 6,
+    "iiwa14": tuple(math.radians(x) for x in (85, 85, 100, 75, 130, 135, 135)),
+}
+"""Largest joint speeds [rad/s]: Franka's and KUKA's data sheets, UR's 180 degrees/s."""
+
+REMEDIES = {
+    "wrong sign": "turn the sign of that joint: the law pushes it away from its target",
+    "no gravity": "add gravity: at no error the law gives nothing that holds the arm",
+    "torque rate": "lower the gain on velocity, or filter it: noise times gain is the command's step; ramp what jumps",
+    "jump at start": "begin with the torque that holds the arm: add gravity, start the reference where the arm is",
+    "speed": "slow the reference, add damping",
+    "range": "add gravity or stiffness, or stay away from the ends",
+    "diverges": "lower the gains, or shorten delay and lag",
+    "bad torque": "guard divisions and roots: torquebench check says where",
+    "saturates": "lower the gains, slow the reference, or let the integral wait at the limit",
+    "limit cycle": "lower the gains, or shorten delay and lag; torquebench why says which part of the chain does it",
+    "chatters": "lower the gain on velocity, widen the layer, or filter: noise comes back as torque",
+    "swings": "raise the damping, or lower the stiffness or the integral",
+    "loses the motion": "add gravity, raise the stiffness, or lower the integral and the gain on velocity",
+}
+"""Reason -> what to change; the first two are found in the law itself, the others in a motion."""
+
+RUNS_AWAY = ("speed", "range", "loses the motion", "diverges", "bad torque")
+SHAKES = ("limit cycle", "chatters", "swings")
+"""What of a motion says nothing where it has run away."""
+
+
+class Finding(NamedTuple):
+    """One thing that is looked at in one motion."""
+
+    reason: str
+    """A key of `REMEDIES`."""
+    flight: str
+    """The motion, from where, with which load; empty for what is found in the law itself."""
+    joint: str | None
+    """Name of the joint."""
+    t: float | None
+    """When it began; else when it was worst [s]."""
+    value: float
+    limit: float
+    unit: str
+    """Of both."""
+    beyond: bool
+    """Whether the robot would not stand it."""
+
+
+class Flight(NamedTuple):
+    """One motion to fly."""
+
+    motion: str
+    pose: str
+    payload: float
+    """Load of which the law knows nothing [kg]."""
+    start: Array
+    reference: Reference
+
+    @property
+    def settles(self) -> bool:
+        """Whether the arm must come to rest in it."""
+        return self.motion == "small step"
+
+    def __str__(self) -> str:
+        return f"{self.motion}, from {self.pose}, {self.payload:g} kg"
+
+
+class Report(NamedTuple):
+    """What came of a law on a robot."""
+
+    controller: str
+    flights: tuple[str, ...]
+    seen: tuple[Finding, ...]
+    """Everything that was looked at, in the order of the flights."""
+    scaled: tuple[str, ...]
+    """Gains that a share is of."""
+    share: float | None
+    """Largest share of them that passes; None where none does, or none was looked for."""
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What a robot would not stand."""
+        return tuple(one for one in self.seen if one.beyond)
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings
+
+    @property
+    def closest(self) -> tuple[Finding, ...]:
+        """Each thing where it came closest to its limit, or furthest beyond."""
+        most: dict[str, Finding] = {}
+        for one in self.seen:
+            if one.flight and one.value / one.limit > most.get(one.reason, one._replace(value=-1.0)).value / one.limit:
+                most[one.reason] = one
+        return tuple(most[reason] for reason in REMEDIES if reason in most)
+
+
+def experiment_of(
+    law: str,
+    robot: str | Path,
+    chain: str,
+    gains: Mapping[str, Any] | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Experiment:
+    """Return the experiment of a law on a robot, at the control period of its chain, else 1 ms.
+
+    Args:
+        law: Name of a registered law.
+        robot: Name of the arm, or its file.
+        chain: Name of its chain.
+        gains: Gains that are given; the others are chosen.
+        options: Options of the law.
+
+    Raises:
+        ConfigError: something of it is wrong.
+    """
+    period = (ABOUT[chain].control_period if chain in ABOUT else None) or 0.001
+    controller = {"name": law, "law": law, "gains": {"from": "auto", **(gains or {})}, **(options or {})}
+    return Experiment.from_dict(
+        {
+            "name": "preflight",
+            "plant": {"engine": "mujoco", "model": robot, "timestep": min(0.001, period), "limits": "ignore"},
+            "controllers": [controller],
+            "reference": {"kind": "quintic", "target": 0.0, "rise_time": 1.0},
+            "chain": chain,
+            "run": {"duration": DURATION, "control_period": period, "initial_q": "home"},
+        }
+    )
+
+
+def preflight(
+    experiment: Experiment,
+    payload: float = 1.0,
+    progress: Callable[[str], None] = lambda what: None,
+    share: bool = True,
+) -> list[Report]:
+    """Fly each controller of an experiment, and return what came of it.
+
+    Args:
+        experiment: Whose arm, chain, belief and controllers are taken, not its motion.
+        payload: Load of half the motions [kg]; 0 for none.
+        progress: Told what is being flown.
+        share: Whether to look for the share of the gains that passes.
+    """
+    pilot = Pilot(experiment, payload)
+    return [pilot.report(keys, progress, share) for keys in experiment.controllers]
+
+
+class Pilot:
+    """Flies controllers on one robot.
+
+    Args:
+        experiment, payload: As of `preflight`.
+    """
+
+    def __init__(self, experiment: Experiment, payload: float) -> None:
+        run = dataclasses.replace(experiment.run, duration=DURATION, metrics_from=SETTLED)
+        plant = dataclasses.replace(experiment.plant, limits="ignore", payload=None)
+        self.experiment = altered(experiment, run=run, plant=plant, disturbances=())
+        self.arm, self.room = load_model(experiment.plant.model), room_of(experiment.plant.model)
+        self.flights = tuple(_flights(self.experiment, self.room, payload))
+        self._builder, self._session = Builder(), Session()
+
+    def report(self, keys: Controller, progress: Callable[[str], None], share: bool = True) -> Report:
+        """Return what a controller does, and which share of its gains passes; arguments as of `preflight`."""
+        seen, failed = list[Finding](), list[Flight]()
+        for flight in self.flights:
+            progress(f"{keys.name}: {flight}")
+            new = self.fly(keys, flight)
+            seen += new
+            failed += [flight] * any(one.beyond for one in new)
+        names = scaled_gains(find_law(keys.law), keys)
+        flights = tuple(map(str, self.flights))
+        if not failed:
+            return Report(keys.name, flights, tuple(seen), names, 1.0)
+        own = self.own(keys)
+        hopeless = not share or any(one.reason == "wrong sign" for one in own)
+        others = [flight for flight in self.flights if flight not in failed]
+        found = None if hopeless else self._share(keys, names, [*failed, *others], progress)
+        return Report(keys.name, flights, (*own, *seen), names, found)
+
+    def own(self, keys: Controller) -> list[Finding]:
+        """Return what a law does wrong wherever it is used; see `torquebench.diagnosis.margins`."""
+        experiment = altered(self.experiment, controllers=(keys,))
+        loop = self._builder(experiment)._replace(reference=self.flights[0].reference)
+        slopes, weight = slopes_of(experiment, loop), weight_along(experiment, loop)
+        names, found = self.arm.joint_names, list[Finding]()
+        joint = backwards(slopes)
+        if joint is not None:
+            pull = float(np.max(slopes.stiffness[:, joint, joint]))
+            found.append(Finding("wrong sign", "", names[joint], None, pull, 0.0, "N m/rad of stiffness", True))
+        if leaves_gravity(slopes, weight):
+            heavy = int(np.argmax(np.max(np.abs(weight), axis=0)))
+            rest, most = (float(np.max(np.abs(x[:, heavy]))) for x in (slopes.at_rest, weight))
+            found.append(Finding("no gravity", "", names[heavy], None, rest, most, "N m", True))
+        return found
+
+    def _share(
+        self, keys: Controller, names: Sequence[str], flights: Sequence[Flight], progress: Callable[[str], None]
+    ) -> float | None:
+        """Return the largest share of the gains that passes every flight; see `SHARES`."""
+
+        def passes(share: float) -> bool:
+            progress(f"{keys.name}: at {100.0 * share:.3g} % of its gains")
+            less = with_share(keys, names, share)
+            return not any(one.beyond for flight in flights for one in self.fly(less, flight))
+
+        above, low = 1.0, next((share for share in SHARES if names and passes(share)), None)
+        if low is None:
+            return None
+        above = min((share for share in (1.0, *SHARES) if share > low), default=1.0)
+        for _ in range(REFINED):
+            middle = math.sqrt(low * above)
+            low, above = (middle, above) if passes(middle) else (low, middle)
+        return float(f"{low:.2g}")
+
+    def fly(self, keys: Controller, flight: Flight) -> list[Finding]:
+        """Fly one motion, and return what was looked at, what began earliest first."""
+        load = Payload(flight.payload) if flight.payload else None
+        plant = dataclasses.replace(self.experiment.plant, payload=load)
+        loop = self._builder(altered(self.experiment, plant=plant, controllers=(keys,)))
+        trial = SampledTrial(
+            loop.controllers[0],
+            loop.model,
+            flight.reference,
+            self.experiment.run.control_period,
+            self.experiment.chain,
+            loop.drawn,
+            None,
+            flight.start,
+        )
+        with np.errstate(all="ignore"):
+            flown = self._session.run(loop.plant, trial)
+        held = loop.model.gravity(flight.start)
+        seen = judge(flown, self.arm, self.room, self.experiment.chain, held, flight.settles)
+        found = [one._replace(flight=str(flight)) for one in sorted(seen, key=lambda one: (not one.beyond, one.t))]
+        if any(one.beyond and one.reason in RUNS_AWAY for one in found):
+            found = [one for one in found if one.reason not in SHAKES]
+        return found
+
+
+def scaled_gains(law: Law, keys: Controller) -> tuple[str, ...]:
+    """Return the names of the gains that make a law's torque: of a user's gain nothing is known, so that all count."""
+
+    def is_strength(gain: Gain) -> bool:
+        return gain.rule is None or gain.rule in STRENGTHS or gain.unit == "N m/(rad s)"
+
+    return tuple(name for name in keys.gains if is_strength(law.gains[name]))
+
+
+def with_share(keys: Controller, names: Sequence[str], share: float) -> Controller:
+    """Return a controller with a share of some of its gains."""
+
+    def less(value: Any) -> Any:
+        return tuple(share * x for x in value) if isinstance(value, tuple) else share * value
+
+    return dataclasses.replace(
+        keys, gains={name: less(value) if name in names else value for name, value in keys.gains.items()}
+    )
+
+
+def judge(run: Trajectory, arm: RobotModel, room: Room, chain: Chain, held: Array, settles: bool) -> Iterator[Finding]:
+    """Yield what of a run a robot has to stand, each where it is closest to its limit.
+
+    Args:
+        run: The run.
+        arm: The arm, without a load.
+        room: How far its joints go.
+        chain: Its chain; `torque_rate` is where the robot stops.
+        held: Torque that held the arm before, (n,) [N m].
+        settles: Whether the motion ends, so that the arm must come to rest.
+    """
+    names, tau_max, n, period = arm.joint_names, arm.flat.tau_max, arm.n, float(run.t[1] - run.t[0])
+    command = run.tau_law if run.completed else run.tau_law[:-1]
+    if len(command):
+        rate = None if chain.torque_rate is None else as_vector(chain.torque_rate, n)
+        first = np.abs(command[:1] - held)
+        yield _most("jump at start", run.t, names, first, JUMP * tau_max if rate is None else rate * period, "N m")
+        if rate is not None and len(command) > 1:
+            yield _most("torque rate", run.t[1:], names, np.abs(np.diff(command, axis=0)) / period, rate, "N m/s")
+        beyond = np.abs(command) > tau_max
+        joint = int(np.argmax(beyond.mean(axis=0)))
+        share, t = float(beyond[:, joint].mean()), float(run.t[np.argmax(beyond[:, joint])])
+        yield Finding(
+            "saturates", "", names[joint], t, 100.0 * share, 100.0 * SATURATED, "% of the time", share >= SATURATED
+        )
+    speed = SPEEDS.get(arm.name)
+    if speed is None and chain.torque_speed is not None:
+        speed = tuple(as_vector(chain.torque_speed.no_load, n).tolist())
+    if speed is not None:
+        yield _most("speed", run.t, names, np.abs(run.qd), np.array(speed), "rad/s")
+    bounded = np.flatnonzero(np.isfinite(room.low) & np.isfinite(room.high))
+    if len(bounded):
+        low, high = room.low[bounded], room.high[bounded]
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        away = np.abs(run.q[:, bounded] - middle)
+        yield _most("range", run.t, [names[i] for i in bounded], away, half, "rad from its middle")
+    yield _most("loses the motion", run.t, names, np.abs(run.q_ref - run.q), np.full(n, LOST), "rad of error")
+    if not run.completed:
+        reason = "diverges" if run.outcome in (Outcome.DIVERGED, Outcome.OUT_OF_RANGE) else "bad torque"
+        yield Finding(reason, "", None, float(run.t[-1]), float(run.t[-1]), DURATION, "s flown", True)
+        return
+    if settles:
+        yield _swing(run, names)
+    metrics = from_joints(per_joint(run, tau_max=tau_max, metrics_from=SETTLED, control_period=period, step_like=False))
+    shakes = shaking(metrics, tau_max.tolist())
+    is_cycle = shakes is not None and shakes.is_cycle
+    reason, limit = ("limit cycle", STILL) if is_cycle else ("chatters", ROUGH)
+    if shakes is None:
+        yield Finding(reason, "", None, SETTLED, metrics.chattering.value or 0.0, limit, "% of tau_max", False)
+        return
+    unit = "% of tau_max" + (f" at {shakes.frequency:.3g} Hz" if math.isfinite(shakes.frequency) else "")
+    refused = is_cycle or shakes.chattering > ROUGH
+    yield Finding(reason, "", names[shakes.joint], SETTLED, shakes.chattering, limit, unit, refused)
+
+
+def _most(reason: str, t: Array, names: Sequence[str], values: Array, limits: Array, unit: str) -> Finding:
+    """Return the joint that first goes beyond its limit and its largest value, else the one closest to it.
+
+    Args:
+        reason: A key of `REMEDIES`.
+        t: Times, (N,) [s].
+        names: Names of the joints.
+        values: Values, (N, n).
+        limits: Their limits, (n,).
+        unit: Of both.
+    """
+    share = np.nan_to_num(values / limits, nan=np.inf)
+    beyond = bool(np.any(share > 1.0))
+    k = int(np.argmax(np.max(share, axis=1) > 1.0) if beyond else np.argmax(np.max(share, axis=1)))
+    joint = int(np.argmax(share[k]))
+    most = float(np.max(values[:, joint]))
+    return Finding(reason, "", names[joint], float(t[k]), most, float(limits[joint]), unit, beyond)
+
+
+def _swing(run: Trajectory, names: Sequence[str]) -> Finding:
+    """Return how much the joint that swings most still does long after a small step, and whether that fades."""
+    e, third = run.q_ref - run.q, (DURATION - STEP) / 3.0
+    before, last = (e[run.t >= DURATION - k * third][: round(third / (run.t[1] - run.t[0]))] for k in (2, 1))
+    ramp = np.linspace(-1.0, 1.0, len(last))[:, None]
+    bent = last - last.mean(axis=0)
+    bent = bent - ramp * (np.sum(ramp * bent, axis=0) / np.sum(ramp * ramp))
+    turns = np.count_nonzero(np.diff(np.signbit(bent), axis=0), axis=0)
+    size = np.where(turns >= TURNS, math.sqrt(2.0) * bent.std(axis=0), 0.0)
+    fades = math.sqrt(2.0) * before.std(axis=0) * FADES > size
+    joint = int(np.argmax(np.where(fades, 0.0, size)))
+    swings = float(size[joint])
+    beyond = bool(swings > SWINGS and not fades[joint])
+    return Finding("swings", "", names[joint], DURATION - third, swings, SWINGS, "rad", beyond)
+
+
+def _flights(experiment: Experiment, room: Room, payload: float) -> Iterator[Flight]:
+    """Yield the motions: hold, a small step, a slow and a fast swing; from home and elsewhere; without and with load.
+
+    Args:
+        experiment, payload: As of `preflight`.
+        room: The arm's.
+    """
+    home = room.home
+    elsewhere = home + np.random.default_rng(experiment.run.seed).uniform(-SPREAD, SPREAD, len(home))
+    low, high = room.low + SPREAD, room.high - SPREAD
+    elsewhere = np.where(low < high, np.clip(elsewhere, low, high), home)
+    t = control_instants(round(DURATION / experiment.run.control_period), experiment.run.control_period)
+    for name, size, half in (
+        ("hold", 0.0, 1.0),
+        ("small step", 0.1, STEP),
+        ("slow swing", 0.2, 1.0),
+        ("fast swing", 0.2, 0.5),
+    ):
+        for pose, start in (("home", home), ("a drawn position", elsewhere)):
+            # away from the nearer end of a range; by turns where there is none
+            signs = np.where(high - start > start - low, 1.0, -1.0)
+            signs = np.where(np.isfinite(low) & np.isfinite(high), signs, (-1.0) ** np.arange(len(start)))
+            motion = swing(t, size * signs, half, name == "small step")
+            placed = motion._replace(q=motion.q + start)
+            for mass in (0.0, payload) if payload > 0.0 else (0.0,):
+                yield Flight(name, pose, mass, start, placed)
+
+
+def swing(t: Array, size: Array, half: float, once: bool = False) -> Reference:
+    """Return a minimum-jerk motion to `size` and back, again and again, with no step in its acceleration.
+
+    Args:
+        t: Times, (N,) [s].
+        size: How far each joint goes, (n,) [rad].
+        half: Time for one way [s].
+        once: Go there and stay.
+    """
+    turn = np.floor(t / half + 1e-9)
+    x = np.clip(t / half - turn, 0.0, 1.0)
+    back = (turn % 2.0 == 1.0) & (not once)
+    if once:
+        x = np.where(turn >= 1.0, 1.0, x)
+    sign, x = np.where(back, -1.0, 1.0)[:, None], x[:, None]
+    way = x * x * x * (10.0 + x * (-15.0 + 6.0 * x))
+    q = np.where(back[:, None], 1.0 - way, way)
+    qd = sign * 30.0 * x * x * (1.0 - x) * (1.0 - x) / half
+    qdd = sign * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (half * half)
+    return Reference(q * size, qd * size, qdd * size)
+
+
+class Room(NamedTuple):
+    """Where an arm is at home, and how far its joints go."""
+
+    home: Array
+    """Keyframe of that name, else zero, (n,) [rad]."""
+    low: Array
+    """Least position that the arm's file tells, enforced or not, -inf for none, (n,) [rad]."""
+    high: Array
+    """Greatest, likewise."""
+
+
+def room_of(source: ArmSource) -> Room:
+    """Return where an arm is at home and how far its joints go.
+
+    Raises:
+        ModelError: there is no such arm.
+    """
+    from torquebench.robot import mjcf
+
+    m = mjcf.compile_arm(mjcf.read_arm(source))[0]
+    low, high = np.array(m.jnt_range[:, 0]), np.array(m.jnt_range[:, 1])
+    told = high > low
+    home = mjcf.keyframes(m).get("home", np.zeros(len(low)))
+    return Room(home, np.where(told, low, -np.inf), np.where(told, high, np.inf))

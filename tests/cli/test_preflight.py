@@ -1,0 +1,107 @@
+"""``torquebench preflight``: exit status, what is shown, and the document."""
+
+import json
+
+import pytest
+
+PLUGIN = '''"""A user's law."""
+
+from typing import NamedTuple
+
+from torquebench import Array, controller, gravity
+
+
+class Gains(NamedTuple):
+    k: Array
+
+
+@controller("own-law", gains=Gains)
+def own_law(gains, model, t, q, qd, ref, memory, tau):
+    gravity(model, q, tau)
+    for i in range(len(tau)):
+        tau[i] += gains.k[i] * (ref.q[i] - q[i] + 0.2 * (ref.qd[i] - qd[i]))
+'''
+CONFIG = """\
+name: mine
+plant: {engine: mujoco, model: two-link}
+controllers:
+  - {name: soft, law: pd-gravity, gains: {lam: 4, kv: 8}}
+reference: {kind: quintic, target: 0.5, rise_time: 1}
+run: {duration: 3}
+"""
+FRANKA = ("--gain", "kp=600,600,600,600,250,150,50", "--gain", "kd=50,50,50,50,30,25,15")
+
+
+def test_a_law_that_passes(command):
+    """Status 0: a dot for each motion, a bar for each limit, and nothing to change."""
+    status, out, err = command("preflight", "joint-impedance", "--robot", "fr3", *FRANKA)
+    assert (status, err) == (0, "")
+    assert out.startswith("joint-impedance on fr3: passes\n")
+    assert out.count("o o o o") == 4
+    assert " x " not in out.replace("; x: something", "")
+    assert "of 1000 N m/s" in out
+
+
+def test_a_law_that_is_refused(command):
+    """Status 1, and the document has reason, joint, time and number of what was found, the share, and no more."""
+    gains = ("--gain", "kp=600,600,600,600,250,150,50", "--gain", "kd=250,250,250,250,150,125,75")
+    status, out, err = command("preflight", "joint-impedance", "--robot", "fr3", "--payload", "0", *gains, "--json")
+    document = json.loads(out)
+    assert (status, err, document["passed"], document["payload"]) == (1, "", False, 0.0)
+    law = document["laws"][0]
+    assert len(law["flights"]) == 8
+    first = law["findings"][0]
+    assert (first["reason"], first["beyond"], first["limit"], first["unit"]) == ("torque rate", True, 1000.0, "N m/s")
+    assert first["value"] > 1000.0
+    assert first["flight"] == "hold, from home, 0 kg"
+    assert law["scaled_gains"] == ["kp", "kd"]
+    assert 0.0 < law["largest_share"] < 1.0
+
+
+def test_a_config(command, tmp_path, monkeypatch):
+    """The controllers of a config are flown on the robot that is given, with its chain, at the config's own period."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(CONFIG)
+    status, out, err = command("preflight", "mine.yaml", "--robot", "two-link", "--chain", "fast")
+    assert (status, err) == (0, "")
+    assert out.startswith("soft on two-link: passes")
+    _, _, err = command("preflight", "mine.yaml", "--robot", "two-link", "--chain", "dynamixel")
+    assert "the robot's control period is 5 ms" in err
+    assert list(tmp_path.iterdir()) == [tmp_path / "mine.yaml"]
+
+
+@pytest.mark.slow
+def test_a_users_law(command, tmp_path, monkeypatch, registries):
+    """A file's law is flown with the gains that are given."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(PLUGIN)
+    status, out, _ = command("preflight", "own.py", "--robot", "two-link", "--chain", "fast", "--gain", "k=60,20")
+    assert (status, out.partition(":")[0]) == (0, "own-law on two-link")
+
+
+@pytest.mark.parametrize(
+    ("words", "lines"),
+    [
+        (
+            ["joint-impedanse", "--robot", "fr4", "--gain", "kp=a"],
+            ["--gain: got 'kp=a', wanted", "--robot: got 'fr4' (did you mean", "LAW: got 'joint-impedanse' (did you"],
+        ),
+        (["pd", "--robot", "puma560"], ["--chain: this robot has no chain of its name: choose one by --chain, got"]),
+        (
+            ["pd", "--robot", "fr3", "--gain", "kp=1", "--gain", "lam=-2"],
+            ["--gain: kp: unknown", "--gain: lam: got -2"],
+        ),
+        (["mine.yaml", "--robot", "fr3", "--gain", "k=1"], ["--gain: a config has its own gains"]),
+        (["none.yaml", "--robot", "fr3"], ["none.yaml: does not exist"]),
+        (["none.py", "--robot", "fr3"], ["LAW: none.py: no such file"]),
+    ],
+)
+def test_bad_input(words, lines, command, tmp_path, monkeypatch):
+    """Status 2, a line for each mistake, and nothing is flown or written."""
+    monkeypatch.chdir(tmp_path)
+    status, out, err = command("preflight", *words)
+    assert (status, out) == (2, "")
+    assert len(err.splitlines()) == len(lines)
+    for line, begin in zip(err.splitlines(), lines, strict=True):
+        assert begin in line
+    assert not list(tmp_path.iterdir())
