@@ -143,8 +143,8 @@ def report(found: Falsification) -> None:
                 lines.append(row)
         say()
         say(table([own.controller, "low", "in its range", "high", "value", "nominal", "unit"], lines, left=1))
-        say(f"○ nominal, ● needed; of a list {BARS[0]} low to {BARS[-1]} high, · not needed")
-        say(f"{len(variables) - count} of {len(variables)} variables are not needed")
+        left = f"{len(variables) - count} of {len(variables)} variables are not needed"
+        say(f"○ nominal, ● needed; of a list {BARS[0]} low to {BARS[-1]} high, · not needed; {left}")
 
 
 def scale(nominal: float, share: float) -> str:

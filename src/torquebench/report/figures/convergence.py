@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from torquebench.report.figures.layout import finish_page, panel_grid
-from torquebench.report.figures.style import Unit
+from torquebench.report.figures.style import Unit, journal_style
 
 LINES: Mapping[str, Mapping[str, Any]] = {
     "cma": {"color": "#0b5fa5", "linestyle": "-"},
@@ -19,6 +19,7 @@ LINES: Mapping[str, Mapping[str, Any]] = {
 """Method -> its look."""
 
 
+@journal_style()
 def draw_convergence(
     courses: Mapping[str, Mapping[str, Sequence[Sequence[float]]]],
     nominal: Mapping[str, float],
@@ -40,6 +41,7 @@ def draw_convergence(
         heading: Title and subtitle.
     """
     fig, panels = panel_grid(list(courses), "runs", [f"{label} [{unit.name}]"] * len(courses))
+    longest = max(len(course) for own in courses.values() for seeds in own.values() for course in seeds)
     known = {method for own in courses.values() for method in own}
     for ax, (name, own) in zip(panels, courses.items(), strict=True):
         for method, seeds in own.items():
@@ -54,8 +56,8 @@ def draw_convergence(
             ax.axhline(unit.factor * nominal[name], color="0.55", linewidth=0.8)
         if limit is not None:
             ax.axhline(unit.factor * limit, color="#b00020", linewidth=0.9, linestyle=":")
-        ax.set_xlim(left=0)
-        if ax.get_ylim()[0] < 0.0 <= ax.dataLim.ymin:
+        ax.set_xlim(0, longest)
+        if ax.dataLim.ymin >= 0.0:
             ax.set_ylim(bottom=0.0)
     handles = [Line2D([], [], label=titles[method], **look) for method, look in LINES.items() if method in known]
     handles.append(Line2D([], [], color="0.55", linewidth=0.8, label="the config's own run"))
