@@ -275,7 +275,9 @@ def test_each_limit_is_found_at_its_joint_and_time() -> None:
     zeros = np.zeros((2000, 7))
     step = zeros.copy()
     step[700:, 2] = 1.5  # N m within 1 ms
-    assert found(still(tau_law=step, tau=step)) == {"torque rate": ("joint3", pytest.approx(0.7), pytest.approx(1500.0))}
+    assert found(still(tau_law=step, tau=step)) == {
+        "torque rate": ("joint3", pytest.approx(0.7), pytest.approx(1500.0))
+    }
     early = zeros.copy()
     early[:, 1] = -1.5
     assert found(still(tau_law=early, tau=early)) == {"jump at start": ("joint2", 0.0, 1.5)}

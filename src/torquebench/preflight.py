@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from torquebench.chain import ABOUT, Chain
-from torquebench.diagnosis.diagnose import SATURATED
 from torquebench.diagnosis.margins import backwards, leaves_gravity, slopes_of, weight_along
+from torquebench.diagnosis.seen import SATURATED
 from torquebench.experiment.build import Builder
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Experiment
