@@ -58,7 +58,7 @@ class Falsification:
     @property
     def broken(self) -> tuple[str, ...]:
         """Controllers for which a run broke the claim, or, where nothing is claimed, failed; their own run included."""
-        return tuple(own.controller for own in self.hunts if breaks(self.asked, own.worst))
+        return tuple(own.controller for own in self.hunts if breaks(self.asked, own.worst.score))
 
     @property
     def ratios(self) -> dict[str, float]:
@@ -94,7 +94,7 @@ class Falsification:
         if claim is not None and own.controller not in self.broken:
             runs = sum(len(runs) for runs in own.tried.values())
             return f"{name} keeps {claim.text} in {runs} runs: {self.shown(own.worst)} at worst; nominal {nominal}"
-        if claim is not None and breaks(self.asked, own.nominal):
+        if claim is not None and breaks(self.asked, own.nominal.score):
             return f"{name} breaks {claim.text} as the config is: {nominal}"
         values, variables, parts = self.space.values(shown.point), self.space.variables, list[str]()
         for key, moved in self.moved(own).items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -260,35 +261,23 @@ def tried_of(ended: Ended, point: Point, info: MetricInfo, steps: int) -> Tried:
     return Tried(point, ended.outcome, value, math.nan, score)
 
 
-class Evaluator:
-    """Runs points on threads; what comes out does not depend on how many there are.
+def evaluator(space: Space, pool: ThreadPoolExecutor) -> Callable[[Sequence[tuple[str, Point]]], list[Tried]]:
+    """Return what runs points, each with its controller, in order; how many threads there are changes nothing.
 
     Args:
         space: The points' experiments.
-        workers: Number of threads.
+        pool: The threads.
     """
+    own, info, steps = threading.local(), space.asked.info, space.base.n_steps
 
-    def __init__(self, space: Space, workers: int) -> None:
-        self._space, self._info = space, space.asked.info
-        self._pool, self._own = ThreadPoolExecutor(workers), threading.local()
-
-    def __enter__(self) -> Evaluator:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._pool.shutdown(cancel_futures=True)
-
-    def run(self, points: Sequence[tuple[str, Point]]) -> list[Tried]:
-        """Run points, each with its controller, in order."""
-        return list(self._pool.map(self._one, points))
-
-    def _one(self, asked: tuple[str, Point]) -> Tried:
+    def run(asked: tuple[str, Point]) -> Tried:
+        if not hasattr(own, "runner"):
+            own.runner = Runner(1, space.asked.evaluations * steps)
         controller, point = asked
-        if not hasattr(self._own, "runner"):
-            self._own.runner = Runner(1, self._space.asked.evaluations * self._space.base.n_steps)
-        runner: Runner = self._own.runner
-        (ended,) = runner.ended(self._space.experiment(point, controller))
-        return tried_of(ended, point, self._info, self._space.base.n_steps)
+        (ended,) = own.runner.ended(space.experiment(point, controller))
+        return tried_of(ended, point, info, steps)
+
+    return lambda points: list(pool.map(run, points))
 
 
 @dataclass
@@ -315,11 +304,11 @@ class Hunt:
         return [max(one.score for one in runs) for (own, _), runs in self.tried.items() if own == method]
 
 
-def breaks(asked: Falsify, tried: Tried) -> bool:
-    """Whether a run breaks what is claimed; one that fails always does, one that says nothing never."""
-    if tried.score == -math.inf:
-        return False
-    return tried.score >= FAILED or (asked.claim is not None and not asked.claim.holds(tried.value))
+def breaks(asked: Falsify, score: float) -> bool:
+    """Whether a run of a score breaks what is claimed; one that fails always does, one that says nothing never."""
+    sign = 1.0 if asked.info.better == "lower" else -1.0
+    broken = asked.claim is not None and score > -math.inf and not asked.claim.holds(sign * score)
+    return score >= FAILED or broken
 
 
 def hunt(
@@ -339,8 +328,9 @@ def hunt(
     asked, count, names = space.asked, len(space.variables), [keys.name for keys in space.base.controllers]
     keys: list[Key] = [(name, method, i) for name in names for method in methods for i in range(asked.seeds)]
     total, done, worst = len(keys) * asked.evaluations, 0, ("", -math.inf, math.nan)
-    with Evaluator(space, workers) as evaluator:
-        nominal = evaluator.run([(name, space.nominal) for name in names])
+    with ThreadPoolExecutor(workers) as pool:
+        evaluate = evaluator(space, pool)
+        nominal = evaluate([(name, space.nominal) for name in names])
         hunts = {name: Hunt(name, own) for name, own in zip(names, nominal, strict=True)}
 
         def told(key: Key, points: Sequence[Point], out: Sequence[Tried]) -> bool:
@@ -353,44 +343,44 @@ def hunt(
                 worst = name, most.score, most.value
             brief = "failed" if math.isnan(worst[2]) else in_unit(asked.info.scale * worst[2], asked.info.shown_unit)
             progress(f"'{worst[0]}' {brief}", done, total)
-            return asked.claim is not None and any(breaks(asked, one) for one in out)
+            return asked.claim is not None and any(breaks(asked, one.score) for one in out)
 
         def run(points: list[tuple[Key, Point]]) -> list[Tried]:
-            return evaluator.run([(key[0], point) for key, point in points])
+            return evaluate([(key[0], point) for key, point in points])
 
         searches = {key: start_search(key[1], count, asked.evaluations, asked.seed + key[2]) for key in keys}
         drive(searches, run, lambda one: one.score, told)
-        _return(space, hunts, evaluator)
+        _return(space, hunts, evaluate)
     return list(hunts.values())
 
 
-def _return(space: Space, hunts: Mapping[str, Hunt], evaluator: Evaluator) -> None:
-    """Move each controller's worst run back towards the config's own values while it stays as bad as it has to be."""
+def _return(
+    space: Space, hunts: Mapping[str, Hunt], evaluate: Callable[[Sequence[tuple[str, Point]]], list[Tried]]
+) -> None:
+    """Move each controller's worst run back towards the config's own values while it stays as bad as it has to be.
+
+    It has to break the claim; without one to fail, or else to keep most of the harm.
+    """
     asked, base = space.asked, space.nominal
-    back = {}
+    back, least = {}, dict[str, float]()
+
+    def still(name: str, score: float) -> bool:
+        return score >= least[name] if name in least else breaks(asked, score)
+
     for name, own in hunts.items():
         worst = own.worst
-        if worst is own.nominal or (asked.claim is not None and not breaks(asked, worst)):
+        if worst is own.nominal or (asked.claim is not None and not breaks(asked, worst.score)):
             continue
         own.smallest = worst
-        back[name] = shrink(worst.point, base, _allowed(asked, own.nominal, worst))
+        if asked.claim is None and worst.score < FAILED:
+            least[name] = own.nominal.score + SHARE * (worst.score - own.nominal.score)
+        back[name] = shrink(worst.point, base, functools.partial(still, name))
 
     def told(name: str, points: Sequence[Point], out: Sequence[Tried]) -> bool:
-        own = hunts[name]
-        own.returned += len(points)
+        hunts[name].returned += len(points)
         for one in out:
-            if _allowed(asked, own.nominal, own.worst)(one.score):
-                own.smallest = one
+            if still(name, one.score):
+                hunts[name].smallest = one
         return False
 
-    drive(back, evaluator.run, lambda one: one.score, told)
-
-
-def _allowed(asked: Falsify, nominal: Tried, worst: Tried) -> Callable[[float], bool]:
-    """Return whether a score is as bad as it has to be: breaks the claim, fails, or is nearly the worst."""
-    if asked.claim is not None:
-        claim, sign = asked.claim, 1.0 if asked.info.better == "lower" else -1.0
-        return lambda score: score >= FAILED or (score > -math.inf and not claim.holds(sign * score))
-    if worst.score >= FAILED:
-        return lambda score: score >= FAILED
-    return lambda score: score >= nominal.score + SHARE * (worst.score - nominal.score)
+    drive(back, evaluate, lambda one: one.score, told)
