@@ -14,6 +14,7 @@ import pytest
 
 import torquebench
 from torquebench.cli.app import main
+from torquebench.cli.falsify import BARS, report
 from torquebench.disturbances import Pulses
 from torquebench.errors import ConfigError
 from torquebench.sweep.search import METHODS, Method, Search, shrink, start_search
@@ -26,6 +27,9 @@ ARM: dict[str, Any] = {
     "run": {"duration": 0.6, "control_period": 0.002, "metrics_from": 0.0},
 }
 """An experiment that takes a millisecond."""
+
+
+PULSES = "disturbances[0].levels"
 
 
 def config(**section: Any) -> dict[str, Any]:
@@ -170,6 +174,19 @@ def test_a_claim_decides_the_status(
     assert all((count == 40) == (status == 0) for count in runs)
 
 
+def test_a_sentence_counts_the_numbers_of_a_list(capsys: pytest.CaptureFixture[str]) -> None:
+    """A key of many numbers is one part of the sentence and one row, a bar for each number that is needed."""
+    pulses = [{"kind": "pulses", "size": [8, 0], "hold": 0.1, "levels": [0, 0, 0, 0, 0, 0]}]
+    keys = {**ARM, "disturbances": pulses, "falsify": {"evaluations": 20, "variables": {PULSES: [-1, 1]}}}
+    found = torquebench.falsify(keys, methods=("random",))
+    moved = found.moved(found.hunts[0])[PULSES]
+    assert f"with {len(moved)} of 6 {PULSES}" in found.sentence(found.hunts[0])
+    report(found)
+    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith(PULSES))
+    assert sum(mark in BARS for mark in row) == len(moved) > 1
+    assert row.count("·") == 6 - len(moved)
+
+
 BAD: Mapping[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "bounds": (
         {"variables": {"plant.payload.mass": [3, 0], "run.nonsense": [0, 1], "chain.jitter": "much"}},
@@ -180,6 +197,7 @@ BAD: Mapping[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("max_error", "evaluations"),
     ),
     "upward": ({"variables": {"plant.payload.mass": [0, 3]}, "claim": "max_error > 5 mrad"}, ("is bad",)),
+    "no number": ({"variables": {"plant.payload.mass": [0, 3]}, "claim": "max_error <= "}, ("such as max_error",)),
     "unit": ({"variables": {"plant.payload.mass": [0, 3]}, "claim": "max_error < 5 kg"}, ("mrad",)),
     "none": ({"variables": {}}, ("nothing may change",)),
     "unknown": ({"variables": {"plant.payload.mas": [0, 3], "run.metrics": [0, 1]}}, ("mass", "metrics_from")),

@@ -31,7 +31,7 @@ LIMITS: dict[str, Callable[[float, float], bool]] = {
 }
 """What a claim may say of a metric."""
 OPPOSITE = {"<=": ">", "<": ">=", ">=": "<", ">": "<="}
-_CLAIM = re.compile(r"\s*([A-Za-z0-9_]+)\s*(<=|>=|<|>)\s*(.*\S)\s*")
+_CLAIM = re.compile(r"\s*([A-Za-z0-9_]+)\s*(<=|>=|<|>)\s*([^\s=].*)")
 
 
 class Claim(NamedTuple):
@@ -76,7 +76,7 @@ class ClaimText(Node):
             return BROKEN
         info = METRICS[metric]
         try:
-            limit = float(without_unit(text, info.unit))
+            limit = float(without_unit(text.strip(), info.unit))
         except ValueError:
             limit = math.nan
         if not math.isfinite(limit):
