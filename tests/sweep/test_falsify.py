@@ -11,13 +11,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import torquebench
+from tests.experiment.examples import FALSIFY, GOOD
 from torquebench.cli.app import main
-from torquebench.cli.falsify import BARS, report
+from torquebench.cli.falsify import BARS, bars
 from torquebench.disturbances import Pulses
 from torquebench.errors import ConfigError
-from torquebench.sweep.search import METHODS, Method, Search, shrink, start_search
+from torquebench.falsification import space_of
+from torquebench.sweep.search import METHODS, Method, Search, check_method, shrink, start_search
 
 ARM: dict[str, Any] = {
     "name": "arm",
@@ -174,17 +177,30 @@ def test_a_claim_decides_the_status(
     assert all((count == 40) == (status == 0) for count in runs)
 
 
-def test_a_sentence_counts_the_numbers_of_a_list(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sentence_counts_the_numbers_of_a_list() -> None:
     """A key of many numbers is one part of the sentence and one row, a bar for each number that is needed."""
     pulses = [{"kind": "pulses", "size": [8, 0], "hold": 0.1, "levels": [0, 0, 0, 0, 0, 0]}]
     keys = {**ARM, "disturbances": pulses, "falsify": {"evaluations": 20, "variables": {PULSES: [-1, 1]}}}
     found = torquebench.falsify(keys, methods=("random",))
     moved = found.moved(found.hunts[0])[PULSES]
     assert f"with {len(moved)} of 6 {PULSES}" in found.sentence(found.hunts[0])
-    report(found)
-    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith(PULSES))
-    assert sum(mark in BARS for mark in row) == len(moved) > 1
-    assert row.count("·") == 6 - len(moved)
+    assert bars([0.0, None, 1.0]) == f"{BARS[0]}·{BARS[-1]}"
+
+
+def test_every_search_that_ships_is_one() -> None:
+    """The shipped study, and the written example, are valid at the ends of their ranges, whatever is changed."""
+    assert len(space_of("studies/falsify").variables) == 43
+    file = yaml.safe_load(GOOD + FALSIFY)
+    (variable,) = space_of(file).variables
+    assert (variable.log, variable.step, variable.value(0.0), variable.value(1.0)) == (True, 0.1, 0.1, 2.0)
+
+
+def test_without_its_package_cma_is_refused_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Random search goes on without it; CMA-ES says which extra it needs."""
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    check_method(["random"], "--method")
+    with pytest.raises(ConfigError, match=r"pip install 'torquebench\[falsify\]'"):
+        check_method(METHODS, "--method")
 
 
 BAD: Mapping[str, tuple[dict[str, Any], tuple[str, ...]]] = {

@@ -62,7 +62,7 @@ def falsify(
     allow_outside: bool,
     plugin: Sequence[Path],
 ) -> int:
-    """Search the worst disturbance, payload, delay and start for each law.
+    """Search the worst that may happen to each law.
 
     What may change, and how far, stands in a file's section `falsify`. Of the worst run found every variable is then
     moved back as far as the claim stays broken: what is left is needed for it, and is stored as a config to run again.
