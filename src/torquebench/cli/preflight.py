@@ -143,7 +143,8 @@ def _text(report: Report, robot: str) -> str:
         share = one.value / one.limit
         bar = "█" * min(BAR, round(BAR * share)) + ("▶" if one.beyond else "")
         size = f"{100.0 * share:.0f} %" if share < 10.0 else f"{share:.0f} times"
-        lines.append(f"  {one.reason:<{WIDTH}}  {bar:<{BAR + 1}}  {size} of {one.limit:.4g} {one.unit}")
+        where = f", {one.joint}" if one.joint and one.value else ""
+        lines.append(f"  {one.reason:<{WIDTH}}  {bar:<{BAR + 1}}  {size} of {one.limit:.4g} {one.unit}{where}")
     if report.passed:
         return "\n".join(lines)
     first: dict[str, Finding] = {}
