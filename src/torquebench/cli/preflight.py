@@ -31,7 +31,7 @@ BAR, WIDTH = 30, 16
     "--payload", type=Number(float, 0.0), default=1.0, show_default=True, metavar="KG", help="load of half the motions"
 )
 def preflight(law: str, robot: str, chain: str | None, gains: tuple[str, ...], payload: float) -> int:
-    """Ask before a law moves a robot: would it trip, saturate or shake?
+    """Say whether a law would trip, saturate or shake on a robot.
 
     Small motions are flown with the robot's chain, with and without a load. The exit status is 0 when the law passes, 1
     when it is refused: then the largest share of its gains that would pass is said.
