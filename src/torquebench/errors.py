@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-
 UNCHECKED = "what depends on these was not checked: mend them and more may follow"
 """What follows mistakes that keep others from being looked for."""
 

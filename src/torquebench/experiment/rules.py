@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from torquebench.errors import Fault, ModelError, nearest
-from torquebench.experiment.controllers import Controller
 from torquebench.experiment.extends import AUTO, OWN
 from torquebench.experiment.groups import is_broken
 from torquebench.experiment.schema import Belief, Run, Video, joint_count
