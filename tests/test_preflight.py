@@ -110,7 +110,7 @@ UNSAFE: list[tuple[str, str, str, dict[str, Any], set[str]]] = [
     # no damping
     ("no damping", "joint-impedance", "fr3", {**FRANKA, "kd": 0.1}, LOOSE),
     ("no damping", "joint-impedance", "ur5e", {**SOFT6, "kd": 0.01}, LOOSE),
-    ("no damping", "gravity-friction", "puma560", {**SOFT_PUMA, "kd": 0.01}, LOOSE),
+    ("no damping", "gravity-friction", "ur5e", {**SOFT6, "kd": 0.01}, LOOSE),
     ("no damping", "joint-impedance", "iiwa14", {"kp": 300, "kd": 0.01}, LOOSE),
     # the wrong sign of one joint
     ("wrong sign", "careless", "fr3", wrong(7, 3, FRANKA), {"wrong sign"}),

@@ -21,6 +21,7 @@ _HOMES = {
     "keys": ("Key", "Vector", "as_vector"),
     "metrics": ("JointRecord", "metric"),
     "references": ("Quintic", "Ramp", "Reference", "Sine", "Step", "reference"),
+    "falsification": ("Falsification", "falsify"),
     "figures": ("figure",),
     "results": ("Result", "compare", "load_experiment", "load_result", "run_experiment"),
     "robot": ("Puma560", "RobotModel", "load_model"),

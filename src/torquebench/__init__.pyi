@@ -12,6 +12,8 @@ from torquebench.errors import ConfigError as ConfigError
 from torquebench.errors import ResultError as ResultError
 from torquebench.errors import TorquebenchError as TorquebenchError
 from torquebench.experiment.schema import Experiment as Experiment
+from torquebench.falsification import Falsification as Falsification
+from torquebench.falsification import falsify as falsify
 from torquebench.figures import figure as figure
 from torquebench.fuzzy.fis import Fis as Fis
 from torquebench.fuzzy.inference import infer as infer

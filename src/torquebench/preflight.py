@@ -31,6 +31,7 @@ from torquebench.references import Reference
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import ArmSource
 from torquebench.robot.payload import Payload
+from torquebench.sim.friction import FRICTIONS
 from torquebench.sim.session import SampledTrial, Session
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Outcome, Trajectory
@@ -77,13 +78,6 @@ STRENGTHS = (
     twist_rate,
 )
 """Rules of the gains that are scaled: the torque's, not those of slopes and widths."""
-SPEEDS: Mapping[str, tuple[float, ...]] = {
-    "fr3": (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
-    "ur5e": (math.pi,) * 6,
-    "iiwa14": tuple(math.radians(x) for x in (85, 85, 100, 75, 130, 135, 135)),
-}
-"""Largest joint speeds [rad/s]: Franka's and KUKA's data sheets, UR's 180 degrees/s."""
-
 REMEDIES = {
     "wrong sign": "turn the sign of that joint: the law pushes it away from its target",
     "no gravity": "add gravity: at no error the law gives nothing that holds the arm",
@@ -183,7 +177,7 @@ def experiment_of(
     gains: Mapping[str, Any] | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Experiment:
-    """Return the experiment of a law on a robot, at the control period of its chain, else 1 ms.
+    """Return the experiment of a law on a robot with its friction, at the control period of its chain, else 1 ms.
 
     Args:
         law: Name of a registered law.
@@ -197,10 +191,13 @@ def experiment_of(
     """
     period = (ABOUT[chain].control_period if chain in ABOUT else None) or 0.001
     controller = {"name": law, "law": law, "gains": {"from": "auto", **(gains or {})}, **(options or {})}
+    plant = {"engine": "mujoco", "model": robot, "timestep": min(0.001, period), "limits": "ignore"}
+    if robot in FRICTIONS:
+        plant["friction"] = robot
     return Experiment.from_dict(
         {
             "name": "preflight",
-            "plant": {"engine": "mujoco", "model": robot, "timestep": min(0.001, period), "limits": "ignore"},
+            "plant": plant,
             "controllers": [controller],
             "reference": {"kind": "quintic", "target": 0.0, "rise_time": 1.0},
             "chain": chain,
@@ -365,11 +362,11 @@ def judge(run: Trajectory, arm: RobotModel, room: Room, chain: Chain, held: Arra
         yield Finding(
             "saturates", "", names[joint], t, 100.0 * share, 100.0 * SATURATED, "% of the time", share >= SATURATED
         )
-    speed = SPEEDS.get(arm.name)
-    if speed is None and chain.torque_speed is not None:
-        speed = tuple(as_vector(chain.torque_speed.no_load, n).tolist())
-    if speed is not None:
-        yield _most("speed", run.t, names, np.abs(run.qd), np.array(speed), "rad/s")
+    fastest = np.array(arm.passive.speed)
+    if chain.torque_speed is not None:
+        fastest = np.minimum(fastest, as_vector(chain.torque_speed.no_load, n))
+    if np.any(np.isfinite(fastest)):
+        yield _most("speed", run.t, names, np.abs(run.qd), fastest, "rad/s")
     bounded = np.flatnonzero(np.isfinite(room.low) & np.isfinite(room.high))
     if len(bounded):
         low, high = room.low[bounded], room.high[bounded]

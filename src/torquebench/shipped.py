@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import re
@@ -21,8 +22,12 @@ def data_root() -> Path:
     The checkout wins over the copy inside an installed wheel: an editable install leaves a stale copy behind.
     The environment variable ``TORQUEBENCH_DATA`` wins over both.
     """
-    if chosen := os.environ.get("TORQUEBENCH_DATA"):
-        return Path(chosen)
+    chosen = os.environ.get("TORQUEBENCH_DATA")
+    return Path(chosen) if chosen else _own_data()
+
+
+@functools.cache
+def _own_data() -> Path:
     checkout = Path(__file__).resolve().parents[2]
     if (checkout / "pyproject.toml").is_file() and (checkout / "models").is_dir():
         return checkout

@@ -156,7 +156,7 @@ def test_completion(document, command):
         (["run", "--duration", "2"], "--duration", "--set run.duration=2"),
         (["run", "two-lnk"], None, "two-link"),
         (["video", "r", "--size", "huge"], "--size", "WIDTHxHEIGHT, for example 640x480"),
-        (["fly"], "COMMAND", "fuzzy"),
+        (["fuzy"], "COMMAND", "fuzzy"),
         (["compare", "mujoco:puma", "analytic:puma560"], "A", None),
         (["paper", "--workers", "0"], "--workers", "1 to 4096"),
         (["completion", "bsh"], "SHELL", "bash"),

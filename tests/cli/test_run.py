@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -493,16 +494,24 @@ def test_a_disk_that_refuses_is_status_3(quick, command, monkeypatch):
 SHIPPED = sorted((data_root() / "configs").rglob("*.yaml"))
 SWEEPS = [path for path in SHIPPED if "\nsweep:" in path.read_text(encoding="utf-8")]
 AUDITS = [path for path in SHIPPED if "\naudit:" in path.read_text(encoding="utf-8")]
-CONFIGS = [path for path in SHIPPED if path not in (*SWEEPS, *AUDITS)]
+SEARCHES = [path for path in SHIPPED if "\nfalsify:" in path.read_text(encoding="utf-8")]
+CONFIGS = [path for path in SHIPPED if path not in (*SWEEPS, *AUDITS, *SEARCHES)]
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.stem)
 def test_every_config_that_ships_runs(path, tmp_path, command):
-    """Each config loads as it is, and 1.2 s of it complete (its metrics' window moved to fit)."""
+    """Each config loads as it is, and 1.2 s of it complete (its metrics' window moved to fit).
+
+    What shakes on purpose is told to be unstable, or faster than the arm; no reference is too fast.
+    """
     load_experiment(path)
     short = ("--set", "run.duration=1.2", "--set", "run.metrics_from=0.2")
     status, _, err = command("run", path, "--out", tmp_path / "out", "--no-figures", *short)
-    remarks = [line for line in err.splitlines() if "cannot meet its reaching condition" not in line]
+    meant = re.compile(
+        r"cannot meet its reaching condition|is unstable at its control period|joints that give: certificates"
+        r"|^torquebench: controller .* exceeds its speed limit"
+    )
+    remarks = [line for line in err.splitlines() if not meant.search(line)]
     assert (status, remarks) == (0, [])
 
 

@@ -11,7 +11,7 @@ import sys
 import threading
 import urllib.request
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import urljoin, urlsplit
 
 import pytest
 
@@ -53,12 +53,15 @@ def test_view_serves_the_run_until_interrupted(finished):
         address, chosen = re.search(ADDRESS, said).groups()
         with urllib.request.urlopen(address, timeout=60) as reply:
             page = reply.read()
+        with urllib.request.urlopen(urljoin(address, "metrics.json"), timeout=60) as reply:
+            linked = reply.read()
         process.send_signal(signal.SIGINT)
         said += process.stdout.read()
         assert process.wait(60) == 0
     assert "in the browser, as no window opens here (neither DISPLAY nor WAYLAND_DISPLAY is set)" in said
     assert chosen == "play=&speed=0.5&show=linear-band"
     assert page == (finished / "report.html").read_bytes()
+    assert linked == (finished / "metrics.json").read_bytes()  # as are the other files that the page links
     check_run(finished)  # nothing was written
 
 
@@ -71,7 +74,7 @@ def test_the_address_is_printed_whatever_else_is_not(finished, command, monkeypa
             raise KeyboardInterrupt
 
     monkeypatch.setattr(threading, "Event", Interrupted)
-    monkeypatch.setattr(server, "serve", lambda page, port: contextlib.nullcontext(NOWHERE))
+    monkeypatch.setattr(server, "serve", lambda page, port, files: contextlib.nullcontext(NOWHERE))
     status, out, err = command("view", finished, "--no-open", more)
     assert status == 0
     if more == "--json":

@@ -262,7 +262,7 @@ def torque_speed(d: Draw) -> Made:
 
 
 def backlash(d: Draw) -> Made:
-    """Gap of 15 to 30 % of the amplitude between the motors, which are measured, and the links."""
+    """Gap of 15 to 30 % of the amplitude between the motors, which are measured, and the links; and its springs."""
     motor = 0.4 * d.inertia
     k = (2.0 * math.pi * 40.0) ** 2 * 0.24 * d.inertia
     keys = {"stiffness": k, "damping": 0.1 * k / (2.0 * math.pi * 40.0), "inertia": motor}

@@ -9,7 +9,7 @@ from torquebench.diagnosis import diagnose
 from torquebench.experiment.schema import Experiment
 
 FEW = tuple(case for case in drawn(1731) if "two-link" in case.label)[:6]
-MANY = (*drawn(1731), *drawn(1741))
+MANY = (*drawn(1741), *drawn(1751))
 
 
 def judge(case: Seeded) -> None:

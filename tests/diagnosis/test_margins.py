@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from tests.diagnosis.test_causes import SINE, experiment, pd
-from torquebench.diagnosis.margins import margins_of, slopes_of, torque_noise
+from tests.diagnosis.test_causes import PLANT, SINE, experiment, pd
+from torquebench.diagnosis.margins import margins_of, resonances, slopes_of, torque_noise
 from torquebench.experiment.build import build
 from torquebench.robot import load_model
 
@@ -36,6 +36,56 @@ def test_phase_lost_to_delay_and_lag() -> None:
     assert found.lost["command_delay"] == pytest.approx(360.0 * f * 0.004, rel=1e-9)
     assert found.lost["actuator_lag"] == pytest.approx(math.degrees(math.atan(2.0 * math.pi * f * 0.003)), rel=1e-9)
     assert found.lost["hold"] == pytest.approx(180.0 * f * 0.001, rel=1e-9)
+
+
+def test_phase_lost_to_an_integral() -> None:
+    """It is the angle between kp + s kd and that plus ki T/(z - 1) at the crossover.
+
+    Computed torque makes a joint a double integrator, but for gravity's slope there: 0.2 degrees.
+    """
+    kv, lam, ki, T = 20.0, 10.0, 800.0, 0.001
+    law = {"name": "c", "law": "computed-torque", "gains": {"lam": lam, "kv": kv, "ki": ki}}
+    built = experiment(law)
+    loop = build(built)
+    found = margins_of(built, loop, slopes_of(built, loop))
+    assert found is not None
+    assert found.crossover is not None
+    s = 2j * math.pi * found.crossover
+    pd_only = kv * (lam + s)
+    expected = math.degrees(np.angle(pd_only / (pd_only + ki * T / (np.exp(s * T) - 1.0))))
+    assert expected > 2.0
+    assert found.lost["integral"] == pytest.approx(expected, abs=0.2)
+
+
+SPRINGS = {"stiffness": [14930.0, 1415.0], "inertia": [1.11, 0.105]}
+
+
+def test_resonances_of_elastic_joints() -> None:
+    """They are those of the motors and links that the plant integrates: eigenvalues of its states."""
+    from torquebench.sim.friction import NONE
+    from torquebench.sim.joints import modes
+
+    built = experiment(pd(20), plant={**PLANT, "transmission": SPRINGS})
+    loop = build(built)
+    found = resonances(built, loop)
+    flat = load_model("two-link")
+    between = built.plant.transmission
+    assert between is not None
+    joints = between.of_joints(flat.flat.armature)
+    q = loop.reference.q[len(loop.reference.q) * 2 // 3 : len(loop.reference.q) * 2 // 3 + 1]
+    links = flat.mass_matrix(q) - np.diag(flat.flat.armature)
+    assert np.max(found) == pytest.approx(abs(modes(joints, NONE, links)[0].rate) / math.tau, rel=0.01)
+
+
+@pytest.mark.parametrize(("sensor", "is_stable"), [("motor", True), ("link", False)])
+def test_margins_of_elastic_joints(sensor: str, is_stable: bool) -> None:
+    """PD is stable through a spring from the motor's side, and from the link's not: the margin's sign says so."""
+    built = experiment(pd(30), plant={**PLANT, "transmission": {**SPRINGS, "damping": [4.0, 0.38], "sensor": sensor}})
+    loop = build(built)
+    found = margins_of(built, loop, slopes_of(built, loop))
+    assert found is not None
+    assert found.phase is not None
+    assert (found.phase > 0.0) == is_stable
 
 
 def test_the_loop_oscillates_where_its_phase_says() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ ENDED_ON = {
     "gains-at-50-hz": ("control_period", "gains.kv <="),
     "noisy-velocity": ("noise", "chain.velocity_filter <="),
     "sagging-servo": ("gravity", "pd-gravity"),
+    "stair-steps": ("friction", "N m against it"),
     "torque-discontinuity": ("torque_rate", "gains.kv <="),
 }
 """Config -> the cause on which its thread ended, and what the cure is about."""
@@ -50,6 +52,31 @@ def test_the_cause_that_a_complaint_ended_on(name: str) -> None:
     assert [cause.key for cause in found.causes] == [key], found.sentence
     assert found.causes[0].title.rstrip(",") in found.sentence
     assert cure in " ".join((*found.cures, found.causes[0].remedy))
+
+
+def test_stick_slip_is_called_so() -> None:
+    """Its frequency is that at which the error swings, to a third; without break-away there is none."""
+    given = load_experiment(FOLDER / "stair-steps.yaml")
+    found = diagnose(given)
+    often = re.search(r"stick-slip of joint (\d) at ([\d.]+) Hz, by friction", found.sentence)
+    assert often is not None, found.sentence
+    assert float(often[2]) == pytest.approx(found.seen.swings[int(often[1]) - 1], rel=0.34)
+    friction = given.plant.friction
+    assert friction is not None
+    smooth = replace(given, plant=replace(given.plant, friction=replace(friction, breakaway=0.0)))
+    assert all("stick-slip" not in cause.title for cause in diagnose(smooth).causes)
+
+
+def test_hunting_takes_an_integral() -> None:
+    """A joint that is to stand hunts by break-away and integral together: both are named, and no others."""
+    step = "reference={kind: step, target: [0.5, -0.5], at: 0.2}"
+    changes = [step, "run.duration=12", "run.metrics_from=2", "controllers.teleop.gains.ki=800"]
+    causes = {
+        cause.key: cause.title for cause in diagnose(load_experiment(FOLDER / "stair-steps.yaml", changes)).causes
+    }
+    assert set(causes) == {"integral", "friction"}
+    assert "stick-slip" in causes["friction"]
+    assert "and the law's integral" in causes["friction"]
 
 
 def test_every_complaint_has_its_thread_and_a_row() -> None:

@@ -285,6 +285,21 @@ sweep:
     by: hf
 """
 """A section of `GOOD` that is no experiment's."""
+FALSIFY = """\
+falsify:
+  variables:
+    disturbances[0].sigma:
+      low: 0.1
+      high: 2
+      spacing: log
+      step: 0.1
+  metric: rmse
+  claim: rmse <= 5 mrad
+  evaluations: 100
+  seeds: 2
+  seed: 1
+"""
+"""Another one."""
 DRIVEN = SCENARIO.replace(
     """\
   velocity: differentiated
@@ -320,7 +335,7 @@ DRIVEN = SCENARIO.replace(
 )
 FILTERED = SCENARIO.replace(
     "  velocity: differentiated\n  velocity_filter: 300\n", "  velocity: kalman\n  kalman_acceleration: 20\n"
-)
+).replace("  - kind: bias\n", "  - kind: pulses\n    size: 1\n    levels: [1, -0.5]\n    hold: 0.02\n  - kind: bias\n")
 VARIED = {
     "controllers.*.gains.lam",
     "run.metrics_from",

@@ -441,6 +441,40 @@ def test_a_urdf_agrees_with_pinocchio(put) -> None:
     assert np.max(np.abs(here - np.array(there))) <= 1e-13 * np.max(np.abs(here))
 
 
+def random_urdf(random: np.random.Generator) -> tuple[str, int]:
+    """Return a chain of revolute, prismatic and fixed joints with random frames and links, and how many move."""
+
+    def numbers(size: float) -> str:
+        return " ".join(f"{x:.6f}" for x in random.uniform(-size, size, 3))
+
+    kinds = [*random.choice(["revolute", "revolute", "prismatic", "fixed"], random.integers(3, 8)), "revolute"]
+    parts = ['<link name="l0"/>']
+    for i, kind in enumerate(kinds, 1):
+        low, middle = sorted(random.uniform(0.01, 0.05, 2))
+        moments = f'ixx="{middle:.6f}" iyy="{low:.6f}" izz="{0.9 * (low + middle):.6f}" ixy="0" ixz="0" iyz="0"'
+        parts.append(
+            f'<link name="l{i}"><inertial><origin xyz="{numbers(0.2)}" rpy="{numbers(3)}"/>'
+            f'<mass value="{random.uniform(0.1, 3):.4f}"/><inertia {moments}/></inertial></link>'
+            f'<joint name="j{i}" type="{kind}"><parent link="l{i - 1}"/><child link="l{i}"/>'
+            f'<origin xyz="{numbers(0.4)}" rpy="{numbers(3)}"/><axis xyz="{numbers(1)}"/>'
+            '<limit lower="-3" upper="3" effort="20" velocity="2"/></joint>'
+        )
+    return f'<robot name="r">{"".join(parts)}</robot>', sum(kind != "fixed" for kind in kinds)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_random_urdfs_agree_with_pinocchio(put, seed: int) -> None:
+    """Ten chains: Pinocchio, which reads the file itself, gets the torques of the imported arm, to its roundings."""
+    pinocchio = pytest.importorskip("pinocchio")
+    text, n = random_urdf(np.random.default_rng(seed))
+    path = put(text, "u.urdf")
+    here = torques(bare(mujoco.MjModel.from_xml_string(import_arm(path).mjcf)), *states(n))
+    other = pinocchio.buildModelFromUrdf(str(path))
+    data = other.createData()
+    there = np.array([pinocchio.rnea(other, data, *state).copy() for state in zip(*states(n), strict=True)])
+    assert np.max(np.abs(here - there)) <= 1e-13 * np.max(np.abs(there))
+
+
 def test_a_mimic_joint_is_told(put) -> None:
     """A joint that follows another is refused, with the flag that welds it."""
     with pytest.raises(RefusedArmError) as caught:

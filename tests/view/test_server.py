@@ -138,3 +138,20 @@ def test_closed_it_is_gone():
         port = urlsplit(address).port
     with socket.socket() as again:
         assert again.connect_ex(("127.0.0.1", port)) != 0
+
+
+def test_what_the_page_links_is_there_and_nothing_else_of_its_folder(tmp_path):
+    """A file given under a name comes with its bytes and a policy that runs nothing; no other path leads there."""
+    (tmp_path / "a law").mkdir()
+    (tmp_path / "a law" / "figure.svg").write_bytes(b"<svg/>")
+    (tmp_path / "secret.txt").write_bytes(b"secret")
+    files = {"a law/figure.svg": tmp_path / "a law" / "figure.svg", "gone.json": tmp_path / "gone.json"}
+    with serve(PAGE, files=files) as address:
+        server = urlsplit(address)
+        status, headers, body = ask(server, f"{server.path}a%20law/figure.svg")
+        assert (status, headers["Content-Type"], body) == (200, "image/svg+xml", b"<svg/>")
+        assert "sandbox" in headers["Content-Security-Policy"]
+        assert "script" not in headers["Content-Security-Policy"]
+        for path in ("gone.json", "secret.txt", "a%20law/../secret.txt", "..%2fsecret.txt", "a%20law", "%00"):
+            assert ask(server, server.path + path)[0] == 404, path
+        assert ask(server, "/a%20law/figure.svg")[0] == 404  # without the token

@@ -38,7 +38,14 @@ BAD_INPUT, INTERNAL, INTERRUPTED, UNREAD, TERMINATED = 2, 3, 130, 141, 143
 """Exit statuses of commands that ended early; one that did not returns 0, or 1 where something did not hold."""
 
 COMMANDS = {
-    "Experiments": {"run": "run", "sweep": "sweep", "audit": "audit", "paper": "audit", "why": "why"},
+    "Experiments": {
+        "run": "run",
+        "sweep": "sweep",
+        "audit": "audit",
+        "paper": "audit",
+        "falsify": "falsify",
+        "why": "why",
+    },
     "Arms": {"import": "importing"},
     "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
     "Check": {

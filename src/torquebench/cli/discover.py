@@ -119,17 +119,22 @@ def value_text(value: Any, unit: str) -> str:
 def configs() -> int:
     """List the experiments that come with the package.
 
-    `run` and `sweep` take their names.
+    `run`, `sweep` and `falsify` take their names.
     """
     found = shipped_configs()
     texts = {name: first_line(path) for name, path in found.items()}
-    sweeps = [name for name, path in found.items() if "\nsweep:" in path.read_text(encoding="utf-8")]
-    facts = {n: {"file": found[n], "description": text, "sweep": n in sweeps} for n, text in texts.items()}
+    kinds = {name: _command_for(path.read_text(encoding="utf-8")) for name, path in found.items()}
+    facts = {n: {"file": found[n], "description": text, "sweep": kinds[n] == "sweep"} for n, text in texts.items()}
     tell(configs=facts)
-    rows = [[name, "sweep" if name in sweeps else "run", text] for name, text in texts.items()]
+    rows = [[name, kinds[name], text] for name, text in texts.items()]
     say(table(["config", "for", "what it asks"], rows, left=3, prose=True))
     say(f"\nfiles: {data_root() / 'configs'}")
     return 0
+
+
+def _command_for(text: str) -> str:
+    """Return the command that a config is for."""
+    return next((section for section in ("sweep", "falsify") if f"\n{section}:" in text), "run")
 
 
 class LawOrConfig(click.ParamType[str]):

@@ -31,7 +31,7 @@ BAR, WIDTH = 30, 16
     "--payload", type=Number(float, 0.0), default=1.0, show_default=True, metavar="KG", help="load of half the motions"
 )
 def preflight(law: str, robot: str, chain: str | None, gains: tuple[str, ...], payload: float) -> int:
-    """Ask before a law moves a robot: would it trip, saturate or shake?
+    """Say whether a law would trip, saturate or shake on a robot.
 
     Small motions are flown with the robot's chain, with and without a load. The exit status is 0 when the law passes, 1
     when it is refused: then the largest share of its gains that would pass is said.
@@ -143,7 +143,8 @@ def _text(report: Report, robot: str) -> str:
         share = one.value / one.limit
         bar = "█" * min(BAR, round(BAR * share)) + ("▶" if one.beyond else "")
         size = f"{100.0 * share:.0f} %" if share < 10.0 else f"{share:.0f} times"
-        lines.append(f"  {one.reason:<{WIDTH}}  {bar:<{BAR + 1}}  {size} of {one.limit:.4g} {one.unit}")
+        where = f", {one.joint}" if one.joint and one.value else ""
+        lines.append(f"  {one.reason:<{WIDTH}}  {bar:<{BAR + 1}}  {size} of {one.limit:.4g} {one.unit}{where}")
     if report.passed:
         return "\n".join(lines)
     first: dict[str, Finding] = {}

@@ -6,7 +6,7 @@ import os
 import sys
 import threading
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,7 +45,7 @@ def view(
     MuJoCo's viewer is used where a window opens, else the run's page in the browser, served to this machine alone until
     Ctrl-C.
     """
-    from torquebench.experiment.store import check_run
+    from torquebench.experiment.store import MANIFEST, check_run
     from torquebench.report.render import PAGE
     from torquebench.video.film import model_changed, read_footage
 
@@ -61,7 +61,8 @@ def view(
     try:
         if window and _show_window(footage, speed or 1.0):
             return 0
-        _serve_page((run / PAGE).read_bytes(), asked, port or 0, open_browser=not no_open)
+        files = {name: run / name for name in (*manifest["files"], MANIFEST)}
+        _serve_page((run / PAGE).read_bytes(), files, asked, port or 0, open_browser=not no_open)
     except KeyboardInterrupt:
         say()
     return 0
@@ -86,13 +87,21 @@ def _show_window(footage: Footage, speed: float) -> bool:
     return True
 
 
-def _serve_page(page: bytes, chosen: str, port: int, open_browser: bool) -> None:
-    """Serve a run's page, print its address, open the browser, and wait for an interrupt."""
+def _serve_page(page: bytes, files: Mapping[str, Path], chosen: str, port: int, open_browser: bool) -> None:
+    """Serve a run's page, print its address, open the browser, and wait for an interrupt.
+
+    Args:
+        page: The page.
+        files: As of `serve`.
+        chosen: What the page is to do, the part of its address after #.
+        port: As of `serve`.
+        open_browser: Whether to open the browser.
+    """
     from torquebench.view.server import HOST, serve
 
     with ExitStack() as stack:
         try:
-            address = f"{stack.enter_context(serve(page, port))}#{chosen}"
+            address = f"{stack.enter_context(serve(page, port, files))}#{chosen}"
         except OSError as error:
             refuse([("--port", f"{HOST}:{port} cannot be used ({error.strerror})")])
         tell(address=address)

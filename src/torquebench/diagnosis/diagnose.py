@@ -216,16 +216,14 @@ class _Search:
         """Return a part's title, which for joints that ring or stick is what the run shows of them."""
         if self.whole.ending:
             return part.title
-        joint = self.whole.joint("shakes" if self.whole.has("shakes") else "errs")
+        joint = self.whole.joint(self.symptoms[0] if self.symptoms else "errs")
         if part.key == "transmission" and self.whole.has("shakes"):
             found, at = resonances(self.experiment, self.loop), self.whole.shaking
             if at is not None and not math.isnan(at.frequency):  # one joint's resonance shakes those beside it
                 joint = int(np.argmin(np.abs(np.log(found / at.frequency))))
             return f"the resonance of joint {joint + 1} at {found[joint]:.3g} Hz"
-        if part.key == "friction":
-            often = slips(self.run, self.experiment.run.metrics_from, joint)
-            if often > 0.0:
-                return f"stick-slip of joint {joint + 1}, {often:.2g} times a second, by {part.title},"
+        if part.key == "friction" and self.whole.slips[joint] > 0.0:
+            return f"stick-slip of joint {joint + 1} at {self.whole.slips[joint]:.2g} Hz, by {part.title.rstrip(',')},"
         return part.title
 
     def look(
@@ -253,7 +251,7 @@ class _Search:
         shown = run.t[late], run.tau[late], (run.q_ref - run.q)[late]
         nothing = np.zeros(n)
         if not run.completed:
-            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing, True, True, *shown)
+            return Seen(run.ending, None, nothing, 0.0, nothing, nothing, nothing, nothing, True, True, nothing, *shown)
         loop.plant.tau_max = self.tau_max.copy()
         metrics = metrics_of(experiment, loop, self.keys, run)
         shares = np.array([x or 0.0 for x in metrics.chattering.per_joint])
@@ -273,6 +271,7 @@ class _Search:
             saturated,
             swings(run, since),
             *grows(run, since, corner),
+            np.array([slips(run, since, i) for i in range(n)]),
             *shown,
         )
 
@@ -300,9 +299,14 @@ class _Search:
         """What a part is left alone of: all others but the torque limit, without which what is unstable only grows."""
         return [part for part in self.parts if part.key != "torque_limit"]
 
+    @property
+    def symptoms(self) -> tuple[Kind, ...]:
+        """What the run does that it should not, the worst first."""
+        return tuple(sorted((kind for kind in KINDS if self.whole.has(kind)), key=self._rank))
+
     def diagnosis(self) -> Diagnosis:
         """Return what is wrong and why."""
-        symptoms = tuple(sorted((kind for kind in KINDS if self.whole.has(kind)), key=self._rank))
+        symptoms = self.symptoms
         causes, left = self._causes(symptoms) if symptoms else ((), ())
         cures = self._cures(symptoms[0], causes) if symptoms else ()
         causes = tuple(replace(c, remedy=self._remedy(c, x)) for c, x in zip(causes, left, strict=True))
@@ -368,7 +372,11 @@ class _Search:
                 lost = _share(base.size(kind, joint), self._size(kind, joint, without[part.key]), whole)
                 brought = _share(self._size(kind, joint, alone[part.key]), ideal, whole)
                 texts = without[part.key].text(kind, joint), alone[part.key].text(kind, joint)
-                rated.append(Cause(part.key, part.title, kind, max(lost, brought), *texts))
+                title = part.title
+                if "integral" in without and part.key == "friction" and self.whole.slips[joint] > 0.0:
+                    only = without["integral"].slips[joint] == 0.0
+                    title = f"{title.rstrip(',')}, and the law's integral," if only else title
+                rated.append(Cause(part.key, title, kind, max(lost, brought), *texts))
             own = [c for c in rated if c.effect >= (PERIOD_SHARE if c.key == "control_period" else SHARE)]
             rest = _share(ideal, 0.0, whole)
             by_law = Cause("law", self._blame(kind), kind, rest, "", self.ideal.text(kind, joint))

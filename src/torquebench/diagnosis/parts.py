@@ -277,11 +277,10 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
         return lambda experiment: replace(experiment, plant=replace(experiment.plant, **{key: value}))
 
     friction = plant.acting
-    if friction is not None and not friction.name:
-        title = f"friction, Coulomb {in_words(friction.coulomb)} N m"
-        cure = (
-            f"add up to {in_words(friction.coulomb)} N m against it to the law, with the sign of the desired velocity"
-        )
+    if friction is not None and friction != FRICTIONS["none"]:
+        dry = max((friction.coulomb, friction.breakaway), key=np.max)
+        title = f"friction, {'Coulomb' if dry is friction.coulomb else 'break-away'} {in_words(dry)} N m,"
+        cure = f"add up to {in_words(dry)} N m against it to the law, with the sign of the desired velocity"
         yield Part("friction", title, other("friction", FRICTIONS["none"]), remedy=cure)
     if plant.transmission is not None:
         yield from _between(plant.transmission)

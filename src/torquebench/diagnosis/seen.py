@@ -21,8 +21,8 @@ GROWTH = 2.0
 """Times the torque above the corner in the first half of a window that a run has in the second if it grows [1]."""
 LEAST = 1e-9
 """Share of the largest torque that is rounding [1], and error [rad]."""
-STILL = 0.02
-"""Speed below which a joint stands, as a share of its fastest [1]."""
+STILL, AWAY = 0.02, 0.2
+"""Speeds below which a joint stands, and beyond which it has broken away, as shares of its fastest [1]."""
 
 
 class Seen(NamedTuple):
@@ -47,6 +47,8 @@ class Seen(NamedTuple):
     """Whether its torque above the corner grows."""
     strays: bool
     """Whether its error grows."""
+    slips: Array
+    """How often each joint that sticks breaks away, (n,) [Hz]; see `slips`."""
     t: Array
     """Instants of the window for metrics, (m,) [s]."""
     tau: Array
@@ -140,7 +142,7 @@ def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
 def slips(run: Trajectory, since: float, joint: int) -> float:
     """Return how often a joint that sticks breaks away in a second [Hz]; 0 where it stands no oftener than its target.
 
-    It stands where it is slower than `STILL` of its fastest.
+    It stands where it is slower than `STILL` of its fastest, and breaks away where it is faster than `AWAY` after that.
 
     Args:
         run: The run.
@@ -151,8 +153,9 @@ def slips(run: Trajectory, since: float, joint: int) -> float:
     duration = float(run.t[late][-1] - run.t[late][0])
 
     def starts(qd: Array) -> int:
-        stands = np.abs(qd) <= STILL * np.max(np.abs(qd))
-        return int(np.count_nonzero(stands[:-1] & ~stands[1:])) if np.any(qd) else 0
+        speed = np.abs(qd) / (np.max(np.abs(qd)) or 1.0)
+        turning = speed[(speed <= STILL) | (speed >= AWAY)] >= AWAY  # in between it does what it did
+        return int(np.count_nonzero(turning[1:] & ~turning[:-1]))
 
     own, wanted = starts(run.qd[late, joint]), starts(run.qd_ref[late, joint])
     return own / duration if own > wanted + 1 else 0.0

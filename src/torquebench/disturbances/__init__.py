@@ -3,6 +3,7 @@
 from torquebench.disturbances.bias import Bias
 from torquebench.disturbances.kinds import DISTURBANCES, disturbance
 from torquebench.disturbances.noise import BandLimitedNoise, band_limited_noise
+from torquebench.disturbances.pulses import Pulses
 from torquebench.disturbances.sinusoid import Sinusoid
 from torquebench.disturbances.streams import Stream, generator
 
@@ -10,6 +11,7 @@ __all__ = [
     "DISTURBANCES",
     "BandLimitedNoise",
     "Bias",
+    "Pulses",
     "Sinusoid",
     "Stream",
     "band_limited_noise",

@@ -41,15 +41,18 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     Args:
         laws: Names of the laws to describe; all that are registered if left out.
     """
+    from torquebench.experiment.falsify_section import Falsify
     from torquebench.experiment.sweep_section import Sweep
 
     top, sweep = group_of(Experiment), Key("What `torquebench sweep` varies; not for other commands")
+    falsify = Key("What `torquebench falsify` may do to the laws to break them; not for other commands")
     name = top.fields["name"]._replace(default=None)
     compared = top.fields["controllers"]._replace(type=controllers(laws))
     fields = top.fields | {
         "name": name,
         "controllers": compared,
         "sweep": declare("sweep", sweep, group_of(Sweep), None),
+        "falsify": declare("falsify", falsify, group_of(Falsify), None),
     }
     whole = Group("Experiment", top.doc, fields.values(), dict).type().model_json_schema()
     groups = whole.pop("$defs")
@@ -109,12 +112,23 @@ def unit_of(key: str) -> str | None:
         name = parts[parts.index("gains") + 1]
         gains = [find_law(law).gains for law in law_names()]
         return _only({own[name].unit for own in gains if name in own})
+    found = _declared(parts)
+    return None if found is None else _only({key.unit for key in found} - {""})
+
+
+def meanings_of(key: str) -> list[str]:
+    """Return what a key may mean, one for each kind of thing that has it; the key as of `unit_of`."""
+    return [found.meaning for found in _declared([re.sub(r"\[\d+\]", "", part) for part in key.split(".")]) or ()]
+
+
+def _declared(parts: Sequence[str]) -> list[Key] | None:
+    """Return the keys that a path may be; None for a section's."""
     groups, found = [group_of(Experiment)], list[Declared]()
     for part in parts:
         if groups and not part.isdecimal():  # below a mapping of names to numbers, its own unit holds
             found = [group.fields[part] for group in groups if part in group.fields]
             groups = [inner for group in groups if part in group.nodes for inner in group.nodes[part].groups()]
-    return None if groups else _only({declared.key.unit for declared in found} - {""})
+    return None if groups else [declared.key for declared in found]
 
 
 def _only(units: set[str]) -> str | None:

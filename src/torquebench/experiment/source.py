@@ -338,20 +338,21 @@ def document_of(values: Mapping[str, Any], filename: str = "") -> Document:
     """
     document = Document(filename)
     document.start = Place(0)
-    _inherit(document, _tree(values), Path(), None)
+    _inherit(document, tree_of(values), Path(), None)
     return document
 
 
-def _tree(value: Any) -> Any:
+def tree_of(value: Any) -> Any:
+    """Return plain values as a document holds them, without places."""
     if hasattr(value, "tolist"):  # numpy's arrays and numbers
         value = value.tolist()
     if isinstance(value, Mapping):
         mapping = Map()
         for key, item in value.items():
-            mapping.put(str(key), _tree(item), Place(0), Place(0))
+            mapping.put(str(key), tree_of(item), Place(0), Place(0))
         return mapping
     if isinstance(value, list | tuple):
-        return Seq(map(_tree, value), [Place(0)] * len(value))
+        return Seq(map(tree_of, value), [Place(0)] * len(value))
     return value
 
 
@@ -450,7 +451,7 @@ def set_key(document: Document, key: str, value: Any) -> None:
     if parts is None:
         document.add((key,), "is not a key", wanted="one such as run.duration or controllers[0].gains.k")
     else:
-        assign(document, parts, _tree(value), Place(0), Place(0))
+        assign(document, parts, tree_of(value), Place(0), Place(0))
 
 
 def split_key(key: str) -> list[str | int] | None:

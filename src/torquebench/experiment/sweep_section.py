@@ -28,7 +28,7 @@ MAX_DRAWS = 10_000_000
 MAX_VALUES = 10_000
 MAX_KEYS = 64
 MAX_WORD = 64
-NOT_VARIED = ("sweep", "name", "description", "figures", "video")
+NOT_VARIED = ("sweep", "falsify", "name", "description", "figures", "video")
 """Sections and keys that decide nothing of what is run."""
 RANGE_WORDS = {"start", "stop", "step", "num", "min", "max", "to", "count", "spacing"}
 EVERY = "controllers.*."
@@ -396,7 +396,7 @@ def varied(document: Document, values: Sequence[tuple[str, Value]]) -> tuple[Doc
         targets = expanded(copy, key)
         if not targets:
             copy.add(("sweep",), f"{key}: no controller's law has it", place=value.place)
-        places[key] = [_indexed(copy.root, parts) for parts in targets]  # before a name is set, by which one is found
+        places[key] = [indexed(copy.root, parts) for parts in targets]  # before a name is set, by which one is found
         for parts in targets:
             assign(copy, parts, copied(value.raw), value.place, value.place)
     return copy, places
@@ -454,7 +454,7 @@ def _has(controller: Mapping[str, Any], rest: list[str | int]) -> bool:
     return key in law.options or (key == "fuzzy" and bool(law.rules)) or key in OWN_KEYS
 
 
-def _indexed(node: Any, parts: Iterable[str | int]) -> KeyPath:
+def indexed(node: Any, parts: Iterable[str | int]) -> KeyPath:
     """Return a key with the indices of list items in place of their names."""
     path: KeyPath = ()
     for part in parts:
@@ -473,6 +473,21 @@ def with_number(experiment: Experiment, path: KeyPath, value: float) -> Experime
         value: The number.
     """
     return _replaced(experiment, path, value)  # type: ignore[no-any-return]
+
+
+def number_in(experiment: Experiment, path: KeyPath) -> Any:
+    """Return what an experiment has at a path of `with_number`, defaults included; None where there is nothing."""
+    node: Any = experiment
+    for key in path:
+        if isinstance(node, tuple):
+            node = node[key] if isinstance(key, int) and key < len(node) else None
+        elif isinstance(node, Mapping):
+            node = node.get(key)
+        elif isinstance(node, Controller) and key in node.options:
+            node = node.options[str(key)]
+        else:
+            node = getattr(node, str(key), None)
+    return node
 
 
 def with_draw(experiment: Experiment, draw: int) -> Experiment:

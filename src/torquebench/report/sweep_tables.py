@@ -53,7 +53,7 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
         return ["No law completed every run of any choice.", failures]
     best, calm, limit = error[0], chattering[0], round_below(0.5 * error[0].figures["chattering"].mean)
     quiet = next((one for one in error if one.figures["chattering"].mean <= limit), calm)
-    said = {"Least error": best, f"At most {limit:g} % of chattering": quiet, "Least chattering": calm}
+    said = {"Least error": best, f"Least error with at most {limit:g} % of chattering": quiet, "Least chattering": calm}
     if best.figures["chattering"].mean <= calm.figures["chattering"].mean:
         said = {"Least error and least chattering": best}
     elif _values(quiet, summary) == _values(calm, summary):

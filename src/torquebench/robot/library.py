@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import re
 import xml.etree.ElementTree as ElementTree
@@ -96,10 +97,15 @@ def model_folder(name: str) -> Path:
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ModelError(f"model name {name!r} is not a plain name{did_you_mean(name, model_names())}")
+    return _folder_in(data_root() / "models", name)
+
+
+@functools.lru_cache(maxsize=64)
+def _folder_in(models: Path, name: str) -> Path:
     if name not in model_names():
         raise ModelError(f"unknown model '{name}'{did_you_mean(name, model_names())}")
-    folder = (data_root() / "models" / name).resolve()
-    if not folder.is_relative_to((data_root() / "models").resolve()):
+    folder = (models / name).resolve()
+    if not folder.is_relative_to(models.resolve()):
         raise ModelError(f"model '{name}' lies outside the models folder")
     return folder
 
@@ -117,9 +123,12 @@ def mjcf_path(source: str | Path) -> Path:
         if not path.is_file():
             raise ModelError(f"{path}: no such file{did_you_mean_path(path, MJCF)}")
         return path
-    if source not in model_names() and (described := described_arm(source)):
-        return described
-    return model_folder(source) / f"{source}.xml"
+    try:
+        return model_folder(source) / f"{source}.xml"
+    except ModelError:
+        if described := described_arm(source):
+            return described
+        raise
 
 
 CAMERAS = ("overview", "side")

@@ -32,6 +32,15 @@ def inertia_tensor(xx: float, yy: float, zz: float, xy: float, xz: float, yz: fl
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
+def read_yaml(path: Path) -> Any:
+    """Return what a YAML file of an arm holds.
+
+    Raises:
+        OSError, UnicodeDecodeError, yaml.YAMLError: it cannot be read.
+    """
+    return yaml.load(path.read_text(encoding="utf-8"), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+
+
 def read_links(path: Path) -> Model:
     """Read a model from a ``links.yaml``.
 
@@ -42,7 +51,7 @@ def read_links(path: Path) -> Model:
         ModelError: the file cannot be read, lacks a key, or has a mass or an inertia that no rigid body has.
     """
     try:
-        data: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data: Any = read_yaml(path)
         joints = data["joints"]
         frames = [modified_dh(*(float(j["dh"][key]) for key in ("alpha", "a", "d"))) for j in joints]
         tool_rotation, tool_offset = modified_dh(*(float(data["tool"][key]) for key in ("alpha", "a", "d")))

@@ -268,8 +268,8 @@ def flatten(m: Any, where: str) -> Model:
         ModelError: the model has something the analytic side cannot represent; see `check_smooth`.
     """
     check_smooth(m, where)
-    n, d, links = int(m.nv), at_zero(m), links_of(m)
-    world_R, world_p = frames(m)
+    n, d = int(m.nv), at_zero(m)
+    links, (world_R, world_p) = links_of(m, d), frames(m, d)
     tool_R, tool_p = tool_frame(m, d, where)
     model = rigid_model(
         kind=[HINGE if t == mujoco.mjtJoint.mjJNT_HINGE else SLIDE for t in m.jnt_type],

@@ -38,12 +38,12 @@ def speed_limits(m: Any) -> Array | None:
     return np.where(speeds > 0.0, speeds, np.inf) if fit else None
 
 
-def frames(m: Any) -> tuple[list[Array], list[Array]]:
+def frames(m: Any, d: Any) -> tuple[list[Array], list[Array]]:
     """Return orientation (3, 3) and origin (3,) [m] of the base and of each joint's frame in the world, at q = 0.
 
-    Frame i sits at joint i's anchor with z along its axis (the body's axes, where its z is the joint's).
+    Frame i sits at joint i's anchor with z along its axis (the body's axes, where its z is the joint's); `d` is the
+    arm `at_zero`.
     """
-    d = at_zero(m)
     rotations = [np.eye(3)] + [_joint_frame(m, d, j) for j in range(m.nv)]
     return rotations, [np.zeros(3)] + [d.xanchor[j].copy() for j in range(m.nv)]
 
@@ -57,14 +57,14 @@ def at_zero(m: Any) -> Any:
     return d
 
 
-def links_of(m: Any) -> Links:
+def links_of(m: Any, d: Any = None) -> Links:
     """Return the links of an arm of hinges and slides.
 
     Bodies without joints belong to the link that carries them; a body with several joints becomes several links, all
-    but the last without mass.
+    but the last without mass. `d` is the arm `at_zero`, where it is there already.
     """
-    n, d = int(m.nv), at_zero(m)
-    rotations, origins = frames(m)
+    n, d = int(m.nv), at_zero(m) if d is None else d
+    rotations, origins = frames(m, d)
     links = Links(np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3)), np.array(m.dof_armature))
     for j in range(n):
         body = int(m.jnt_bodyid[j])
@@ -84,8 +84,8 @@ def with_links(m: Any, links: Links) -> Any:
     Raises:
         ModelError: MuJoCo has compiled the arm for a special case that these links are not.
     """
-    changed, before, d = copy.copy(m), links_of(m), at_zero(m)
-    rotations, origins = frames(m)
+    changed, d = copy.copy(m), at_zero(m)
+    before, (rotations, origins) = links_of(m, d), frames(m, d)
     for j in range(m.nv):
         same = (np.array_equal(getattr(links, x)[j], getattr(before, x)[j]) for x in ("mass", "com", "inertia"))
         if all(same):

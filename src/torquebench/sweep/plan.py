@@ -248,6 +248,8 @@ class Plan:
         relative = unsized(document)
         _ = relative.n  # kept in the copies that draws make of it: it reads the arm's files
         experiment = sized(relative, self._torques)
+        if not self.continuous:
+            _ = experiment.chattering_from_hz  # likewise; what is drawn besides does not change it
         lacking = {key: _without(paths, experiment) for key, paths in places.items()}
         return _Fixed(experiment, relative, places, lacking, self.border_places(document))
 

@@ -69,8 +69,76 @@ class Task(NamedTuple):
     """Folder for the trajectory of every run, shared by all workers; None for none."""
 
 
-class Worker:
-    """Runs shards, with its own plants and buffers; each thread needs its own.
+class Runner:
+    """Runs experiments one after the other, with its own plants and buffers; each thread needs its own.
+
+    Args:
+        controllers: Most controllers of one.
+        steps: Control steps that will be asked for.
+        certificates: Whether runs have the figures of their certificates.
+    """
+
+    def __init__(self, controllers: int, steps: int, certificates: bool = False) -> None:
+        np.empty(KEPT, dtype=np.uint8)  # freed at once, which is what tells the C library
+        self._build, self._certificates = Builder(), certificates
+        self._last_truth: tuple[Any, RobotModel | Phases] | None = None
+        self._sessions = [Session(overwrite=True, steps=steps) for _ in range(controllers)]
+
+    def ended(
+        self,
+        experiment: Experiment,
+        seen: Mapping[bytes, Ended] | None = None,
+        more: Callable[[int], Mapping[str, float]] = lambda place: {},
+    ) -> Iterator[Ended]:
+        """Run every controller; a yielded trajectory lasts until the next experiment.
+
+        Args:
+            experiment: What is run.
+            seen: Loops that are not run again, by their key; None to run all.
+            more: Number of the controller -> further figures of it, found before it is run.
+        """
+        try:
+            loop = self._build(experiment)
+        except (ConfigError, ModelError):
+            # what is drawn is at fault, not the file: every case has been built before
+            yield from (Ended(REFUSED, 0.0, None) for _ in experiment.controllers)
+            return
+        decided: Iterable[bytes | None] = [None] * len(loop.controllers)
+        if seen is not None:
+            decided = keys_of(experiment, loop, self._certificates)
+        sessions = self._sessions[: len(loop.controllers)]
+        own = zip(experiment.controllers, loop.controllers, sessions, decided, strict=True)
+        for place, (keys, controller, session, key) in enumerate(own):
+            if seen is not None and key is not None and key in seen:
+                yield seen[key]
+                continue
+            figures = more(place)
+            run = session.run(loop.plant, trial_of(experiment, loop, controller))
+            if run.completed:
+                record = recorded(experiment, loop, keys, run)
+                figures = {**figures, **self._certify(experiment, loop, keys, run)}
+                yield Ended(run.outcome.name, math.nan, run, record, figures, key)
+            else:
+                yield Ended(run.outcome.name, float(run.failed_at or 0), run, None, figures, key)
+
+    def _certify(self, experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory) -> Mapping[str, float]:
+        """Return the figures of a run's certificates, where the sweep asks for them and the law has them."""
+        if not self._certificates:
+            return {}
+        found = certificate_of(experiment, loop, keys, run, self._truth(experiment))
+        return {} if found is None else found.figures
+
+    def _truth(self, experiment: Experiment) -> RobotModel | Phases:
+        """Return the true arm, the last one again where the plant is the same."""
+        run, plant = experiment.run, experiment.plant
+        key = plant, run.control_period, None if plant.perturb is None else (run.seed, run.draw)
+        if self._last_truth is None or self._last_truth[0] != key:
+            self._last_truth = key, truth_of(experiment)
+        return self._last_truth[1]
+
+
+class Worker(Runner):
+    """Runs shards of a sweep.
 
     Args:
         plan: The sweep.
@@ -78,11 +146,9 @@ class Worker:
     """
 
     def __init__(self, plan: Plan, steps: int = 0) -> None:
-        np.empty(KEPT, dtype=np.uint8)  # freed at once, which is what tells the C library
-        self._plan, self._build = plan, Builder()
         steps = max(steps, plan.rows * plan.first.n_steps)
-        self._last_truth: tuple[Any, RobotModel | Phases] | None = None
-        self._sessions = [Session(overwrite=True, steps=steps) for _ in plan.controllers]
+        super().__init__(len(plan.controllers), steps, plan.keys.certificates)
+        self._plan = plan
 
     def columns(
         self, task: Task, shard: int, stop: Callable[[], bool] = lambda: False, known: Known | None = None
@@ -148,48 +214,22 @@ class Worker:
             draw: The draw.
             seen: Loops that are not run again, by their key; None to run all.
         """
-        experiment = self._plan.experiment(case, draw)
-        try:
-            loop = self._build(experiment)
-        except (ConfigError, ModelError):
-            # the draw is at fault, not the file: every case has been built before
-            yield from (Ended(REFUSED, 0.0, None) for _ in experiment.controllers)
-            return
-        border = self._plan.bordered(case, draw)
-        decided: Iterable[bytes | None] = [None] * len(loop.controllers)
-        if seen is not None:
-            decided = keys_of(experiment, loop, self._plan.keys.certificates)
-        own = zip(experiment.controllers, loop.controllers, self._sessions, decided, strict=True)
-        for place, (keys, controller, session, key) in enumerate(own):
-            if seen is not None and key is not None and key in seen:
-                yield seen[key]
-                continue
-            figures = self._border(experiment, place, border[place], session) if place in border else {}
-            run = session.run(loop.plant, trial_of(experiment, loop, controller))
-            if run.completed:
-                record = recorded(experiment, loop, keys, run)
-                figures = {**figures, **self._certify(experiment, loop, keys, run)}
-                yield Ended(run.outcome.name, math.nan, run, record, figures, key)
-            else:
-                yield Ended(run.outcome.name, float(run.failed_at or 0), run, None, figures, key)
+        experiment, border = self._plan.experiment(case, draw), self._plan.bordered(case, draw)
 
-    def _certify(self, experiment: Experiment, loop: Loop, keys: Controller, run: Trajectory) -> Mapping[str, float]:
-        """Return the figures of a run's certificates, where the sweep asks for them and the law has them."""
-        if not self._plan.keys.certificates:
-            return {}
-        found = certificate_of(experiment, loop, keys, run, self._truth(experiment))
-        return {} if found is None else found.figures
+        def found(place: int) -> Mapping[str, float]:
+            return self._border(experiment, place, border[place]) if place in border else {}
 
-    def _border(self, experiment: Experiment, place: int, path: KeyPath, session: Session) -> dict[str, float]:
+        yield from self.ended(experiment, seen, found)
+
+    def _border(self, experiment: Experiment, place: int, path: KeyPath) -> dict[str, float]:
         """Return where a law starts to shake, and where it is predicted to.
 
         Args:
             experiment: The row's experiment.
             place: Number of the controller.
             path: Place of the gain.
-            session: What runs it.
         """
-        keys = self._plan.keys.border
+        keys, session = self._plan.keys.border, self._sessions[place]
         if keys is None:
             return {}
         alone = altered(experiment, controllers=(experiment.controllers[place],))
@@ -212,14 +252,6 @@ class Worker:
             search = find_border(lambda x: bool(predicted_to_shake(*at(x), truth)), keys.start, keys.stop, 0.01)
             predicted = search.border
         return dict(zip(COLUMNS, (*found, predicted), strict=True))
-
-    def _truth(self, experiment: Experiment) -> RobotModel | Phases:
-        """Return the true arm, the last one again where the plant is the same."""
-        run, plant = experiment.run, experiment.plant
-        key = plant, run.control_period, None if plant.perturb is None else (run.seed, run.draw)
-        if self._last_truth is None or self._last_truth[0] != key:
-            self._last_truth = key, truth_of(experiment)
-        return self._last_truth[1]
 
 
 def write_trajectory(folder: Path, index: int, controller: str, run: Trajectory) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from matplotlib.figure import Figure
 
@@ -22,8 +22,8 @@ Drawn: TypeAlias = Figure | Mapping[str, Figure] | None
 Job: TypeAlias = Callable[[], Drawn]
 """Draws one figure or several."""
 Format: TypeAlias = Literal["svg", "png", "pdf"]
-LEAST = 8
-"""Figures below which they are drawn here: to start, another process takes as long as it does for two of them."""
+LEAST = 6
+"""Figures below which all are drawn here: to start, another process takes as long as it does for two of them."""
 
 
 class Wish(NamedTuple):
@@ -34,7 +34,7 @@ class Wish(NamedTuple):
     paper: bool = False
     """At the width of one column of a journal and of two, without headings, instead of as a page's."""
     workers: int = 1
-    """How many processes draw; the bytes do not depend on it."""
+    """How many processes draw, this one among them; the bytes do not depend on it."""
 
     @property
     def formats(self) -> tuple[Format, ...]:
@@ -75,17 +75,31 @@ def figure_files(
     # A function of a user's file or notebook does not exist in another process.
     far = [k for k, (name, _) in enumerate(tasks) if _is_own(jobs[name])] if wish.workers > 1 else []
     far = far if len(far) >= LEAST else []
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(wish.workers, len(far)), context) if far else None
+    context, own = multiprocessing.get_context("spawn"), {tasks[k][0]: jobs[tasks[k][0]] for k in far}
+    pool = ProcessPoolExecutor(min(wish.workers - 1, len(far)), context, _receive, (own,)) if far else None
     try:
-        ahead = {k: pool.submit(_draw, jobs[tasks[k][0]], *tasks[k], wish.formats, only) for k in far if pool}
+        # the others begin at the end, this process at the front, until they meet
+        ahead = {k: pool.submit(_draw_far, *tasks[k], wish.formats, only) for k in far[::-1] if pool}
         for k, (name, sheet) in enumerate(tasks):
-            yield from ahead[k].result() if k in ahead else _draw(jobs[name], name, sheet, wish.formats, only)
+            here = k not in ahead or ahead[k].cancel()
+            yield from _draw(jobs[name], name, sheet, wish.formats, only) if here else ahead[k].result()
             if progress is not None:
                 progress(name, k + 1, len(tasks))
     finally:
         if pool is not None:
             pool.shutdown(cancel_futures=True)
+
+
+_jobs: dict[str, Job] = {}
+"""In another process, what draws each figure; it goes there once, and before this process draws."""
+
+
+def _receive(jobs: Mapping[str, Job]) -> None:
+    _jobs.update(jobs)
+
+
+def _draw_far(name: str, *how: Any) -> list[tuple[str, bytes]]:
+    return _draw(_jobs[name], name, *how)
 
 
 def _is_own(job: Job) -> bool:

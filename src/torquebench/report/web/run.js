@@ -162,7 +162,7 @@ function stage(canvas) {
       renderer.setViewport(x, height - y - h, w, h);
       renderer.setScissor(x, height - y - h, w, h);
       renderer.render(scene, camera);
-      return made("span", { style: `left: ${x}px; top: ${y}px` }, c.name, made("b", {}, c.ending && k >= c.samples - 1 ? ` ${c.ending}` : ""));
+      return made("span", { style: `left: ${x}px; top: ${y}px; max-width: ${w}px` }, c.name, made("b", {}, c.ending && k >= c.samples - 1 ? ` ${c.ending}` : ""));
     }));
   };
 }

@@ -124,5 +124,5 @@ at("controls").replaceChildren(...(PAIR.length === 2 ? [CHATTERING, ERROR].map(l
   ...varied.map(([key, k]) => select(key.name, [[`worst of ${key.words.length}`, "worst"], ["each by itself", "each"], ...key.words.map((own, i) => [own, i])], roles[k], (role) => { roles[k] = role; })),
   select("colour", [["law", -1], ...varied.map(([key, k]) => [key.name, k])], hue, (own) => { hue = own; }), select("rows", [20, 100, 1000, Infinity].map((own) => [own === Infinity ? "all" : String(own), own]), most, (own) => { most = own; }));
 draw().slice(0, 1).forEach(choose);
-new ResizeObserver(() => draw()).observe(at("front").parentNode);
+new ResizeObserver(() => requestAnimationFrame(draw)).observe(at("front").parentNode);
 for (const [where, name, paper] of [[dark, "change", false], [window, "beforeprint", true], [window, "afterprint", false]]) where.addEventListener(name, () => { onPaper = paper; draw(); });

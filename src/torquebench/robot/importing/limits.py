@@ -7,6 +7,7 @@ from pathlib import Path
 import yaml
 
 from torquebench.errors import ModelError
+from torquebench.robot.links import read_yaml
 
 
 def read_limits(path: Path) -> dict[str, float] | tuple[float, ...]:
@@ -16,7 +17,7 @@ def read_limits(path: Path) -> dict[str, float] | tuple[float, ...]:
         ModelError: it cannot be read, or is neither a list of numbers nor a mapping to numbers.
     """
     try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+        tree = read_yaml(path)
     except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
         raise ModelError(f"{path}: cannot be read ({' '.join(str(error).split())})") from error
     numbers = tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else [None]

@@ -11,6 +11,7 @@ import yaml
 from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.robot.flat_model import Model
+from torquebench.robot.links import read_yaml
 from torquebench.robot.puma560.symbols import CONSTANTS
 
 
@@ -40,7 +41,7 @@ def read_constants(path: Path) -> tuple[Table, Geometry]:
         ModelError: the file cannot be read or lacks a constant.
     """
     try:
-        data: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data: Any = read_yaml(path)
         entries = data["inertial"] | data["motor"] | data["gravitational"]
         rows = {row["joint"]: row for row in data["dh"]["rows"]}
         table = Table(

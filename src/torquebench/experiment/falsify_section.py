@@ -1,0 +1,221 @@
+"""The ``falsify`` section of a config: what may happen to the laws, what is claimed of them, and for how many runs."""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NamedTuple
+
+from torquebench.errors import Fault, nearest
+from torquebench.experiment.groups import FALSIFY, NameOr, group_of
+from torquebench.experiment.schema import Experiment
+from torquebench.experiment.source import Document
+from torquebench.experiment.sweep_section import Varied
+from torquebench.experiment.units import units_of, without_unit
+from torquebench.experiment.values import Here, Node
+from torquebench.experiment.words import shown
+from torquebench.experiment.yaml_tree import BROKEN, Place
+from torquebench.keys import Key
+from torquebench.metrics import METRICS, MetricInfo
+
+MAX_EVALUATIONS = 1_000_000
+MAX_SEEDS = 100
+LIMITS: dict[str, Callable[[float, float], bool]] = {
+    "<=": operator.le,
+    "<": operator.lt,
+    ">=": operator.ge,
+    ">": operator.gt,
+}
+"""What a claim may say of a metric."""
+OPPOSITE = {"<=": ">", "<": ">=", ">=": "<", ">": "<="}
+_CLAIM = re.compile(r"\s*([A-Za-z0-9_]+)\s*(<=|>=|<|>)\s*([^\s=].*)")
+
+
+class Claim(NamedTuple):
+    """A claim about a metric of every run: ``max_error <= 5 mrad``."""
+
+    metric: str
+    sign: str
+    """One of `LIMITS`."""
+    limit: float
+    """In SI units."""
+
+    @property
+    def info(self) -> MetricInfo:
+        """The metric."""
+        return METRICS[self.metric]
+
+    @property
+    def text(self) -> str:
+        """The claim as in a config, in the unit of tables."""
+        return f"{self.metric} {self.sign} {in_unit(self.info.scale * self.limit, self.info.shown_unit)}"
+
+    def holds(self, value: float) -> bool:
+        """Whether a value of the metric meets it; NaN does not."""
+        return LIMITS[self.sign](value, self.limit)
+
+
+class ClaimText(Node):
+    """A claim: a metric, a comparison and a number with or without unit."""
+
+    wanted = "a claim such as max_error <= 5 mrad"
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the claim."""
+        found = _CLAIM.fullmatch(raw) if isinstance(raw, str) else None
+        if found is None:
+            here.add(got=shown(raw), wanted=self.wanted)
+            return BROKEN
+        metric, sign, text = found.groups()
+        if metric not in METRICS:
+            near = nearest(metric, tuple(METRICS)) or ""
+            here.add("no such metric", got=f"'{metric}'", nearest=near, wanted="" if near else ", ".join(METRICS))
+            return BROKEN
+        info = METRICS[metric]
+        try:
+            limit = float(without_unit(text.strip(), info.unit))
+        except ValueError:
+            limit = math.nan
+        if not math.isfinite(limit):
+            units = f" [{', '.join(units_of(info.unit))}]" if units_of(info.unit) else ""
+            here.add(got=f"'{text}'", wanted=f"a number{units}, in SI units if it has none")
+            return BROKEN
+        upward = sign in (">", ">=")
+        if upward != (info.better == "higher"):
+            wanted = f"{OPPOSITE[sign]}: of {metric} {info.better} values are better"
+            here.add(f"claims that {metric} is bad", got=sign, wanted=wanted)
+            return BROKEN
+        return Claim(metric, sign, limit)
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        return str
+
+
+def in_unit(value: float, unit: str) -> str:
+    """Return a number with its unit, in four digits."""
+    return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
+
+
+def claim_of(text: str) -> str:
+    """Return the claim that something does not happen: ``max_error <= 5 mrad`` of ``max_error > 5 mrad``."""
+    return re.sub("<=|>=|<|>", lambda found: OPPOSITE[found[0]], text, count=1)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Least and greatest value of a number."""
+
+    low: Annotated[float, Key("Least value; its unit is the key's", "1")]
+    high: Annotated[float, Key("Greatest value, likewise", "1")]
+    spacing: Annotated[Literal["linear", "log"], Key("Whether equal steps or equal ratios count the same")] = "linear"
+    step: Annotated[
+        float | None,
+        Key(
+            "Values are whole multiples of it; if left out, run.control_period for a key that takes whole multiples of "
+            "that, and else none",
+            "1",
+            above=0,
+        ),
+    ] = None
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield what leaves it without meaning."""
+        if not self.low < self.high:
+            yield Fault((), got=f"{self.low:g} and {self.high:g}", wanted="the smaller number first")
+        elif self.spacing == "log" and self.low <= 0.0:
+            yield Fault(("low",), got=f"{self.low:g}", wanted="more than 0 with spacing log")
+
+
+class Span(Node):
+    """Least and greatest value: two numbers, or a mapping."""
+
+    wanted = "the least and the greatest value, as [0, 3] or {low: 0, high: 3}"
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return the bounds."""
+        if isinstance(raw, dict):
+            return group_of(Bounds).read(raw, here)
+        pair = raw if isinstance(raw, list) and len(raw) == 2 else [None]
+        if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in pair):
+            here.add(got=shown(raw), wanted=self.wanted)
+            return BROKEN
+        bounds = Bounds(float(raw[0]), float(raw[1]))
+        faults = list(bounds.faults())
+        for fault in faults:
+            here.document.add_fault(fault._replace(path=()), here.path)
+        return BROKEN if faults else bounds
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        return tuple[float, float] | group_of(Bounds).type()
+
+
+class Allowed(NamedTuple):
+    """A key that the search may change."""
+
+    key: str
+    place: Place
+    bounds: Bounds
+
+
+@dataclass(frozen=True)
+class Falsify:
+    """A search for what breaks the laws: each law's own worst case within stated bounds."""
+
+    variables: Annotated[
+        tuple[Allowed, ...],
+        Key(
+            "Key -> the least and the greatest value that it may have: [0, 3], or {low: 0, high: 3}; keys as for "
+            "--set. Of a key that holds a list each number is searched by itself; one alone is run.initial_q[0]"
+        ),
+        Varied(Span(), Allowed),
+    ]
+    metric: Annotated[str | None, Key("Metric to make as bad as can be; max_error if left out"), NameOr(METRICS)] = None
+    claim: Annotated[
+        Claim | None,
+        Key(
+            "What is claimed of every run, such as max_error <= 5 mrad: the search of a law ends at the first run that "
+            "breaks it, and one that fails does; if left out, it looks for the worst"
+        ),
+        ClaimText(),
+    ] = None
+    evaluations: Annotated[int, Key("Runs of each law, method and seed", "1", at_least=1, at_most=MAX_EVALUATIONS)] = (
+        300
+    )
+    seeds: Annotated[
+        int, Key("Searches by each method, which begin differently", "1", at_least=1, at_most=MAX_SEEDS)
+    ] = 1
+    seed: Annotated[int, Key("Source of the searches' random numbers", "1", at_least=0, at_most=2**31)] = 0
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield what leaves it without meaning."""
+        if not self.variables:
+            yield Fault(("variables",), "nothing may change", wanted="keys, such as plant.payload.mass: [0, 3]")
+        if self.claim is not None and self.metric is not None and self.metric != self.claim.metric:
+            yield Fault(("metric",), f"the claim is about {self.claim.metric}", wanted="that, or none")
+
+    @property
+    def info(self) -> MetricInfo:
+        """The metric that is made worse."""
+        return METRICS[self.claim.metric if self.claim else self.metric or "max_error"]
+
+
+def take_falsify(document: Document) -> Falsify:
+    """Take the section out of a document and return it.
+
+    Raises:
+        ConfigError: it is missing or has mistakes, all of them at once.
+    """
+    if FALSIFY not in document.root:
+        document.add(
+            (FALSIFY,), "missing: what may happen, such as {variables: {plant.payload.mass: [0, 3]}}", at="key"
+        )
+        document.raise_problems()
+    found: Falsify = Here(document, group_of(Experiment)).read(group_of(Falsify), FALSIFY, document.root[FALSIFY])
+    document.raise_problems()
+    del document.root[FALSIFY]
+    return found

@@ -1,0 +1,171 @@
+"""Searches of a unit cube for the highest score: CMA-ES, random points, and the way back from what was found."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Callable, Generator, Mapping, Sequence
+from typing import Any, Literal, TypeAlias, TypeVar
+
+import numpy as np
+
+from torquebench.errors import ConfigError, Problem
+
+Point: TypeAlias = tuple[float, ...]
+"""A number from 0 to 1 for each dimension."""
+Search: TypeAlias = Generator[list[Point], Sequence[float], None]
+"""Yields points, is sent the score of each, and ends when its evaluations are used up."""
+Method: TypeAlias = Literal["cma", "random"]
+METHODS: tuple[Method, ...] = ("cma", "random")
+TITLES: Mapping[Method, str] = {"cma": "CMA-ES", "random": "random search"}
+K = TypeVar("K")
+T = TypeVar("T")
+
+WIDTH = 0.3
+"""Standard deviation of the first points, which lie around the middle of the cube."""
+BATCH = 16
+"""Points of a random search that are asked for at once."""
+LOWEST = 1e300
+"""Stands for minus infinity, of which CMA-ES cannot take a mean."""
+HALVINGS = 5
+"""How often the way back of one dimension is halved: to 1/32 of it."""
+LACKING = "needs the package cma: pip install 'torquebench[falsify]'"
+
+
+def check_method(methods: Sequence[str], place: str) -> None:
+    """Refuse a method whose package is not installed.
+
+    Args:
+        methods: The methods that are wanted.
+        place: Where they stand.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    if "cma" in methods and importlib.util.find_spec("cma") is None:
+        raise ConfigError([Problem(place, text=f"cma {LACKING}", wanted="random, or the package")])
+
+
+def random_search(dimensions: int, evaluations: int, rng: np.random.Generator) -> Search:
+    """Search evenly drawn points.
+
+    Args:
+        dimensions: Number of dimensions.
+        evaluations: Number of points.
+        rng: Source of all randomness.
+    """
+    for first in range(0, evaluations, BATCH):
+        size = min(BATCH, evaluations - first)
+        yield [tuple(point) for point in rng.random((size, dimensions)).tolist()]
+
+
+def cma_search(dimensions: int, evaluations: int, rng: np.random.Generator) -> Search:
+    """Search by the covariance matrix adaptation evolution strategy (Hansen, arXiv:1604.00772) of the package `cma`.
+
+    It begins in the middle of the cube. One that has converged begins anew at a random point with twice the points in
+    a generation (Auger and Hansen, CEC 2005).
+
+    Args:
+        dimensions: Number of dimensions.
+        evaluations: Number of points.
+        rng: Source of all randomness.
+    """
+    import cma
+
+    inner = max(dimensions, 2)  # the package has none with a single one: a second one changes nothing
+    options: dict[str, Any] = {
+        "bounds": [0.0, 1.0],
+        "randn": lambda *shape: rng.standard_normal(shape),
+        "seed": math.nan,  # global random numbers are left alone
+        "verbose": -10,  # and no file in the working folder is taken for options
+        "verb_log": 0,
+    }
+    start, size, left = np.full(inner, 0.5), None, evaluations
+    while left:
+        more: dict[str, Any] = {} if size is None else {"popsize": size}
+        strategy = cma.CMAEvolutionStrategy(start, WIDTH, options | more)
+        size = strategy.popsize
+        while left and not strategy.stop():
+            asked = strategy.ask()
+            points = [tuple(float(x) for x in point[:dimensions]) for point in asked[:left]]
+            scores = yield points
+            left -= len(points)
+            if len(points) == size:
+                strategy.tell(asked, [min(LOWEST, -score) for score in scores])
+        start, size = rng.random(inner), 2 * size
+
+
+def start_search(method: Method, dimensions: int, evaluations: int, seed: int) -> Search:
+    """Return a search that has not begun.
+
+    Args:
+        method: One of `METHODS`.
+        dimensions: Number of dimensions.
+        evaluations: Number of points.
+        seed: Source of all randomness.
+    """
+    rng = np.random.default_rng([seed, METHODS.index(method)])
+    return (cma_search if method == "cma" else random_search)(dimensions, evaluations, rng)
+
+
+def shrink(found: Point, nominal: Point, still: Callable[[float], bool]) -> Search:
+    """Go back from a point towards another one as far as its score allows; the last allowed point is where it ends.
+
+    Each dimension, the least moved first, is set back whole where that is allowed; of those that are needed, the way is
+    then halved.
+
+    Args:
+        found: Where to begin.
+        nominal: Where to go.
+        still: Whether a score is allowed.
+    """
+    here = list(found)
+    order = sorted(range(len(found)), key=lambda i: abs(found[i] - nominal[i]))
+    for i in order:
+        if here[i] != nominal[i]:
+            there = [*here[:i], nominal[i], *here[i + 1 :]]
+            (score,) = yield [tuple(there)]
+            here = there if still(score) else here
+    for i in order:
+        gone = nominal[i]  # too far
+        for _ in range(HALVINGS if here[i] != nominal[i] else 0):
+            there = [*here[:i], 0.5 * (here[i] + gone), *here[i + 1 :]]
+            (score,) = yield [tuple(there)]
+            if still(score):
+                here = there
+            else:
+                gone = there[i]
+
+
+def drive(
+    searches: Mapping[K, Search],
+    run: Callable[[list[tuple[K, Point]]], list[T]],
+    score: Callable[[T], float],
+    told: Callable[[K, Sequence[Point], Sequence[T]], bool],
+) -> None:
+    """Run searches side by side to their ends, the points of all of them in one batch.
+
+    Args:
+        searches: The searches.
+        run: Evaluates points, each with the key of its search, in order.
+        score: From what comes out to the score.
+        told: Called with the key of a search, its points and what came out; true to end this search.
+    """
+    asked = dict[K, list[Point]]()
+    for key, search in searches.items():
+        if points := next(search, None):
+            asked[key] = points
+    while asked:
+        out = run([(key, point) for key, points in asked.items() for point in points])
+        following, first = dict[K, list[Point]](), 0
+        for key, points in asked.items():
+            own = out[first : first + len(points)]
+            first += len(points)
+            if told(key, points, own):
+                searches[key].close()
+                continue
+            try:
+                following[key] = searches[key].send([score(item) for item in own])
+            except StopIteration:
+                continue
+        asked = following
