@@ -90,10 +90,14 @@ def _variants(node: Node, groups: list[Node], definitions: Node) -> list[str]:
     shared = [key for key in first if key != tag and all(g["properties"].get(key) == first[key] for g in groups)]
     values = [group["properties"][tag]["const"] for group in groups]
     about = {"enum": values, "description": first[tag]["description"].partition(". ")[0].rstrip(".") + "."}
+    usual = [group["properties"][tag]["default"] for group in groups if "default" in group["properties"][tag]]
+    about |= {"default": usual[0]} if usual else {}
     common = {tag: about, **{key: first[key] for key in shared}}
     if all("gains" in group["properties"] for group in groups):
         common["gains"] = {**first["gains"], "description": "Gains of the law, listed with each law."}
-    parts = [_table({"properties": common, "required": [tag, *groups[0]["required"]]}, definitions)]
+    parts = [
+        _table({"properties": common, "required": [*([] if usual else [tag]), *groups[0]["required"]]}, definitions)
+    ]
     for key in shared:
         parts += _subtables(key, first[key], definitions)
     for value, group in zip(values, groups, strict=True):

@@ -15,7 +15,7 @@ import pytest
 from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
-    ("errors", "plain"),
+    ("begun", "errors", "plain"),
     ("shipped",),
     ("registry", "timing"),
     ("figures", "keys"),

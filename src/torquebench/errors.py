@@ -9,6 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+UNCHECKED = "what depends on these was not checked: mend them and more may follow"
+"""What follows mistakes that keep others from being looked for."""
+
 
 class TorquebenchError(Exception):
     """Root of all errors raised on purpose by this package."""
@@ -173,11 +176,16 @@ class Fault(NamedTuple):
 
 
 class ConfigError(TorquebenchError):
-    """Bad input; carries every mistake found, not just the first one."""
+    """Bad input; carries every mistake found, not just the first one.
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+    Args:
+        problems: The mistakes.
+        unchecked: Whether something could not be checked because of them.
+    """
+
+    def __init__(self, problems: Iterable[Problem], unchecked: bool = False) -> None:
+        self.problems, self.unchecked = tuple(problems), unchecked
+        super().__init__("\n".join([*map(str, self.problems), *([UNCHECKED] if unchecked else [])]))
 
 
 def did_you_mean(name: object, valid: Iterable[str]) -> str:

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from torquebench import load_trajectory
-from torquebench.cli.app import Terminated, main
+from torquebench.cli.app import Ending, Terminated, guarded, main
 from torquebench.disturbances import Stream, generator
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment import load_experiment
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import check_run, claim_folder
 from torquebench.robot import load_model
 from torquebench.robot.library import data_root
 from torquebench.robot.perturbation import draw_factors
@@ -388,9 +388,22 @@ def test_interrupting_leaves_no_manifest(quick, number, status, word):
     process.send_signal(number)
     _, err = process.communicate(timeout=60)
     assert process.returncode == status, err
-    assert f"torquebench: {word}; a run directory without manifest.json is unfinished" in err
+    assert f"torquebench: {word}; result is unfinished\n" in err
     assert "Traceback" not in err
     assert not (quick.parent / "result" / "manifest.json").exists()
+
+
+def test_an_interrupted_command_names_a_folder_only_where_it_began_one(tmp_path, capsys):
+    """Nothing is said of folders by a command that has begun none, whatever an earlier one left."""
+
+    def stop(begin=False):
+        if begin:
+            claim_folder(tmp_path / "begun", "any")
+        raise KeyboardInterrupt
+
+    for begin, told in ((True, f"; {tmp_path / 'begun'} is unfinished"), (False, "")):
+        assert guarded(lambda begin=begin: stop(begin), Ending()) == 130
+        assert capsys.readouterr().err == f"torquebench: interrupted{told}\n"
 
 
 EARLY = """

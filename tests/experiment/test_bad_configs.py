@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.experiment.bad_configs import BAD, Bad
 from tests.experiment.examples import ALL, ANALYTIC, GOOD, QUINTIC, SCENARIO, STEP, edited, line_of
-from torquebench.errors import ConfigError, Problem
+from torquebench.errors import UNCHECKED, ConfigError, Problem
 from torquebench.experiment import parse_experiment
 from torquebench.experiment.source import MAX_PROBLEMS
 
@@ -239,3 +239,42 @@ def test_duplicate_name_points_at_the_first() -> None:
     """Two controllers of one name: the message at the second says where the first is."""
     problem = problems_of(edited("name: linear-band", "name: conventional"))[0]
     assert f"(bad.yaml:{line_of('- name: conventional', GOOD)}:" in problem.message
+
+
+SEVERAL = {
+    "plant.engine": ("engine: mujoco", "engine: mujoko"),
+    "plant.model": ("model: puma560", "model: puma650"),
+    "reference.kind": ("kind: sine", "kind: sinus"),
+    "reference.amplitude": ("amplitude: [1.2, -1.0, 1.0, 1.1, 1.0, 1.0]", "amplitude: 30 kg"),
+    "controllers[0].law": ("law: smc", "law: smcc"),
+    "controllers[0].gains.lam": ("      lam: 10\n", "      lam: 10 kg\n"),
+    "run.metrics_from": ("duration: 4\n", "duration: 4 ms\n"),
+}
+"""Mistakes of which each once hid others: the key, and the edit that makes it."""
+
+
+def test_mistakes_do_not_hide_one_another() -> None:
+    """Mistakes whose check needs nothing that is wrong are all told at once, and that others may follow."""
+    text = GOOD
+    for old, new in SEVERAL.values():
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    with pytest.raises(ConfigError) as caught:
+        parse_experiment(text, "bad.yaml")
+    assert {problem.key for problem in caught.value.problems} == SEVERAL.keys()
+    assert str(caught.value).endswith(f"\n{UNCHECKED}")
+
+
+def test_the_length_of_a_vector_is_told_beside_other_mistakes_of_its_section_and_of_the_plant() -> None:
+    """A vector is held against the arm's joints as soon as the arm is known, whatever else is wrong."""
+    text = edited("phi: [0.1,", "phi: [0.05, 0.1,", GOOD).replace("lam: 10\n", "lam: x\n", 1)
+    text = text.replace("engine: mujoco", "engine: mujoko", 1)
+    keys = {problem.key for problem in problems_of(text)}
+    assert keys == {"plant.engine", "controllers[0].gains.lam", "controllers[0].gains.phi"}
+
+
+def test_nothing_more_is_announced_where_all_was_checked() -> None:
+    """A mistake on which no other check depends is told alone."""
+    with pytest.raises(ConfigError) as caught:
+        parse_experiment(edited("metrics_from: 1.25", "metrics_from: 100", GOOD), "bad.yaml")
+    assert not caught.value.unchecked

@@ -252,7 +252,12 @@ def test_an_unknown_parent_hides_nothing(write) -> None:
     """Mistakes in the file's own keys are told with it; what only the parent would have given is not called missing."""
     own = "extends: bas\ncontrollers: [first, {extends: second, gains: {lam: x}}]\nrun: {duratoin: 3}\nreference: 3\n"
     found = problems(write(own=own, base=BASE))
-    assert [line.partition(": ")[0] for line in found] == ["own.yaml:1:10", "own.yaml:3:7", "own.yaml:4:12"]
+    assert [line.partition(": ")[0] for line in found] == [
+        "own.yaml:1:10",
+        "own.yaml:2:53",
+        "own.yaml:3:7",
+        "own.yaml:4:12",
+    ]
     middle = "extends: nothing.yaml\nrun: {sede: 1}\n"
     found = problems(write(own="extends: b.yaml\nchain: fats\ncontrollers: [first]\n", b=middle))
     assert [line.partition(": ")[0] for line in found] == ["own.yaml:2:8", "b.yaml:1:10", "b.yaml:2:7"]

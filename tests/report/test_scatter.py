@@ -38,13 +38,33 @@ def test_points_are_at_their_logarithms():
 
 
 def test_names_do_not_cover_each_other():
-    """Twelve points at almost one place have names a line apart, inside the picture."""
+    """Twelve points at almost one place have names a line apart, or at either side, inside the picture."""
     points = [Point(f"controller-{k}", 1.0 + 0.001 * k, 1.0 + 0.001 * k, "#000000") for k in range(12)]
     svg = str(scatter(points, "x", "y"))
-    bases = [float(y) for y in re.findall(r'<text x="[\d.]+" y="([\d.]+)" text-anchor="(?:start|end)">controller', svg)]
-    assert len(bases) == 12
-    assert all(abs(a - b) >= LINE - 0.1 for a, b in itertools.combinations(bases, 2))
-    assert all(TOP < base < HEIGHT for base in bases)
+    names = re.findall(r'<text x="[\d.]+" y="([\d.]+)" text-anchor="(start|end)">controller', svg)
+    assert len(names) == 12
+    for side in ("start", "end"):  # names at different sides of the points cannot meet
+        bases = [float(y) for y, anchor in names if anchor == side]
+        assert all(abs(a - b) >= LINE - 0.1 for a, b in itertools.combinations(bases, 2))
+        assert all(TOP < base < HEIGHT for base in bases)
+
+
+def test_names_do_not_cover_points():
+    """No name, at the least width of its letters, lies on a circle, its own or another one's."""
+    rng = np.random.default_rng(3)
+    points = [
+        Point(f"two-input-fuzzy-{k}", *np.exp(spread * rng.standard_normal(2)), "#000000")
+        for spread in (0.1, 1.0)
+        for k in range(5)
+    ]
+    svg = str(scatter(points, "x", "y"))
+    names = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" text-anchor="(start|end)">(two-[^<]*)', svg)
+    assert len(names) == 10
+    for x, base, anchor, name in names:
+        far = float(x) + (5.0 if anchor == "start" else -5.0) * len(name)
+        low, high = sorted((float(x), far))
+        for cx, cy in places(svg).values():
+            assert not (low - 4 < cx < high + 4 and float(base) - 11 < cy < float(base) + 3)
 
 
 @pytest.mark.parametrize("points", [[], POINTS[:1]])

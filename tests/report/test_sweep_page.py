@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.sweep.tables import made
+from torquebench.report.sweep import best_facts
 from torquebench.report.sweep_page import SweepInfo, sweep_page
 from torquebench.report.sweep_tables import (
     answer,
@@ -101,10 +102,29 @@ def test_the_answer_is_the_best_that_completed() -> None:
     mean = 2e3 * float(np.mean([TABLE["rmse"][draw * 2] for draw in range(8)]))
     best, calm, failed = answer(SUMMARY, TITLES)
     assert best.startswith(f"Least error: a with lam 20; RMSE {mean / 2:.3g} mrad [")
-    assert best.endswith("each in the worst of 2 cases (error: payload.mass 2).")
+    assert best.endswith(
+        "each in the worst of 2 cases (error: payload.mass 2); it chatters, as does every other choice."
+    )
     assert calm.startswith(f"Least chattering: b with lam 10; RMSE {3 * mean:.3g} mrad [")
     assert "chattering 1 %" in calm
     assert failed == "1 of 64 runs failed: b 1."
+
+
+@pytest.mark.parametrize("calm", [0.0999, 0.1])
+def test_the_best_is_not_recommended_without_saying_that_it_chatters(calm: float) -> None:
+    """From 0.1 % on it chatters, as for a run; the best below is named beside it, and JSON tells them apart."""
+
+    def quiet(law: str, draw: int, values: Mapping[str, Any]) -> dict[str, float] | None:
+        found = run(law, draw, values)
+        return None if found is None else found | {"chattering": 30.0 if law == "a" else calm}
+
+    summary = summarise(made("ab", 8, quiet, GRID))
+    best = answer(summary, TITLES)[0]
+    rmse = 1e3 * next(one for one in best_choices(summary) if one.controller == "b").figures["rmse"].mean
+    told = f"; it chatters: without chattering, b with lam 10; RMSE {rmse:.3g} mrad ["
+    assert (told in best) == (calm < 0.1)
+    assert ("as does every other choice" in best) == (calm >= 0.1)
+    assert {(one["controller"], one["chatters"]) for one in best_facts(summary)} == {("a", True), ("b", calm >= 0.1)}
 
 
 @pytest.mark.parametrize(("value", "wanted"), [(14.9, 10.0), (3.0, 3.0), (2.9, 1.0), (0.31, 0.3), (0.01, 0.01)])

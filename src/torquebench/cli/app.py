@@ -23,9 +23,10 @@ import click
 from click.shell_completion import shell_complete
 
 import torquebench
+from torquebench.begun import BEGUN
 from torquebench.cli.parameters import Option, mistakes, refuse, suggest
 from torquebench.cli.terminal import Voice, complain, emit, speaking, voice
-from torquebench.errors import ConfigError, Problem, TorquebenchError, nearest
+from torquebench.errors import UNCHECKED, ConfigError, Problem, TorquebenchError, nearest
 from torquebench.plain import plain
 from torquebench.shipped import config_keys
 
@@ -367,6 +368,7 @@ class Ending:
 
 def guarded(work: Callable[[], int], ending: Ending) -> int:
     """Return the exit status of `work`; errors become lines, an exit status, and `ending`."""
+    BEGUN.clear()
     try:
         status = work()
         if sys.stdout is not None:
@@ -386,13 +388,16 @@ def _ended(error: BaseException, ending: Ending) -> int:
     if interrupt := interruption(error):
         terminated = isinstance(interrupt, Terminated)
         ending.error = "terminated" if terminated else "interrupted"
-        hint = str(interrupt) or "a run directory without manifest.json is unfinished"
-        complain(f"torquebench: {ending.error}; {hint}")
+        hint = str(interrupt) or ", ".join(f"{folder} is unfinished" for folder in BEGUN)
+        complain(f"torquebench: {ending.error}{f'; {hint}' if hint else ''}")
         return TERMINATED if terminated else INTERRUPTED
     if isinstance(error, ConfigError):
         ending.problems = error.problems
         for problem in error.problems:
             complain(str(problem))
+        if error.unchecked:
+            voice().remarks.append(UNCHECKED)
+            complain(UNCHECKED)
         return BAD_INPUT
     if voice().verbose:
         complain("".join(traceback.format_exception(error)).rstrip())

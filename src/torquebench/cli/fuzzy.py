@@ -62,7 +62,7 @@ def fuzzy(
         oracle: Whether scikit-fuzzy is asked.
         plugin: Files that register laws.
     """
-    from torquebench.experiment.store import CLAIM, atomic_write, claim_folder
+    from torquebench.experiment.store import atomic_write, claim_folder, release_folder
     from torquebench.fuzzy import prepare
     from torquebench.fuzzy.oracle import compare
     from torquebench.laws.plugin import load_plugin
@@ -98,7 +98,7 @@ def fuzzy(
                 for fmt in ("svg", "png"):
                     atomic_write(folder / f"{key}-{what}.{fmt}", figure_bytes(figure, fmt))
                     bar.update(1)
-    (folder / CLAIM).unlink()
+    release_folder(folder)
     header = ["system", "rules", "terms", "error at most", "remarks", "evaluated"]
     rows = [
         [

@@ -16,7 +16,7 @@ from torquebench.experiment.yaml_tree import BROKEN
 from torquebench.kernel import Array
 from torquebench.robot import load_model
 from torquebench.robot.described import described_arm
-from torquebench.robot.library import MJCF, ArmFile, is_path, model_names
+from torquebench.robot.library import MJCF, ArmFile, is_path, model_folder, model_names
 from torquebench.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -46,14 +46,14 @@ class ArmValue(Node):
             if raw not in here.document.arms:
                 try:
                     described = described_arm(raw)
+                    if described is None and not Path(raw).suffix:
+                        model_folder(raw)
                 except ModelError as error:
                     here.add(str(error))
                     return BROKEN
-                if described is None and Path(raw).suffix:
+                if described is None:
                     here.add(got=shown(raw), wanted=f"{self.wanted} (.xml, .urdf)")
                     return BROKEN
-                if described is None:
-                    return raw  # the rules know which names there are
             return self._file(raw, described, here)
         return self._file(str(raw), Path(raw) if isinstance(raw, Path) else None, here)
 

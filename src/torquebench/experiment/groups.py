@@ -7,14 +7,14 @@ import functools
 import re
 import types
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from torquebench.errors import Fault, nearest
 from torquebench.experiment.arm import ArmValue
-from torquebench.experiment.values import Anything, Here, Node, Slug, Value, Word, number, some, vector
+from torquebench.experiment.values import AnyOf, Here, Node, Slug, Value, Word, number, some, vector
 from torquebench.experiment.words import SLUG_IN_WORDS, a_value, shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.keys import Declared, Key, declared_keys
@@ -45,6 +45,7 @@ class Group(Node):
         make: From the values of all keys to the object.
         noun: What a key is called in messages.
         one_of: Whether just one of the keys is given.
+        kind: The class of the object, where one declares the keys.
     """
 
     def __init__(
@@ -55,7 +56,9 @@ class Group(Node):
         make: Callable[[dict[str, Any]], Any],
         noun: str = "key",
         one_of: bool = False,
+        kind: Any = None,
     ) -> None:
+        self.kind = kind
         self.fields = {declared.name: declared for declared in fields}
         self.doc, self.noun, self._name, self._make, self._one_of = doc, noun, name, make, one_of
         names = ", ".join(self.fields)
@@ -105,6 +108,7 @@ class Group(Node):
                 if name not in meant and getattr(raw, "is_whole", True):
                     what = f"gain '{name}' is missing" if self.noun == "gain" else "missing"
                     here.add(what, (name,), at="key", wanted=a_value(declared.key))
+        here.document.groups[here.path] = self, found
         return found
 
     def _unknown(self, key: str, raw: Any, here: Here) -> str:
@@ -217,7 +221,7 @@ def group_of(kind: Any, tag: tuple[str, str, str] | None = None, is_usual: bool 
         return kind(**{declared.attribute: values[declared.name] for declared in keys})
 
     doc = " ".join((kind.__doc__ or "").partition("\n\n")[0].split())
-    return Group(kind.__name__, doc, [*constants, *keys], make, one_of=getattr(kind, "one_of", False))
+    return Group(kind.__name__, doc, [*constants, *keys], make, one_of=getattr(kind, "one_of", False), kind=kind)
 
 
 def declare(name: str, key: Key, node: Any, default: Any = dataclasses.MISSING) -> Declared:
@@ -281,20 +285,36 @@ class OneOf(Node):
         return "" if nearest(self.tag, raw.keys(), TYPO) else self._usual
 
     def _unknown(self) -> Group:
-        """Return the group of a kind that could not be told: what all have is checked, what some have is accepted."""
+        """Return the group of a kind that could not be told: it has the keys of all, and accepts what some accept."""
         tag = declare(self.tag, Key(self._meaning.removesuffix(".")), Word(self.names(), self._more))
-        fields, groups = {self.tag: tag}, list(self.groups())
-        for group in groups:
-            for name, own in group.fields.items():
-                shared = all(name in other.fields and other.fields[name].key == own.key for other in groups)
-                fields.setdefault(name, own if shared else declare(name, own.key, Anything(), None))
-        return Group("unknown", "", fields.values(), dict, groups[0].noun)
+        return _one_of_these(list(self.groups()), tag)
 
     def type(self) -> Any:
         """Return the type from which pydantic makes the JSON schema."""
         models = tuple(group.type() for group in self.groups())
         union: Any = Union[models]  # noqa: UP007  (a union of a computed list)
         return Annotated[union, Field(discriminator=self.tag)] if len(models) > 1 else union
+
+
+def _one_of_these(groups: Sequence[Group], tag: Declared | None = None) -> Group:
+    """Return a group that stands for one of several, where it is not known for which.
+
+    Args:
+        groups: The groups.
+        tag: A key that would tell them apart.
+    """
+    fields = {} if tag is None else {tag.name: tag}
+    for name in dict.fromkeys(name for group in groups for name in group.fields):
+        having = [group for group in groups if name in group.fields]
+        own = having[0].fields[name]
+        if len(having) == len(groups) and all(group.fields[name].key == own.key for group in having):
+            fields.setdefault(name, own)
+        elif name not in fields:
+            nodes = [group.nodes[name] for group in having]
+            inner = [node for node in nodes if isinstance(node, Group)]
+            node = _one_of_these(inner) if len(inner) == len(nodes) else AnyOf(nodes)
+            fields[name] = declare(name, own.key, node, None)
+    return type(groups[0])("unknown", "", fields.values(), dict, groups[0].noun)
 
 
 class Many(Node):

@@ -9,20 +9,19 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from torquebench.errors import Fault, ModelError, nearest
-from torquebench.experiment.controllers import Controller
-from torquebench.experiment.extends import AUTO
+from torquebench.experiment.extends import AUTO, OWN
+from torquebench.experiment.groups import is_broken
 from torquebench.experiment.schema import Belief, Run, Video, joint_count
 from torquebench.experiment.source import Document
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.fuzzy import BUILTIN
-from torquebench.keys import declared_keys, values_of
+from torquebench.keys import values_of
 from torquebench.laws.law import find_law
 from torquebench.metrics.chattering import COARSEST
 from torquebench.references.reference import depends_on_arm
 from torquebench.robot import load_model
 from torquebench.robot.inverse_kinematics import PathError
-from torquebench.robot.library import model_folder
 from torquebench.sim.plants.kinds import PlantKeys
 from torquebench.timing import FAR_OFF, RELATIVE, Timing, multiple_of
 
@@ -65,35 +64,71 @@ def check_rules(document: Document, values: Mapping[str, Any]) -> None:
         document: Receives the mistakes.
         values: Section -> its object, BROKEN or with BROKEN inside where it is not valid.
     """
-    known = {name: _whole(name, value) for name, value in values.items() if value is not BROKEN and value is not None}
+    document.unchecked = is_broken({name: value for name, value in values.items() if name not in OWN})
+    known = {name: _known(name, value, document) for name, value in values.items() if value is not None}
+    known = {name: value for name, value in known.items() if value is not BROKEN}
     for name in COLLECTIONS:
         known.setdefault(name, {})
     known["document"], known["items"] = document, dict(_items(known))
     plant, run = known.get("plant"), known.get("run")
-    if plant is not None:
-        try:
-            if isinstance(plant.model, str):
-                model_folder(plant.model)
+    try:
+        if plant is not None:
             known["n"] = joint_count(plant.model)
-        except ModelError as error:
-            for problem in error.problems:
-                document.add(("plant", "model"), " ".join(str(problem).split()))
-            del known["plant"]
-    if run is not None:
-        whole = plant is None or not list(multiple_of((), run.control_period, "", plant.timestep))
-        known["timing"] = Timing(
-            run.duration, run.control_period, whole, known.get("n"), None if plant is None else plant.timestep
-        )
+    except ModelError as error:
+        for problem in error.problems:
+            document.add(("plant", "model"), " ".join(str(problem).split()))
+        document.unchecked = True
+        del known["plant"]
+    except NotKnown:
+        pass
+    step = getattr(plant, "timestep", None)
+    try:
+        if run is not None:
+            whole = step is None or not list(multiple_of((), run.control_period, "", step))
+            known["timing"] = Timing(run.duration, run.control_period, whole, known.get("n"), step)
+    except NotKnown:
+        pass
     for check, needs in RULES:
         if known.keys() >= set(needs):
-            for fault in check(**{need: known[need] for need in needs}):
-                document.add_fault(fault)
+            try:
+                for fault in check(**{need: known[need] for need in needs}):
+                    document.add_fault(fault)
+            except NotKnown:
+                continue
 
 
-def _whole(name: str, value: Any) -> Any:
-    """Return a section; one with several things in it as those that are valid, by their places."""
-    if name not in COLLECTIONS:
+class NotKnown(AttributeError):
+    """A rule asks for a key that is wrong; what it told before counts."""
+
+
+class Part:
+    """A section with mistakes in it, as far as it is right: a rule that asks for more ends there.
+
+    Args:
+        kind: The class of which it was to be; None where that is not known.
+        values: Its keys, BROKEN where they are wrong.
+    """
+
+    def __init__(self, kind: Any, values: Mapping[str, Any]) -> None:
+        self._kind, self.values = kind, values
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the value of a key, or a constant of the kind."""
+        value = self.values.get(name, getattr(self._kind, name, BROKEN))
+        if is_broken(value) or callable(value) or isinstance(value, property):
+            raise NotKnown(name)
         return value
+
+
+def _known(name: str, value: Any, document: Document) -> Any:
+    """Return a section, or what is right of it; one with several things in it as those that are valid, by place."""
+    if name not in COLLECTIONS:
+        if value is not BROKEN or (name,) not in document.groups:
+            return value
+        group, values = document.groups[name,]
+        return Part(group.kind, {group.fields[key].attribute: value for key, value in values.items()})
+    if value is BROKEN:
+        return {}
     named = value.items() if isinstance(value, dict) else enumerate(value)
     return {(name, key): item for key, item in named if item is not BROKEN}
 
@@ -103,9 +138,11 @@ def _items(parts: Mapping[str, Any]) -> Iterator[tuple[KeyPath, Any]]:
     for name, part in parts.items():
         if name in COLLECTIONS:
             yield from part.items()
-        elif dataclasses.is_dataclass(part):
-            yield (name,), part
-            inner = [((name, key), value) for key, value in values_of(part).items()]
+        elif dataclasses.is_dataclass(part) or isinstance(part, Part):
+            if not isinstance(part, Part):
+                yield (name,), part
+            own = part.values if isinstance(part, Part) else values_of(part)
+            inner = [((name, key), value) for key, value in own.items()]
             yield from (item for item in inner if dataclasses.is_dataclass(item[1]))
 
 
@@ -157,16 +194,11 @@ def mismatches_that_there_are(plant: PlantKeys, model: Belief) -> Iterator[Fault
 
 
 @rule
-def lengths_of_vectors(items: Items, plant: PlantKeys, n: int) -> Iterator[Fault]:
+def lengths_of_vectors(document: Document, plant: PlantKeys, n: int) -> Iterator[Fault]:
     """A vector has one number, or one for each joint."""
-    for path, item in items.items():
-        if isinstance(item, Controller):
-            path, values = (*path, "gains"), item.gains
-        else:
-            vectors = [one.name for one in declared_keys(item.__class__) if one.is_vector]
-            values = {name: value for name, value in values_of(item).items() if name in vectors}
+    for path, (group, values) in document.groups.items():
         for key, value in values.items():
-            if isinstance(value, tuple) and len(value) != n:
+            if isinstance(value, tuple) and group.nodes[key].is_vector and len(value) != n:
                 wanted = f"one number or {n}, one for each joint of '{plant.model}'"
                 yield Fault((*path, key), got=f"{len(value)} numbers", wanted=wanted)
 
@@ -259,7 +291,12 @@ def whole_run(run: Run, timing: Timing) -> Iterator[Fault]:
 def window_of_metrics(run: Run, reference: Any, document: Document) -> Iterator[Fault]:
     """The window for metrics is long enough."""
     given = run.metrics_from is not None
-    start = run.metrics_from if given else reference.metrics_from
+    start = run.metrics_from if given else getattr(reference, "metrics_from", None)
+    if start is None:  # of a kind that is not known: too short for every one
+        if run.duration < MIN_WINDOW * (1.0 - RELATIVE):
+            wanted = f"at least {MIN_WINDOW:g} s, and as much more as metrics start later than the run"
+            yield Fault(("run", "duration"), got=f"{run.duration:.12g} s", wanted=wanted)
+        return
     if run.duration >= (start + MIN_WINDOW) * (1.0 - RELATIVE):
         return
     wanted = f"the run to last at least {MIN_WINDOW:g} s longer, {start + MIN_WINDOW:.12g} s"

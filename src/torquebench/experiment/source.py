@@ -76,6 +76,10 @@ class Document:
         """The mistakes found so far, each with its place, in the order they were found."""
         self.full = False
         """Whether so many mistakes were found that looking for more is no help."""
+        self.groups: dict[KeyPath, tuple[Any, dict[str, Any]]] = {}
+        """Each group of keys that was read: its place -> the `Group`, and its values, BROKEN where they are wrong."""
+        self.unchecked = False
+        """Whether mistakes keep something from being checked."""
 
     @property
     def filename(self) -> str:
@@ -184,7 +188,7 @@ class Document:
             ConfigError: there is at least one.
         """
         if self.found:
-            raise ConfigError(self.problems())
+            raise ConfigError(self.problems(), self.unchecked)
 
     def problems(self) -> list[Problem]:
         """Return the mistakes found so far, in reading order."""

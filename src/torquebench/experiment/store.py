@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import torquebench
+from torquebench.begun import BEGUN
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
 from torquebench.robot.library import PRESETS, ArmFile, ArmSource, model_folder
 
@@ -94,6 +95,7 @@ def claim_folder(out: Path | None, name: str) -> Path:
                 with contextlib.suppress(OSError, ValueError):
                     out.rmdir()
             raise ConfigError([Problem("--out", "", f"cannot make {out}: {error}")]) from error
+        BEGUN.append(out)
         return out
     stamp = datetime.datetime.now(datetime.UTC).strftime("%Y%m%dT%H%M%SZ")
     attempt = 1
@@ -106,6 +108,12 @@ def claim_folder(out: Path | None, name: str) -> Path:
                 if not folder.exists():
                     raise
         attempt += 1
+
+
+def release_folder(folder: Path) -> None:
+    """Note that a folder which `claim_folder` returned is complete."""
+    (folder / CLAIM).unlink(missing_ok=True)
+    BEGUN[:] = [other for other in BEGUN if other != folder]
 
 
 class RunDirectory:
@@ -130,7 +138,7 @@ class RunDirectory:
         """Write the manifest: `facts`, versions, machine, and the checksum of every file written."""
         manifest = facts | {"software": versions(), "machine": machine(), "files": self._checksums}
         atomic_write(self.folder / MANIFEST, json_bytes(manifest))
-        (self.folder / CLAIM).unlink(missing_ok=True)
+        release_folder(self.folder)
 
 
 def add_to_run(folder: Path, files: Mapping[str, bytes | None], facts: Mapping[str, Any] | None = None) -> None:

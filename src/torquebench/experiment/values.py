@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
@@ -66,6 +66,8 @@ class Node(ABC):
 
     wanted = "a value"
     """What is told to who gives nothing, or something of another shape."""
+    is_vector = False
+    """Whether it is one number for all joints, or one for each."""
 
     @abstractmethod
     def read(self, raw: Any, here: Here) -> Any:
@@ -86,6 +88,34 @@ class Anything(Node):
     def read(self, raw: Any, here: Here) -> Any:
         """Return the value."""
         return raw
+
+    def type(self) -> Any:
+        """Return the type from which pydantic makes the JSON schema."""
+        return Any
+
+
+class AnyOf(Node):
+    """What one of several nodes accepts, where it is not known which one stands there.
+
+    Args:
+        nodes: These nodes.
+    """
+
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        self._nodes = tuple(nodes)
+        self.wanted, self.is_vector = nodes[0].wanted, all(node.is_vector for node in nodes)
+
+    def read(self, raw: Any, here: Here) -> Any:
+        """Return what the first node that accepts it makes of it; if none does, the mistakes are those of the first."""
+        found = here.document.found
+        before, first = len(found), list[Any]()
+        for node in self._nodes:
+            value = node.read(raw, here)
+            if len(found) == before:
+                return value
+            first, found[before:] = first or found[before:], []
+        found += first
+        return BROKEN
 
     def type(self) -> Any:
         """Return the type from which pydantic makes the JSON schema."""
@@ -130,7 +160,7 @@ class Value(Node):
     """
 
     def __init__(self, key: Key, kind: Any, word: str = "", is_vector: bool = False) -> None:
-        self._key, self._kind, self._word, self._is_vector = key, kind, word, is_vector
+        self._key, self._kind, self._word, self.is_vector = key, kind, word, is_vector
         self.wanted = a_value(key)
 
     @cached_property
@@ -159,7 +189,7 @@ class Value(Node):
             return {"wanted": self._key.wanted}
         its_unit, hint = unit(self._key), number_hint(value, self._key.unit)
         number = f"a number{its_unit}"
-        if self._is_vector and not inner:
+        if self.is_vector and not inner:
             number = f"{self._word}, {number}" if self._word else number
             number += ", or a list with one for each joint"
         if kind == "literal_error":

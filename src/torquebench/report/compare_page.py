@@ -13,7 +13,7 @@ from torquebench.experiment.dump import plain
 from torquebench.experiment.run import ExperimentResult
 from torquebench.metrics import MetricInfo
 from torquebench.report.render import render
-from torquebench.report.run_page import Cell, aligned, changed_arm
+from torquebench.report.run_page import Cell, changed_arm, number_cells
 from torquebench.report.tables import heading, headline_columns, headline_table, outcome_text
 from torquebench.sweep.plan import flattened
 
@@ -89,7 +89,7 @@ def compared(results: Mapping[str, ExperimentResult]) -> tuple[list[Row], list[s
     cells: list[list[Cell]] = [[] for _ in places]
     for info, table in columns.values():
         known = [table.get((run, name)) for name, run, _ in places]
-        shown = aligned([None if x is None else x * info.scale for x in known])
+        shown = number_cells([None if x is None else x * info.scale for x in known])
         for row, cell, x, (name, run, base) in zip(cells, shown, known, places, strict=True):
             row += [cell, Cell("", None) if run == base else ratio_cell(x, table.get((base, name)), info)]
     rows = [

@@ -15,7 +15,7 @@ from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
 from torquebench.kernel import is_foreign
 from torquebench.laws import find_law
-from torquebench.metrics import METRICS
+from torquebench.metrics import METRICS, MetricInfo
 from torquebench.report.answer import answer
 from torquebench.report.looks import looks
 from torquebench.report.render import THREE, UPLOT, render
@@ -28,6 +28,31 @@ SIGNALS = ("error", "torque", "position", "sliding", "deflection")
 """Signals that a page may show; of the last two those that some run has."""
 LEAST = 1e-3
 """Smaller figures of the table are written as ``<0.001``; the stored one is told under the pointer."""
+
+
+MORE = ("hf", "total_variation", "effort")
+"""Metrics whose columns are shown when they are asked for: few ask, and they make the table wider than a screen."""
+TOLD = ("chattering", "chattering_peak", "limit_cycle", *MORE)
+"""Metrics that a line under the table explains; of the others the title of the column tells enough."""
+
+
+class Title(NamedTuple):
+    """The title of a metric's column, and what it means."""
+
+    text: str
+    name: str
+    """The metric's name, in full."""
+    meaning: str
+    more: bool
+    """Whether it is one of `MORE`."""
+    told: bool
+    """Whether it is one of `TOLD`."""
+
+    @classmethod
+    def of(cls, info: MetricInfo, slides: bool) -> Title:
+        """Return the title of a metric of the joints that slide, or that turn."""
+        meaning = info.meaning.removesuffix(", see below").replace("f_c", "the corner frequency")
+        return cls(heading(info, (slides,)), info.title, meaning, info.key in MORE, info.key in TOLD)
 
 
 class Cell(NamedTuple):
@@ -49,7 +74,9 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
     experiment = result.experiment
     first, _, second = result.conditions.partition("\n")
     colours = {name: look.colour for name, look in looks(experiment.laws).items()}
-    data = replay_data(result, colours)
+    rows = controller_rows(result)
+    data, order = replay_data(result, colours), [row["name"] for row in rows]
+    data["controllers"].sort(key=lambda shown: order.index(shown["name"]))
     return render(
         "run",
         scripts=[UPLOT, THREE, "page", "run"],
@@ -61,8 +88,9 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         lead=experiment.description or first,
         answer=answer(result),
         result=result,
-        titles=[heading(info, (slides,)) for info, slides, _ in headline_columns(result)],
-        rows=controller_rows(result),
+        titles=[Title.of(info, slides) for info, slides, _ in headline_columns(result)],
+        rows=rows,
+        same=all(row["name"] == row["law"] for row in rows),
         failed=any(not run.completed for run in result.runs.values()) or bool(result.unexpected),
         colours=colours,
         scatter=scatter_of(result, colours),
@@ -95,7 +123,7 @@ def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
     columns = []
     for info, _, values in headline_columns(result):
         known = [values[name] for name in names]
-        cells = aligned([None if x is None else x * info.scale for x in known])
+        cells = number_cells([None if x is None else x * info.scale for x in known])
         some = [x for x in known if x is not None]
         best = {
             cell.text
@@ -119,18 +147,9 @@ def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: math.inf if row["cells"][0].value is None else row["cells"][0].value)
 
 
-def aligned(values: Sequence[float | None]) -> list[Cell]:
-    """Return numbers of a column with four digits, padded so that their decimal points are below each other.
-
-    Args:
-        values: As shown, in the column's unit; None for none.
-    """
-    texts = [number(x) if x is None or x == 0.0 or abs(x) >= LEAST else f"<{LEAST:g}" for x in values]
-    after = [len(text.partition(".")[2]) + ("." in text) if "e" not in text and text != "-" else 0 for text in texts]
-    widest = max(after, default=0)
-    figure, point = "\u2007", "\u2008"
-    pads = [(figure * (widest - n) if n else point + figure * (widest - 1)) if widest > n else "" for n in after]
-    return [Cell(text if text == "-" else text + pad, x) for text, pad, x in zip(texts, pads, values, strict=True)]
+def number_cells(values: Sequence[float | None]) -> list[Cell]:
+    """Return numbers of a column, as shown in its unit, with four digits; None gives a dash."""
+    return [Cell(number(x) if x is None or x == 0.0 or abs(x) >= LEAST else f"<{LEAST:g}", x) for x in values]
 
 
 def scatter_of(result: ExperimentResult, colours: Mapping[str, str]) -> str:

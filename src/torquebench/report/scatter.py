@@ -12,8 +12,10 @@ WIDTH, HEIGHT = 560, 330
 LEFT, RIGHT, TOP, BOTTOM = 66, 14, 14, 46
 LINE = 14
 """Height of a line of text."""
-LETTER = 7.2
+LETTER = 7.6
 """Width of a letter at most."""
+CIRCLE = 6
+"""Radius of a point."""
 
 
 class Point(NamedTuple):
@@ -96,21 +98,34 @@ def scatter(points: Sequence[Point], across: str, up: str) -> Markup:
             'text-anchor="middle">{}</text>'
         ).format((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 6, across, middle, up)
     )
-    taken: list[tuple[float, float, float]] = []
+    taken = [(a - CIRCLE, a + CIRCLE, b + 5) for a, b in ((x.at(point.x), y.at(point.y)) for point in points)]
     for point in sorted(points, key=lambda point: point.y):
         parts.append(_labelled(point, x.at(point.x), y.at(point.y), taken))
     return Markup("").join([*parts, Markup("</svg>")])
 
 
 def _labelled(point: Point, x: float, y: float, taken: list[tuple[float, float, float]]) -> Markup:
-    """Return a point with its name where no other name is; `taken` holds left, right and base of those there are."""
-    size = LETTER * len(point.name)
-    right = x + 10 + size < WIDTH
-    low, high = (x + 10, x + 10 + size) if right else (x - 10 - size, x - 10)
-    steps = sorted(range(-12, 13), key=lambda k: (abs(k), k))
-    places = [y + 5 + k * LINE for k in steps if TOP + LINE <= y + 5 + k * LINE <= HEIGHT - BOTTOM - 3]
-    free = [b for b in places if all(high < a or low > c or abs(b - other) >= LINE for a, c, other in taken)]
-    base = round((free or places or [y])[0], 1)
+    """Return a point with its name where no point and no other name is, as near as there is room.
+
+    Args:
+        point: The point.
+        x, y: Where it is on the picture.
+        taken: Left, right and base of what is there already; the name is added.
+    """
+    size, gap = LETTER * len(point.name), CIRCLE + 4
+    sides = [(x + gap, x + gap + size)] * (x + gap + size < WIDTH) + [(x - gap - size, x - gap)] * (
+        x - gap - size > LEFT
+    )
+    steps = sorted(range(-16, 17), key=lambda k: (abs(k), k))
+    places = [(*side, y + 5 + k * LINE) for k in steps for side in sides or [(x + gap, x + gap + size)]]
+    inside = [place for place in places if TOP + LINE <= place[2] <= HEIGHT - BOTTOM - 3] or places
+    free = [
+        (a, b, base)
+        for a, b, base in inside
+        if all(b < left or a > right or abs(base - other) >= LINE for left, right, other in taken)
+    ]
+    low, high, base = (free or inside)[0]
+    base, right = round(base, 1), low > x
     taken.append((low, high, base))
     line = (
         Markup("")
@@ -118,11 +133,12 @@ def _labelled(point: Point, x: float, y: float, taken: list[tuple[float, float, 
         else Markup('<path class="lead" d="M{} {}L{} {}"/>').format(x, y, low if right else high, base - 4)
     )
     return line + Markup(
-        '<circle cx="{}" cy="{}" r="6" style="--own: {}"><title>{}: {:.4g}, {:.4g}</title></circle>'
+        '<circle cx="{}" cy="{}" r="{}" style="--own: {}"><title>{}: {:.4g}, {:.4g}</title></circle>'
         '<text x="{}" y="{}" text-anchor="{}">{}</text>'
     ).format(
         x,
         y,
+        CIRCLE,
         point.colour,
         point.name,
         point.x,

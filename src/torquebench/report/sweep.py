@@ -210,6 +210,7 @@ def best_facts(summary: Summary) -> list[dict[str, Any]]:
     return [
         {"controller": one.controller, "case": one.worst.case, "values": one.worst.values}
         | {"cases": one.cases, "runs": one.runs, "completed": one.completed}
+        | {"chatters": one.chatters}
         | {"metrics": {key: dict(zip(ends, figure[1:4], strict=True)) for key, figure in one.figures.items()}}
         for one in (best_choices(summary, by)[:MOST_TOLD] if by else ())
     ]

@@ -61,8 +61,26 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
     lines = list[str]()
     for what, one in said.items():
         figures = ", ".join(figure_text(one, key, titles) for key in SHOWN)
-        lines.append(f"{what}: {choice_text(one, summary)}; {figures}{_worst_of(one, summary) if not lines else ''}.")
+        text = f"{what}: {choice_text(one, summary)}; {figures}{_worst_of(one, summary) if not lines else ''}"
+        lines.append(f"{text}{_shakes(one, error, summary, titles) if not lines else ''}.")
     return [*lines, failures]
+
+
+def _shakes(best: Choice, choices: Sequence[Choice], summary: Summary, titles: Titles) -> str:
+    """Return that the best choice chatters, where it does, and which is the best that does not.
+
+    Args:
+        best: The choice.
+        choices: All that completed, by error.
+        summary: The sweep's summary.
+        titles: Titles and scales of the metrics.
+    """
+    if not best.chatters:
+        return ""
+    calm = next((one for one in choices if not one.chatters), None)
+    if calm is None:
+        return "; it chatters, as does every other choice"
+    return f"; it chatters: without chattering, {choice_text(calm, summary)}; {figure_text(calm, SHOWN[0], titles)}"
 
 
 def round_below(value: float) -> float:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from torquebench.errors import ConfigError, Problem, nearest
 from torquebench.metrics import METRICS
+from torquebench.metrics.shaking import is_still
 from torquebench.sweep.summary import Figure, Group, Summary
 
 CHOSEN = ("controllers.", "run.control_period")
@@ -45,6 +46,11 @@ class Choice(NamedTuple):
     def controller(self) -> str:
         """Name of the law's controller."""
         return self.worst.controller
+
+    @property
+    def chatters(self) -> bool | None:
+        """Whether its mean chattering is too much to be none; None where that is not known."""
+        return None if "chattering" not in self.figures else not is_still(self.figures["chattering"].mean)
 
 
 def short_names(keys: Sequence[str]) -> dict[str, str]:

@@ -113,6 +113,7 @@ class _Checker:
         self._found: dict[tuple[Place, str, str], _Mistake] = {}
         self._tried: dict[str, set[float | str]] = {}
         self._names: list[str] | None = None
+        self._unchecked = False
 
     def read(self, case: int, combination: Combination, numbers: Sequence[float], *, build: bool) -> Experiment | None:
         """Return an experiment; None if it has mistakes, which are noted."""
@@ -130,6 +131,7 @@ class _Checker:
                 self._build.fixed(experiment)
             return experiment
         except ConfigError as error:
+            self._unchecked |= error.unchecked
             placed = document.found or [(Place(0, 1, 1), problem) for problem in error.problems]
         except ModelError as error:
             placed = [(Place(0, 1, 1), Problem("", "", " ".join(str(error).split())))]
@@ -160,7 +162,7 @@ class _Checker:
         """
         if self._found:
             ordered = sorted(self._found.items(), key=lambda item: item[0])
-            raise ConfigError([self._explained(mistake) for _, mistake in ordered])
+            raise ConfigError([self._explained(mistake) for _, mistake in ordered], self._unchecked)
 
     def _explained(self, mistake: _Mistake) -> Problem:
         """Return a mistake with the values that cause it: those without which it was not seen."""

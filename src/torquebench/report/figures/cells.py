@@ -59,7 +59,11 @@ def draw_cells(
     marked = False
     for row, run in zip(grid, x.runs, strict=True):
         ending = "" if run.data.completed else f" ({run.data.ending})"
-        row[0].set_title(printable(run.name) + ending + note(run), loc="left", fontsize=7.5)
+        row[0].set_title(" ", fontsize=7.5)  # the room for a name, whose own width would push the panels apart
+        name = row[0].text(
+            0.0, 1.05, printable(run.name) + ending + note(run), fontsize=7.5, transform=row[0].transAxes
+        )
+        name.set_in_layout(False)
         for i, ax in enumerate(row):
             ax.set_label(f"{run.name} {columns[i]}")
             ax.axvspan(0.0, x.metrics_from, **SHADE)

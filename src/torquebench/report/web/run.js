@@ -142,22 +142,23 @@ function stage(canvas) {
     const all = [...shown], { clientWidth: width, clientHeight: height } = canvas.parentNode;
     if (!width || !all.length) return;
     const across = Math.min(all.length, Math.ceil(Math.sqrt((all.length * width) / height / 1.3)));
-    const w = width / across, h = height / Math.ceil(all.length / across), k = Math.round(time / period), step = Math.max(1, Math.round(0.02 / period));
+    const h = height / Math.ceil(all.length / across), k = Math.round(time / period), step = Math.max(1, Math.round(0.02 / period));
     renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     renderer.setSize(width, height, false);
     for (const [material, name] of [[ghostly, "ghost"], [wanted.material, "ghost"], [mark.material, "tool"], [trail.material, "trail"], [grid.material, "ground"]]) material.color.set(ink(name));
-    camera.aspect = w / h;
-    camera.fov = (360 / Math.PI) * Math.atan(Math.tan(arm.opening / 2) * Math.max(1, h / w));
-    camera.updateProjectionMatrix();
     ghost.pose(joints.map((_, j) => reference(j)[k]));
     labels.replaceChildren(...all.map((c, i) => {
-      const x = (i % across) * w, y = Math.floor(i / across) * h, last = Math.min(k, c.samples - 1);
+      const row = Math.floor(i / across), w = width / Math.min(across, all.length - row * across); // the last row is filled too
+      const x = (i % across) * w, y = row * h, last = Math.min(k, c.samples - 1);
       const recent = drawn ? [] : Array.from({ length: 50 }, (_, n) => last - (49 - n) * step).filter((n) => n > 0);
       const whole = drawn ? walk(`${c.name} ${factor}`, (n) => positions(c, n, factor)).slice(0, Math.max(0, Math.ceil((last - first) / stride))) : [];
       const path = [...whole, ...recent.map((n) => point(positions(c, n, factor)))];
       mark.position.copy(point(positions(c, k, factor)));
       trail.geometry.dispose();
       trail.geometry = new THREE.BufferGeometry().setFromPoints(whole.length ? [...path, mark.position] : path);
+      camera.aspect = w / h;
+      camera.fov = (360 / Math.PI) * Math.atan(Math.tan(arm.opening / 2) * Math.max(1, h / w));
+      camera.updateProjectionMatrix();
       renderer.setViewport(x, height - y - h, w, h);
       renderer.setScissor(x, height - y - h, w, h);
       renderer.render(scene, camera);
