@@ -559,7 +559,8 @@ def test_a_rate_gain_too_large_for_its_period_is_named_before_the_run(tmp_path: 
 def test_no_shipped_config_has_a_joint_too_light_for_its_gain() -> None:
     """Rotors are heavy enough at every control period that a config has, those whose complaint it is left out."""
     for path in sorted(Path("configs").rglob("*.yaml")):
-        if path.parent.name != "shaking" and not re.search(r"^(sweep|audit|falsify):", path.read_text(encoding="utf-8"), re.MULTILINE):
+        text = path.read_text(encoding="utf-8")
+        if path.parent.name != "shaking" and not re.search(r"^(sweep|audit|falsify):", text, re.MULTILINE):
             experiment = load_experiment(path)
             assert not [one for one in flags(experiment, build(experiment)) if isinstance(one, Coarse | Overdriven)], (
                 path

@@ -47,7 +47,9 @@ HOMES = {
     )
 }
 """Files whose figures are drawn below."""
-SWEEPS = {f"report/figures/{name}.py" for name in ("border", "convergence", "heatmap", "lines", "sensitivity", "violins")}
+SWEEPS = {
+    f"report/figures/{name}.py" for name in ("border", "convergence", "heatmap", "lines", "sensitivity", "violins")
+}
 """Files of a sweep's figures, whose axes `test_sweep_figures` reads: some are words."""
 
 
