@@ -174,7 +174,7 @@ def leaves_gravity(slopes: Slopes, weight: Array) -> bool:
     return heavy > 0.0 and float(np.max(np.abs(slopes.at_rest))) < SMALL * heavy
 
 
-class _Terms(NamedTuple):
+class Terms(NamedTuple):
     """What a loop is made of at an instant, (n, n) each."""
 
     M: Array
@@ -197,7 +197,7 @@ class _Terms(NamedTuple):
     """Whether the sensors are on the links."""
 
 
-def _terms(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int) -> _Terms:
+def terms_at(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int) -> Terms:
     """Return the terms at the instant `m` of the slopes, control instant `k`.
 
     Args:
@@ -212,7 +212,7 @@ def _terms(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int) -
     weight = arm.bias_forces(np.concatenate([near, 2.0 * q - near]), np.zeros((2 * n, n)))
     G = (weight[:n] - weight[n:]).T / 2e-5
     own = slopes.stiffness[m], slopes.damping[m], slopes.integral[m], slopes.integral_damping[m]
-    return _Terms(M, np.diag(drag), G, *own, joints, between is not None and between.sensor == "link")
+    return Terms(M, np.diag(drag), G, *own, joints, between is not None and between.sensor == "link")
 
 
 def _links(experiment: Experiment, q: Array) -> tuple[Array, Joints | None]:
@@ -272,7 +272,7 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
     late = seen.torque * seen.position
     worst: Margins | None = None
     for m, k in enumerate(instants_of(experiment)):
-        terms = _terms(experiment, loop, slopes, m, k)
+        terms = terms_at(experiment, loop, slopes, m, k)
         loops = _open_loops(chain, period, frequency, terms)
         for i in range(n):
             one = _margins(i, k * period, frequency, loops[:, i], late, 0.7 * float(np.min(found)))
@@ -314,7 +314,7 @@ def _lesser(chain: Chain) -> dict[str, Chain]:
     return {name: replace(chain, **keys) for name, keys in bare.items()}  # type: ignore[arg-type]
 
 
-def _open_loops(chain: Chain, period: float, frequency: Array, terms: _Terms) -> Complex:
+def _open_loops(chain: Chain, period: float, frequency: Array, terms: Terms) -> Complex:
     """Return the open loop of each joint with the others left free, (f, n).
 
     Args:
