@@ -53,7 +53,7 @@ HOMES = {
     "subprocess": ("video/",),
     "matplotlib": ("report/", "audit/", "video/", "results.py", "sweeps.py", "audits.py", "falsification.py"),
     "jinja2": ("report/",),
-    "scipy": ("chain/", "statistics.py", "sweep/", "robot/inverse_kinematics.py"),
+    "scipy": ("chain/", "diagnosis/poles.py", "statistics.py", "sweep/", "robot/inverse_kinematics.py"),
     "skfuzzy": ("fuzzy/",),
     "pydantic": ("experiment/",),
     "pydantic_core": ("experiment/",),

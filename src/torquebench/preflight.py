@@ -17,6 +17,7 @@ import numpy as np
 
 from torquebench.chain import ABOUT, Chain
 from torquebench.diagnosis.margins import backwards, leaves_gravity, slopes_of, weight_along
+from torquebench.diagnosis.poles import Pole, poles_of
 from torquebench.diagnosis.seen import SATURATED
 from torquebench.experiment.build import Builder
 from torquebench.experiment.controllers import Controller
@@ -60,6 +61,12 @@ SWINGS, TURNS, FADES = 0.001, 4, 0.7
 in the third before from which on they do not fade [1]."""
 DURATION, STEP = 2.0, 0.5
 """Time of every motion, and within it of a small step [s]."""
+GROWS = 0.1
+"""Rate from which on a pole of the loop about rest grows [1/s]."""
+SLOWEST_HZ, LONGEST = 0.1, 30.0
+"""Slowest swing that a rest is looked at for [Hz], and the longest rest [s]."""
+SMALL = (SWINGS, 10.0 * SWINGS)
+"""Half the change of position [rad] and velocity [rad/s] by which laws are made linear: swings that count."""
 SPREAD = 0.5
 """How far a drawn position is from home, at most [rad]."""
 SHARES = (0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08, 0.06, 0.04, 0.03)
@@ -81,6 +88,7 @@ STRENGTHS = (
 REMEDIES = {
     "wrong sign": "turn the sign of that joint: the law pushes it away from its target",
     "no gravity": "add gravity: at no error the law gives nothing that holds the arm",
+    "unstable": "lower the integral, raise the damping, or shorten delay and lag: at rest an error grows by itself",
     "torque rate": "lower the gain on velocity, or filter it: noise times gain is the command's step; ramp what jumps",
     "jump at start": "begin with the torque that holds the arm: add gravity, start the reference where the arm is",
     "speed": "slow the reference, add damping",
@@ -95,6 +103,8 @@ REMEDIES = {
 }
 """Reason -> what to change; the first two are found in the law itself, the others in a motion."""
 
+LONG = "long rest"
+"""Small step after which the arm is watched for as long as a slow pole takes."""
 RUNS_AWAY = ("speed", "range", "loses the motion", "diverges", "bad torque")
 SHAKES = ("limit cycle", "chatters", "swings")
 """What of a motion says nothing where it has run away."""
@@ -128,11 +138,15 @@ class Flight(NamedTuple):
     """Load of which the law knows nothing [kg]."""
     start: Array
     reference: Reference
+    duration: float = DURATION
+    """Its time [s]."""
+    pole: Pole | None = None
+    """What is too slow for the other motions, if it is flown for that."""
 
     @property
     def settles(self) -> bool:
         """Whether the arm must come to rest in it."""
-        return self.motion == "small step"
+        return self.motion in ("small step", LONG)
 
     def __str__(self) -> str:
         return f"{self.motion}, from {self.pose}, {self.payload:g} kg"
@@ -148,7 +162,8 @@ class Report(NamedTuple):
     scaled: tuple[str, ...]
     """Gains that a share is of."""
     share: float | None
-    """Largest share of them that passes; None where none does, or none was looked for."""
+    """Largest share of them that passes; None where none does, or none was looked for. Of integrals alone where that of
+    all gains does not help what is unstable."""
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -241,21 +256,62 @@ class Pilot:
 
     def report(self, keys: Controller, progress: Callable[[str], None], share: bool = True) -> Report:
         """Return what a controller does, and which share of its gains passes; arguments as of `preflight`."""
-        seen, failed = list[Finding](), list[Flight]()
-        for flight in self.flights:
+        seen, flown, failed = list[Finding](), list[Flight](), list[Flight]()
+        for flight in self._motions(keys, self.flights, failed):
             progress(f"{keys.name}: {flight}")
             new = self.fly(keys, flight)
             seen += new
+            flown.append(flight)
             failed += [flight] * any(one.beyond for one in new)
-        names = scaled_gains(find_law(keys.law), keys)
-        flights = tuple(map(str, self.flights))
+        names, flights = scaled_gains(find_law(keys.law), keys), tuple(map(str, flown))
         if not failed:
             return Report(keys.name, flights, tuple(seen), names, 1.0)
-        own = self.own(keys)
-        hopeless = not share or any(one.reason == "wrong sign" for one in own)
-        others = [flight for flight in self.flights if flight not in failed]
-        found = None if hopeless else self._share(keys, names, [*failed, *others], progress)
-        return Report(keys.name, flights, (*own, *seen), names, found)
+        worst_first = sorted(self.flights, key=lambda flight: flight not in failed)
+        found = self._share(keys, names, worst_first, progress) if share else None
+        sums = scaled_gains(find_law(keys.law), keys, (integral,))
+        if share and found is None and sums and any(one.reason == "unstable" for one in seen):
+            found = self._share(keys, sums, worst_first, progress)
+            names = names if found is None else sums
+        return Report(keys.name, flights, (*self.own(keys), *seen), names, found)
+
+    def _motions(self, keys: Controller, flights: Sequence[Flight], failed: Sequence[Flight]) -> Iterator[Flight]:
+        """Yield the flights, and where none of them has `failed` a long rest if the loop has a pole that needs it."""
+        yield from flights
+        if not failed and (slow := self.slow(keys)) is not None:
+            yield slow
+
+    def slow(self, keys: Controller) -> Flight | None:
+        """Return the flight that shows what grows at rest or swings on too slowly for the others; None for nothing.
+
+        It lasts until a growth is a thousandfold, or for three times two and a half swings, but `LONGEST` at most. The
+        law is linear for swings of `SMALL`: one that switches has the slope that belongs to them.
+        """
+        period, third, n = self.experiment.run.control_period, (DURATION - STEP) / 3.0, self.arm.n
+        found: list[tuple[Pole, float, Flight]] = []
+        for flight in (flight for flight in self.flights if flight.settles):
+            experiment = self._loaded(keys, flight.payload, period)
+            loop = self._builder(experiment)._replace(reference=flight.reference)
+            slopes = slopes_of(experiment, loop, (np.full(n, SMALL[0]), np.full(n, SMALL[1])))
+            for pole in poles_of(experiment, loop, slopes):
+                rest = 0.0
+                if pole.rate > GROWS:
+                    rest = math.log(1000.0) / pole.rate
+                elif pole.rate > math.log(FADES) / third and pole.frequency > SLOWEST_HZ:
+                    rest = 1.875 * TURNS / pole.frequency
+                if rest > DURATION - STEP:
+                    found.append((pole, min(rest, LONGEST), flight))
+        if not found:
+            return None
+        pole, rest, flight = max(found, key=lambda one: one[0].rate)
+        more = round((STEP + rest - DURATION) / period)
+        longer = Reference(*(np.pad(signal, ((0, more), (0, 0)), "edge") for signal in flight.reference))
+        return flight._replace(motion=LONG, reference=longer, duration=DURATION + more * period, pole=pole)
+
+    def _loaded(self, keys: Controller, payload: float, duration: float) -> Experiment:
+        """Return the experiment of one controller with a load [kg] that it knows nothing of, for a time [s]."""
+        plant = dataclasses.replace(self.experiment.plant, payload=Payload(payload) if payload else None)
+        run = dataclasses.replace(self.experiment.run, duration=duration, metrics_from=min(SETTLED, duration / 2))
+        return altered(self.experiment, plant=plant, run=run, controllers=(keys,))
 
     def own(self, keys: Controller) -> list[Finding]:
         """Return what a law does wrong wherever it is used; see `torquebench.diagnosis.margins`."""
@@ -281,7 +337,8 @@ class Pilot:
         def passes(share: float) -> bool:
             progress(f"{keys.name}: at {100.0 * share:.3g} % of its gains")
             less = with_share(keys, names, share)
-            return not any(one.beyond for flight in flights for one in self.fly(less, flight))
+            motions = self._motions(less, flights, ())
+            return not any(one.beyond for flight in motions for one in self.fly(less, flight))
 
         above, low = 1.0, next((share for share in SHARES if names and passes(share)), None)
         if low is None:
@@ -294,9 +351,7 @@ class Pilot:
 
     def fly(self, keys: Controller, flight: Flight) -> list[Finding]:
         """Fly one motion, and return what was looked at, what began earliest first."""
-        load = Payload(flight.payload) if flight.payload else None
-        plant = dataclasses.replace(self.experiment.plant, payload=load)
-        loop = self._builder(altered(self.experiment, plant=plant, controllers=(keys,)))
+        loop = self._builder(self._loaded(keys, flight.payload, flight.duration))
         trial = SampledTrial(
             loop.controllers[0],
             loop.model,
@@ -310,18 +365,39 @@ class Pilot:
         with np.errstate(all="ignore"):
             flown = self._session.run(loop.plant, trial)
         held = loop.model.gravity(flight.start)
-        seen = judge(flown, self.arm, self.room, self.experiment.chain, held, flight.settles)
+        seen = list(judge(flown, self.arm, self.room, self.experiment.chain, held, flight.settles, flight.duration))
+        if flight.pole is not None and flight.pole.rate > GROWS:
+            seen += self._growth(flown, flight.pole, any(one.beyond for one in seen))
         found = [one._replace(flight=str(flight)) for one in sorted(seen, key=lambda one: (not one.beyond, one.t))]
         if any(one.beyond and one.reason in RUNS_AWAY for one in found):
             found = [one for one in found if one.reason not in SHAKES]
         return found
 
+    def _growth(self, run: Trajectory, pole: Pole, refused: bool) -> Iterator[Finding]:
+        """Yield that a pole grows if the run shows it: it was `refused`, or its last third errs more than that before.
 
-def scaled_gains(law: Law, keys: Controller) -> tuple[str, ...]:
-    """Return the names of the gains that make a law's torque: of a user's gain nothing is known, so that all count."""
+        Args:
+            run: A long rest.
+            pole: The pole.
+            refused: Whether it ends otherwise than a robot would stand.
+        """
+        before, last = (np.max(np.abs(part)) for part in _thirds(run)) if run.completed else (0.0, 0.0)
+        if refused or last > max(before, SWINGS):
+            at = f" at {pole.frequency:.3g} Hz" if pole.frequency > 0.0 else ""
+            yield Finding("unstable", "", self.arm.joint_names[pole.joint], 0.0, pole.rate, GROWS, f"1/s{at}", True)
+
+
+def scaled_gains(law: Law, keys: Controller, rules: Sequence[Any] = (None, *STRENGTHS)) -> tuple[str, ...]:
+    """Return the names of the gains that make a law's torque: of a user's gain nothing is known, so that all count.
+
+    Args:
+        law: The law.
+        keys: The controller.
+        rules: Rules of the gains that are meant; those of integrals in torque always are.
+    """
 
     def is_strength(gain: Gain) -> bool:
-        return gain.rule is None or gain.rule in STRENGTHS or gain.unit == "N m/(rad s)"
+        return gain.rule in rules or gain.unit == "N m/(rad s)"
 
     return tuple(name for name in keys.gains if is_strength(law.gains[name]))
 
@@ -337,25 +413,39 @@ def with_share(keys: Controller, names: Sequence[str], share: float) -> Controll
     )
 
 
-def judge(run: Trajectory, arm: RobotModel, room: Room, chain: Chain, held: Array, settles: bool) -> Iterator[Finding]:
+def judge(
+    run: Trajectory,
+    arm: RobotModel,
+    room: Room,
+    chain: Chain,
+    held: Array,
+    settles: bool,
+    duration: float = DURATION,
+) -> Iterator[Finding]:
     """Yield what of a run a robot has to stand, each where it is closest to its limit.
 
     Args:
         run: The run.
         arm: The arm, without a load.
         room: How far its joints go.
-        chain: Its chain; `torque_rate` is where the robot stops.
+        chain: Its chain; `torque_rate` is where the robot stops, behind a filter of its own if it has one.
         held: Torque that held the arm before, (n,) [N m].
         settles: Whether the motion ends, so that the arm must come to rest.
+        duration: Time that was to be flown [s].
     """
     names, tau_max, n, period = arm.joint_names, arm.flat.tau_max, arm.n, float(run.t[1] - run.t[0])
     command = run.tau_law if run.completed else run.tau_law[:-1]
     if len(command):
         rate = None if chain.torque_rate is None else as_vector(chain.torque_rate, n)
-        first = np.abs(command[:1] - held)
-        yield _most("jump at start", run.t, names, first, JUMP * tau_max if rate is None else rate * period, "N m")
+        corner = None if rate is None or chain.name not in ABOUT else ABOUT[chain.name].command_filter
+        asked = command if corner is None else filtered(command, held, corner, period)
+        behind = "" if corner is None else f" filtered at {corner:g} Hz"
+        first = np.abs(asked[:1] - held)
+        most = JUMP * tau_max if rate is None else rate * period
+        yield _most("jump at start", run.t, names, first, most, f"N m{behind}")
         if rate is not None and len(command) > 1:
-            yield _most("torque rate", run.t[1:], names, np.abs(np.diff(command, axis=0)) / period, rate, "N m/s")
+            steps = np.abs(np.diff(asked, axis=0)) / period
+            yield _most("torque rate", run.t[1:], names, steps, rate, f"N m/s{behind}")
         beyond = np.abs(command) > tau_max
         joint = int(np.argmax(beyond.mean(axis=0)))
         share, t = float(beyond[:, joint].mean()), float(run.t[np.argmax(beyond[:, joint])])
@@ -376,7 +466,7 @@ def judge(run: Trajectory, arm: RobotModel, room: Room, chain: Chain, held: Arra
     yield _most("loses the motion", run.t, names, np.abs(run.q_ref - run.q), np.full(n, LOST), "rad of error")
     if not run.completed:
         reason = "diverges" if run.outcome in (Outcome.DIVERGED, Outcome.OUT_OF_RANGE) else "bad torque"
-        yield Finding(reason, "", None, float(run.t[-1]), float(run.t[-1]), DURATION, "s flown", True)
+        yield Finding(reason, "", None, float(run.t[-1]), float(run.t[-1]), duration, "s flown", True)
         return
     if settles:
         yield _swing(run, names)
@@ -411,20 +501,41 @@ def _most(reason: str, t: Array, names: Sequence[str], values: Array, limits: Ar
     return Finding(reason, "", names[joint], float(t[k]), most, float(limits[joint]), unit, beyond)
 
 
+def filtered(command: Array, held: Array, corner: float, period: float) -> Array:
+    """Return commands (N, n) [N m] as libfranka filters them: y += (u - y) T/(T + 1/(2 pi corner)).
+
+    Args:
+        command: Commands u.
+        held: The filter's torque y ahead of the first, (n,) [N m].
+        corner: Its corner [Hz].
+        period: Control period T [s].
+    """
+    gain, y, out = period / (period + 1.0 / (math.tau * corner)), held, np.empty_like(command)
+    for k, u in enumerate(command):
+        out[k] = y = y + gain * (u - y)
+    return out
+
+
+def _thirds(run: Trajectory) -> tuple[Array, Array]:
+    """Return the errors in the middle and the last third of the rest after a small step, (N, n) [rad]."""
+    e, k = run.q_ref - run.q, len(run.t) - int(np.searchsorted(run.t, STEP))
+    return e[-2 * (k // 3) : -(k // 3)], e[-(k // 3) :]
+
+
 def _swing(run: Trajectory, names: Sequence[str]) -> Finding:
     """Return how much the joint that swings most still does long after a small step, and whether that fades."""
-    e, third = run.q_ref - run.q, (DURATION - STEP) / 3.0
-    before, last = (e[run.t >= DURATION - k * third][: round(third / (run.t[1] - run.t[0]))] for k in (2, 1))
+    before, last = _thirds(run)
+    third = len(last) * float(run.t[1] - run.t[0])
     ramp = np.linspace(-1.0, 1.0, len(last))[:, None]
     bent = last - last.mean(axis=0)
     bent = bent - ramp * (np.sum(ramp * bent, axis=0) / np.sum(ramp * ramp))
     turns = np.count_nonzero(np.diff(np.signbit(bent), axis=0), axis=0)
     size = np.where(turns >= TURNS, math.sqrt(2.0) * bent.std(axis=0), 0.0)
-    fades = math.sqrt(2.0) * before.std(axis=0) * FADES > size
+    fades = math.sqrt(2.0) * before.std(axis=0) * FADES ** (3.0 * third / (DURATION - STEP)) > size
     joint = int(np.argmax(np.where(fades, 0.0, size)))
     swings = float(size[joint])
     beyond = bool(swings > SWINGS and not fades[joint])
-    return Finding("swings", "", names[joint], DURATION - third, swings, SWINGS, "rad", beyond)
+    return Finding("swings", "", names[joint], float(run.t[-len(last)]), swings, SWINGS, "rad", beyond)
 
 
 def _flights(experiment: Experiment, room: Room, payload: float) -> Iterator[Flight]:

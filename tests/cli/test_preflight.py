@@ -51,7 +51,8 @@ def test_a_law_that_is_refused(command):
     law = document["laws"][0]
     assert len(law["flights"]) == 8
     first = law["findings"][0]
-    assert (first["reason"], first["beyond"], first["limit"], first["unit"]) == ("torque rate", True, 1000.0, "N m/s")
+    unit = "N m/s filtered at 100 Hz"
+    assert (first["reason"], first["beyond"], first["limit"], first["unit"]) == ("torque rate", True, 1000.0, unit)
     assert first["value"] > 1000.0
     assert first["flight"] == "hold, from home, 0 kg"
     assert law["scaled_gains"] == ["kp", "kd"]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import json
+import shlex
 
 CONFIG = """\
 name: late
@@ -26,7 +28,7 @@ def test_a_run_that_shakes_says_where_to_ask(command, tmp_path, monkeypatch):
     assert hint == "it shakes: torquebench why 'a run'"
     status, out, _ = command("why", "a run")
     assert status == 0
-    assert out.startswith("joint 1 of 'stiff' limit-cycles") or out.startswith("joint 2 of 'stiff' limit-cycles")
+    assert out.startswith(("joint shoulder of 'stiff' limit-cycles", "joint elbow of 'stiff' limit-cycles"))
     assert "the command delay of 20 ms does it" in out
     page = (tmp_path / "a run" / "why.html").read_text()
     assert "the command delay of 20 ms" in page
@@ -45,17 +47,25 @@ def test_a_quiet_run_has_no_hint(command, tmp_path, monkeypatch):
 
 
 def test_a_cure_can_be_copied(command, tmp_path, monkeypatch):
-    """The cure is a key that ``--set`` takes and a number that stops the shaking."""
+    """The line below the cure is a command that runs as it is, with what was set before, and does not shake."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "late.yaml").write_text(CONFIG)
-    status, out, _ = command("why", "late.yaml", "--controller", "stiff", "--json")
+    (tmp_path / "late run.yaml").write_text(CONFIG)
+    given = "why", "late run.yaml", "--controller", "stiff", "--set", "run.duration=2.6"
+    status, out, _ = command(*given, "--out", "page.html")
+    assert status == 0
+    line = next(line for line in out.splitlines() if line.startswith("try it: "))
+    assert line.removeprefix("try it: ") in html.unescape((tmp_path / "page.html").read_text())
+    status, out, _ = command(*given, "--json")
     assert status == 0
     found = json.loads(out)
-    key, _, rest = found["advice"].partition(" <= ")
-    value = rest.split(",")[0].split()[0]
-    status, out, _ = command("why", "late.yaml", "--controller", "stiff", "--set", f"{key}={value}")
+    assert line == f"try it: {found['try_it']}"
+    assert found["settings"]
+    program, verb, config, *words = shlex.split(found["try_it"])
+    assert (program, verb, config) == ("torquebench", "run", "late run.yaml")
+    assert words[:2] == ["--set", "run.duration=2.6"]
+    status, out, _ = command(verb, config, *words, "--out", "cured", "--no-figures")
     assert status == 0
-    assert "does not shake" in out
+    assert "torquebench why" not in out
 
 
 def test_settings_of_a_run_are_refused(command, run):

@@ -27,6 +27,7 @@ from torquebench.kernel.struct import (
     vector,
     words,
 )
+from torquebench.kernel.twin import python_numbers
 from torquebench.robot.flat_model import Model, own_copy
 from torquebench.sim.native import NativeFunction
 
@@ -358,6 +359,13 @@ def test_fields_that_compiled_code_cannot_receive_are_refused(hint: Any) -> None
     kind = dataclasses.make_dataclass("Kind", [("odd", hint)], bases=(Structure,), frozen=True)
     with pytest.raises((TypeError, NameError), match=r"Kind\.odd is annotated|Missing"):
         layout(kind)
+
+
+def test_a_changed_copy_has_its_own_python_numbers() -> None:
+    """A law that is run as Python sees the control period of its model, though those of another were seen before."""
+    flat = two_link().flat
+    assert python_numbers(flat).control_period == flat.control_period
+    assert python_numbers(own_copy(flat, control_period=0.25)).control_period == 0.25
 
 
 @kernel

@@ -426,6 +426,8 @@ class About(NamedTuple):
     """Control period of the robot [s]; None for a chain of no robot."""
     origins: Mapping[str, Origin] = MappingProxyType({})
     """Key, ``control_period`` among them, -> where its number comes from; empty for a chain of no robot."""
+    command_filter: float | None = None
+    """Corner of the robot's own filter of commands, of first order, ahead of its rate limit [Hz]; None for none."""
 
 
 ABOUT: dict[str, About] = {}
@@ -433,7 +435,10 @@ ABOUT: dict[str, About] = {}
 
 
 def chain(
-    name: str, control_period: float | None = None, origins: Mapping[str, Origin] = MappingProxyType({})
+    name: str,
+    control_period: float | None = None,
+    origins: Mapping[str, Origin] = MappingProxyType({}),
+    command_filter: float | None = None,
 ) -> Callable[[Callable[[], Chain]], Callable[[], Chain]]:
     """Register the chain that a function returns under `name`, with the function's docstring as its summary.
 
@@ -441,6 +446,7 @@ def chain(
         name: Its name.
         control_period: Control period of the robot that has it [s].
         origins: Key -> where its number comes from.
+        command_filter: Corner of the robot's own filter of commands ahead of its rate limit [Hz].
 
     Raises:
         RegistryError: the name is taken, or is not a slug.
@@ -449,7 +455,7 @@ def chain(
     def register(make: Callable[[], Chain]) -> Callable[[], Chain]:
         CHAINS.register(name, replace(make(), name=name), make)
         summary, _, note = inspect.cleandoc(make.__doc__ or "").partition("\n\n")
-        ABOUT[name] = About(" ".join(summary.split()), " ".join(note.split()), control_period, origins)
+        ABOUT[name] = About(" ".join(summary.split()), " ".join(note.split()), control_period, origins, command_filter)
         return make
 
     return register

@@ -86,6 +86,7 @@ def ur5e() -> Chain:
 @chain(
     "fr3",
     control_period=0.001,
+    command_filter=100.0,
     origins={
         "control_period": Origin("1 kHz, kDeltaT of libfranka", FRANKA_RATES),
         "quantisation": STEP_20_BITS,

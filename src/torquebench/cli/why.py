@@ -52,7 +52,7 @@ def why(
     from torquebench.diagnosis import diagnose
     from torquebench.experiment import load_experiment
     from torquebench.experiment.folder import read_result
-    from torquebench.experiment.store import add_to_run, atomic_write
+    from torquebench.experiment.store import EXPERIMENT, add_to_run, atomic_write
     from torquebench.laws.plugin import load_plugin
     from torquebench.report.why_page import WHY_PAGE, why_page
 
@@ -67,12 +67,17 @@ def why(
         experiment = load_experiment(source, overrides, allow_outside)
     with progress_bar(0, "run", "starting") as bar:
         found = diagnose(experiment, controller, following(bar))
-    tell(**found.to_json())
-    show(found)
+    changes = found.remedy.settings
+    given = [word for text in (*overrides, *changes) for word in ("--set", text)]
+    given += [word for file in plugin for word in ("--plugin", str(file))] + ["--allow-outside"] * allow_outside
+    config = str(source / EXPERIMENT if is_run else source)
+    try_it = shlex.join(["torquebench", "run", config, *given]) if changes else ""
+    tell(**found.to_json(), try_it=try_it)
+    show(found, try_it)
     if out is not None:
-        atomic_write(out, why_page(found))
+        atomic_write(out, why_page(found, try_it))
     elif is_run:
-        add_to_run(source, {WHY_PAGE: why_page(found)})
+        add_to_run(source, {WHY_PAGE: why_page(found, try_it)})
         out = source / WHY_PAGE
     if out is not None:
         tell(page=out)
@@ -80,11 +85,18 @@ def why(
     return 0
 
 
-def show(found: Diagnosis) -> None:
-    """Say a diagnosis: the sentence, a bar for each cause, the table, the loop."""
+def show(found: Diagnosis, try_it: str) -> None:
+    """Say a diagnosis: the sentence, the cure, a bar for each cause, the table, the loop.
+
+    Args:
+        found: The diagnosis.
+        try_it: Command that runs it with the cure; empty where that is words.
+    """
     say(found.sentence)
     if found.advice:
-        say(f"Cure: {found.advice}.")
+        say(f"{'Cure' if found.remedy.cures else 'Helps'}: {found.advice}.")
+    if try_it:
+        say(f"try it: {try_it}", fold=False)
     if found.causes:
         say()
         name = max(len(cause.key) for cause in found.causes)
@@ -96,7 +108,10 @@ def show(found: Diagnosis) -> None:
         say(
             table(
                 header,
-                [[c.title.rstrip(","), c.symptom, c.without or "-", c.alone, c.remedy or "-"] for c in found.causes],
+                [
+                    [c.title.rstrip(","), c.symptom, c.without or "-", c.alone, c.remedy.text or "-"]
+                    for c in found.causes
+                ],
                 left=5,
                 prose=True,
             )
@@ -106,12 +121,12 @@ def show(found: Diagnosis) -> None:
             if cause.detail:
                 say(f"{cause.key}: {cause.detail}")
     for line in found.cures:
-        say(f"in the law: {line}")
+        say(f"in the law: {line.text}")
     margins = found.margins
     if margins is not None and margins.crossover is not None:
         delay = "no further delay" if margins.delay is None else f"a further delay of {1e3 * margins.delay:.3g} ms"
         say(
-            f"loop of joint {margins.joint + 1}: crossover {margins.crossover:.3g} Hz, phase margin "
+            f"loop of {found.joints[margins.joint]}: crossover {margins.crossover:.3g} Hz, phase margin "
             f"{margins.phase or 0.0:.0f} deg, bears {delay}"
         )
     say(f"{found.runs} closed loops run")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from torquebench.diagnosis.margins import (
     Margins,
@@ -22,14 +23,15 @@ from torquebench.diagnosis.margins import (
     true_arm,
     weight_along,
 )
-from torquebench.diagnosis.parts import Part, parts_of
-from torquebench.diagnosis.seen import KINDS, Kind, Seen, grows, slips, swings
+from torquebench.diagnosis.parts import Part, Variant, as_yaml, parts_of, three_digits
+from torquebench.diagnosis.seen import KINDS, Kind, Seen, grows, is_forced, slips, swings
+from torquebench.diagnosis.settings import settings_between
 from torquebench.errors import ConfigError, Problem, nearest
 from torquebench.experiment.build import Loop, build
 from torquebench.experiment.certify import Flag, flags
 from torquebench.experiment.run import Progress, metrics_of, trial_of
 from torquebench.experiment.schema import Controller, Experiment
-from torquebench.keys import Vector, as_vector, in_words
+from torquebench.keys import Vector, as_vector
 from torquebench.laws import find_law
 from torquebench.metrics.chattering import CORNER_OVER_MOTION
 from torquebench.metrics.shaking import shaking
@@ -47,14 +49,33 @@ NEAR = 1.2
 """Times what is left of a symptom without its cause that counts as cured of it [1]."""
 HALF = 0.5
 """Share of the symptom that a change may leave at most if it is to count as a cure [1]."""
+WORSE = 1.1
+"""Times what else is wrong with a run that a cure may leave at most [1]."""
 QUIET, LARGE = 1.0, 0.2
-"""Shaking [% of the torque limit] that is named after an error of that share of the motion [1]."""
+"""Shaking [% of the torque limit] that is named after an error of that share of the motion, and after a torque that is
+at its limit for that share of the time [1]."""
+MILD = 0.25
+"""Share of the symptom that a change leaves at most if it is named before stronger ones where none cures [1]."""
+LOST, MOST = 0.5, 0.5
+"""Share of the motion that an error has where the motion is lost, and of the time at the torque limit, that are named
+before a shaking of less than half the torque [1]."""
 SOFTER = (0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 """Shares of the gains that are tried against shaking [1]."""
 STIFFER = (2.0, 4.0, 8.0)
 """Times the gains that are tried against errors [1]."""
 WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Times the layer that one reaction of the loop crosses, tried for a law without one [1]."""
+
+
+class Remedy(NamedTuple):
+    """One change that may cure."""
+
+    text: str = ""
+    """Keys of the config with the numbers that were tried, and what came of them; or a change in words."""
+    settings: tuple[str, ...] = ()
+    """What was tried, as ``--set`` takes it; empty for words."""
+    cures: bool = True
+    """Whether nothing is left of the symptom but what is left without its cause; else at most half."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +95,7 @@ class Cause:
     """The symptom with it and no other imperfection."""
     detail: str = ""
     """Number by which it does it."""
-    remedy: str = ""
-    """Key of the config and the number that was tried, and what came of it."""
+    remedy: Remedy = Remedy()  # noqa: RUF009  a tuple
 
 
 @dataclass(frozen=True)
@@ -86,18 +106,21 @@ class Diagnosis:
     controller: str
     law: str
     joints: tuple[str, ...]
+    """Names of the joints, as they are said."""
     seen: Seen = field(repr=False)
     symptoms: tuple[Kind, ...]
     """Everything it does that it should not, the worst first."""
     causes: tuple[Cause, ...]
     """What does it, by symptom and the larger effect first."""
     margins: Margins | None = field(repr=False)
-    cures: tuple[str, ...]
+    cures: tuple[Remedy, ...]
     """Changes of the law's own gains that were tried, and what came of them."""
     runs: int
     """Closed loops that were run."""
     motion_hz: float
     """Frequency above which an error that swings does not follow the motion [Hz]."""
+    unstable: bool
+    """Whether the loop's phase margin is negative, of a law whose torque does not jump."""
     cured: Seen | None = field(repr=False)
     """The run without the first cause; of a law that is the cause itself, with the change that cures it."""
 
@@ -105,6 +128,12 @@ class Diagnosis:
     def sentence(self) -> str:
         """What is wrong, what does it, and what is left without it."""
         if not self.symptoms:
+            margins = self.margins
+            if self.unstable and margins is not None:
+                return (
+                    f"'{self.controller}' shows nothing yet, but its loop is unstable at {self.joints[margins.joint]}: "
+                    f"phase margin {margins.phase:.0f} deg."
+                )
             return f"'{self.controller}' does not shake, follows, and stays within its torque limits."
         kind = self.symptoms[0]
         first = next((cause for cause in self.causes if cause.symptom == kind), None)
@@ -116,17 +145,23 @@ class Diagnosis:
         return f"{begin}; {first.title} does it: without it {first.without}."
 
     @property
-    def advice(self) -> str:
+    def remedy(self) -> Remedy:
         """The change to make first, which was tried or follows from the cause; empty where there is none."""
         remedies = [cause.remedy for cause in self.causes]
         shakes = self.symptoms[:1] in (("shakes",), ("fails",))
-        by_gains = shakes and not any("velocity_filter <=" in text for text in remedies[:1])
-        found = [*self.cures, *remedies] if by_gains else [*remedies, *self.cures]
-        return next((text for text in found if text), "")
+        filters = any("velocity_filter" in text for one in remedies[:1] for text in one.settings)
+        found = [*self.cures, *remedies] if shakes and not filters else [*remedies, *self.cures]
+        told = [one for one in found if one.text]
+        return next((one for one in told if one.cures), told[0] if told else Remedy())
+
+    @property
+    def advice(self) -> str:
+        """The text of `remedy`."""
+        return self.remedy.text
 
     def _symptom(self, kind: Kind) -> str:
         seen, joint = self.seen, self.seen.joint(kind)
-        who = f"joint {joint + 1} of '{self.controller}'"
+        who = f"{self.joints[joint]} of '{self.controller}'"
         if kind == "fails":
             return f"'{self.controller}' fails, {seen.ending}"
         if kind == "shakes" and seen.shaking is not None:
@@ -155,10 +190,11 @@ class Diagnosis:
                 "chattering": shake.chattering,
                 "is_limit_cycle": shake.is_cycle,
             },
-            "causes": [dict(vars(cause)) for cause in self.causes],
+            "causes": [{**vars(cause), "remedy": cause.remedy._asdict()} for cause in self.causes],
             "margins": None if self.margins is None else self.margins.to_json(),
-            "cures": list(self.cures),
+            "cures": [one._asdict() for one in self.cures],
             "advice": self.advice,
+            "settings": list(self.remedy.settings),
             "runs": self.runs,
         }
 
@@ -200,6 +236,7 @@ class _Search:
         self.experiment = replace(experiment, controllers=(keys,), run=run)
         self.keys, self._progress, self._session, self.runs = keys, progress, Session(), 0
         self.loop = build(self.experiment)
+        self.names = tuple(map(_called, self.loop.joint_names))
         self.tau_max = np.array(self.loop.plant.tau_max, dtype=np.float64)
         span = np.max(np.abs(self.loop.reference.q - self.loop.initial_q), axis=0)
         self.span = np.maximum(span, LEAST_MOTION)
@@ -221,9 +258,13 @@ class _Search:
             found, at = resonances(self.experiment, self.loop), self.whole.shaking
             if at is not None and not math.isnan(at.frequency):  # one joint's resonance shakes those beside it
                 joint = int(np.argmin(np.abs(np.log(found / at.frequency))))
-            return f"the resonance of joint {joint + 1} at {found[joint]:.3g} Hz"
+            return f"the resonance of {self.names[joint]} at {found[joint]:.3g} Hz"
         if part.key == "friction" and self.whole.slips[joint] > 0.0:
-            return f"stick-slip of joint {joint + 1} at {self.whole.slips[joint]:.2g} Hz, by {part.title.rstrip(',')},"
+            return (
+                f"stick-slip of {self.names[joint]} at {self.whole.slips[joint]:.2g} Hz, by {part.title.rstrip(',')},"
+            )
+        if part.key == "disturbances" and self.whole.forced:
+            return "the disturbance, which has that frequency,"
         return part.title
 
     def look(
@@ -260,6 +301,9 @@ class _Search:
         saturated = np.mean(np.abs(run.tau_law[late]) >= limit, axis=0)
         power = float(np.sqrt(np.mean(shares**2)))
         shake = shaking(metrics, self.tau_max.tolist())
+        forced = shake is not None and is_forced(loop.disturbance, experiment.run.control_period, shake.frequency)
+        if shake is not None and forced:
+            shake = shake._replace(is_cycle=False)
         since, corner = experiment.run.metrics_from, self.experiment.chattering_from_hz
         return Seen(
             "",
@@ -273,6 +317,7 @@ class _Search:
             *grows(run, since, corner),
             np.array([slips(run, since, i) for i in range(n)]),
             *shown,
+            forced,
         )
 
     def without(self, parts: Iterable[Part], what: str) -> Seen:
@@ -310,22 +355,22 @@ class _Search:
         causes, left = self._causes(symptoms) if symptoms else ((), ())
         cures = self._cures(symptoms[0], causes) if symptoms else ()
         causes = tuple(replace(c, remedy=self._remedy(c, x)) for c, x in zip(causes, left, strict=True))
-        margins = margins_of(self.experiment, self.loop, self.slopes_at_work)
-        causes = tuple(replace(cause, detail=self._detail(cause, margins)) for cause in causes)
-        names, name = tuple(self.loop.joint_names), self.experiment.name
+        causes = tuple(replace(cause, detail=self._detail(cause, self.margins)) for cause in causes)
+        name = self.experiment.name
         motion_hz = 2.0 * self.experiment.chattering_from_hz / CORNER_OVER_MOTION
         return Diagnosis(
             name,
             self.keys.name,
             self.keys.law,
-            names,
+            self.names,
             self.whole,
             symptoms,
             causes,
-            margins,
+            self.margins,
             cures,
             self.runs,
             motion_hz,
+            self.unstable,
             self.cured,
         )
 
@@ -339,10 +384,32 @@ class _Search:
         place = math.sqrt(2.0) * np.std(self.run.q_meas[first:] - self.run.q_ref[first:], axis=0)
         return slopes_of(self.experiment, self.loop, (place, rate))
 
+    @cached_property
+    def margins(self) -> Margins | None:
+        """The loop's margins."""
+        return margins_of(self.experiment, self.loop, self.slopes_at_work)
+
+    @property
+    def unstable(self) -> bool:
+        """Whether the loop's phase margin is negative, of a law whose torque does not jump."""
+        return not self.slopes.jumps and self.margins is not None and (self.margins.phase or 0.0) < 0.0
+
+    @property
+    def by_integral(self) -> bool:
+        """Whether the loop is unstable, and would be stable without the law's integral."""
+        if not self.unstable or self.margins is None or all(part.key != "integral" for part in self.parts):
+            return False
+        return (self.margins.phase or 0.0) + self.margins.lost.get("integral", 0.0) > 0.0
+
     def _rank(self, kind: Kind) -> tuple[bool, int]:
-        """Return where a symptom stands: large errors come before a torque that hardly shakes."""
-        later = kind == "shakes" and self.whole.share < QUIET and self.whole.size("errs") > LARGE
-        return later, KINDS.index(kind)
+        """Return where a symptom stands: a lost motion and large errors come before a torque that hardly shakes."""
+        whole = self.whole
+        if kind != "shakes":
+            return False, KINDS.index(kind)
+        joint, error, saturated = whole.joint(kind), whole.size("errs"), whole.size("saturates")
+        lost = error >= LOST or saturated >= MOST
+        little = bool(whole.torque[joint] < HALF * np.sqrt(np.mean(whole.tau[:, joint] ** 2)))
+        return (whole.share < QUIET and max(error, saturated) > LARGE) or (lost and little), KINDS.index(kind)
 
     def _causes(self, symptoms: Sequence[Kind]) -> tuple[tuple[Cause, ...], tuple[float, ...]]:
         """Return the causes, and how much of the symptom there is without each."""
@@ -359,6 +426,9 @@ class _Search:
             without[part.key] = self.without(gone, f"without {part.key}")
             others = [other for other in self.gone if other is not part]
             alone[part.key] = self.without(others, f"{part.key} alone")
+        if self.by_integral and "gravity" in known:  # which keeps from sagging, too
+            held = self.without([known["gravity"], known["integral"]], "without integral, gravity held")
+            without["integral"] = held
         found, lefts = list[Cause](), list[float]()
         for kind in symptoms:
             first = found[0].key if found else ""
@@ -385,6 +455,11 @@ class _Search:
             elif own and not self._explained(kind, [known[cause.key] for cause in own], without):
                 smaller = (c for c in rated if c not in own and c.key not in ("control_period", "torque_limit"))
                 own += [c for c in smaller if alone[c.key].has(kind) and not self.ideal.has(kind)]
+            if self.by_integral and not found:  # what excites an unstable loop is not what makes it so
+                (integral,) = (cause for cause in rated if cause.key == "integral")
+                hint = " with gravity held" if "gravity" in known else ""
+                rest_of = [c for c in own if c.key not in ("integral", "gravity", "law")]
+                own = [replace(integral, effect=1.0, without=f"{integral.without}{hint}"), *rest_of]
             if self.backwards is not None:  # whatever else there is, that is the first thing to mend
                 own = [replace(by_law, effect=1.0)]
             own.sort(key=lambda cause: -cause.effect)
@@ -422,7 +497,7 @@ class _Search:
     def _blame(self, kind: Kind) -> str:
         """Return what is wrong with the law itself."""
         if self.backwards is not None:
-            return f"the law, whose torque pushes joint {self.backwards + 1} away from its target (wrong sign),"
+            return f"the law, whose torque pushes {self.names[self.backwards]} away from its target (wrong sign),"
         if kind == "shakes" and self.slopes.jumps:
             return "the law, which switches without a layer,"
         if kind == "saturates" and (asked := self._asked()):
@@ -438,58 +513,111 @@ class _Search:
         if most <= 1.0:
             return ""
         share = 100 * float(np.mean(needed[:, joint] > 1.0))
-        return f"the motion, which takes {most:.2g} times the limit of joint {joint + 1} in {share:.3g} % of the time,"
+        return (
+            f"the motion, which takes {most:.2g} times the limit of {self.names[joint]} in {share:.3g} % of the time,"
+        )
 
     def _cured(self, kind: Kind, seen: Seen, left: float = 0.0) -> bool:
-        """Whether a run is rid of a symptom, or of all but what is left without its cause, and has no new one."""
-        if seen.ending or any(seen.has(other) and not self.whole.has(other) for other in KINDS if other != kind):
+        """Whether a run is rid of a symptom, or of all but what is left without its cause, and nothing is worse."""
+        if not self._spares(kind, seen):
             return False
         size, whole = (one.size(kind, self.whole.joint(kind)) for one in (seen, self.whole))
         return kind == "fails" or not seen.has(kind) or size <= min(NEAR * left, HALF * whole)
 
-    def _tried(self, kind: Kind, seen: Seen) -> str:
+    def _spares(self, kind: Kind, seen: Seen) -> bool:
+        """Whether a run completes, and has no other symptom that is new, or worse than in the run as it is."""
+        whole = self.whole
+        return not seen.ending and not any(
+            seen.has(other) and not (whole.has(other) and seen.size(other) <= WORSE * whole.size(other))
+            for other in KINDS
+            if other != kind
+        )
+
+    def _tried(self, kind: Kind, seen: Seen, cures: bool = True) -> str:
         joint = self.whole.joint(kind)
-        left = "completes" if kind == "fails" else f"leaves {seen.text(kind, joint)}"
+        of = "" if cures else f" of {self.whole.text(kind, joint)}"
+        left = "completes" if kind == "fails" else f"leaves {seen.text(kind, joint)}{of}"
         return f"tried: {left}"
 
-    def _remedy(self, cause: Cause, left: float) -> str:
+    def _first(
+        self, kind: Kind, what: str, variants: Iterable[Variant], left: float = 0.0
+    ) -> tuple[Remedy, Seen | None]:
+        """Return the first change that cures, else the first that leaves `MILD` of it, else what leaves least of it.
+
+        Args:
+            kind: The symptom.
+            what: What is changed, for who waits.
+            variants: The changes.
+            left: How much of the symptom there is without its cause.
+        """
+        best: Remedy = Remedy()
+        best_seen: Seen | None = None
+        joint = self.whole.joint(kind)
+        for variant in variants:
+            if self.by_integral and not self._is_stable(variant.experiment):
+                continue
+            seen = self.look(what, variant.experiment)
+            cures, size = self._cured(kind, seen, left), seen.size(kind, joint)
+            whole, least = self.whole.size(kind, joint), best_seen.size(kind, joint) if best_seen else math.inf
+            helps = kind != "fails" and self._spares(kind, seen) and size <= HALF * whole
+            if cures or (helps and MILD * whole < least and size < least):
+                changes = settings_between(self.experiment, variant.experiment)
+                best = Remedy(f"{variant.text} ({self._tried(kind, seen, cures)})", changes, cures)
+                best_seen = seen
+            if cures:
+                break
+        return best, best_seen
+
+    def _remedy(self, cause: Cause, left: float) -> Remedy:
         """Return the least change that was tried and cures, or the cure in words.
 
         `left` is how much of the symptom there is without the cause.
         """
         part = next((part for part in self.parts if part.key == cause.key), None)
         if part is None:
-            return ""
+            return Remedy()
         if part.of_robot:
-            return f"the {self.experiment.chain.name} has it: change the law"
-        for variant in part.cures(self.experiment):
-            seen = self.look(f"less of {part.key}", variant.experiment)
-            if self._cured(cause.symptom, seen, left):
-                return f"{variant.text} ({self._tried(cause.symptom, seen)})"
-        return part.remedy
+            return Remedy(f"the {self.experiment.chain.name} has it: change the law", cures=False)
+        found, _ = self._first(cause.symptom, f"less of {part.key}", part.cures(self.experiment), left)
+        if found.text:
+            return found
+        if part.key == "torque_limit" and self._asked():
+            return Remedy("a slower motion")
+        return Remedy(part.calms if part.calms and cause.symptom == "shakes" else part.remedy)
 
-    def _cures(self, kind: Kind, causes: Sequence[Cause]) -> tuple[str, ...]:
+    def _is_stable(self, experiment: Experiment) -> bool:
+        """Whether a variant's phase margin is positive."""
+        loop = build(experiment)
+        margins = margins_of(experiment, loop, slopes_of(experiment, loop))
+        return margins is None or margins.phase is None or margins.phase > 0.0
+
+    def _cures(self, kind: Kind, causes: Sequence[Cause]) -> tuple[Remedy, ...]:
         """Return changes of the law's gains that cure a symptom."""
-        found = list[str]()
+        found = list[Remedy]()
         if kind in ("shakes", "fails"):
             layer = self._layer(kind)
-            found += [layer] if layer else []
+            found += [layer] if layer.text else []
         if kind == "saturates" or any(cause.key == "gravity" for cause in causes):
             return tuple(found)
         if self.slopes.jumps and found:
             return tuple(found)
-        for factor in STIFFER if kind == "errs" else SOFTER:
+        best, seen = self._first(kind, "other gains", self._other_gains(kind))
+        if seen is not None:
+            self.cured = self.cured or seen
+            found.append(best)
+        return tuple(found)
+
+    def _other_gains(self, kind: Kind) -> Iterator[Variant]:
+        """Yield smaller gains, or larger ones against errors, and then smaller ones where the motion is lost."""
+        lost = SOFTER if self.whole.size("errs") >= LOST else ()
+        for factor in (*STIFFER, *lost) if kind == "errs" else SOFTER:
             gains = _scaled(self.keys, factor)
             if gains is None:
-                break
-            seen = self.look("other gains", self._with(replace(self.keys, gains=gains)))
-            if self._cured(kind, seen):
-                self.cured = self.cured or seen
-                sign = ">=" if kind == "errs" else "<="
-                changed = [name for name in gains if gains[name] != self.keys.gains[name]]
-                words = ", ".join(f"{self._key(name)} {sign} {in_words(_rounded(gains[name]))}" for name in changed)
-                return (*found, f"{words}{self._in_units(gains)} ({self._tried(kind, seen)})")
-        return tuple(found)
+                return
+            changed = [name for name in gains if gains[name] != self.keys.gains[name]]
+            sign = ">=" if factor > 1.0 else "<="
+            words = ", ".join(f"{self._key(name)} {sign} {as_yaml(gains[name])}" for name in changed)
+            yield Variant(self._with(replace(self.keys, gains=gains)), f"{words}{self._in_units(gains)}")
 
     def _key(self, gain: str) -> str:
         """Return the key of a gain, as ``--set`` takes it."""
@@ -502,15 +630,15 @@ class _Search:
             return ""
         Kd = as_vector(gains["kv"], self.experiment.n) * self.loop.model.flat.inertia_scale
         Kp = as_vector(gains["lam"], self.experiment.n) * Kd
-        both = (in_words(tuple(float(f"{x:.3g}") for x in each)) for each in (Kp, Kd))
+        both = (as_yaml(_rounded(each)) for each in (Kp, Kd))
         return ", that is Kp = {} N m/rad, Kd = {} N m s/rad".format(*both)
 
-    def _layer(self, kind: Kind) -> str:
-        """Return the width of a layer that cures, for a law that has one or can have one; nothing where none does."""
+    def _layer(self, kind: Kind) -> Remedy:
+        """Return the width of a layer that cures, for a law that has one or can have one; empty where none does."""
         law = find_law(self.keys.law)
         option = law.options.get("switching")
         if "phi" not in law.gains or "k" not in self.keys.gains:
-            return ""
+            return Remedy()
         period = self.experiment.run.control_period
         arm = true_arm(self.experiment)
         M = arm.mass_matrix(self.loop.reference.q[:: max(1, len(self.loop.reference.q) // 20)])
@@ -521,16 +649,18 @@ class _Search:
         options = dict(self.keys.options)
         if option is not None and "saturation" in option.values:
             options["switching"] = "saturation"
-        for factor in WIDER:
-            wide = factor * least if least is not None else 2.0 * factor * as_vector(own, self.experiment.n)
-            phi = _rounded(tuple(wide.tolist()))
-            keys = replace(self.keys, gains={**self.keys.gains, "phi": phi}, options=options)
-            seen = self.look("a wider layer", self._with(keys))
-            if self._cured(kind, seen):
-                self.cured = self.cured or seen
-                words = "" if own is not None else f"controllers.{self.keys.name}.switching: saturation, "
-                return f"{words}{self._key('phi')} >= {in_words(phi)} ({self._tried(kind, seen)})"
-        return ""
+
+        def wider() -> Iterator[Variant]:
+            words = "" if own is not None else f"controllers.{self.keys.name}.switching: saturation, "
+            for factor in WIDER:
+                wide = factor * least if least is not None else 2.0 * factor * as_vector(own, self.experiment.n)
+                phi = _rounded(tuple(wide.tolist()))
+                keys = replace(self.keys, gains={**self.keys.gains, "phi": phi}, options=options)
+                yield Variant(self._with(keys), f"{words}{self._key('phi')} >= {as_yaml(phi)}")
+
+        best, seen = self._first(kind, "a wider layer", wider())
+        self.cured = self.cured or seen
+        return best
 
     def _with(self, keys: Controller) -> Experiment:
         return replace(self.experiment, controllers=(keys,))
@@ -573,6 +703,11 @@ class _Search:
         return f"costs {lost:.0f} deg of phase {at}, where {margins.phase or 0.0:.0f} deg are left"
 
 
+def _called(joint: str) -> str:
+    """Return a joint's name as one says it."""
+    return joint if joint.startswith("joint") else f"joint {joint}"
+
+
 def _share(more: float, less: float, whole: float) -> float:
     """Return the share of a symptom's power that goes from one run to another; 0 where it does not fall.
 
@@ -594,16 +729,11 @@ def _scaled(keys: Controller, factor: float) -> dict[str, Vector] | None:
     if not set(keys.gains) - widths:
         return None
     return {
-        name: value
-        if name in widths
-        else tuple(factor * x for x in value)
-        if isinstance(value, tuple)
-        else factor * value
-        for name, value in keys.gains.items()
+        name: value if name in widths else _rounded(factor * np.asarray(value)) for name, value in keys.gains.items()
     }
 
 
-def _rounded(value: Vector) -> Vector:
+def _rounded(value: npt.ArrayLike) -> Vector:
     """Return numbers with three significant digits, one where all are the same."""
-    numbers = [float(f"{x:.3g}") for x in np.ravel(value).tolist()]
-    return numbers[0] if len(set(numbers)) == 1 else tuple(numbers)
+    numbers = three_digits(tuple(np.ravel(value).tolist()))
+    return float(numbers[0]) if len(set(numbers)) == 1 else tuple(numbers)

@@ -50,6 +50,8 @@ class Slopes:
     """-d tau_i / d q_j [N m/rad]."""
     damping: Array
     """-d tau_i / d qd_j [N m s/rad]."""
+    pull: Array
+    """d tau_i / d q_ref,i, (m, n) [N m/rad]."""
     integral: Array
     """What a lasting error of position adds to that in a second, [N m/(rad s)]."""
     integral_damping: Array
@@ -117,12 +119,18 @@ def slopes_of(experiment: Experiment, loop: Loop, by: tuple[Array, Array] | None
     belief = own_copy(loop.model.flat, control_period=experiment.run.control_period)
     dq, dqd = (np.full(n, least) for least in STEPS) if by is None else map(np.maximum, by, STEPS)
 
-    def torque(k: int, q: Array, qd: Array, moving: bool = True) -> tuple[Array, Array]:
-        """Return the torque of the first call [N m], and what the third adds to that of the second [N m/s]."""
+    def torque(k: int, q: Array, qd: Array, moving: bool = True, ahead: Array | float = 0.0) -> tuple[Array, Array]:
+        """Return the torque of the first call [N m], and what the third adds to that of the second [N m/s].
+
+        Args:
+            k: Number of the instant.
+            q, qd: Where the arm is.
+            moving: Whether the target moves.
+            ahead: By how much the target is further on [rad].
+        """
         call = Call(controller.law, controller.gains, belief, controller.law.new_memory(n))
         ref = Reference(*(signal[k] for signal in loop.reference))
-        if not moving:
-            ref = Reference(ref.q, np.zeros(n), np.zeros(n))
+        ref = ref._replace(q=ref.q + ahead) if moving else Reference(ref.q, np.zeros(n), np.zeros(n))
         found = []
         for _ in range(3 if remembers else 1):
             tau, status, _ = call(0.0, np.array(q), np.array(qd), ref)
@@ -131,7 +139,7 @@ def slopes_of(experiment: Experiment, loop: Loop, by: tuple[Array, Array] | None
 
     instants, remembers = instants_of(experiment), controller.law.memory_type is not None
     stiffness, damping, summed, summed_rate = np.zeros((4, len(instants), n, n))
-    rest, jumps = np.zeros((len(instants), n)), False
+    pull, rest, jumps = np.zeros((len(instants), n)), np.zeros((len(instants), n)), False
     limit = np.asarray(loop.plant.tau_max)
     for m, k in enumerate(instants):
         q, qd = loop.reference.q[k], loop.reference.qd[k]
@@ -139,6 +147,8 @@ def slopes_of(experiment: Experiment, loop: Loop, by: tuple[Array, Array] | None
             unit = np.eye(n)[j]
             more, less = torque(k, q + dq * unit, qd), torque(k, q - dq * unit, qd)
             stiffness[m, :, j], summed[m, :, j] = (-(x - y) / (2.0 * dq[j]) for x, y in zip(more, less, strict=True))
+            ahead = (torque(k, q, qd, ahead=way * dq * unit)[0][j] for way in (1.0, -1.0))
+            pull[m, j] = (next(ahead) - next(ahead)) / (2.0 * dq[j])
             more, less = torque(k, q, qd + dqd * unit), torque(k, q, qd - dqd * unit)
             damping[m, :, j], summed_rate[m, :, j] = (
                 -(x - y) / (2.0 * dqd[j]) for x, y in zip(more, less, strict=True)
@@ -146,8 +156,8 @@ def slopes_of(experiment: Experiment, loop: Loop, by: tuple[Array, Array] | None
             jump = torque(k, q, qd + TINY * unit)[0] - torque(k, q, qd - TINY * unit)[0]
             jumps = jumps or bool(np.any(np.abs(jump) > JUMP * limit))
         rest[m] = torque(k, q, np.zeros(n), moving=False)[0]
-    K, B, integral, of_rate, at_rest = map(np.nan_to_num, (stiffness, damping, summed, summed_rate, rest))
-    return Slopes(K, B, integral, of_rate, at_rest, jumps)
+    K, B, P, integral, of_rate, at_rest = map(np.nan_to_num, (stiffness, damping, pull, summed, summed_rate, rest))
+    return Slopes(K, B, P, integral, of_rate, at_rest, jumps)
 
 
 def instants_of(experiment: Experiment) -> list[int]:
@@ -163,8 +173,13 @@ def weight_along(experiment: Experiment, loop: Loop) -> Array:
 
 
 def backwards(slopes: Slopes) -> int | None:
-    """Return the number of a joint that a law pushes away from its target all along; None where there is none."""
-    found = np.flatnonzero(np.all(np.diagonal(slopes.stiffness, axis1=1, axis2=2) < 0.0, axis=0))
+    """Return the number of a joint that a law pushes away from its target all along; None where there is none.
+
+    Such a law's torque falls when the target is put further on, and rises when the arm is: the first alone a law does
+    that gives gravity's torque where the arm should be, the second one that gives it where the arm is, at small gains.
+    """
+    own = np.diagonal(slopes.stiffness, axis1=1, axis2=2)
+    found = np.flatnonzero(np.all((own < 0.0) & (slopes.pull < 0.0), axis=0))
     return int(found[0]) if len(found) else None
 
 
@@ -174,7 +189,7 @@ def leaves_gravity(slopes: Slopes, weight: Array) -> bool:
     return heavy > 0.0 and float(np.max(np.abs(slopes.at_rest))) < SMALL * heavy
 
 
-class _Terms(NamedTuple):
+class Terms(NamedTuple):
     """What a loop is made of at an instant, (n, n) each."""
 
     M: Array
@@ -197,7 +212,7 @@ class _Terms(NamedTuple):
     """Whether the sensors are on the links."""
 
 
-def _terms(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int) -> _Terms:
+def terms_at(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int) -> Terms:
     """Return the terms at the instant `m` of the slopes, control instant `k`.
 
     Args:
@@ -212,7 +227,7 @@ def _terms(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int) -
     weight = arm.bias_forces(np.concatenate([near, 2.0 * q - near]), np.zeros((2 * n, n)))
     G = (weight[:n] - weight[n:]).T / 2e-5
     own = slopes.stiffness[m], slopes.damping[m], slopes.integral[m], slopes.integral_damping[m]
-    return _Terms(M, np.diag(drag), G, *own, joints, between is not None and between.sensor == "link")
+    return Terms(M, np.diag(drag), G, *own, joints, between is not None and between.sensor == "link")
 
 
 def _links(experiment: Experiment, q: Array) -> tuple[Array, Joints | None]:
@@ -272,7 +287,7 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
     late = seen.torque * seen.position
     worst: Margins | None = None
     for m, k in enumerate(instants_of(experiment)):
-        terms = _terms(experiment, loop, slopes, m, k)
+        terms = terms_at(experiment, loop, slopes, m, k)
         loops = _open_loops(chain, period, frequency, terms)
         for i in range(n):
             one = _margins(i, k * period, frequency, loops[:, i], late, 0.7 * float(np.min(found)))
@@ -314,7 +329,7 @@ def _lesser(chain: Chain) -> dict[str, Chain]:
     return {name: replace(chain, **keys) for name, keys in bare.items()}  # type: ignore[arg-type]
 
 
-def _open_loops(chain: Chain, period: float, frequency: Array, terms: _Terms) -> Complex:
+def _open_loops(chain: Chain, period: float, frequency: Array, terms: Terms) -> Complex:
     """Return the open loop of each joint with the others left free, (f, n).
 
     Args:

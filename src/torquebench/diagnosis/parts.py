@@ -13,7 +13,7 @@ from torquebench.chain import ABOUT, ROBOT_CHAINS, Chain
 from torquebench.diagnosis.margins import true_arm
 from torquebench.experiment.build import Loop
 from torquebench.experiment.schema import Experiment
-from torquebench.keys import Vector, in_words
+from torquebench.keys import Vector
 from torquebench.laws import find_law
 from torquebench.sim.friction import FRICTIONS
 from torquebench.sim.joints import Transmission
@@ -28,6 +28,16 @@ SMALLER = (0.5, 0.25, 0.1, 0.05)
 """Shares of an imperfection that are tried as its cure [1]: one over a whole number, so that delays fit a period."""
 CORNERS = (500.0, 200.0, 100.0, 50.0)
 """Corners of a velocity filter that are tried against noise [rad/s]."""
+
+
+def as_yaml(value: Vector) -> str:
+    """Return a number, or several as a list, as ``--set`` takes it."""
+    return f"[{', '.join(f'{x:g}' for x in value)}]" if isinstance(value, tuple) else f"{value:g}"
+
+
+def three_digits(value: Any) -> Any:
+    """Return a number, or several, with three significant digits, so that what is tried is what is said."""
+    return tuple(map(three_digits, value)) if isinstance(value, tuple) else float(f"{value:.3g}")
 
 
 class Variant(NamedTuple):
@@ -79,6 +89,8 @@ class Part:
     """Parts that are taken away first: its effect is that beyond theirs."""
     remedy: str = ""
     """Cure in words, where nothing that was tried cures."""
+    calms: str = ""
+    """Cure in words where it shakes the arm, if that is another."""
     of_robot: bool = False
     """Whether a robot's maker has put it there, so that only the law can answer it."""
 
@@ -119,12 +131,10 @@ def _sensors(chain: Chain) -> Iterator[Part]:
 
         def quieter(experiment: Experiment, share: float) -> Variant:
             own = experiment.chain
-            changed = with_chain(
-                experiment, encoder_noise=share * own.encoder_noise, velocity_noise=share * own.velocity_noise
-            )
-            now = [f"chain.encoder_noise <= {share * own.encoder_noise:.3g} rad"] * (own.encoder_noise > 0.0)
-            now += [f"chain.velocity_noise <= {share * own.velocity_noise:.3g} rad/s"] * (own.velocity_noise > 0.0)
-            return Variant(changed, ", ".join(now))
+            place, speed = three_digits((share * own.encoder_noise, share * own.velocity_noise))
+            now = [f"chain.encoder_noise <= {place:g} rad"] * (place > 0.0)
+            now += [f"chain.velocity_noise <= {speed:g} rad/s"] * (speed > 0.0)
+            return Variant(with_chain(experiment, encoder_noise=place, velocity_noise=speed), ", ".join(now))
 
         yield Part(
             "noise",
@@ -134,7 +144,7 @@ def _sensors(chain: Chain) -> Iterator[Part]:
             filtered(shares(quieter)),
         )
     if np.any(chain.encoder_offset):
-        title = f"the encoders' offset of {in_words(chain.encoder_offset)} rad"
+        title = f"the encoders' offset of {as_yaml(chain.encoder_offset)} rad"
         yield Part(
             "encoder_offset",
             title,
@@ -142,7 +152,7 @@ def _sensors(chain: Chain) -> Iterator[Part]:
             remedy="calibrate the encoders",
         )
     if chain.encoder_ripple is not None:
-        title = f"the encoders' ripple of {in_words(chain.encoder_ripple.amplitude)} rad"
+        title = f"the encoders' ripple of {as_yaml(chain.encoder_ripple.amplitude)} rad"
         yield Part(
             "encoder_ripple",
             title,
@@ -198,11 +208,11 @@ def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
         rate = chain.torque_rate
 
         def faster(experiment: Experiment, share: float) -> Variant:
-            more = tuple((np.asarray(rate) / share).ravel().tolist())
+            more = three_digits(tuple((np.asarray(rate) / share).ravel().tolist()))
             limit = more if isinstance(rate, tuple) else more[0]
-            return Variant(with_chain(experiment, torque_rate=limit), f"chain.torque_rate >= {in_words(limit)} N m/s")
+            return Variant(with_chain(experiment, torque_rate=limit), f"chain.torque_rate >= {as_yaml(limit)} N m/s")
 
-        title = f"the torque-rate limit of {in_words(rate)} N m/s"
+        title = f"the torque-rate limit of {as_yaml(rate)} N m/s"
         yield Part("torque_rate", title, lambda x: with_chain(x, torque_rate=None), same_loop, shares(faster))
     if chain.missed_deadlines > 0.0:
         yield _scalar(chain, "missed_deadlines", f"the loss of {100 * chain.missed_deadlines:g} % of the commands", "")
@@ -215,7 +225,7 @@ def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
     if chain.torque_quantum > 0.0:
         yield _scalar(chain, "torque_quantum", f"the torque step of {chain.torque_quantum:g} N m", "N m")
     if np.any(chain.torque_offset):
-        title = f"the drives' offset of {in_words(chain.torque_offset)} N m"
+        title = f"the drives' offset of {as_yaml(chain.torque_offset)} N m"
         cure = "an integral in the law, or drives that are calibrated"
         yield Part("torque_offset", title, lambda experiment: with_chain(experiment, torque_offset=0.0), remedy=cure)
     if chain.actuator_lag > 0.0:
@@ -224,18 +234,18 @@ def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
         loop = chain.current_loop
 
         def quicker(experiment: Experiment, share: float) -> Variant:
-            made = replace(loop, frequency=loop.frequency / share)
-            text = f"chain.current_loop.frequency >= {made.frequency:.4g} rad/s"
+            made = replace(loop, frequency=three_digits(loop.frequency / share))
+            text = f"chain.current_loop.frequency >= {made.frequency:g} rad/s"
             return Variant(with_chain(experiment, current_loop=made), text)
 
         title = f"the current loop of {loop.frequency:g} rad/s"
         yield Part("current_loop", title, lambda x: with_chain(x, current_loop=None), same_loop, shares(quicker))
     if chain.torque_speed is not None:
-        cure = f"a motion much slower than {in_words(chain.torque_speed.no_load)} rad/s, where the motors give nothing"
+        cure = f"a motion much slower than {as_yaml(chain.torque_speed.no_load)} rad/s, where the motors give nothing"
         title = "the motors' torque-speed limit"
         yield Part("torque_speed", title, lambda x: with_chain(x, torque_speed=None), remedy=cure)
     if chain.thermal_limit is not None:
-        cure = f"a motion that takes less than {in_words(chain.thermal_limit.torque)} N m RMS"
+        cure = f"a motion that takes less than {as_yaml(chain.thermal_limit.torque)} N m RMS"
         title = "the motors' continuous torque"
         yield Part("thermal_limit", title, lambda x: with_chain(x, thermal_limit=None), remedy=cure)
     if chain.torque_delay > 0.0:
@@ -253,8 +263,8 @@ def _scalar(chain: Chain, key: str, title: str, unit: str) -> Part:
     own = float(getattr(chain, key))
 
     def smaller(experiment: Experiment, share: float) -> Variant:
-        text = f"chain.{key} <= {share * own:.3g} {unit}".rstrip()
-        return Variant(with_chain(experiment, **{key: share * own}), text)
+        less = three_digits(share * own)
+        return Variant(with_chain(experiment, **{key: less}), f"chain.{key} <= {less:g} {unit}".rstrip())
 
     return Part(key, title, lambda experiment: with_chain(experiment, **{key: 0.0}), same_loop, shares(smaller))
 
@@ -279,8 +289,8 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
     friction = plant.acting
     if friction is not None and friction != FRICTIONS["none"]:
         dry = max((friction.coulomb, friction.breakaway), key=np.max)
-        title = f"friction, {'Coulomb' if dry is friction.coulomb else 'break-away'} {in_words(dry)} N m,"
-        cure = f"add up to {in_words(dry)} N m against it to the law, with the sign of the desired velocity"
+        title = f"friction, {'Coulomb' if dry is friction.coulomb else 'break-away'} {as_yaml(dry)} N m,"
+        cure = f"add up to {as_yaml(dry)} N m against it to the law, with the sign of the desired velocity"
         yield Part("friction", title, other("friction", FRICTIONS["none"]), remedy=cure)
     if plant.transmission is not None:
         yield from _between(plant.transmission)
@@ -305,7 +315,8 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
         yield Part("model", f"the model's {' and '.join(experiment.model.form)} equations", exact)
     if experiment.disturbances:
         cure = "larger gains, or an integral against what is constant"
-        yield Part("disturbances", "the disturbance", lambda x: replace(x, disturbances=()), remedy=cure)
+        calms = "take it away where it comes from; larger gains would answer it with more torque"
+        yield Part("disturbances", "the disturbance", lambda x: replace(x, disturbances=()), remedy=cure, calms=calms)
 
 
 def _told(mass: float) -> str:
@@ -329,25 +340,25 @@ def _between(between: Transmission) -> Iterator[Part]:
             made = replace(between, sensor="motor")
             yield Variant(other(experiment, made), "plant.transmission.sensor: motor")
         for share in SMALLER:
-            more = tuple((np.asarray(between.stiffness) / share).ravel().tolist())
+            more = three_digits(tuple((np.asarray(between.stiffness) / share).ravel().tolist()))
             k = more if isinstance(between.stiffness, tuple) else more[0]
             finer = math.ceil(math.sqrt(1.0 / share))
-            text = f"plant.transmission.stiffness >= {in_words(tuple(float(f'{x:.3g}') for x in more))} N m/rad"
+            text = f"plant.transmission.stiffness >= {as_yaml(k)} N m/rad"
             yield Variant(other(experiment, replace(between, stiffness=k), finer), text)
 
     if np.any(between.backlash):
         gap = between.backlash
 
         def narrower(experiment: Experiment, share: float) -> Variant:
-            less = tuple((np.asarray(gap) * share).ravel().tolist())
+            less = three_digits(tuple((np.asarray(gap) * share).ravel().tolist()))
             width = less if isinstance(gap, tuple) else less[0]
-            text = f"plant.transmission.backlash <= {in_words(width)} rad"
+            text = f"plant.transmission.backlash <= {as_yaml(width)} rad"
             return Variant(other(experiment, replace(between, backlash=width)), text)
 
         tight = replace(between, backlash=0.0)
-        title = f"the joints' backlash of {in_words(gap)} rad"
+        title = f"the joints' backlash of {as_yaml(gap)} rad"
         yield Part("backlash", title, lambda x: other(x, tight), same_loop, shares(narrower), remedy="tighter gears")
-    title = f"the joints' elasticity, {in_words(between.stiffness)} N m/rad,"
+    title = f"the joints' elasticity, {as_yaml(between.stiffness)} N m/rad,"
     yield Part("transmission", title, lambda x: other(x, None), same_loop, cures, ("backlash",), "stiffer joints")
 
 
@@ -367,14 +378,14 @@ def _integral(experiment: Experiment) -> Iterator[Part]:
         def times(value: Vector) -> Vector:
             return tuple(share * x for x in value) if isinstance(value, tuple) else share * value
 
-        changed = {name: times(value) for name, value in own.items()}
+        changed = {name: three_digits(times(value)) for name, value in own.items()}
         made = replace(keys, gains={**keys.gains, **changed})
         words = ", ".join(
-            f"controllers.{keys.name}.gains.{name} <= {in_words(value)}" for name, value in changed.items()
+            f"controllers.{keys.name}.gains.{name} <= {as_yaml(value)}" for name, value in changed.items()
         )
         return Variant(replace(experiment, controllers=(made,)), words)
 
-    title = f"the integral action, {' and '.join(f'{name} = {in_words(value)}' for name, value in own.items())},"
+    title = f"the integral action, {' and '.join(f'{name} = {as_yaml(value)}' for name, value in own.items())},"
     yield Part("integral", title, lambda x: less(x, 0.0).experiment, same_loop, shares(less))
 
 

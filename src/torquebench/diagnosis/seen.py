@@ -55,6 +55,8 @@ class Seen(NamedTuple):
     """Torque that is asked of the drives then, (m, n) [N m]."""
     e: Array
     """Error then, (m, n) [rad]."""
+    forced: bool = False
+    """Whether a disturbance shakes it at its own frequency."""
 
     def unstable(self, kind: Kind) -> bool:
         """Whether a symptom grows, or what shakes has grown to the torque limit."""
@@ -137,6 +139,23 @@ def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
 
     shakes = more(fast(tau[:half]), fast(tau[-half:]), LEAST * half * float(np.max(np.abs(tau))))
     return shakes, more(np.std(e[:half], axis=0), np.std(e[-half:], axis=0), LEAST)
+
+
+def is_forced(disturbance: Array | None, period: float, frequency: float) -> bool:
+    """Whether a disturbance has a quarter of some joint's power, mean left out, at a frequency, to 5 % or one line.
+
+    Args:
+        disturbance: Torque of each control period, (N, n) [N m]; None for none.
+        period: Control period [s].
+        frequency: The frequency [Hz].
+    """
+    if disturbance is None or not math.isfinite(frequency):
+        return False
+    swing = disturbance - np.mean(disturbance, axis=0)
+    power = np.abs(np.fft.rfft(swing * np.hanning(len(swing))[:, None], axis=0)) ** 2
+    lines = np.fft.rfftfreq(len(swing), period)
+    near = np.abs(lines - frequency) <= np.maximum(0.05 * frequency, 1.5 * lines[1])
+    return bool(np.any(np.sum(power[near], axis=0) > 0.25 * np.sum(power, axis=0)))
 
 
 def slips(run: Trajectory, since: float, joint: int) -> float:

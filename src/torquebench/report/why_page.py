@@ -12,8 +12,13 @@ WHY_PAGE = "why.html"
 """Name of the page in a run's folder."""
 
 
-def why_page(found: Diagnosis) -> bytes:
-    """Return the page of a diagnosis, which stands alone; the same diagnosis gives the same bytes."""
+def why_page(found: Diagnosis, try_it: str = "") -> bytes:
+    """Return the page of a diagnosis, which stands alone; the same diagnosis gives the same bytes.
+
+    Args:
+        found: The diagnosis.
+        try_it: Command that runs it with the cure.
+    """
     fig = diagnosis_figure(found)
     title = "The joint as it is and without the first cause, and the loop's frequency response"
     pictures = [] if fig is None else [Picture(title, figure_bytes(fig, "svg"))]
@@ -32,5 +37,6 @@ def why_page(found: Diagnosis) -> bytes:
         title=f"Why {found.controller} does what it does",
         lead=f"{found.experiment}, law {found.law}; {found.runs} closed loops run.",
         found=found,
+        try_it=try_it,
         facts=facts,
     )

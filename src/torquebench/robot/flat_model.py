@@ -161,7 +161,7 @@ def own_copy(model: Model, **changes: Any) -> Model:
     # a tenth of the time of the above: a sweep makes two copies for each run
     twin: Model = object.__new__(type(model))
     twin.__dict__.update(model.__dict__, **changes, scratch=scratch)
-    for derived in ("address", "_table"):  # of the model's own arrays
+    for derived in ("address", "_table", "_python_numbers"):  # of the model's own numbers
         twin.__dict__.pop(derived, None)
     twin._freeze(changes)
     return twin

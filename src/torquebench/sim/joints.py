@@ -69,6 +69,8 @@ def motors_in(joints: Joints) -> Array:
 def pressed(joints: Joints, i: int, wound: float, speed: float) -> float:
     """Return the torque by which motor `i` turns its link [N m]: k wound + d speed, and nothing within the gap.
 
+    Flanks of a gap press and never pull: where the damper would hold them together as they part, there is no torque.
+
     Args:
         joints: The joints.
         i: Number of the joint.
@@ -81,6 +83,8 @@ def pressed(joints: Joints, i: int, wound: float, speed: float) -> float:
             return 0.0
         wound -= gap if wound > 0.0 else -gap
     torque: float = joints.stiffness[i] * wound + joints.damping[i] * speed
+    if gap > 0.0 and torque * wound < 0.0:
+        return 0.0
     return torque
 
 

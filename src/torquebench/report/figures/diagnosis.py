@@ -51,7 +51,7 @@ def _signal(ax: Axes, found: Diagnosis) -> None:
         after = cured.t >= seen.t[last][0]
         label = "with the cure" if first.key == "law" else f"without {first.key.replace('_', ' ')}"
         ax.plot(cured.t[after], (cured.tau if shakes else cured.e)[after, joint], color=INK, linewidth=1.2, label=label)
-    ax.set_title(f"joint {joint + 1} ({found.joints[joint]})", loc="left")
+    ax.set_title(found.joints[joint], loc="left")
     ax.set_ylabel("torque [N m]" if shakes else "error [rad]")
     ax.set_xlabel("time [s]")
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
@@ -71,7 +71,7 @@ def _bode(size: Axes, phase: Axes, found: Diagnosis) -> None:
     size.axhline(1.0, **REFERENCE)
     size.set_ylabel("size [1]")
     joint = found.joints[margins.joint]
-    size.set_title(f"open loop of joint {margins.joint + 1} ({joint}) at t = {margins.time:.3g} s", loc="left")
+    size.set_title(f"open loop of {joint} at t = {margins.time:.3g} s", loc="left")
     phase.semilogx(f, angle, color=INK)
     phase.axhline(-180.0, **REFERENCE)
     phase.set_ylim(max(-400.0, float(angle.min()) - 10.0), max(0.0, float(angle.max()) + 10.0))
