@@ -18,7 +18,7 @@ from tests.command_line import COMMANDS, flags, parsed
 from tests.experiment.bad_configs import BAD
 from torquebench import check
 from torquebench.cli.app import main
-from torquebench.errors import ConfigError, Problem
+from torquebench.errors import UNCHECKED, ConfigError, Problem
 from torquebench.experiment import parse_experiment
 from torquebench.experiment.store import check_run
 from torquebench.plain import plain
@@ -184,7 +184,8 @@ def test_bad_config(quick, command):
     status, out, err = command("run", "quick.yaml", "--json")
     problems = json.loads(out)["problems"]
     assert status == 2
-    assert [p["message"] for p in problems] == [line.split(": ", 2)[2] for line in err.splitlines()]
+    assert [p["message"] for p in problems] == [line.split(": ", 2)[2] for line in err.splitlines()[:-1]]
+    assert json.loads(out)["remarks"] == [UNCHECKED] == err.splitlines()[-1:]
     assert problems[0] == {
         "file": "quick.yaml",
         "line": 5,

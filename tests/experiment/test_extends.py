@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from torquebench.chain import CHAINS
 from torquebench.errors import ConfigError
 from torquebench.experiment import Experiment, dump_experiment, load_experiment
 from torquebench.experiment.extends import TAGS
 from torquebench.experiment.groups import OneOf, group_of
 from torquebench.experiment.units import MULTIPLES, units_of, without_unit
+from torquebench.sim.friction import FRICTIONS
 from torquebench.sweep.plan import Plan, Source
 
 BASE = """\
@@ -299,3 +302,31 @@ sweep: {draws: 30}
     plan = Plan(Source(text.encode(), "mine.yaml"))
     assert plan.draws == 30
     assert plan.first.disturbances[0].sigma == pytest.approx((5.06, 16.59, 3.30, 0.54, 0.62, 0.81), abs=0.01)
+
+
+def test_a_named_chain_but_for_one_key(write) -> None:
+    """``{from: ur5e, ...}``, and an override or a swept key inside a name, keep every other number of the name."""
+    path = write(own=BASE + "chain: {from: ur5e, command_delay: 4 ms}\n", named=BASE)
+    wanted = replace(CHAINS["ur5e"], command_delay=0.004, name="custom")
+    assert load_experiment(path).chain == wanted
+    other = path.with_name("named.yaml")
+    assert load_experiment(other, ["chain=ur5e", "chain.command_delay=4 ms"]).chain == wanted
+    swept = BASE + "chain: ur5e\nsweep: {grid: {chain.command_delay: [0, 0.004]}}\n"
+    plan = Plan(Source(swept.encode(), "own.yaml"))
+    assert [plan.experiment(case, 0).chain.command_delay for case in (0, 1)] == [0.0, 0.004]
+    assert plan.experiment(1, 0).chain == wanted
+
+
+def test_named_friction_but_for_one_key(write) -> None:
+    """The other numbers are those of the name."""
+    six = BASE.replace("model: two-link", "model: puma560, friction: {from: puma560, speed: 0.05}")
+    found = load_experiment(write(own=six)).plant.friction
+    assert found == replace(FRICTIONS["puma560"], speed=0.05)
+
+
+def test_a_name_that_is_none_is_refused_at_its_place(write) -> None:
+    """The nearest chain is told, and nothing else of the mapping is complained of."""
+    path = write(own=BASE + "chain: {from: ur5, command_delay: 4 ms}\n")
+    told = problems(path)[0]
+    assert told.startswith("own.yaml:7:15: chain.from: got the text 'ur5'")
+    assert "did you mean 'ur5e'?" in told

@@ -83,6 +83,16 @@ def test_the_answer_when_the_best_does_not_chatter(result):
     assert "None chatters: at most 0.02 % of the torque limit." in plain(answer(quiet))
 
 
+def test_a_page_of_which_all_controllers_shake_is_marked_and_asks_why(result):
+    """The answer is marked only where none is still; the command that says why is there where one shakes."""
+    one, all_of_them, none = (
+        run_page(with_metrics(result, chattering=values)).decode()
+        for values in ((30.0, 0.01, 0.01), (30.0, 1.5, 6.0), (0.01, 0.02, 0.01))
+    )
+    assert ["answer shaky" in page for page in (one, all_of_them, none)] == [False, True, False]
+    assert ["torquebench why RUN" in page for page in (one, all_of_them, none)] == [True, True, False]
+
+
 def test_ratios_are_written_as_they_are_said():
     """Two digits below ten, whole numbers above, shares in per cent."""
     assert [times(a, b) for a, b in ((87.4, 1), (2.34, 1), (0.25, 1), (12345.0, 1), (1.0, 0.0))] == [

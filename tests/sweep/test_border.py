@@ -89,7 +89,11 @@ def test_runs_on_either_side_of_a_border(tmp_path: Path) -> None:
     assert cells[0][0] == "band"
     assert f"{own['border'].iloc[1]:.3g}" in cells[0][-1]
     assert cells[1][-1] == "-"
-    assert [ax.get_yscale() for ax in sweep.figure("border").axes] == ["log"]
+    axes = sweep.figure("border").axes
+    assert [(ax.get_yscale(), ax.get_ylabel()) for ax in axes] == [("log", "first k [1] that shakes")]
+    legend = [text.get_text() for text in axes[0].figure.legends[0].get_texts()]
+    assert "band" in legend
+    assert "pd" not in legend  # it has no such gain
     assert "Where each law starts to shake" in sweep.report().decode()
 
 

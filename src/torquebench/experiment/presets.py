@@ -1,4 +1,4 @@
-"""Motions and gains of an arm by name: ``reference: puma560/sine``, ``gains: {from: puma560/l, k: 0.6}``.
+"""Motions, gains, chains and friction by name: ``reference: puma560/sine``, ``chain: {from: ur5e, jitter: 1 ms}``.
 
 Of a set of gains a law takes those that it has, with the options that are chosen. ``gains: auto`` names no set: the
 gains are chosen when all else has been read.
@@ -10,12 +10,29 @@ import functools
 from collections.abc import Collection
 from typing import Any
 
+from torquebench.chain import CHAINS
 from torquebench.errors import nearest
 from torquebench.experiment.extends import AUTO, FROM, PRESET, Report, joined, preset_of, without
-from torquebench.experiment.yaml_tree import BROKEN, KeyPath, Map, Place, Seq, copied, parse_value, shortened
+from torquebench.experiment.words import shown
+from torquebench.experiment.yaml_tree import (
+    BROKEN,
+    KeyPath,
+    Map,
+    Place,
+    Seq,
+    copied,
+    parse_value,
+    shortened,
+    tree_of,
+    value_at,
+)
+from torquebench.keys import values_of
 from torquebench.robot.library import PRESETS, model_folder, model_names
+from torquebench.sim.friction import FRICTIONS
 
 MOTION, GAINS = PRESET
+NAMED: dict[KeyPath, Any] = {("chain",): CHAINS, ("plant", "friction"): FRICTIONS}
+"""Where a name may stand, or in a mapping with `FROM`, and what has names there."""
 
 
 @functools.cache
@@ -38,6 +55,25 @@ def _broken(path: KeyPath, text: str, *, place: Place) -> None:
     raise ValueError(f"{PRESETS}, line {place.line}: {text}")
 
 
+def keys_of_name(path: KeyPath, name: str, place: Place) -> Map | None:
+    """Return the keys that a name of a chain, or of a joint's friction, stands for; None where it stands for none.
+
+    Args:
+        path: Where the name stands.
+        name: The name.
+        place: Where the keys count as written.
+    """
+    from torquebench.experiment.dump import plain_values
+
+    if path not in NAMED or name not in (known := NAMED[path]):
+        return None
+    named = known[name]
+    ideal = values_of(type(named)())
+    own = {key: plain_values(value) for key, value in values_of(named).items() if value != ideal[key]}
+    keys: Map = tree_of(own, place)
+    return keys
+
+
 def write_presets(root: Map, report: Report) -> None:
     """Put keys in place of the names of presets.
 
@@ -46,10 +82,28 @@ def write_presets(root: Map, report: Report) -> None:
         report: Receives mistakes.
     """
     _write(root, MOTION, (MOTION,), report)
+    for path in NAMED:
+        _write_named(root, path, report)
     controllers = root.get("controllers")
     for i, item in enumerate(controllers if isinstance(controllers, Seq) else ()):
         if isinstance(item, Map):
             _write(item, GAINS, ("controllers", i, GAINS), report)
+
+
+def _write_named(root: Map, path: KeyPath, report: Report) -> None:
+    """Put keys in place of the name in a mapping such as ``chain: {from: ur5e, jitter: 1 ms}``."""
+    owner, key = value_at(root, path[:-1], None), str(path[-1])
+    value = owner.get(key) if isinstance(owner, Map) else None
+    if not isinstance(value, Map) or FROM not in value:
+        return
+    name, place = value[FROM], value.places[FROM][1]
+    keys = keys_of_name(path, name, place) if isinstance(name, str) else None
+    if keys is None:
+        near = (nearest(name, tuple(NAMED[path])) if isinstance(name, str) else None) or ""
+        report((*path, FROM), place=place, got=shown(name), nearest=near, wanted=f"one of {', '.join(NAMED[path])}")
+        owner[key] = BROKEN
+        return
+    owner.put(key, joined(without(value, FROM), keys), *owner.places[key])
 
 
 def _write(owner: Map, key: str, path: KeyPath, report: Report) -> None:

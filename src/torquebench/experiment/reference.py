@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from torquebench.chain import CHAINS
 from torquebench.experiment.controllers import controllers
 from torquebench.experiment.extends import EXTENDS, FROM
 from torquebench.experiment.groups import Group, declare, group_of
@@ -15,6 +16,7 @@ from torquebench.experiment.units import units_of
 from torquebench.keys import Declared, Key
 from torquebench.laws import find_law
 from torquebench.laws.law import law_names
+from torquebench.sim.friction import FRICTIONS
 
 PARENT = (
     "Config whose keys are taken over: the name of a shipped one, or a .yaml file beside this one. Mappings merge, "
@@ -71,6 +73,9 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     for law in law_names() if laws is None else laws:
         properties = groups[law]["properties"]
         properties["gains"] = {"anyOf": [properties["gains"], NAMED], "description": properties["gains"]["description"]}
+    for group, known in (("Chain", CHAINS), ("Friction", FRICTIONS)):
+        differs = {"enum": [*known], "description": "Name of the one from which this differs by the other keys."}
+        groups[group]["properties"] |= {FROM: differs}
     described = {key: {"description": node["description"]} for key, node in whole["properties"].items()}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

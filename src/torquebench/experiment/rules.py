@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from torquebench.errors import Fault, ModelError, nearest
@@ -72,22 +73,19 @@ def check_rules(document: Document, values: Mapping[str, Any]) -> None:
     known["document"], known["items"] = document, dict(_items(known))
     plant, run = known.get("plant"), known.get("run")
     try:
-        if plant is not None:
-            known["n"] = joint_count(plant.model)
+        with suppress(NotKnown):
+            if plant is not None:
+                known["n"] = joint_count(plant.model)
     except ModelError as error:
         for problem in error.problems:
             document.add(("plant", "model"), " ".join(str(problem).split()))
         document.unchecked = True
         del known["plant"]
-    except NotKnown:
-        pass
     step = getattr(plant, "timestep", None)
-    try:
+    with suppress(NotKnown):
         if run is not None:
             whole = step is None or not list(multiple_of((), run.control_period, "", step))
             known["timing"] = Timing(run.duration, run.control_period, whole, known.get("n"), step)
-    except NotKnown:
-        pass
     for check, needs in RULES:
         if known.keys() >= set(needs):
             try:

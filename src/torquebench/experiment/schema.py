@@ -244,7 +244,8 @@ class Experiment:
             "Sensors and actuators. ideal: exact and instantaneous; fast: position with noise of 0.1 mrad, velocity "
             "differentiated from it and filtered at 500 rad/s, actuators lagging by 2 ms; slow: the same noise, 200 "
             "rad/s, 8 ms; slow-delay: slow, and measurements 2 ms late; the others: those of robots, of which "
-            "docs/chains.md says where each number comes from; or each imperfection by itself"
+            "docs/chains.md says where each number comes from; or each imperfection by itself, "
+            "or {from: ur5e, command_delay: 4 ms}"
         ),
         NameOr(CHAINS, Chain),
     ] = CHAINS["ideal"]

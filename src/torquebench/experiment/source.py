@@ -10,7 +10,7 @@ from typing import Any, Literal, NoReturn
 
 from torquebench.errors import ConfigError, Fault, Problem, did_you_mean_path, nearest, nearest_path
 from torquebench.experiment.extends import EXTENDS, MAX_PARENTS, Text, extended, orphaned, with_names
-from torquebench.experiment.presets import GAINS, MOTION, write_presets
+from torquebench.experiment.presets import GAINS, MOTION, keys_of_name, write_presets
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import (
     BROKEN,
@@ -22,6 +22,7 @@ from torquebench.experiment.yaml_tree import (
     copied,
     parse_value,
     shortened,
+    tree_of,
     value_at,
 )
 from torquebench.registry import SLUG
@@ -342,20 +343,6 @@ def document_of(values: Mapping[str, Any], filename: str = "") -> Document:
     return document
 
 
-def tree_of(value: Any) -> Any:
-    """Return plain values as a document holds them, without places."""
-    if hasattr(value, "tolist"):  # numpy's arrays and numbers
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        mapping = Map()
-        for key, item in value.items():
-            mapping.put(str(key), tree_of(item), Place(0), Place(0))
-        return mapping
-    if isinstance(value, list | tuple):
-        return Seq(map(tree_of, value), [Place(0)] * len(value))
-    return value
-
-
 class OptionChange(str):
     """A change ``key=value`` that an option of its own stands for, by which messages call it."""
 
@@ -421,6 +408,10 @@ def assign(document: Document, parts: Sequence[str | int], value: Any, key_place
     for depth, part in enumerate(parts):
         if node is BROKEN:
             return
+        if isinstance(node, str) and (keys := keys_of_name(path, node, key_place)) is not None:
+            owner = value_at(document.root, path[:-1], None)
+            owner.put(str(path[-1]), keys, *owner.places[path[-1]])
+            node = keys
         index = index_of(node, part)
         if index is None:
             text, near = _refusal(node, path, part)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import yaml
@@ -332,3 +332,23 @@ class _Builder:
             if level == 0:
                 return
             event = next(self._events)
+
+
+def tree_of(value: Any, place: Place | None = None) -> Any:
+    """Return plain values as a document holds them.
+
+    Args:
+        value: Mappings, lists, arrays, words and numbers.
+        place: Where all of it counts as written; nowhere if left out.
+    """
+    place = place or Place(0)
+    if hasattr(value, "tolist"):  # numpy's arrays and numbers
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        mapping = Map()
+        for key, item in value.items():
+            mapping.put(str(key), tree_of(item, place), place, place)
+        return mapping
+    if isinstance(value, list | tuple):
+        return Seq([tree_of(item, place) for item in value], [place] * len(value))
+    return value

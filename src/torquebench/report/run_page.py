@@ -16,6 +16,7 @@ from torquebench.experiment.run import ExperimentResult
 from torquebench.kernel import is_foreign
 from torquebench.laws import find_law
 from torquebench.metrics import METRICS, MetricInfo
+from torquebench.metrics.shaking import shaking
 from torquebench.report.answer import answer
 from torquebench.report.looks import looks
 from torquebench.report.render import THREE, UPLOT, render
@@ -77,6 +78,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
     rows = controller_rows(result)
     data, order = replay_data(result, colours), [row["name"] for row in rows]
     data["controllers"].sort(key=lambda shown: order.index(shown["name"]))
+    shaky = {name for name, metrics in result.metrics.items() if shaking(metrics, result.joints.tau_max)}
     return render(
         "run",
         scripts=[UPLOT, THREE, "page", "run"],
@@ -87,6 +89,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         title=experiment.name,
         lead=experiment.description or first,
         answer=answer(result),
+        none_well=shaky.issuperset(name for name, run in result.runs.items() if run.completed),
         result=result,
         titles=[Title.of(info, slides) for info, slides, _ in headline_columns(result)],
         rows=rows,
@@ -113,7 +116,8 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
             "this page, playing": "torquebench view RUN",
             "a film of it": "torquebench video RUN",
             "figures for print": "torquebench figures RUN",
-        },
+        }
+        | ({"why it shakes": "torquebench why RUN"} if shaky else {}),
     )
 
 

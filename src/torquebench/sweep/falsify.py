@@ -10,19 +10,19 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
-from torquebench.chain import CHAINS
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment.build import Builder
 from torquebench.experiment.config import MotionTorques, sized, unsized
 from torquebench.experiment.falsify_section import Allowed, Falsify, in_unit
 from torquebench.experiment.groups import FALSIFY
+from torquebench.experiment.presets import keys_of_name
 from torquebench.experiment.reference import meanings_of, unit_of
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.source import Document, assign, tree_of
+from torquebench.experiment.source import Document, assign
 from torquebench.experiment.sweep_section import between, expanded, indexed, number_in, with_number
 from torquebench.experiment.units import without_unit
-from torquebench.experiment.yaml_tree import KeyPath, Place, value_at
-from torquebench.keys import altered, values_of
+from torquebench.experiment.yaml_tree import KeyPath, Place, tree_of, value_at
+from torquebench.keys import altered
 from torquebench.metrics import METRICS, MetricInfo, headlines, measured
 from torquebench.sweep.checking import corners
 from torquebench.sweep.search import METHODS, Method, Point, drive, shrink, start_search
@@ -235,12 +235,11 @@ class Space:
 
 def _spell_chain(document: Document, variables: Iterable[Allowed]) -> None:
     """Write a chain that is given by its name, and of which a key may change, as its keys."""
-    name = document.root.get("chain", "ideal")
-    inside = [allowed for allowed in variables if allowed.key.startswith("chain.")]
-    if inside and isinstance(name, str) and name in CHAINS:
-        known = {key: value for key, value in values_of(CHAINS[name]).items() if value is not None}
-        place = document.place(("chain",))
-        assign(document, ["chain"], tree_of(known), place, place)
+    name, place = document.root.get("chain", "ideal"), document.place(("chain",))
+    inside = any(allowed.key.startswith("chain.") for allowed in variables)
+    keys = keys_of_name(("chain",), name, place) if inside and isinstance(name, str) else None
+    if keys is not None:
+        assign(document, ["chain"], keys, place, place)
 
 
 def tried_of(ended: Ended, point: Point, info: MetricInfo, steps: int) -> Tried:

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 
+from torquebench.experiment.reference import unit_of
 from torquebench.report.figures import style
 from torquebench.report.figures.layout import finish_page, panel_grid, printable
 from torquebench.report.figures.sweep_labels import key_label, key_values, value_text
@@ -36,15 +38,17 @@ def draw_border(
     xs = key_values(table, keys[0])
     apart = key_values(table, keys[1]) if len(keys) > 1 else [""]
     cells = rows_by(table, "controller", *keys)
-    names = [value_text(x) for x in apart] if len(keys) > 1 else [""]
+    names = [panel_title(keys[1], x) for x in apart] if len(keys) > 1 else [""]
     fig, panels = panel_grid(names, key_label(keys[0]), [border_label(border)] * len(names), None, (2.2, 3.0))
     laws = [law for law in spots if any(at[0] == law for at in cells)]
-    words, ends, shown = isinstance(xs[0], str), list[float](), set[str]()
+    words, ends, shown, drawn = isinstance(xs[0], str), list[float](), set[str](), set[str]()
     for ax, value in zip(panels, apart, strict=True):
         for law in laws:
             own = {at: cells[place] for at, x in enumerate(xs) if (place := (law, x, value)[: 1 + len(keys)]) in cells}
             levels = {(at if words else float(xs[at])): level_of(table, rows) for at, rows in own.items()}
-            ends += _draw(ax, levels, dict(spots[law]), shown)
+            own_ends = _draw(ax, levels, dict(spots[law]), shown)
+            ends += own_ends
+            drawn |= {law} if own_ends else set()
         if words:
             ax.set_xticks(range(len(xs)), [value_text(x) for x in xs])
         else:
@@ -54,7 +58,13 @@ def draw_border(
         ax.set_yscale("log")
         ax.set_ylim(low / 1.3, high * 1.3)
         style.plain_powers(ax.yaxis)
-    handles = [Line2D([], [], label=printable(law), markersize=4.0, **{**spots[law], "linestyle": "-"}) for law in laws]
+        if high < 1000.0 * low:
+            ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    handles = [
+        Line2D([], [], label=printable(law), markersize=4.0, **{**spots[law], "linestyle": "-"})
+        for law in laws
+        if law in drawn
+    ]
     grey: dict[str, Any] = {"color": "0.3"}
     if "predicted" in shown:
         handles.append(Line2D([], [], label="predicted", linestyle="--", linewidth=1.0, **grey))
@@ -68,7 +78,14 @@ def draw_border(
 
 def border_label(key: str) -> str:
     """Return the label of the axis of a gain along which borders were searched."""
-    return f"first {key_label(key.removeprefix('controllers.*.'))} that shakes"
+    unit = unit_of(key)
+    return f"first {key.rpartition('.')[2]}{'' if unit is None else f' [{unit}]'} that shakes"
+
+
+def panel_title(key: str, value: float | str) -> str:
+    """Return the title of the panel of one value of a key, such as ``payload.mass 3 kg``."""
+    unit = unit_of(key)
+    return f"{'.'.join(key.split('.')[-2:])} {value_text(value)}{'' if unit in (None, '1') else f' {unit}'}"
 
 
 def _draw(ax: Any, levels: Mapping[float, Level], look: dict[str, Any], shown: set[str]) -> list[float]:
