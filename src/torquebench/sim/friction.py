@@ -356,9 +356,10 @@ Source: Corke and Armstrong-Helouvry (ICRA 1994), as the robotics toolbox has it
 
 def _at_joints(motors: tuple[tuple[float, float, float, float], ...]) -> Friction:
     """Return viscous friction B G^2 and the mean of both directions of Coulomb friction times G, to three digits."""
-    viscous = [B * G**2 for G, B, _, _ in motors]
-    coulomb = [(abs(one) + abs(other)) / 2.0 * abs(G) for G, _, one, other in motors]
-    return Friction(*(tuple(float(f"{x:.3g}") for x in each) for each in (viscous, coulomb)))
+    return Friction(
+        tuple(float(f"{B * G**2:.3g}") for G, B, _, _ in motors),
+        tuple(float(f"{(abs(one) + abs(other)) / 2.0 * abs(G):.3g}") for G, _, one, other in motors),
+    )
 
 
 PUMA = _at_joints(PUMA_MOTORS)
