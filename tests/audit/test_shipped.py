@@ -32,5 +32,10 @@ def test_every_condition_makes_an_experiment(path):
 
 
 def test_the_verdicts_on_the_paper_are_those_expected(tmp_path, capsys):
-    """Ten claims on four draws: a verdict that moves makes the exit status 1, and is named."""
-    assert main(["paper", "--quick", "--out", str(tmp_path / "out"), "-q"]) == 0, capsys.readouterr().err
+    """Ten claims on four draws: a verdict that moves makes the exit status 1, and is named.
+
+    One does: 10.2 mrad are told from the 10 of a negligible error by 30 draws (10.1 to 10.4) and not by four.
+    """
+    assert main(["paper", "--quick", "--out", str(tmp_path / "out"), "-q"]) == 1
+    moved = "torquebench: claim 'negligible-error': holds, the study expects depends"
+    assert capsys.readouterr().err.splitlines() == [moved]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +24,17 @@ from torquebench.chain import IDEAL, Chain
 from torquebench.kernel import Array
 from torquebench.references import Sine
 from torquebench.robot import Puma560
-from torquebench.sim.friction import STABLE, Friction
+from torquebench.shipped import data_root
+from torquebench.sim.friction import FRICTIONS, STABLE, Friction
 from torquebench.sim.plants import INTEGRATORS
 from torquebench.sim.plants.analytic import AnalyticPlant
 from torquebench.sim.plants.mujoco import MujocoModel, MujocoPlant
 from torquebench.sim.trajectory import Trajectory
 
-VISCOUS = (5.8, 9.3, 4.0, 0.36, 0.36, 0.22)
-COULOMB = (26.0, 14.0, 6.5, 1.0, 1.3, 0.7)
+VISCOUS = (5.80, 9.50, 3.98, 0.412, 0.427, 0.216)
+COULOMB = (26.0, 10.6, 6.36, 1.07, 0.854, 0.554)
 PUMA = Friction(VISCOUS, COULOMB)
-"""The protocol's friction of the PUMA [N m s/rad, N m]."""
+"""Friction of the PUMA [N m s/rad, N m], worked out by hand from the motors' that was published."""
 BOTH = Friction(0.7, 0.9, 0.02)
 
 
@@ -42,6 +44,34 @@ def plants(friction: Friction, timestep: float = 0.001, integrator: str = "rk4")
         "mujoco": MujocoPlant("puma560", timestep, integrator, friction=friction),
         "analytic": AnalyticPlant(Puma560(), timestep, integrator, friction=friction),
     }
+
+
+def test_the_friction_of_the_puma_is_that_of_its_motors_through_its_gears() -> None:
+    """B G^2 and G times the mean of Coulomb's in both directions, within half a unit of the third digit.
+
+    The motors' are those of Corke and Armstrong-Helouvry (ICRA 1994), from the robotics toolbox's Puma560.py. What is
+    assumed of a PUMA that sticks is a multiple of its Coulomb friction.
+    """
+    G = np.array([62.6111, 107.815, 53.7063, 76.0364, 71.923, 76.686])
+    B = np.array([1480, 817, 1380, 71.2, 82.6, 36.7]) * 1e-6
+    backward = np.array([395, 126, 132, 11.2, 9.26, 3.96]) * 1e-3
+    forward = np.array([435, 71, 105, 16.9, 14.5, 10.5]) * 1e-3
+    puma, sticking = FRICTIONS["puma560"], FRICTIONS["puma560-sticking"]
+    assert puma == PUMA
+    np.testing.assert_allclose(puma.viscous, B * G**2, rtol=5e-3, atol=0)
+    np.testing.assert_allclose(puma.coulomb, 0.5 * (backward + forward) * G, rtol=5e-3, atol=0)
+    for factor, name in ((1.5, "breakaway"), (1000.0, "bristle_stiffness"), (5.0, "bristle_damping")):
+        np.testing.assert_allclose(getattr(sticking, name), factor * np.array(COULOMB), rtol=1e-15)
+
+
+def test_no_shipped_config_writes_the_friction_of_the_puma_out() -> None:
+    """It has a name, so that a correction of it reaches every config."""
+    for path in sorted((data_root() / "configs").rglob("*.yaml")):
+        numbers = re.findall(r"(viscous|coulomb): \[([\d., ]+)\]", path.read_text())
+        for key, text in numbers:
+            values = [float(x) for x in text.split(",")]
+            near = np.isclose(values, getattr(PUMA, key), rtol=0.05) if len(values) == 6 else [False]
+            assert not np.sum(near) >= 3, f"{path.name}: {key} {text}"
 
 
 def test_a_mass_slows_down_as_it_must() -> None:
@@ -232,8 +262,8 @@ def test_friction_of_zero_is_none() -> None:
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_the_protocols_friction_is_stable_at_a_millisecond(integrator: str, figure: Any) -> None:
-    """The fastest decay at 3000 poses, 1061 1/s, times 1 ms is within each method's interval; each joint's own too.
+def test_the_friction_of_the_puma_is_stable_at_a_millisecond(integrator: str, figure: Any) -> None:
+    """The fastest decay at 3000 poses, 1058 1/s, times 1 ms is within each method's interval; each joint's own too.
 
     A joint alone decays at (viscous + coulomb/0.01)/M_ii, at most 1014 1/s, joint 1 with the arm stretched up.
     """
@@ -266,7 +296,7 @@ def test_the_protocols_friction_is_stable_at_a_millisecond(integrator: str, figu
 def test_friction_too_steep_for_the_time_step_is_refused(
     engine: Any, integrator: str, speed: float, refused: bool
 ) -> None:
-    """2.785 and 2 over 1061 1/s x 0.01 rad/s are 0.0038 and 0.0053 rad/s: below, a ValueError that says what to do."""
+    """2.785 and 2 over 1058 1/s x 0.01 rad/s are 0.0038 and 0.0053 rad/s: below, a ValueError that says what to do."""
     source: Any = "puma560" if engine is MujocoPlant else Puma560()
     friction = Friction(VISCOUS, COULOMB, speed)
     if refused:

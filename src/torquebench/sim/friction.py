@@ -180,7 +180,7 @@ class Friction:
         Key(
             "Coulomb friction",
             "N m",
-            ", in N for slide joints; of the PUMA, friction: puma560, 26 14 6.5 1.0 1.3 0.7",
+            ", in N for slide joints; that of the PUMA is the word puma560 in place of these keys",
             at_least=0,
         ),
     ] = 0.0
@@ -340,17 +340,40 @@ class Friction:
 
 FRICTIONS: Registry[Friction] = Registry("friction")
 """Friction by a word: none, whatever the arm's file says, or that of a known arm."""
-PUMA = Friction((5.8, 9.3, 4.0, 0.36, 0.36, 0.22), (26.0, 14.0, 6.5, 1.0, 1.3, 0.7))
-"""That of the PUMA 560 at its joints, by Corke and Armstrong-Helouvry, see docs/chains.md."""
+PUMA_MOTORS = (
+    (-62.6111, 1.48e-3, 0.395, -0.435),
+    (107.815, 0.817e-3, 0.126, -0.071),
+    (-53.7063, 1.38e-3, 0.132, -0.105),
+    (76.0364, 71.2e-6, 11.2e-3, -16.9e-3),
+    (71.923, 82.6e-6, 9.26e-3, -14.5e-3),
+    (76.686, 36.7e-6, 3.96e-3, -10.5e-3),
+)
+"""Gear ratio G [1], viscous friction B [N m s/rad] and Coulomb friction Tc in both directions [N m], at the motors.
+
+Source: Corke and Armstrong-Helouvry (ICRA 1994), as the robotics toolbox has it, see docs/chains.md.
+"""
+
+
+def _at_joints(motors: tuple[tuple[float, float, float, float], ...]) -> Friction:
+    """Return viscous friction B G^2 and the mean of both directions of Coulomb friction times G, to three digits."""
+    return Friction(
+        tuple(float(f"{B * G**2:.3g}") for G, B, _, _ in motors),
+        tuple(float(f"{(abs(one) + abs(other)) / 2.0 * abs(G):.3g}") for G, _, one, other in motors),
+    )
+
+
+PUMA = _at_joints(PUMA_MOTORS)
+"""That of the PUMA 560 at its joints."""
+_COULOMB = np.asarray(PUMA.coulomb)
 FRICTIONS.register("none", Friction())
 FRICTIONS.register("puma560", PUMA)
 FRICTIONS.register(
     "puma560-sticking",
     replace(
         PUMA,
-        breakaway=tuple(1.5 * x for x in (26.0, 14.0, 6.5, 1.0, 1.3, 0.7)),
-        bristle_stiffness=tuple(1000.0 * x for x in (26.0, 14.0, 6.5, 1.0, 1.3, 0.7)),
-        bristle_damping=tuple(5.0 * x for x in (26.0, 14.0, 6.5, 1.0, 1.3, 0.7)),
+        breakaway=tuple((1.5 * _COULOMB).tolist()),
+        bristle_stiffness=tuple((1000.0 * _COULOMB).tolist()),
+        bristle_damping=tuple((5.0 * _COULOMB).tolist()),
     ),
 )
 
