@@ -84,8 +84,8 @@ def cma_search(groups: Sequence[int], evaluations: int, rng: np.random.Generator
     """Search by the covariance matrix adaptation evolution strategy (Hansen, arXiv:1604.00772) of the package `cma`.
 
     The first tenth of the points are the middle of the cube and corners; it begins at the worst of them. A number that
-    leaves the cube is put on its face for the run, so that faces are reached. A search that has converged begins anew at the next
-    worst of these points with twice the points in a generation (Auger and Hansen, CEC 2005).
+    leaves the cube is put on its face for the run, so that faces are reached. A search that has converged begins anew
+    at the next worst of these points with twice the points in a generation (Auger and Hansen, CEC 2005).
 
     Args:
         groups: As of `corner`.
