@@ -32,6 +32,8 @@ from torquebench.sweeps import edits_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+WORST, SMALLEST = "worst.yaml", "smallest.yaml"
+"""Configs that replay the worst run that was found, and the least that does it too."""
 TOLD = 3
 """Keys that a sentence names, the farthest moved first."""
 
@@ -72,14 +74,21 @@ class Falsification:
                     found[own.controller] = above / below
         return found
 
-    def counterexample(self, controller: str) -> Experiment:
-        """Return the experiment in which a law does badly, with the law alone: as little as possible is changed in it.
+    def worst_case(self, controller: str) -> Experiment:
+        """Return the experiment of the worst run that was found of a controller, with it alone."""
+        return self.space.checked(self._hunt(controller).worst.point, controller)
 
-        Args:
-            controller: Name of the controller; one for which nothing was found is run in its worst case.
+    def smallest_case(self, controller: str) -> Experiment | None:
+        """Return the experiment in which as little as possible is changed that a controller still does as badly.
+
+        "As badly" is: it breaks the claim; without one it fails, or keeps nine tenths of the harm. None where nothing
+        was found.
         """
-        own = next(own for own in self.hunts if own.controller == controller)
-        return self.space.checked((own.smallest or own.worst).point, controller)
+        smallest = self._hunt(controller).smallest
+        return None if smallest is None else self.space.checked(smallest.point, controller)
+
+    def _hunt(self, controller: str) -> Hunt:
+        return next(own for own in self.hunts if own.controller == controller)
 
     def worst_by(self, own: Hunt, method: Method) -> str:
         """Return the worst run of a method, over all seeds, in words, and, where a run ends it, after how many."""
@@ -117,7 +126,7 @@ class Falsification:
         """Return what the smallest counterexample of a controller needs: key -> variables, the farthest moved first."""
         variables, values = self.space.variables, self.space.values((own.smallest or own.worst).point)
         found = dict[str, list[int]]()
-        far = [abs(v.share(x) - v.nominal_share) for v, x in zip(variables, values, strict=True)]
+        far = [x != v.nominal and abs(v.share(x) - v.nominal_share) for v, x in zip(variables, values, strict=True)]
         for i in sorted(range(len(far)), key=lambda i: -far[i]):
             if far[i]:
                 found.setdefault(variables[i].of, []).append(i)
@@ -162,7 +171,7 @@ class Falsification:
             "nominal": run(own.nominal),
             "worst": run(own.worst),
             "smallest": None if own.smallest is None else run(own.smallest),
-            "runs_to_shrink": own.returned,
+            "runs_to_shrink": len(own.back),
             "searches": searches,
         }
 
@@ -181,14 +190,17 @@ class Falsification:
         return text.getvalue().encode()
 
     def write(self, directory: RunDirectory, progress: Progress | None = None) -> None:
-        """Write everything: for each law ``NAME/experiment.yaml``, which replays its case, numbers, and the figure.
+        """Write everything: for each law ``NAME/worst.yaml`` and ``NAME/smallest.yaml``, numbers, and the figure.
 
         Args:
             directory: Where to.
             progress: Told each figure that is drawn.
         """
         for own in self.hunts:
-            write_experiment(_Below(directory, own.controller), self.counterexample(own.controller))
+            below = _Below(directory, own.controller)
+            write_experiment(below, self.worst_case(own.controller), WORST)
+            if smallest := self.smallest_case(own.controller):
+                write_experiment(below, smallest, SMALLEST)
         directory.write("evaluations.csv", self.table())
         directory.write("falsify.json", json_bytes(self.to_json()))
         for file, content in figure_files({"convergence": self.figure}, Wish(), progress):

@@ -6,12 +6,15 @@ import os
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import click
 
 from torquebench.cli.app import command
 from torquebench.cli.parameters import (
     Choice,
     Config,
+    Wrong,
     allow_outside,
     argument,
     model,
@@ -25,6 +28,7 @@ from torquebench.cli.parameters import workers as workers_option
 from torquebench.cli.terminal import complain, following, progress_bar, say, table, tell
 
 if TYPE_CHECKING:
+    from torquebench.experiment.source import OptionChange
     from torquebench.falsification import Falsification
 
 BOTH = "both"
@@ -37,11 +41,28 @@ LONGEST = 40
 """Numbers of a list that are drawn."""
 
 
+class Until(click.ParamType[Any]):
+    """What breaks a claim, such as ``max_error > 5 mrad``."""
+
+    name = "until"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> OptionChange:
+        """Return the claim as a change of the config."""
+        from torquebench.experiment.falsify_section import Claim, read_claim
+        from torquebench.experiment.source import OptionChange
+
+        found = read_claim(value, denied=True)
+        if not isinstance(found, Claim):
+            raise Wrong(**found)
+        return OptionChange(f"falsify.claim={found.metric} {found.sign} {found.limit!r}", "--until", value)
+
+
 @command(example="torquebench falsify studies/falsify --until 'max_error > 20 mrad'")
 @argument("config", type=Config(), help="experiment with a section `falsify`: a file, or a shipped one")
 @out_folder(help="folder for the results, new or empty (default: runs/NAME-UTC)")
 @option(
     "--until",
+    type=Until(),
     metavar="METRIC>LIMIT",
     help="end at the first run that does this, for example 'max_error > 5 mrad': the claim is that none does",
 )
@@ -54,7 +75,7 @@ LONGEST = 40
 def falsify(
     config: Path,
     out: Path | None,
-    until: str | None,
+    until: OptionChange | None,
     method: str,
     workers: int | None,
     overrides: Sequence[str],
@@ -65,12 +86,12 @@ def falsify(
     """Search the worst that may happen to each law.
 
     What may change, and how far, stands in a file's section `falsify`. Of the worst run found every variable is then
-    moved back as far as the claim stays broken: what is left is needed for it, and is stored as a config to run again.
+    moved back as far as the claim stays broken: what is left is needed for it. Both are stored as configs to run again,
+    worst.yaml and smallest.yaml.
     A broken claim, or a failed run, makes the exit status 1.
     """
-    from torquebench.experiment.falsify_section import claim_of
-    from torquebench.experiment.store import EXPERIMENT, RunDirectory, claim_folder
-    from torquebench.falsification import Falsification, space_of
+    from torquebench.experiment.store import RunDirectory, claim_folder
+    from torquebench.falsification import WORST, Falsification, space_of
     from torquebench.sweep.falsify import hunt
     from torquebench.sweep.search import METHODS, check_method
 
@@ -78,7 +99,7 @@ def falsify(
     check_method(methods, "--method")
     changes = list(with_arm(overrides, model))
     if until is not None:
-        changes.append(f"falsify.claim={claim_of(until)}")
+        changes.append(until)
     space = space_of(config, changes, allow_outside, plugin)
     folder = claim_folder(out, space.base.name)
     with progress_bar(0, "run", "starting (compiles on first use)") as bar:
@@ -89,7 +110,7 @@ def falsify(
     report(found)
     say()
     say(f"results: {folder}; to run a case again, with its film:")
-    first = folder / found.hunts[0].controller / EXPERIMENT
+    first = folder / found.hunts[0].controller / WORST
     say(f"torquebench run {shlex.quote(str(first))} --set video={{}}", fold=False)
     if found.asked.claim is None:
         failed = [own.controller for own in found.hunts if own.controller in found.broken]
@@ -150,7 +171,7 @@ def report(found: Falsification) -> None:
 def scale(nominal: float, share: float) -> str:
     """Return a line with a ring where the nominal value is and a disc where the value is; both are 0 to 1."""
     marks = ["·"] * SCALE
-    marks[round(nominal * (SCALE - 1))] = "○"
+    marks[round(min(max(nominal, 0.0), 1.0) * (SCALE - 1))] = "○"
     marks[round(share * (SCALE - 1))] = "●"
     return "".join(marks)
 

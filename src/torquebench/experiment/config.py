@@ -76,14 +76,20 @@ def check_experiment(document: Document) -> Experiment:
 
 def unsized(document: Document) -> Experiment:
     """Check an experiment as `check_experiment` does; what is relative to the motion, or to be chosen, stays so."""
-    top = group_of(Experiment)
-    write_keyframe(document, top)
-    values = top.values(document.root, Here(document, top))
-    check_rules(document, values)
+    values = read_sections(document)
     document.raise_problems()
     if values["run"].metrics_from is None:
         values["run"] = dataclasses.replace(values["run"], metrics_from=values["reference"].metrics_from)
     return Experiment(**values)
+
+
+def read_sections(document: Document) -> dict[str, Any]:
+    """Return what each section of an experiment means; mistakes are recorded, and values that have some BROKEN."""
+    top = group_of(Experiment)
+    write_keyframe(document, top)
+    values: dict[str, Any] = top.values(document.root, Here(document, top))
+    check_rules(document, values)
+    return values
 
 
 def sized(experiment: Experiment, torque_of: Callable[[Experiment], Array]) -> Experiment:

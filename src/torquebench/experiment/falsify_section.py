@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
 from torquebench.errors import Fault, nearest
+from torquebench.experiment.config import read_sections
 from torquebench.experiment.groups import FALSIFY, NameOr, group_of
+from torquebench.experiment.presets import keys_of_name
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.source import Document
-from torquebench.experiment.sweep_section import Varied
+from torquebench.experiment.source import Document, assign
+from torquebench.experiment.sweep_section import Varied, expanded, indexed, refused
 from torquebench.experiment.units import units_of, without_unit
 from torquebench.experiment.values import Here, Node
 from torquebench.experiment.words import shown
@@ -58,6 +60,37 @@ class Claim(NamedTuple):
         return LIMITS[self.sign](value, self.limit)
 
 
+def read_claim(raw: Any, denied: bool = False) -> Claim | dict[str, Any]:
+    """Return a claim, or what is wrong with its text: the parts of a mistake.
+
+    Args:
+        raw: A metric, a comparison and a number with or without unit.
+        denied: Whether it says what is claimed not to happen.
+    """
+    found = _CLAIM.fullmatch(raw) if isinstance(raw, str) else None
+    if found is None:
+        example = "what breaks it, such as max_error > 5 mrad" if denied else ClaimText.wanted
+        return {"got": shown(raw), "wanted": example}
+    metric, sign, text = found.groups()
+    if metric not in METRICS:
+        near = nearest(metric, tuple(METRICS)) or ""
+        wanted = "" if near else ", ".join(METRICS)
+        return {"text": "no such metric", "got": f"'{metric}'", "nearest": near, "wanted": wanted}
+    info = METRICS[metric]
+    try:
+        limit = float(without_unit(text.strip(), info.unit))
+    except ValueError:
+        limit = math.nan
+    if not math.isfinite(limit):
+        units = f" [{', '.join(units_of(info.unit))}]" if units_of(info.unit) else ""
+        return {"got": f"'{text}'", "wanted": f"a number{units}, in SI units if it has none"}
+    upward = sign in (">", ">=")
+    if (upward != (info.better == "higher")) != denied:
+        wrong = f"is what {metric} ought to be" if denied else f"claims that {metric} is bad"
+        return {"text": wrong, "got": sign, "wanted": f"{OPPOSITE[sign]}: of {metric} {info.better} values are better"}
+    return Claim(metric, OPPOSITE[sign] if denied else sign, limit)
+
+
 class ClaimText(Node):
     """A claim: a metric, a comparison and a number with or without unit."""
 
@@ -65,30 +98,11 @@ class ClaimText(Node):
 
     def read(self, raw: Any, here: Here) -> Any:
         """Return the claim."""
-        found = _CLAIM.fullmatch(raw) if isinstance(raw, str) else None
-        if found is None:
-            here.add(got=shown(raw), wanted=self.wanted)
-            return BROKEN
-        metric, sign, text = found.groups()
-        if metric not in METRICS:
-            near = nearest(metric, tuple(METRICS)) or ""
-            here.add("no such metric", got=f"'{metric}'", nearest=near, wanted="" if near else ", ".join(METRICS))
-            return BROKEN
-        info = METRICS[metric]
-        try:
-            limit = float(without_unit(text.strip(), info.unit))
-        except ValueError:
-            limit = math.nan
-        if not math.isfinite(limit):
-            units = f" [{', '.join(units_of(info.unit))}]" if units_of(info.unit) else ""
-            here.add(got=f"'{text}'", wanted=f"a number{units}, in SI units if it has none")
-            return BROKEN
-        upward = sign in (">", ">=")
-        if upward != (info.better == "higher"):
-            wanted = f"{OPPOSITE[sign]}: of {metric} {info.better} values are better"
-            here.add(f"claims that {metric} is bad", got=sign, wanted=wanted)
-            return BROKEN
-        return Claim(metric, sign, limit)
+        found = read_claim(raw)
+        if isinstance(found, Claim):
+            return found
+        here.add(**found)
+        return BROKEN
 
     def type(self) -> Any:
         """Return the type from which pydantic makes the JSON schema."""
@@ -98,11 +112,6 @@ class ClaimText(Node):
 def in_unit(value: float, unit: str) -> str:
     """Return a number with its unit, in four digits."""
     return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
-
-
-def claim_of(text: str) -> str:
-    """Return the claim that something does not happen: ``max_error <= 5 mrad`` of ``max_error > 5 mrad``."""
-    return re.sub("<=|>=|<|>", lambda found: OPPOSITE[found[0]], text, count=1)
 
 
 @dataclass(frozen=True)
@@ -204,18 +213,60 @@ class Falsify:
         return METRICS[self.claim.metric if self.claim else self.metric or "max_error"]
 
 
+def spell_chain(document: Document, keys: Iterable[str]) -> None:
+    """Write a chain that is given by its name, and of which a key may change, as its keys.
+
+    Args:
+        document: The config.
+        keys: The keys that may change.
+    """
+    name, place = document.root.get("chain", "ideal"), document.place(("chain",))
+    inside = isinstance(name, str) and any(key.startswith("chain.") for key in keys)
+    known = keys_of_name(("chain",), name, place) if inside else None
+    if known is not None:
+        assign(document, ["chain"], known, place, place)
+
+
 def take_falsify(document: Document) -> Falsify:
     """Take the section out of a document and return it.
 
     Raises:
-        ConfigError: it is missing or has mistakes, all of them at once.
+        ConfigError: it is missing, a key that may change is none, or either has mistakes; all of them at once, and with
+            them those of the other sections.
     """
-    if FALSIFY not in document.root:
-        document.add(
-            (FALSIFY,), "missing: what may happen, such as {variables: {plant.payload.mass: [0, 3]}}", at="key"
-        )
-        document.raise_problems()
-    found: Falsify = Here(document, group_of(Experiment)).read(group_of(Falsify), FALSIFY, document.root[FALSIFY])
+    found, places = Falsify(()), dict[str, Place]()
+    if FALSIFY in document.root:
+        section = document.root[FALSIFY]
+        found = Here(document, group_of(Experiment)).read(group_of(Falsify), FALSIFY, section)
+        variables = section.get("variables") if isinstance(section, dict) else None
+        for key in variables if isinstance(variables, dict) else ():
+            if refused(key) is None:
+                places[key] = document.place((FALSIFY, "variables", key), "key")
+        del document.root[FALSIFY]
+    else:
+        text = "missing: what may happen, such as {variables: {plant.payload.mass: [0, 3]}}"
+        document.add((FALSIFY,), text, at="key")
+    _check_others(document, places)
     document.raise_problems()
-    del document.root[FALSIFY]
     return found
+
+
+def _check_others(document: Document, places: Mapping[str, Place]) -> None:
+    """Record the mistakes of the other sections, and the keys that are none.
+
+    Args:
+        document: The config without its section.
+        places: The keys that may change, each with its place.
+    """
+    probe = document.copy()
+    spell_chain(probe, places)
+    for key, place in places.items():
+        targets = expanded(probe, key)
+        if not targets:
+            probe.add((FALSIFY, "variables", key), "no controller's law has it", place=place)
+        for path in [indexed(probe.root, parts) for parts in targets]:
+            if not probe.written(path):
+                assign(probe, path, BROKEN, place, place)  # its name is checked, and no value
+    read_sections(probe)
+    document.found += [found for found in dict.fromkeys(probe.found) if found not in document.found]
+    document.unchecked, document.full = probe.unchecked, document.full or probe.full

@@ -112,13 +112,13 @@ def write_trajectory(directory: RunDirectory, name: str, run: Trajectory) -> Non
     directory.write(f"{name}/trajectory.npz", run.to_bytes())
 
 
-def write_experiment(directory: RunDirectory, experiment: Experiment) -> None:
+def write_experiment(directory: RunDirectory, experiment: Experiment, name: str = EXPERIMENT) -> None:
     """Write the experiment, every default filled in, and beside it its arm, where that is from a file."""
     if isinstance(experiment.plant.model, ArmFile):
         directory.write(str(experiment.plant.model), experiment.plant.model.text.encode())
         if looks := scene_path(experiment.plant.model):
             directory.write(looks.name, _with_meshes(looks, directory.folder))
-    directory.write(EXPERIMENT, dump_experiment(experiment).encode())
+    directory.write(name, dump_experiment(experiment).encode())
 
 
 def _with_meshes(looks: Path, folder: Path) -> bytes:

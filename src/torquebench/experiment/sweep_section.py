@@ -236,6 +236,16 @@ def _in_unit(value: Any, unit: str) -> Any:
     return without_unit(value, unit) if isinstance(value, str) else value
 
 
+def refused(key: str) -> tuple[str, str] | None:
+    """Return why a key may not be varied, and what is wanted instead; None where it may, if it is one."""
+    parts = split_key(key.replace(EVERY, "controllers.x.", 1) if key.startswith(EVERY) else key)
+    if parts is None:
+        return "is not a key", "one such as run.duration or controllers.*.gains.k"
+    if parts[0] in NOT_VARIED:
+        return "cannot be varied", "a key that decides what is run"
+    return ("is what sweep.draws counts", "draws there") if parts == ["run", "draw"] else None
+
+
 class Varied(Node):
     """A mapping of keys of the config.
 
@@ -268,17 +278,9 @@ class Varied(Node):
 
     def _accepts(self, key: str, here: Here) -> bool:
         """Whether a key is one that may be varied; a mistake is recorded where it is not."""
-        parts = split_key(key.replace(EVERY, "controllers.x.", 1) if key.startswith(EVERY) else key)
-        if parts is None:
-            text, wanted = "is not a key", "one such as run.duration or controllers.*.gains.k"
-        elif parts[0] in NOT_VARIED:
-            text, wanted = "cannot be varied", "a key that decides what is run"
-        elif parts == ["run", "draw"]:
-            text, wanted = "is what sweep.draws counts", "draws there"
-        else:
-            return True
-        here.add(text, (key,), at="key", wanted=wanted)
-        return False
+        if refusal := refused(key):
+            here.add(refusal[0], (key,), at="key", wanted=refusal[1])
+        return refusal is None
 
     def type(self) -> Any:
         """Return the type from which pydantic makes the JSON schema."""

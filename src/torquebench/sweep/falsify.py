@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
+import operator
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
@@ -13,9 +15,8 @@ from typing import NamedTuple, TypeAlias
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment.build import Builder
 from torquebench.experiment.config import MotionTorques, sized, unsized
-from torquebench.experiment.falsify_section import Allowed, Falsify, in_unit
+from torquebench.experiment.falsify_section import Allowed, Falsify, in_unit, spell_chain
 from torquebench.experiment.groups import FALSIFY
-from torquebench.experiment.presets import keys_of_name
 from torquebench.experiment.reference import meanings_of, unit_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document, assign
@@ -61,10 +62,12 @@ class Variable:
         """Return the value at a share of the way from low to high, 0 to 1."""
         if share == self.nominal_share:
             return self.nominal
-        value = between(self.low, self.high, share, self.log)
-        if self.step is not None:
-            value = float(f"{round(value / self.step) * self.step:.15g}") + 0.0
-        return min(max(value, self.low), self.high)
+        if self.step is None:
+            return min(max(between(self.low, self.high, share, self.log), self.low), self.high)
+        first, last = multiples(self.low, self.high, self.step)
+        # half a step more at both ends, or they had half the share of the multiples between
+        value = between((first - 0.5) * self.step, (last + 0.5) * self.step, share, self.log)
+        return float(f"{min(max(round(value / self.step), first), last) * self.step:.15g}") + 0.0
 
     def share(self, value: float) -> float:
         """Return how far a value is on the way from low to high, 0 to 1."""
@@ -73,8 +76,21 @@ class Variable:
 
     @property
     def nominal_share(self) -> float:
-        """Where the nominal value is; at an end where it is outside."""
-        return self.share(self.nominal)
+        """Where the nominal value is; beyond the end where it is outside."""
+        if self.low <= self.nominal <= self.high:
+            return self.share(self.nominal)
+        return -1.0 if self.nominal < self.low else 2.0
+
+
+def multiples(low: float, high: float, step: float) -> tuple[int, int]:
+    """Return the least and the greatest factor of a step of which the product lies between two numbers.
+
+    Args:
+        low: The smaller number.
+        high: The greater one.
+        step: The step; round-off of a billionth of it is allowed.
+    """
+    return math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
 
 
 class Tried(NamedTuple):
@@ -108,7 +124,7 @@ class Space:
     def __init__(self, document: Document, asked: Falsify) -> None:
         self.asked, self._torques, self._document = asked, MotionTorques(), document.copy()
         given = unsized(document.copy())
-        _spell_chain(self._document, asked.variables)
+        spell_chain(self._document, [allowed.key for allowed in asked.variables])
         found = [self._variables(allowed, given) for allowed in asked.variables]
         self.variables = tuple(variable for group in found for variable in group)
         self._refuse_overlaps()
@@ -120,6 +136,11 @@ class Space:
         """The config with every variable at its own value, before its disturbances have their sizes."""
         _ = self.base.n  # kept in the copies: it reads the arm's files
         self._check()
+
+    @property
+    def groups(self) -> list[int]:
+        """How many variables each key has, in order."""
+        return [sum(1 for _ in own) for _, own in itertools.groupby(self.variables, key=lambda variable: variable.of)]
 
     @property
     def nominal(self) -> Point:
@@ -166,9 +187,6 @@ class Space:
         document, bounds, unit = self._document, allowed.bounds, unit_of(allowed.key) or ""
         here: KeyPath = (FALSIFY, "variables", allowed.key)
         paths = [indexed(document.root, parts) for parts in expanded(document, allowed.key)]
-        if not paths:
-            document.add(here, "no controller's law has it", place=allowed.place)
-            return []
         now = without_unit(value_at(document.root, paths[0], None), unit)
         now = number_in(given, paths[0]) if now is None else now
         listed = list(now) if isinstance(now, list | tuple) else [now]
@@ -188,6 +206,9 @@ class Space:
         step = bounds.step
         if step is None and any(WHOLE in meaning for meaning in meanings_of(allowed.key)):
             step = given.run.control_period
+        if step is not None and operator.gt(*multiples(bounds.low, bounds.high, step)):
+            document.add(here, f"has no whole multiple of {step:g} in its range", place=allowed.place)
+            return []
         return [
             Variable(
                 f"{allowed.key}[{i}]" if several else allowed.key,
@@ -231,15 +252,6 @@ class Space:
                 found.setdefault(str(error), Problem(self._document.filename, "", " ".join(str(error).split())))
         if found:
             raise ConfigError(found.values())
-
-
-def _spell_chain(document: Document, variables: Iterable[Allowed]) -> None:
-    """Write a chain that is given by its name, and of which a key may change, as its keys."""
-    name, place = document.root.get("chain", "ideal"), document.place(("chain",))
-    inside = any(allowed.key.startswith("chain.") for allowed in variables)
-    keys = keys_of_name(("chain",), name, place) if inside and isinstance(name, str) else None
-    if keys is not None:
-        assign(document, ["chain"], keys, place, place)
 
 
 def tried_of(ended: Ended, point: Point, info: MetricInfo, steps: int) -> Tried:
@@ -290,13 +302,13 @@ class Hunt:
     """Method and number of the seed -> its runs, in order."""
     smallest: Tried | None = None
     """The worst run after every variable has been moved back as far as the claim stays broken."""
-    returned: int = 0
-    """Runs that this took."""
+    back: list[Tried] = field(default_factory=list)
+    """The runs that this took."""
 
     @property
     def worst(self) -> Tried:
-        """The worst run of all, the first of equal ones."""
-        return max([self.nominal, *(one for runs in self.tried.values() for one in runs)], key=lambda one: one.score)
+        """The worst run of all, be it on the way back; the first of equal ones."""
+        return max(itertools.chain([self.nominal], *self.tried.values(), self.back), key=lambda one: one.score)
 
     def worst_of(self, method: Method) -> list[float]:
         """Return the worst score of each seed of a method."""
@@ -324,7 +336,7 @@ def hunt(
         workers: How many runs are made at once.
         progress: Called with the worst so far, the number of runs that are made, and of all.
     """
-    asked, count, names = space.asked, len(space.variables), [keys.name for keys in space.base.controllers]
+    asked, groups, names = space.asked, space.groups, [keys.name for keys in space.base.controllers]
     keys: list[Key] = [(name, method, i) for name in names for method in methods for i in range(asked.seeds)]
     total, done, worst = len(keys) * asked.evaluations, 0, ("", -math.inf, math.nan)
     with ThreadPoolExecutor(workers) as pool:
@@ -347,7 +359,7 @@ def hunt(
         def run(points: list[tuple[Key, Point]]) -> list[Tried]:
             return evaluate([(key[0], point) for key, point in points])
 
-        searches = {key: start_search(key[1], count, asked.evaluations, asked.seed + key[2]) for key in keys}
+        searches = {key: start_search(key[1], groups, asked.evaluations, asked.seed + key[2]) for key in keys}
         drive(searches, run, lambda one: one.score, told)
         _return(space, hunts, evaluate)
     return list(hunts.values())
@@ -376,7 +388,7 @@ def _return(
         back[name] = shrink(worst.point, base, functools.partial(still, name))
 
     def told(name: str, points: Sequence[Point], out: Sequence[Tried]) -> bool:
-        hunts[name].returned += len(points)
+        hunts[name].back.extend(out)
         for one in out:
             if still(name, one.score):
                 hunts[name].smallest = one

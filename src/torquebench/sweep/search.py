@@ -22,7 +22,11 @@ K = TypeVar("K")
 T = TypeVar("T")
 
 WIDTH = 0.3
-"""Standard deviation of the first points, which lie around the middle of the cube."""
+"""Standard deviation of the first generation of CMA-ES."""
+FIRST = 10
+"""One in so many of the points of CMA-ES comes before it begins."""
+FLIPS = (0.0, 0.05, 0.15, 0.5)
+"""Chances that a number of a list is not at the same end as the one before."""
 BATCH = 16
 """Points of a random search that are asked for at once."""
 LOWEST = 1e300
@@ -46,66 +50,89 @@ def check_method(methods: Sequence[str], place: str) -> None:
         raise ConfigError([Problem(place, text=f"cma {LACKING}", wanted="random, or the package")])
 
 
-def random_search(dimensions: int, evaluations: int, rng: np.random.Generator) -> Search:
-    """Search evenly drawn points.
+def corner(groups: Sequence[int], rng: np.random.Generator) -> list[float]:
+    """Return a corner of the cube, drawn so that the numbers of a list often stay at one end.
+
+    Each list begins at either end and goes over to the other one between two of its numbers with a chance that is drawn
+    from `FLIPS`: so whole lists at one end are as likely as blocks of a few numbers, and as ends that are all drawn.
 
     Args:
-        dimensions: Number of dimensions.
+        groups: Number of dimensions of each list, in order.
+        rng: Source of all randomness.
+    """
+    found = list[float]()
+    for size in groups:
+        flips = rng.random(size) < rng.choice(FLIPS)
+        found += ((rng.integers(2) + np.cumsum(flips)) % 2).astype(float).tolist()
+    return found
+
+
+def random_search(groups: Sequence[int], evaluations: int, rng: np.random.Generator) -> Search:
+    """Search evenly drawn points and corners in turn: points that are drawn evenly hardly ever come near a face.
+
+    Args:
+        groups: As of `corner`.
         evaluations: Number of points.
         rng: Source of all randomness.
     """
     for first in range(0, evaluations, BATCH):
-        size = min(BATCH, evaluations - first)
-        yield [tuple(point) for point in rng.random((size, dimensions)).tolist()]
+        batch = range(first, min(first + BATCH, evaluations))
+        yield [tuple(corner(groups, rng) if i % 2 else rng.random(sum(groups)).tolist()) for i in batch]
 
 
-def cma_search(dimensions: int, evaluations: int, rng: np.random.Generator) -> Search:
+def cma_search(groups: Sequence[int], evaluations: int, rng: np.random.Generator) -> Search:
     """Search by the covariance matrix adaptation evolution strategy (Hansen, arXiv:1604.00772) of the package `cma`.
 
-    It begins in the middle of the cube. One that has converged begins anew at a random point with twice the points in
-    a generation (Auger and Hansen, CEC 2005).
+    The first tenth of the points are the middle of the cube and corners; it begins at the worst of them. A number that
+    leaves the cube is put on its face for the run, so that faces are reached. A search that has converged begins anew
+    at the next worst of these points with twice the points in a generation (Auger and Hansen, CEC 2005).
 
     Args:
-        dimensions: Number of dimensions.
-        evaluations: Number of points.
+        groups: As of `corner`.
+        evaluations: Number of points, those of the beginning included.
         rng: Source of all randomness.
     """
     import cma
 
+    dimensions = sum(groups)
     inner = max(dimensions, 2)  # the package has none with a single one: a second one changes nothing
     options: dict[str, Any] = {
-        "bounds": [0.0, 1.0],
         "randn": lambda *shape: rng.standard_normal(shape),
         "seed": math.nan,  # global random numbers are left alone
         "verbose": -10,  # and no file in the working folder is taken for options
         "verb_log": 0,
     }
-    start, size, left = np.full(inner, 0.5), None, evaluations
+    corners = [corner(groups, rng) for _ in range(min(max(evaluations // FIRST, 2), evaluations) - 1)]
+    first = [tuple(point) for point in ([0.5] * dimensions, *corners)]
+    scores = yield first
+    starts = [first[i] for i in np.argsort(scores, kind="stable")]
+    size, left = None, evaluations - len(first)
     while left:
         more: dict[str, Any] = {} if size is None else {"popsize": size}
-        strategy = cma.CMAEvolutionStrategy(start, WIDTH, options | more)
+        start = starts.pop() if starts else corner(groups, rng)
+        strategy = cma.CMAEvolutionStrategy([*start, 0.5][:inner], WIDTH, options | more)
         size = strategy.popsize
         while left and not strategy.stop():
             asked = strategy.ask()
-            points = [tuple(float(x) for x in point[:dimensions]) for point in asked[:left]]
+            points = [tuple(np.clip(point[:dimensions], 0.0, 1.0).tolist()) for point in asked[:left]]
             scores = yield points
             left -= len(points)
             if len(points) == size:
                 strategy.tell(asked, [min(LOWEST, -score) for score in scores])
-        start, size = rng.random(inner), 2 * size
+        size = 2 * size
 
 
-def start_search(method: Method, dimensions: int, evaluations: int, seed: int) -> Search:
+def start_search(method: Method, groups: Sequence[int], evaluations: int, seed: int) -> Search:
     """Return a search that has not begun.
 
     Args:
         method: One of `METHODS`.
-        dimensions: Number of dimensions.
+        groups: As of `corner`.
         evaluations: Number of points.
         seed: Source of all randomness.
     """
     rng = np.random.default_rng([seed, METHODS.index(method)])
-    return (cma_search if method == "cma" else random_search)(dimensions, evaluations, rng)
+    return (cma_search if method == "cma" else random_search)(groups, evaluations, rng)
 
 
 def shrink(found: Point, nominal: Point, still: Callable[[float], bool]) -> Search:
