@@ -32,10 +32,11 @@ def test_every_condition_makes_an_experiment(path):
 
 
 def test_the_verdicts_on_the_paper_are_those_expected(tmp_path, capsys):
-    """Ten claims on four draws: a verdict that moves makes the exit status 1, and is named.
+    """Ten claims on four draws: a verdict that moves is named; the study's own draws decide.
 
     One does: 10.2 mrad are told from the 10 of a negligible error by 30 draws (10.1 to 10.4) and not by four.
     """
-    assert main(["paper", "--quick", "--out", str(tmp_path / "out"), "-q"]) == 1
+    assert main(["paper", "--quick", "--out", str(tmp_path / "out")]) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if "the study expects" in line]
     moved = "torquebench: claim 'negligible-error': holds, the study expects depends"
-    assert capsys.readouterr().err.splitlines() == [moved]
+    assert told == [f"{moved}: 4 draws are a look, the study's own decide"]
