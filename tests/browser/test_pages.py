@@ -132,7 +132,7 @@ def test_the_commands_of_a_run_name_its_folder(browse, reported, pages, tmp_path
     said = page.value("[...document.querySelectorAll('dl.commands code')].map((x) => x.textContent)")
     page.close()
     commands = [shlex.split(text) for text in said]
-    assert [words[1] for words in commands] == ["run", "view", "video", "figures"]
+    assert [words[1] for words in commands] == ["run", "view", "video", "figures", "why"]
     assert {words[2] for words in commands[1:]} == {str(reported / "one")}
     assert main([*commands[0][1:], "--out", "again"]) == 0
     assert (tmp_path / "again" / "metrics.json").read_bytes() == (reported / "one" / "metrics.json").read_bytes()
