@@ -136,6 +136,24 @@ def planned_speed(experiment: Experiment, t: Array, qd_ref: Array) -> list[str]:
     return _too_fast(experiment, "the reference: ", t, qd_ref, np.ones(qd_ref.shape[1], dtype=bool))
 
 
+def _worst(over: NDArray[np.bool_], size: Array, among: NDArray[np.bool_]) -> tuple[int, int, list[int]] | None:
+    """Return the joint that is furthest over its limit, the first instant at which it is, and the others that are.
+
+    Args:
+        over: Where joints are over their limit, (N, n).
+        size: How far they go, in a measure that joints share, (N, n).
+        among: The joints that are looked at, (n,).
+
+    Returns:
+        None where no joint is over its limit.
+    """
+    joints = np.flatnonzero(np.any(over, axis=0) & among)
+    if len(joints) == 0:
+        return None
+    worst = int(joints[np.argmax(size[:, joints].max(axis=0))])
+    return worst, int(np.argmax(over[:, worst])), [int(j) for j in joints if j != worst]
+
+
 def _too_fast(experiment: Experiment, who: str, t: Array, qd: Array, among: NDArray[np.bool_]) -> list[str]:
     """Return a line where joints exceed their greatest speed, or none.
 
@@ -150,14 +168,13 @@ def _too_fast(experiment: Experiment, who: str, t: Array, qd: Array, among: NDAr
         return []
     arm = load_model(experiment.plant.model)
     most, speed = np.array(arm.passive.speed), np.abs(qd)
-    fast = np.flatnonzero(np.any(speed > most, axis=0) & among)
-    if len(fast) == 0:
+    found = _worst(speed > most, speed / most, among)
+    if found is None:
         return []
-    worst = int(fast[np.argmax(speed[:, fast].max(axis=0) / most[fast])])
-    unit, at = "m/s" if arm.flat.kind[worst] else "rad/s", float(t[np.argmax(speed[:, worst] > most[worst])])
-    others = [arm.joint_names[j] for j in fast if j != worst]
+    worst, first, rest = found
+    unit, others = "m/s" if arm.flat.kind[worst] else "rad/s", [arm.joint_names[j] for j in rest]
     return [
-        f"{who}{arm.joint_names[worst]} exceeds its speed limit, {most[worst]:.4g} {unit}, at {at:.4g} s and "
+        f"{who}{arm.joint_names[worst]} exceeds its speed limit, {most[worst]:.4g} {unit}, at {t[first]:.4g} s and "
         f"reaches {speed[:, worst].max():.4g} {unit}" + (f", as do {', '.join(others)} theirs" if others else "")
     ]
 
@@ -192,17 +209,15 @@ def _leaving(experiment: Experiment, who: str, t: Array, q: Array, among: NDArra
     """
     if experiment.plant.limits == "ignore":
         return []
-    beyond = _beyond(experiment, q)
-    left = np.flatnonzero(np.any(beyond > 0.0, axis=0) & among)
-    if len(left) == 0:
+    arm, beyond = load_model(experiment.plant.model), _beyond(experiment, q)
+    found = _worst(beyond > 0.0, beyond, among)
+    if found is None:
         return []
-    arm = load_model(experiment.plant.model)
-    worst = int(left[np.argmax(beyond[:, left].max(axis=0))])
-    unit, at = "m" if arm.flat.kind[worst] else "rad", float(t[np.argmax(beyond[:, worst] > 0.0)])
-    others = [arm.joint_names[j] for j in left if j != worst]
+    worst, first, rest = found
+    unit, others = "m" if arm.flat.kind[worst] else "rad", [arm.joint_names[j] for j in rest]
     return [
         f"{who}{arm.joint_names[worst]} leaves its range, {arm.passive.low[worst]:.4g} to "
-        f"{arm.passive.high[worst]:.4g} {unit}, at {at:.4g} s and goes up to {beyond[:, worst].max():.3g} {unit} "
+        f"{arm.passive.high[worst]:.4g} {unit}, at {t[first]:.4g} s and goes up to {beyond[:, worst].max():.3g} {unit} "
         "beyond it"
         + (f", as do {', '.join(others)} theirs" if others else "")
         + ("" if experiment.plant.limits == "stop" else "; no plant holds a joint back")

@@ -26,7 +26,7 @@ SWEEP, AUDIT, FALSIFY = "sweep", "audit", "falsify"
 MANY = {
     SWEEP: "torquebench sweep FILE, or one of its runs by torquebench run --from-sweep DIR --index K",
     AUDIT: "torquebench audit FILE, or one of its conditions by torquebench sweep DIR/conditions/CONDITION/sweep.yaml",
-    FALSIFY: "torquebench falsify FILE, or one of its counterexamples by torquebench run DIR/NAME/experiment.yaml",
+    FALSIFY: "torquebench falsify FILE, or one of its cases by torquebench run DIR/NAME/worst.yaml",
 }
 """Section that makes many runs of an experiment -> what to type instead of ``torquebench run``."""
 WORDS: dict[Any, Any] = {Friction: FRICTIONS, Transmission: JOINTS}

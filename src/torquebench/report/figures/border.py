@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator
 
 from torquebench.experiment.reference import unit_of
 from torquebench.report.figures import style
@@ -57,9 +56,7 @@ def draw_border(
     for ax in panels:
         ax.set_yscale("log")
         ax.set_ylim(low / 1.3, high * 1.3)
-        style.plain_powers(ax.yaxis)
-        if high < 1000.0 * low:
-            ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+        style.plain_numbers(ax.yaxis, high / low)
     handles = [
         Line2D([], [], label=printable(law), markersize=4.0, **{**spots[law], "linestyle": "-"})
         for law in laws

@@ -146,17 +146,24 @@ def plain_powers(*axes: Axis) -> None:
         axis.set_minor_locator(NullLocator())
 
 
-def fit_scale(axis: Axis, values: npt.ArrayLike) -> bool:
-    """Make an axis logarithmic if its values are positive and span a decade; return whether it is.
+def plain_numbers(axis: Axis, span: float) -> None:
+    """Write plain numbers on a logarithmic axis: over fewer than three decades 2 and 5 between the powers of ten.
 
-    Over fewer than three decades 2 and 5 are written between the powers of ten.
+    Args:
+        axis: The axis.
+        span: Its greatest value over its least [1].
     """
+    plain_powers(axis)
+    if span < 1000.0:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+
+
+def fit_scale(axis: Axis, values: npt.ArrayLike) -> bool:
+    """Make an axis logarithmic if its values are positive and span a decade; return whether it is."""
     known = _finite([np.asarray(values, dtype=np.float64)])
     span = float(known.max() / known.min()) if known.size and known.min() > 0.0 else 1.0
     if span < 10.0:
         return False
     (axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale)("log")
-    plain_powers(axis)
-    if span < 1000.0:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    plain_numbers(axis, span)
     return True
