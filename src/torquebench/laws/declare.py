@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import BUILTIN, DEFAULT, Fis
@@ -36,6 +36,9 @@ class Gain(NamedTuple):
     """(option, value, ...): the gain has an effect with these values of the option only, and is refused with others."""
     auto: Rule | None = None
     """How ``gains: auto`` chooses it; None for the rule of its unit."""
+    search: tuple[float, float, Literal["log", "linear"]] | None = None
+    """(low, high, spacing): where tuning looks for it, one number for all joints in its own unit; None for the box of
+    its unit."""
 
     @property
     def rule(self) -> Rule | None:
