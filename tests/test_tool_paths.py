@@ -284,6 +284,12 @@ REFUSED = {
     "kind: tool-lemniscate, width: 0.1, period: 2, start: 0.1, plane: zx": "plane",
     "kind: tool-circle, radius: 0.1, to: [1, 2, 3], period: 2, start: 0.1": "it belongs to kind: tool-line",
 }
+CIRCLE = "kind: tool-circle, radius: 10 cm, period: 1.5 s, plane: yz, start: [0, -1, 3.3, 0, 0.84, 0]"
+REFUSED |= {
+    CIRCLE.replace("3.3", "1e155"): "a joint would be at 1e\\+155",
+    CIRCLE.replace("10 cm", "1e300"): "out of reach: it is .* away, the arm .* long",
+    CIRCLE + ", at: [1e308, 0, 0]": "out of reach: it is 1e\\+308 m",
+}
 CONFIG = """
 name: path
 plant: {engine: analytic, model: puma560}
@@ -291,7 +297,6 @@ controllers: [{law: computed-torque, gains: {lam: 20, kv: 20, ki: 0}}]
 reference: {REFERENCE}
 run: {duration: 2.0, control_period: 0.004}
 """
-CIRCLE = "kind: tool-circle, radius: 10 cm, period: 1.5 s, start: [0, -1, 3.3, 0, 0.84, 0], plane: yz"
 
 
 @pytest.mark.parametrize("reference", REFUSED)

@@ -57,7 +57,14 @@ def keys_of(text: str) -> list[tuple[int, str]]:
     return [(i, line.strip().removeprefix("- ").partition(":")[0]) for i, line in lines]
 
 
-TYPED = {"good": GOOD, "step": STEP, "quintic": QUINTIC, "analytic": ANALYTIC, "scenario": SCENARIO}
+HEIR = """extends: fig9-chattering
+run:
+  duration: 2.0
+controllers:
+  - extends: band
+    name: other
+"""
+TYPED = {"good": GOOD, "step": STEP, "quintic": QUINTIC, "analytic": ANALYTIC, "scenario": SCENARIO, "heir": HEIR}
 
 
 @pytest.mark.parametrize("name", TYPED)
@@ -74,12 +81,13 @@ def test_any_one_letter_typo_in_any_key_suggests_the_key(name: str) -> None:
             lines = text.splitlines()
             lines[index] = lines[index].replace(f"{key}:", f"{typo}:", 1)
             problems = problems_of("\n".join(lines))
-            assert len(problems) == 1, (typo, problems)
+            assert len(problems) == 1 or key == "extends", (typo, problems)  # without its parent much is missing
+            problems = [problem for problem in problems if problem.key.endswith(typo)]
             assert problems[0].where.startswith(f"bad.yaml:{index + 1}:")
             assert problems[0].key.endswith(typo)
             assert problems[0].message.endswith(f"(did you mean '{key}'?)"), (typo, problems)
             tried += 1
-    assert tried > 500
+    assert tried > (80 if name == "heir" else 500)
 
 
 WORDS = [

@@ -330,3 +330,11 @@ def test_a_name_that_is_none_is_refused_at_its_place(write) -> None:
     told = problems(path)[0]
     assert told.startswith("own.yaml:7:15: chain.from: got the text 'ur5'")
     assert "did you mean 'ur5e'?" in told
+
+
+@pytest.mark.parametrize("broken", ["!!python/name:os.system x", "{extends: band, name: {a: b}}", "{name: [1]}"])
+def test_a_sweep_that_extends_tells_what_cannot_be_read(broken: str) -> None:
+    """A value that cannot be read, or a name that is none, is a mistake of the file, also before it is written out."""
+    text = f"extends: fig9-chattering\ncontrollers: [band, {broken}]\nsweep: {{draws: 2}}\n"
+    with pytest.raises(ConfigError, match=r"controllers\[1\]"):
+        _ = Plan(Source(text.encode(), "swept.yaml")).first

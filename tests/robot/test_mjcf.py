@@ -117,6 +117,41 @@ def test_malformed_or_reaching_out_is_refused(text, message):
         load_model(ArmFile("arm", text))
 
 
+UNSOUND = {
+    "mass": (("mass='1'", "mass='1e308'"), "not finite"),
+    "bound": (("<mujoco>", "<mujoco><compiler boundmass='1e308'/>"), "mass matrix at zero"),
+    "no mass": (("<mujoco>", "<mujoco><compiler settotalmass='1e-300'/>"), "rad/s"),
+    "gravity": (("<mujoco>", "<mujoco><option gravity='0 0 1e308'/>"), "gravity.s torque"),
+    "limit": (("'-10 10'", "'-1e308 1e308'"), "torque limit is 1e.308"),
+    "one axis": (("axis='1 0 0'", "axis='0 1 0'"), "is singular"),
+    "heights": (
+        ("<asset/>", "<asset><hfield name='h' nrow='50000' ncol='50000' size='1 1 1 1'/></asset>"),
+        "at most 2048",
+    ),
+    "classes": (
+        ("<asset/>", "<default>" + "<default class='c'/>" * 1500 + "</default>"),
+        "at most 1000 default classes",
+    ),
+}
+SOUND = (
+    "<mujoco><asset/><worldbody><body><joint name='a' axis='0 1 0' actuatorfrcrange='-10 10'/>"
+    "<joint name='b' axis='1 0 0' actuatorfrcrange='-10 10'/>"
+    "<geom size='.1' pos='.2 .1 0' mass='1' contype='0' conaffinity='0'/></body></worldbody></mujoco>"
+)
+
+
+@pytest.mark.parametrize("name", UNSOUND)
+def test_what_no_simulation_can_use_is_refused_by_both_sides(name):
+    """Finite numbers may make an arm that is none: no finite or definite mass matrix, or no end of memory and time."""
+    (old, new), message = UNSOUND[name]
+    compile_arm(ArmFile("sound", SOUND))
+    arm = ArmFile("unsound", SOUND.replace(old, new))
+    assert arm.text != SOUND
+    for read in (load_model, lambda arm: MujocoPlant(arm, timestep=0.001)):
+        with pytest.raises(ModelError, match=message):
+            read(arm)
+
+
 LINK = '<body><inertial mass="2" pos="0.3 0 0" diaginertia="0.02 0.03 0.03"/>{}</body>'
 PUBLISHED = f"""<mujoco><compiler angle="radian" meshdir="assets"/>
 <asset><mesh name="shell" file="shell.stl"/><texture name="t" file="t.png" type="2d"/>

@@ -14,7 +14,7 @@ from torquebench.chain import CHAINS, Chain
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document
-from torquebench.experiment.yaml_tree import NUMBER, Map, Seq
+from torquebench.experiment.yaml_tree import BROKEN, NUMBER, Map, Seq
 from torquebench.keys import values_of
 from torquebench.robot.library import ArmFile
 from torquebench.sim.friction import FRICTIONS, Friction
@@ -30,6 +30,8 @@ class _Dumper(yaml.SafeDumper):
 
 _Dumper.add_representer(Map, yaml.SafeDumper.represent_dict)
 _Dumper.add_representer(Seq, yaml.SafeDumper.represent_list)
+# A config that cannot be read is written out as well, before its mistakes are told.
+_Dumper.add_representer(type(BROKEN), lambda dumper, _: dumper.represent_none(None))
 # YAML 1.1, which PyYAML writes for, takes 1e-3 for text.
 _Dumper.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, list("-+.0123456789"))
 

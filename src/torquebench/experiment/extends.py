@@ -123,7 +123,7 @@ def with_names(items: Seq, known: Iterable[Any], report: Report) -> Seq:
             own = joined(own, there[name])
             if "name" in own and not is_named:
                 own.places["name"] = where, where
-        elif isinstance(own, Map) and "law" not in own and own.get("name") in there:
+        elif isinstance(own, Map) and "law" not in own and isinstance(own.get("name"), str) and own["name"] in there:
             wanted = f"the key 'law', or {{extends: {own['name']}, ...}} to take over the one of that name"
             report((*path, "law"), "missing", place=where, wanted=wanted)
             own.is_whole = False

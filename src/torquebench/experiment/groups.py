@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from torquebench.errors import Fault, nearest
 from torquebench.experiment.arm import ArmValue
+from torquebench.experiment.extends import EXTENDS
 from torquebench.experiment.values import AnyOf, Here, Node, Slug, Value, Word, number, some, vector
 from torquebench.experiment.words import SLUG_IN_WORDS, a_value, shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
@@ -113,8 +114,9 @@ class Group(Node):
 
     def _unknown(self, key: str, raw: Any, here: Here) -> str:
         """Record that a key is none of the group's, and return the one that it was meant to be, if any."""
-        every = list(self.fields)
-        absent = [name for name in every if name not in raw]
+        extends = not here.path or (here.path[0] == "controllers" and len(here.path) == 2)
+        every = [*self.fields, *([EXTENDS] if extends else [])]
+        absent = [name for name in every if name not in raw or name == "name"]  # that may have been filled in
         first = every if here.document.overridden((*here.path, key)) else absent
         near = nearest(key, first, TYPO)
         elsewhere = self._elsewhere(key, here) if near is None else None

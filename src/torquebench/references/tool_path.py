@@ -115,6 +115,10 @@ class ToolPath(ABC):
         begin, parts = frames.place[0], list[JointPath]()
         if self.at is not None:
             begin = np.array(self.at)
+            try:
+                task.check_size(q, begin[None], np.zeros(1))
+            except PathError as error:
+                raise self._told(error, 0, begin) from error
             found, reached = task.solve(q[None], begin[None])
             if not reached[0]:
                 raise self._told(task.refusal(q, begin[None], np.zeros(1)), 0, begin)

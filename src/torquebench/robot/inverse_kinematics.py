@@ -25,6 +25,10 @@ SINGULAR = 1e-3
 """Least singular value of the scaled Jacobian at which the arm still follows [1]: 0 where it has lost a way to move."""
 JUMP = 0.5
 """From one knot to the next no joint moves further [rad or m]."""
+TURNED = 1e4
+"""A joint position beyond this is none that an arm has, and its sine no longer exact [rad or m]."""
+FAR = 100.0
+"""Times the arm's length; a place so far away is a slip of the pen."""
 FINER = 16
 """Steps between two knots where the arm does not get from one to the next in one."""
 AHEAD = 9
@@ -180,6 +184,28 @@ class Task:
             said = f"the least singular value of its scaled Jacobian is {least[k]:.2g}, wanted at least {SINGULAR:g}"
             raise PathError(float(where[k]), f"the arm is singular there: {said}")
 
+    def check_size(self, q: Array, places: Array, where: Array) -> None:
+        """Refuse numbers that are none of an arm, before Newton's method meets them.
+
+        Args:
+            q: Where the search would begin, (n,) [rad].
+            places: Wanted origins of the tool, (N, 3) [m].
+            where: How far along the path each is, (N,).
+
+        Raises:
+            PathError: a joint would be beyond `TURNED`, or a place is `FAR` times as far from the first joint as the
+                stretched arm is long; beyond `TURNED` where the arm slides.
+        """
+        if not np.max(np.abs(q)) <= TURNED:
+            raise PathError(float(where[0]), f"a joint would be at {np.max(np.abs(q)):.3g}, wanted at most {TURNED:g}")
+        most = FAR * self.length if np.all(self.model.flat.kind == HINGE) else TURNED
+        away = np.max(np.abs(places), axis=1)
+        if not np.max(away) <= most:
+            k = int(np.argmax(~(away <= most)))
+            raise PathError(
+                float(where[k]), f"out of reach: it is {away[k]:.3g} m away, the arm {self.length:.3g} m long"
+            )
+
     def refusal(self, q: Array, places: Array, where: Array) -> PathError:
         """Return why the tool does not get from a joint position along a path: out of reach, or only by a jump.
 
@@ -241,9 +267,10 @@ def joint_path(task: Task, start: Array, path: Callable[[Array], Array], closed:
     """
     from scipy.interpolate import make_interp_spline
 
+    u = np.linspace(0.0, 1.0, FEWEST + 1)
+    task.check_size(start, path(u), u)
     ways = task.ways()
     task.check(start[None], np.zeros(1), ways)
-    u = np.linspace(0.0, 1.0, FEWEST + 1)
     q = np.empty((len(u), task.model.n))
     q[0] = start
     for k in range(FEWEST):

@@ -119,10 +119,12 @@ def _text(reason: Problem | str) -> str:
 def _compiled(arm: ArmFile) -> Compiled:
     try:
         m = mujoco.MjModel.from_xml_string(arm.text)
-    except ValueError as error:
+    except (ValueError, RuntimeError, MemoryError) as error:
         raise ModelError(f"{arm}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
     if not (np.isfinite(m.opt.timestep) and m.opt.timestep > 0):
         raise ModelError(f"{arm}: timestep is {m.opt.timestep}, wanted finite and positive")
+    if unsound := _unsound(m):
+        raise ModelError(f"{arm}: {unsound}")
     if (speeds := speed_limits(m)) is None:
         raise ModelError(f"{arm}: <numeric {SPEEDS}> wants a number for each of {m.njnt} joints, 0 for no limit")
     if "<robot" in arm.text:
@@ -139,6 +141,38 @@ def _compiled(arm: ArmFile) -> Compiled:
     )
     m.dof_damping[:], m.dof_frictionloss[:], m.jnt_limited[:] = 0.0, 0.0, 0
     return Compiled(m, passive)
+
+
+LARGEST, QUICKEST, FLATTEST = 1e12, 1e9, 1e-12
+"""No arm has a torque limit or a torque of gravity beyond the first [N m], gains speed faster than the second at its
+limit [rad/s^2], or has joints whose mass matrix is nearer to singular than the third, scaled to a diagonal of ones."""
+
+
+def _unsound(m: Any) -> str:
+    """Return what of a compiled arm no simulation can use, finite as each number of its file may be; else nothing."""
+    if m.nv == 0:
+        return ""
+    with np.errstate(all="ignore"):
+        d, M = mujoco.MjData(m), np.zeros((m.nv, m.nv))
+        for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb, mujoco.mj_comVel):
+            stage(m, d)
+        mujoco.mj_fullM(m, d, M)
+        gravity = np.zeros(m.nv)
+        mujoco.mj_rne(m, d, 0, gravity)
+        own = np.sqrt(np.diag(M))
+        if not (np.all(np.isfinite(M)) and np.all(own > 0.0)):
+            return "its mass matrix at zero is not finite, or not positive"
+        if not np.linalg.eigvalsh(M / own / own[:, None])[0] > FLATTEST:
+            return "its mass matrix at zero is singular: two joints turn about one axis, or a link has no inertia"
+        if not np.all(np.abs(gravity) < LARGEST):
+            return f"gravity's torque at zero is {np.max(np.abs(gravity)):.3g} N m, wanted below {LARGEST:g}"
+        limits = torque_limits(m)[0]
+        limits = limits[np.isfinite(limits)]
+        if np.any(limits > LARGEST):
+            return f"its torque limit is {np.max(limits):.3g} N m, wanted at most {LARGEST:g}"
+        if len(limits) == m.nv and not np.all(limits / own**2 < QUICKEST):
+            return f"its torque limit makes {np.max(limits / own**2):.3g} rad/s^2 of it, wanted below {QUICKEST:g}"
+    return ""
 
 
 def _is_off(m: Any, *flags: str) -> bool:

@@ -25,8 +25,12 @@ MAX_MEMORY, MAX_COUNT, MAX_INCLUDES = 1 << 28, 100_000, 64
 """Bytes and counts that a file may ask for, and files that it may include."""
 MAX_DEPTH = 200
 """Elements may be nested so deeply."""
-LARGEST = {"width": 4096, "height": 4096, "size": 65536, "params": 1000, "nsample": 4096}
+LARGEST = {
+    "width": 4096, "height": 4096, "nrow": 2048, "ncol": 2048, "size": 65536, "params": 1000, "nsample": 4096
+}  # fmt: skip
 """Attribute -> the largest number that is read, where MuJoCo makes memory of it; of ``size`` in <numeric> alone."""
+MOST_CLASSES = 1000
+"""Default classes of a file; MuJoCo compares each with all others."""
 CODE = {
     "plugin": "runs code of its own",
     "extension": "asks for code of its own",
@@ -63,7 +67,7 @@ def standing_alone(text: str) -> ArmText:
         return _refused(text, "document types and entities are refused: write out what they stand for")
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError) as error:  # LookupError: an encoding that there is not
         return _refused(text, f"not a readable MJCF file ({error})")
     if root.tag not in ROOTS:
         return _refused(text, f"<{root.tag}> is no arm: wanted MJCF, <mujoco>, or URDF, <robot>")
@@ -90,7 +94,7 @@ def starts(root: Element, text: str) -> dict[Element, tuple[int, int]]:
         root: The outermost element.
         text: What it was read from.
     """
-    found, parser = list[tuple[int, int]](), expat.ParserCreate()
+    found, parser = list[tuple[int, int]](), expat.ParserCreate("utf-8")
     parser.StartElementHandler = lambda *_: found.append((parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
     parser.Parse(text.encode(), True)
     return dict(zip(root.iter(), found, strict=True))
@@ -161,6 +165,8 @@ def listed(names: Sequence[str], most: int = 4) -> str:
 def _greedy(root: Element) -> Iterator[_Found]:
     """Yield what asks for other files, code or memory; of a URDF MuJoCo reads such things in its own element alone."""
     parts = root.findall("mujoco") if root.tag == "robot" else [root]
+    for extra in [inner for part in parts for inner in part.iter("default")][MOST_CLASSES:][:1]:
+        yield extra, f"{named(extra)} is refused: at most {MOST_CLASSES} default classes are read"
     for element in (inner for part in parts for inner in part.iter()):
         if element.tag in CODE:
             yield element, f"{named(element)} is refused: it {CODE[element.tag]}"
@@ -217,7 +223,7 @@ def refused_inside(path: Path) -> list[Problem]:
             continue
         try:
             root = ElementTree.fromstring(text := file.read_text(encoding="utf-8-sig"))
-        except (OSError, ValueError, ElementTree.ParseError) as error:
+        except (OSError, ValueError, LookupError, ElementTree.ParseError) as error:
             reasons.append(Problem(source, text=f"is not readable ({error})"))
             continue
         whole = ["document types and entities are refused"] * ("<!DOCTYPE" in text or "<!ENTITY" in text)
@@ -256,7 +262,7 @@ def _readable(path: Path) -> Iterator[tuple[Element, dict[Element, tuple[int, in
     for file, source in _with_included(path):
         try:
             root = ElementTree.fromstring(text := file.read_text(encoding="utf-8-sig"))
-        except (OSError, ValueError, ElementTree.ParseError):
+        except (OSError, ValueError, LookupError, ElementTree.ParseError):
             continue
         yield root, starts(root, text), source
 
@@ -274,7 +280,7 @@ def _with_included(path: Path) -> Iterator[tuple[Path, str]]:
             if not file.is_file() or file.stat().st_size > MAX_BYTES:
                 continue
             root = ElementTree.parse(file).getroot()
-        except (OSError, ValueError, ElementTree.ParseError):
+        except (OSError, ValueError, LookupError, ElementTree.ParseError):
             continue
         todo += [(path.resolve().parent / element.get("file", "")).resolve() for element in root.iter("include")]
 
