@@ -117,7 +117,7 @@ def info_of(stored: StoredSweep) -> SweepInfo:
         plan.first.description or "",
         conditions_text(plan.experiment(0, 0)),
         workload_text(stored),
-        plan.source.text.decode(),
+        plan.text.decode(),
         {"seed": plan.seed} | facts | {"machine": machine()},
         slide_joints(plan.first.plant.model),
         plan.first.laws,
