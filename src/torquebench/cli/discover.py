@@ -15,10 +15,8 @@ from torquebench.cli.app import command
 from torquebench.cli.parameters import File, argument, plugins, refuse, suggest
 from torquebench.cli.terminal import say, table, tell
 from torquebench.errors import ModelError, Problem
-from torquebench.robot.described import described_arm
-from torquebench.robot.library import is_path, model_names
 from torquebench.shipped import configs as shipped_configs
-from torquebench.shipped import data_root, find_config, first_line
+from torquebench.shipped import data_root, find_config, first_line, model_names
 
 if TYPE_CHECKING:
     from torquebench.laws.law import Law
@@ -173,11 +171,12 @@ def show(name: str, plugin: Sequence[Path]) -> int:
     """
     if name in shipped_configs() or name.endswith((".yaml", ".yml")):
         return _show_config(find_config(name))
-    if is_path(name):
+    if name.lower().endswith((".xml", ".urdf", ".mjcf")):
         return _show_arm(Path(name), name)
     from torquebench.chain import CHAINS
     from torquebench.laws import find_law, law_names
     from torquebench.laws.plugin import load_plugin
+    from torquebench.robot.described import described_arm
 
     for file in plugin:
         load_plugin(file)
