@@ -147,7 +147,7 @@ class Falsification:
         return {
             "metric": self.info.key,
             "unit": self.info.unit,
-            "claim": None if claim is None else f"{claim.metric} {claim.sign} {claim.limit!r}",
+            "claim": None if claim is None else claim.stated,
             "evaluations": asked.evaluations,
             "seeds": asked.seeds,
             "variables": [{fact: getattr(v, fact) for fact in facts} for v in self.space.variables],

@@ -608,7 +608,4 @@ def room_of(source: ArmSource) -> Room:
     from torquebench.robot import mjcf
 
     m = mjcf.compile_arm(mjcf.read_arm(source))[0]
-    low, high = np.array(m.jnt_range[:, 0]), np.array(m.jnt_range[:, 1])
-    told = high > low
-    home = mjcf.keyframes(m).get("home", np.zeros(len(low)))
-    return Room(home, np.where(told, low, -np.inf), np.where(told, high, np.inf))
+    return Room(mjcf.keyframes(m).get("home", np.zeros(m.njnt)), *mjcf.ranges(m))

@@ -34,6 +34,12 @@ def _own_data() -> Path:
     return Path(__file__).resolve().parent / "_data"
 
 
+def model_names() -> tuple[str, ...]:
+    """Names of the models that can be used in a config, sorted."""
+    folder = data_root() / "models"
+    return tuple(sorted(p.name for p in folder.iterdir() if (p / f"{p.name}.xml").is_file())) if folder.is_dir() else ()
+
+
 def configs() -> dict[str, Path]:
     """Return the shipped configs by name: ``fig9-chattering``, or ``studies/robustness`` where two share a name."""
     root = data_root() / "configs"

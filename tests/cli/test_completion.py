@@ -16,11 +16,12 @@ from tests.command_line import COMMANDS, flags
 from torquebench.chain import CHAINS
 from torquebench.cli.app import app, main
 from torquebench.cli.compare import SideName
-from torquebench.cli.discover import LawOrConfig
+from torquebench.cli.discover import Shown
 from torquebench.cli.fuzzy import SYSTEMS
 from torquebench.comparison import parse_side
 from torquebench.fuzzy import BUILTIN
 from torquebench.laws import law_names
+from torquebench.robot.library import model_names
 from torquebench.shipped import config_keys, configs
 
 LINES = {
@@ -145,6 +146,6 @@ def test_the_words_are_those_that_are_accepted():
     for engine in ("mujoco:", "analytic:"):
         for item in SideName(".xml").shell_complete(None, None, engine):
             parse_side(item.value, "A")
-    names = {item.value for item in LawOrConfig().shell_complete(None, None, "")}
-    assert names == {*law_names(), *CHAINS, *configs()}
+    names = {item.value for item in Shown().shell_complete(None, None, "")}
+    assert names == {*law_names(), *CHAINS, *model_names(), *configs()}
     assert {"run.duration", "plant.payload", "chain.measurement_delay", "sweep.draws"} <= set(config_keys())

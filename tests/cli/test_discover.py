@@ -1,6 +1,7 @@
 """``laws``, ``show``, ``configs``, bare help, short options, defaults from the environment: how a user finds around."""
 
 import json
+import math
 import re
 
 import pytest
@@ -89,6 +90,41 @@ def test_show_a_law(command, name):
     assert experiment.controllers[0].law == name
 
 
+def test_show_an_arm(command, tmp_path):
+    """Each number of each joint with where it is from: the file, a table given to import, or assumed."""
+    link = '<inertial mass="1" pos="0.1 0 0" diaginertia="1e-2 1e-2 1e-2"/>'
+    (tmp_path / "arm.xml").write_text(
+        f"""<!-- Mine, of 2026. --><mujoco><worldbody><body>{link}
+        <joint name="turn" axis="0 1 0" range="-90 90" armature="0.25" damping="0.5"/><body>{link}
+        <joint name="lift" type="slide" frictionloss="3"/></body></body></worldbody><actuator>
+        <velocity joint="turn" kv="7" ctrlrange="-2 2" forcerange="-40 40"/><motor joint="lift"/></actuator></mujoco>"""
+    )
+    shown = ("import", tmp_path / "arm.xml", "--torque-limits", "lift=30", "--out", tmp_path / "made")
+    assert command(*shown)[0] == 0
+    facts = json.loads(command("show", tmp_path / "made" / "made.xml", "--json")[1])
+    turn, lift = (
+        {key: (x["value"], x["source"]) for key, x in j.items() if isinstance(x, dict)} for j in facts["joints"]
+    )
+    assert turn == {
+        "range": ([-math.pi / 2, math.pi / 2], "file"),
+        "speed": (2.0, "file"),
+        "torque": (40.0, "file"),
+        "armature": (0.25, "file"),
+        "damping": (0.5, "file"),
+        "friction": (0.0, "assumed"),
+    }
+    assert lift["torque"] == (30.0, "table")
+    assert (lift["range"], lift["armature"], lift["friction"]) == ((None, "assumed"), (0.0, "assumed"), (3.0, "file"))
+    text = " ".join(command("show", tmp_path / "made" / "made.xml")[1].split())
+    assert all(
+        words in text for words in ("given to import (lift)", "assumed, 0: the file has none (turn)", "N m or N")
+    )
+    both = command("show", "fr3")[1]
+    assert "chain: fr3" in both
+    assert "plant: {model: fr3}" in both
+    assert command("show", tmp_path / "none.xml")[0] == 2
+
+
 def test_show_a_config(command):
     """The file's text, without its being read as an experiment."""
     out = command("show", "two-link")[1]
@@ -99,7 +135,7 @@ def test_show_nothing(command):
     """Neither a law nor a config: the nearest of both."""
     assert command("show", "smcc")[::2] == (
         2,
-        "NAME: got 'smcc', which is neither a law, a chain nor a shipped config (did you mean 'smc'?)\n",
+        "NAME: got 'smcc', which is neither a law, a chain, an arm nor a shipped config (did you mean 'smc'?)\n",
     )
     assert "'fig9-step'" in command("show", "fig9-stpe")[2]
 

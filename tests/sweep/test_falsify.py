@@ -19,7 +19,9 @@ from torquebench.cli.app import main
 from torquebench.cli.falsify import BARS, bars
 from torquebench.disturbances import Pulses
 from torquebench.errors import ConfigError
+from torquebench.experiment.falsify_section import Claim, read_claim
 from torquebench.falsification import space_of
+from torquebench.metrics import METRICS
 from torquebench.sweep.search import METHODS, Method, Search, check_method, shrink, start_search
 
 ARM: dict[str, Any] = {
@@ -248,7 +250,7 @@ def test_a_failed_run_is_worst_and_the_earlier_the_worse() -> None:
         assert found.broken == ()
 
 
-@pytest.mark.parametrize(("until", "status"), [("max_error > 10", 0), ("max_error > 1 urad", 1)])
+@pytest.mark.parametrize(("until", "status"), [("max_error > 10 rad", 0), ("max_error > 1 urad", 1)])
 def test_a_claim_decides_the_status(
     until: str, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -267,6 +269,7 @@ def test_a_claim_decides_the_status(
         ("max_error < 5 mrad", ("got <", "wanted >=: of max_error lower values are better")),
         ("max_eror > 5 mrad", ("'max_eror'", "max_error")),
         ("max_error > 5 kg", ("'5 kg'", "mrad")),
+        ("max_error > 30", ("'30'", "a number with its unit [mrad, rad,")),
         ("much", ("'much'", "max_error > 5 mrad")),
     ],
 )
@@ -279,6 +282,39 @@ def test_a_bad_end_of_a_search_is_told_as_it_was_typed(
     assert all(text in error for text in ("--until", *told)), error
     assert "--set" not in error
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "limit", "shown"),
+    [
+        ("max_error <= 30 mrad", 0.03, "30 mrad"),
+        ("max_error <= 0", 0.0, "0 mrad"),
+        ("chattering < 5 %", 5.0, "5 %"),
+        ("saturation_fraction <= 5 %", 0.05, "5 %"),
+        ("tool_rmse <= 2 mm", 0.002, "2 mm"),
+        ("total_variation <= 3 1/s", 3.0, "3 1/s"),
+        ("effort <= 0.2", 0.2, "0.2"),
+    ],
+)
+def test_a_limit_has_the_unit_of_tables_or_another_of_its_kind(text: str, limit: float, shown: str) -> None:
+    """It is read in that unit, and said again in it; its text reads back as the same claim."""
+    claim = read_claim(text)
+    assert isinstance(claim, Claim)
+    assert claim.limit == pytest.approx(limit, rel=1e-15)
+    assert claim.text.endswith(shown)
+    assert read_claim(claim.text) == claim
+
+
+@pytest.mark.parametrize("key", METRICS)
+def test_a_limit_without_unit_is_asked_for_it(key: str) -> None:
+    """A number alone could be of tables or of SI units, a thousand apart: only pure ones are taken as they are."""
+    info = METRICS[key]
+    found = read_claim(f"{key} {'<=' if info.better == 'lower' else '>='} 30")
+    if info.shown_unit == "1":
+        assert isinstance(found, Claim)
+    else:
+        assert isinstance(found, dict)
+        assert "with its unit" in found["wanted"]
 
 
 def test_a_sentence_counts_the_numbers_of_a_list() -> None:

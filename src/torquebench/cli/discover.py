@@ -12,11 +12,11 @@ from click.shell_completion import CompletionItem
 
 import torquebench
 from torquebench.cli.app import command
-from torquebench.cli.parameters import argument, plugins, refuse, suggest
+from torquebench.cli.parameters import File, argument, plugins, refuse, suggest
 from torquebench.cli.terminal import say, table, tell
-from torquebench.errors import Problem
+from torquebench.errors import ModelError, Problem
 from torquebench.shipped import configs as shipped_configs
-from torquebench.shipped import data_root, find_config, first_line
+from torquebench.shipped import data_root, find_config, first_line, model_names
 
 if TYPE_CHECKING:
     from torquebench.laws.law import Law
@@ -137,45 +137,117 @@ def _command_for(text: str) -> str:
     return next((section for section in ("sweep", "falsify") if f"\n{section}:" in text), "run")
 
 
-class LawOrConfig(click.ParamType[str]):
-    """Name of a law, a chain or a shipped config."""
+class Shown(File):
+    """Name of a law, a chain, an arm or a shipped config; or an arm's or a config's file."""
 
     name = "name"
 
+    def __init__(self) -> None:
+        """Offer names, and files of arms."""
+        super().__init__(".xml", ".urdf", ".mjcf")
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return what was typed."""
+        return value
+
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Return the names that begin as typed; laws and chains are found without importing them."""
-        package, names = Path(torquebench.__file__).parent, list(shipped_configs())
+        package, names = Path(torquebench.__file__).parent, [*shipped_configs(), *model_names()]
         for folder, decorator in (("laws", "controller"), ("chain", "chain")):
             for file in sorted((package / folder).glob("*.py")):
                 names += re.findall(rf'^@{decorator}\(\s*"([\w-]+)"', file.read_text(), re.MULTILINE)
-        return [CompletionItem(name) for name in sorted(names) if name.startswith(incomplete)]
+        found = [CompletionItem(name) for name in sorted(set(names)) if name.startswith(incomplete)]
+        return found + (super().shell_complete(ctx, param, incomplete) if incomplete else [])
 
 
 @command(example="torquebench show linear-band-smc")
-@argument("name", type=LawOrConfig(), help="a law, a chain, or a config that comes with the package")
+@argument("name", type=Shown(), help="a law, a chain, an arm, its file, or a config that comes with the package")
 @plugins
 def show(name: str, plugin: Sequence[Path]) -> int:
-    """Explain a law or a chain, or print a shipped config.
+    """Explain a law, a chain or an arm, or print a shipped config.
 
     Of a law: what it computes, its gains and options, and lines for a config; of a chain: its numbers and their
-    sources.
+    sources; of an arm: what its file says of each joint. A chain and its arm of the same name are both shown.
     """
     if name in shipped_configs() or name.endswith((".yaml", ".yml")):
         return _show_config(find_config(name))
+    if name.lower().endswith((".xml", ".urdf", ".mjcf")):
+        return _show_arm(Path(name), name)
     from torquebench.chain import CHAINS
     from torquebench.laws import find_law, law_names
     from torquebench.laws.plugin import load_plugin
+    from torquebench.robot.described import described_arm
 
     for file in plugin:
         load_plugin(file)
     if name in CHAINS:
         _show_chain(name)
+    if name in model_names() or described_arm(name):
+        if name in CHAINS:
+            say("\n")
+        return _show_arm(name, name)
+    if name in CHAINS:
         return 0
     if name not in law_names():
-        text = f"got '{name}', which is neither a law, a chain nor a shipped config"
-        refuse([Problem("NAME", text=text, **suggest(name, [*law_names(), *CHAINS, *shipped_configs()]))])
+        text = f"got '{name}', which is neither a law, a chain, an arm nor a shipped config"
+        names = [*law_names(), *CHAINS, *model_names(), *shipped_configs()]
+        refuse([Problem("NAME", text=text, **suggest(name, names))])
     _show_law(find_law(name))
     return 0
+
+
+NUMBERS = {
+    "range": ("range", "no limit"),
+    "speed": ("speed limit", "no limit"),
+    "torque": ("torque limit", "no limit"),
+    "armature": ("armature", "0"),
+    "damping": ("damping", "0"),
+    "friction": ("dry friction", "0"),
+}
+"""Numbers of a joint: what they are called, and what is assumed where the arm's file says nothing."""
+
+
+def _show_arm(source: str | Path, name: str) -> int:
+    """Print what an arm's file says of its joints.
+
+    Args:
+        source: The arm.
+        name: What a config calls it.
+    """
+    from torquebench.robot.joint_facts import arm_facts
+
+    try:
+        facts = arm_facts(source)
+    except ModelError as error:
+        refuse(error.problems)
+    tell(**facts._asdict())
+    say(f"{facts.arm}, {len(facts.joints)} joints: {facts.file}\n", fold=False)
+    for text in filter(None, (facts.comment, *facts.changes)):
+        say(f"{text}\n")
+    header, rows, sources = ["joint"], [[joint.joint] for joint in facts.joints], list[list[str]]()
+    for key, (title, none) in NUMBERS.items():
+        numbers = [getattr(joint, key) for joint in facts.joints]
+        units = " or ".join(dict.fromkeys(number.unit for number in numbers))
+        header.append(f"{title} [{units}]")
+        for row, number in zip(rows, numbers, strict=True):
+            row.append(_limit_text(number.value))
+        names = {number.source: list[str]() for number in numbers}
+        for joint, number in zip(facts.joints, numbers, strict=True):
+            names[number.source].append(joint.joint)
+        where = {"file": "the file", "table": "given to import", "assumed": f"assumed, {none}: the file has none"}
+        texts = [where[source] + f" ({', '.join(who)})" * (len(names) > 1) for source, who in names.items()]
+        if key == "range" and "file" in names and not any(joint.enforced for joint in facts.joints):
+            texts.append('as information, limited="false": preflight keeps to it, a run does not look at it')
+        sources.append([title, "; ".join(texts)])
+    say(table(header, rows))
+    say("\n" + table(["number", "where it is from"], sources, left=2, prose=True))
+    begin = "".join(f"\nrun: {{initial_q: key:{key}}}" for key in facts.keyframes[:1])
+    say(f"\nIn a config:\n\nplant: {{model: {name}}}{begin}", fold=False)
+    return 0
+
+
+def _limit_text(value: float | tuple[float, float] | None) -> str:
+    return "-" if value is None else " to ".join(f"{x:.4g}" for x in (value if isinstance(value, tuple) else (value,)))
 
 
 def _show_config(path: Path) -> int:

@@ -48,13 +48,14 @@ class Until(click.ParamType[Any]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> OptionChange:
         """Return the claim as a change of the config."""
-        from torquebench.experiment.falsify_section import Claim, read_claim
+        from torquebench.experiment.falsify_section import OPPOSITE, Claim, read_claim
         from torquebench.experiment.source import OptionChange
 
         found = read_claim(value, denied=True)
         if not isinstance(found, Claim):
             raise Wrong(**found)
-        return OptionChange(f"falsify.claim={found.metric} {found.sign} {found.limit!r}", "--until", value)
+        limit = value.partition(OPPOSITE[found.sign])[2].strip()
+        return OptionChange(f"falsify.claim={found.metric} {found.sign} {limit}", "--until", value)
 
 
 @command(example="torquebench falsify studies/falsify --until 'max_error > 20 mrad'")

@@ -19,7 +19,7 @@ from torquebench.experiment.sweep_section import Varied, expanded, indexed, refu
 from torquebench.experiment.units import units_of, without_unit
 from torquebench.experiment.values import Here, Node
 from torquebench.experiment.words import shown
-from torquebench.experiment.yaml_tree import BROKEN, Place
+from torquebench.experiment.yaml_tree import BROKEN, NUMBER, Place
 from torquebench.keys import Key
 from torquebench.metrics import METRICS, MetricInfo
 
@@ -33,6 +33,8 @@ LIMITS: dict[str, Callable[[float, float], bool]] = {
 }
 """What a claim may say of a metric."""
 OPPOSITE = {"<=": ">", "<": ">=", ">=": "<", ">": "<="}
+PURE = ("", "1")
+"""Units of pure numbers."""
 _CLAIM = re.compile(r"\s*([A-Za-z0-9_]+)\s*(<=|>=|<|>)\s*([^\s=].*)")
 
 
@@ -55,6 +57,11 @@ class Claim(NamedTuple):
         """The claim as in a config, in the unit of tables."""
         return f"{self.metric} {self.sign} {in_unit(self.info.scale * self.limit, self.info.shown_unit)}"
 
+    @property
+    def stated(self) -> str:
+        """The claim in full, its limit in the metric's own unit."""
+        return f"{self.metric} {self.sign} {self.limit!r}" + f" {self.info.unit}" * (self.info.unit not in PURE)
+
     def holds(self, value: float) -> bool:
         """Whether a value of the metric meets it; NaN does not."""
         return LIMITS[self.sign](value, self.limit)
@@ -64,7 +71,7 @@ def read_claim(raw: Any, denied: bool = False) -> Claim | dict[str, Any]:
     """Return a claim, or what is wrong with its text: the parts of a mistake.
 
     Args:
-        raw: A metric, a comparison and a number with or without unit.
+        raw: A metric, a comparison and a number with its unit.
         denied: Whether it says what is claimed not to happen.
     """
     found = _CLAIM.fullmatch(raw) if isinstance(raw, str) else None
@@ -77,13 +84,11 @@ def read_claim(raw: Any, denied: bool = False) -> Claim | dict[str, Any]:
         wanted = "" if near else ", ".join(METRICS)
         return {"text": "no such metric", "got": f"'{metric}'", "nearest": near, "wanted": wanted}
     info = METRICS[metric]
-    try:
-        limit = float(without_unit(text.strip(), info.unit))
-    except ValueError:
-        limit = math.nan
+    limit = _limit(info, text.strip())
     if not math.isfinite(limit):
-        units = f" [{', '.join(units_of(info.unit))}]" if units_of(info.unit) else ""
-        return {"got": f"'{text}'", "wanted": f"a number{units}, in SI units if it has none"}
+        names = dict.fromkeys(filter(None, (info.shown_unit.removeprefix("1"), *units_of(info.unit))))
+        with_unit = "" if info.shown_unit in PURE else " with its unit"
+        return {"got": f"'{text}'", "wanted": f"a number{with_unit}" + (f" [{', '.join(names)}]" if names else "")}
     upward = sign in (">", ">=")
     if (upward != (info.better == "higher")) != denied:
         wrong = f"is what {metric} ought to be" if denied else f"claims that {metric} is bad"
@@ -91,8 +96,24 @@ def read_claim(raw: Any, denied: bool = False) -> Claim | dict[str, Any]:
     return Claim(metric, OPPOSITE[sign] if denied else sign, limit)
 
 
+def _limit(info: MetricInfo, text: str) -> float:
+    """Return a metric's limit in SI units, NaN where the text is none: what tables show with a unit needs one, or is 0.
+
+    Args:
+        info: The metric.
+        text: A number, with a unit of the metric's dimension or the one that tables have.
+    """
+    limit, shown_limit = without_unit(text, info.unit), without_unit(text, info.shown_unit)
+    if isinstance(limit, float):
+        return limit
+    if isinstance(shown_limit, float):
+        return shown_limit / info.scale
+    bare = float(text) if NUMBER.fullmatch(text) else math.nan
+    return bare if bare == 0.0 or info.shown_unit in PURE else math.nan
+
+
 class ClaimText(Node):
-    """A claim: a metric, a comparison and a number with or without unit."""
+    """A claim: a metric, a comparison and a number with its unit."""
 
     wanted = "a claim such as max_error <= 5 mrad"
 
@@ -111,7 +132,7 @@ class ClaimText(Node):
 
 def in_unit(value: float, unit: str) -> str:
     """Return a number with its unit, in four digits."""
-    return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
+    return f"{value:.4g}" if unit in PURE else f"{value:.4g} {unit}"
 
 
 @dataclass(frozen=True)

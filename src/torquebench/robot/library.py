@@ -13,6 +13,7 @@ from typing import TypeAlias
 from torquebench.errors import ModelError, did_you_mean, did_you_mean_path
 from torquebench.robot.described import described_arm
 from torquebench.shipped import data_root as data_root
+from torquebench.shipped import model_names as model_names
 
 MJCF = r"\.(?:xml|urdf|mjcf)"
 """Ending of the name of an arm's file, a regular expression."""
@@ -81,12 +82,6 @@ def arm_name(text: str) -> str:
 def plain_name(text: str) -> str:
     """Return a name that an arm may have, made of a text."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")[:64] or "arm"
-
-
-def model_names() -> tuple[str, ...]:
-    """Names of the models that can be used in a config, sorted."""
-    folder = data_root() / "models"
-    return tuple(sorted(p.name for p in folder.iterdir() if (p / f"{p.name}.xml").is_file())) if folder.is_dir() else ()
 
 
 def model_folder(name: str) -> Path:

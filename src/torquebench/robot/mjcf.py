@@ -19,6 +19,7 @@ from torquebench.robot.flat_model import HINGE, SLIDE, Model, rigid_model
 from torquebench.robot.library import ArmFile, ArmSource, file_of_arm
 from torquebench.robot.links import check_physical
 from torquebench.robot.mjcf_links import (
+    GIVEN,
     ON_JOINT,
     SPEEDS,
     at_zero,
@@ -27,6 +28,7 @@ from torquebench.robot.mjcf_links import (
     joint_name,
     links_of,
     moving_parent,
+    numeric,
     speed_limits,
 )
 from torquebench.robot.mjcf_text import listed, refused_inside, remarks_in, standing_alone, urdf_speeds, with_remarks
@@ -346,6 +348,24 @@ def tool_frame(m: Any, d: Any, where: str) -> tuple[Array, Array]:
 def joint_names(m: Any) -> list[str]:
     """Names of the joints of a compiled model; unnamed ones are called by their number."""
     return [joint_name(m, j) for j in range(m.njnt)]
+
+
+def is_slide(m: Any, joint: int) -> bool:
+    """Whether a joint slides instead of turning."""
+    return bool(m.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def ranges(m: Any) -> tuple[Array, Array]:
+    """Return least and greatest position of each joint that a file states, enforced or not; infinite for none."""
+    low, high = np.array(m.jnt_range).reshape(-1, 2).T
+    told = high > low
+    return np.where(told, low, -np.inf), np.where(told, high, np.inf)
+
+
+def limits_given(m: Any) -> Array:
+    """Return whether the torque limit of each joint is one that was given to an import, (n,)."""
+    given = numeric(m, GIVEN)
+    return np.zeros(m.njnt, dtype=bool) if given is None else given != 0
 
 
 def keyframes(m: Any) -> dict[str, Array]:

@@ -17,6 +17,8 @@ ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPAREN
 
 SPEEDS = "speed_limits"
 """Custom numbers of an MJCF file: the greatest speed of each joint [rad/s; m/s of a slide], 0 for none."""
+GIVEN = "torque_limits_given"
+"""Custom numbers of an imported arm: 1 for each joint whose torque limit was given to the import, else 0."""
 
 
 def joint_name(m: Any, joint: int) -> str:
@@ -24,17 +26,24 @@ def joint_name(m: Any, joint: int) -> str:
     return mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"joint{joint + 1}"
 
 
+def numeric(m: Any, name: str) -> Array | None:
+    """Return custom numbers of a compiled model, one for each joint, (n,); None where there are not so many."""
+    i = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_NUMERIC, name)
+    if i < 0 or int(m.numeric_size[i]) != m.njnt:
+        return None
+    first = int(m.numeric_adr[i])
+    return np.array(m.numeric_data[first : first + m.njnt])
+
+
 def speed_limits(m: Any) -> Array | None:
     """Return the greatest speed of each joint, (n,) [rad/s], infinite where the file states none.
 
     MJCF has no such limits: they are the custom numbers `SPEEDS`. None where these do not fit the joints.
     """
-    i = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_NUMERIC, SPEEDS)
-    if i < 0:
+    if mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_NUMERIC, SPEEDS) < 0:
         return np.full(m.njnt, np.inf)
-    first, count = int(m.numeric_adr[i]), int(m.numeric_size[i])
-    speeds = np.array(m.numeric_data[first : first + count])
-    fit = count == m.njnt and np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)
+    speeds = numeric(m, SPEEDS)
+    fit = speeds is not None and np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)
     return np.where(speeds > 0.0, speeds, np.inf) if fit else None
 
 

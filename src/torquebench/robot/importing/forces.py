@@ -40,6 +40,8 @@ class Forces:
     """(3,) [m/s^2]."""
     speeds: Array
     """Greatest speed [rad/s]; infinite where the file states none."""
+    given: Array
+    """Whether the torque limit is one that was given."""
 
 
 def forces_of(chain: Chain, options: Options, stated: Mapping[str, float]) -> Forces:
@@ -94,15 +96,17 @@ def forces_of(chain: Chain, options: Options, stated: Mapping[str, float]) -> Fo
     _fluid(chain, options)
     _tendons(chain, options)
     _equalities(chain, options)
+    torque_limits, given = _torque_limits(chain, options, names)
     return Forces(
         armature,
         damping,
         friction,
-        _torque_limits(chain, options, names),
+        torque_limits,
         limited,
         m.jnt_range[list(joints)].copy(),
         _gravity(chain, options),
         _speeds(chain, names, stated),
+        given,
     )
 
 
@@ -283,8 +287,8 @@ def _gravity(chain: Chain, options: Options) -> Array:
     return rounded * gravity
 
 
-def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> Array:
-    """Return the torque limits of the kept joints, NaN where nothing states one."""
+def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> tuple[Array, Array]:
+    """Return the torque limits of the kept joints, NaN where nothing states one, and which of them were given."""
     m, n = chain.model, len(chain.joints)
     total, told = np.zeros(n), dict[str, list[str]]()
     skewed, idle, others = list[str](), list[str](), list[str]()
@@ -333,7 +337,7 @@ def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> Arra
         table = np.array([given.get(name, np.nan) for name in names])
     elif given and len(given) != n:
         add(Part("refused", "--torque-limits", tuple(names), f"{len(given)} numbers for {n} joints"))
-        return limits
+        return limits, np.zeros(n, dtype=bool)
     else:
         table = np.array(given) if given else np.full(n, np.nan)
     asked = np.array([name in given for name in names]) if isinstance(given, Mapping) else np.full(n, bool(given))
@@ -352,7 +356,7 @@ def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> Arra
     if np.any(np.isnan(limits)):
         text = f"the file states none; --torque-limits takes {n} numbers [N m], or NAME=NUMBER of these joints alone"
         add(Part("refused", "torque limits", _where(names, np.isnan(limits)), text))
-    return limits
+    return limits, asked
 
 
 def _actuator_limit(m: Any, a: int, skewed: list[str]) -> tuple[float, str]:

@@ -14,7 +14,7 @@ from torquebench.kernel import Array
 from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero
 from torquebench.robot.importing.findings import Part
 from torquebench.robot.importing.forces import Forces
-from torquebench.robot.mjcf_links import SPEEDS, joint_name
+from torquebench.robot.mjcf_links import GIVEN, SPEEDS, joint_name
 
 TOOLS = ("tool", "tcp", "attachment_site", "ee", "ee_site", "eef", "eef_site", "end_effector", "grip_site", "pinch")
 """Sites that are the tool, in this order."""
@@ -68,9 +68,13 @@ def write(chain: Chain, forces: Forces, options: Options, name: str, source: str
         ElementTree.SubElement(
             motors, "motor", name=joint, joint=joint, ctrllimited="true", ctrlrange=text_of([-most, most])
         )
-    if np.any(some := np.isfinite(forces.speeds)):
+    some = np.isfinite(forces.speeds)
+    told = {SPEEDS: np.where(some, forces.speeds, 0.0)} if np.any(some) else {}
+    told |= {GIVEN: forces.given} if np.any(forces.given) else {}
+    if told:
         custom = ElementTree.SubElement(root, "custom")
-        ElementTree.SubElement(custom, "numeric", name=SPEEDS, data=text_of(np.where(some, forces.speeds, 0.0)))
+        for key, numbers in told.items():
+            ElementTree.SubElement(custom, "numeric", name=key, data=text_of(numbers))
     keys = ElementTree.SubElement(root, "keyframe")
     ElementTree.SubElement(keys, "key", name="home", qpos=text_of(chain.home[chain.places]))
     return to_text(root, f"Imported from {source} by torquebench; README.md says what was kept and what was left out.")
