@@ -40,7 +40,7 @@ def followed(actuator: str, command: Array) -> Array:
     ids=["pid", "position"],
 )
 def test_the_servo_is_mujocos(actuator: str, ki: float) -> None:
-    """The law on a motor, called at each step, moves the arm as MuJoCo's actuator does, to the rounding of 1500 steps."""
+    """The law on a motor, called at each step, moves the arm as MuJoCo's actuator does, to rounding of 1500 steps."""
     command = 0.4 * np.sin(2.0 * np.pi * 0.7 * H * np.arange(N))
     theirs = followed(actuator, command)
     model = load_model(ArmFile("servo", MOTOR))
