@@ -43,6 +43,7 @@ SENSORS = {
 }
 DRIVES = {
     "the hold alone": ("5 ms", Chain(torque_quantum=1e-12)),
+    "command_filter": ("60 rad/s", Chain(command_filter=60.0, torque_quantum=1e-12)),
     "torque_rate": ("150 N m/s", Chain(torque_rate=150.0, torque_quantum=1e-12)),
     "missed_deadlines": ("40 %", Chain(missed_deadlines=0.4)),
     "jitter": ("5 ms", Chain(jitter=T)),
@@ -106,8 +107,8 @@ def main() -> None:
         label = "torque [N m]" if key in DRIVES else "q [mrad]" if chain.velocity == "exact" else "qd [rad/s]"
         panels.append((key, words, label, *(driven if key in DRIVES else sensed)(chain)))
     plt.rcParams.update({"font.size": 8, "axes.titlesize": 8.5, "axes.spines.top": False, "axes.spines.right": False})
-    fig, axes = plt.subplots(7, 3, figsize=(9.0, 13.0), sharex=True, layout="constrained")
-    for ax, (key, words, label, t, out, sine) in zip(axes.flat, panels, strict=True):
+    fig, axes = plt.subplots(8, 3, figsize=(9.0, 14.9), sharex=True, layout="constrained")
+    for ax, (key, words, label, t, out, sine) in zip(axes.flat, panels, strict=False):
         late, scale = t >= t[-1] - SHOWN, 1e3 if "mrad" in label else 1.0
         ms = 1e3 * (t[late] - t[late][0])
         ax.plot(ms, scale * sine[late], color=BEFORE, linewidth=2.5)
@@ -116,8 +117,11 @@ def main() -> None:
         ax.text(0.0, 1.04, words, transform=ax.transAxes, color="0.35", fontsize=7.5)
         ax.text(1.0, 1.04, in_words(t, out, sine), transform=ax.transAxes, ha="right", fontsize=7.5)
         ax.set_ylabel(label)
-    for ax in axes[-1]:
+    for ax in axes.flat[len(panels) :]:
+        ax.remove()
+    for ax in axes.flat[len(panels) - 3 : len(panels)]:
         ax.set_xlabel("time [ms]")
+        ax.tick_params(labelbottom=True)
     fig.savefig(ROOT / "docs" / "images" / "chain-parts.png", dpi=110)
 
 

@@ -13,10 +13,10 @@ import pytest
 from scipy.signal import lfilter
 
 from torquebench.chain import CHAINS
+from torquebench.diagnosis.parts import strengths, with_share
 from torquebench.diagnosis.poles import Pole
 from torquebench.errors import ConfigError
 from torquebench.kernel import Array
-from torquebench.laws import find_law
 from torquebench.laws.plugin import load_plugin
 from torquebench.preflight import (
     DURATION,
@@ -29,9 +29,7 @@ from torquebench.preflight import (
     judge,
     preflight,
     room_of,
-    scaled_gains,
     swing,
-    with_share,
 )
 from torquebench.registry import restored
 from torquebench.robot import load_model
@@ -243,12 +241,12 @@ def test_share_is_of_the_gains_that_make_torque_and_passes() -> None:
 def test_slopes_widths_and_beliefs_are_not_scaled(law: str, scaled: set[str]) -> None:
     """A share is of what multiplies errors into torque; all else stays as it is."""
     keys = experiment_of(law, "fr3", "fr3").controllers[0]
-    names = scaled_gains(find_law(law), keys)
+    names = strengths(keys)
     assert set(names) == scaled
     half = with_share(keys, names, 0.5)
     for name, value in keys.gains.items():
         factor = 0.5 if name in scaled else 1.0
-        assert half.gains[name] == pytest.approx(np.multiply(factor, value), rel=1e-15)
+        assert half.gains[name] == pytest.approx(np.multiply(factor, value), rel=5e-3)  # three digits are kept
 
 
 def test_swings_are_smooth() -> None:
@@ -304,11 +302,14 @@ def test_a_robot_that_filters_commands_is_judged_behind_its_filter() -> None:
     noise = np.random.default_rng(1).uniform(-0.7, 0.7, (2000, 7))
     gain = FIRST
     behind = lfilter([gain], [1.0, gain - 1.0], noise, axis=0)
-    assert filtered(noise, np.zeros(7), 100.0, 1e-3) == pytest.approx(behind, abs=1e-14)
+    y = np.ones(7)
+    for k, now in enumerate(filtered(noise, np.ones(7), gain)[:50]):
+        y = y + gain * (noise[k] - y)
+        assert now == pytest.approx(y, abs=1e-14)
     assert np.max(np.abs(np.diff(noise, axis=0))) > 1.0 > np.max(np.abs(np.diff(behind, axis=0)))
     run = still(tau_law=noise, tau=noise)
     assert "torque rate" not in found(run)
-    bare = dataclasses.replace(CHAINS["fr3"], name="custom")
+    bare = dataclasses.replace(CHAINS["fr3"], command_filter=None)
     seen = judge(run, load_model("fr3"), room_of("fr3"), bare, np.zeros(7), False)
     assert "torque rate" in {one.reason for one in seen if one.beyond}
 

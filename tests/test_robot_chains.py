@@ -38,11 +38,15 @@ def test_the_published_numbers() -> None:
     """As the documents have them: libfranka's limits, ROBOTIS's tables, UR's cycle, the elbow's gear."""
     franka, servo = CHAINS["fr3"], CHAINS["dynamixel"]
     assert (franka.torque_rate, PERIODS["fr3"], PERIODS["ur5e"]) == (1000.0, 1e-3, 1 / 500)
-    assert franka.actuator_lag == pytest.approx(1.0 / (2.0 * np.pi * 100.0), rel=1e-15)
+    # libfranka's lowpassFilter takes dt/(dt + 1/(2 pi f)) of a new command
+    assert franka.command_gain(1e-3) == pytest.approx(1e-3 / (1e-3 + 1.0 / (2.0 * np.pi * 100.0)), rel=1e-15)
     assert servo.quantisation == pytest.approx(2.0 * np.pi / 4096, rel=1e-15)
     assert servo.torque_quantum == pytest.approx(2.69e-3 * 10.6 / 4.4, rel=1e-4)  # stall: 10.6 N m at 4.4 A
     assert servo.torque_speed is not None
     assert servo.torque_speed.no_load == pytest.approx(30 * 2 * np.pi / 60)
+    small = CHAINS["so101"].torque_speed
+    assert small is not None
+    assert small.no_load == pytest.approx(45 * 2 * np.pi / 60)
     assert CHAINS["puma560-unimate"].quantisation * 53.7063 * 1000 == pytest.approx(2.0 * np.pi, rel=1e-15)
 
 

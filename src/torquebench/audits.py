@@ -84,7 +84,7 @@ def run_audit(
             progress(what, done, total)
 
     runs = run_parts(parts, directory.folder / CONDITIONS, workers or os.cpu_count() or 1, report)
-    judged = judge_study(asked, runs)
+    judged = judge_study(asked, runs, draws is not None)
     for name, content in write_files(asked, judged, parts, directory.folder, figures, lambda what: report(what, 0)):
         directory.write(name, content)
     directory.finish({"name": asked.document.root["name"], "runs": total})
@@ -146,7 +146,8 @@ def read_audit(folder: str | Path, plugins: Sequence[str | Path] = ()) -> Audit:
             f"{folder}: another version made it; the same torquebench audit with --out {folder} renews it"
         )
     runs = read_parts(parts, folder / CONDITIONS, files)
-    return Audit(study, runs, judge_study(study, runs), folder, reduced=made.get("draws") is not None)
+    reduced = made.get("draws") is not None
+    return Audit(study, runs, judge_study(study, runs, reduced), folder, reduced=reduced)
 
 
 def draw_audit(

@@ -16,15 +16,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from torquebench.chain import ABOUT, Chain
-from torquebench.diagnosis.margins import backwards, leaves_gravity, slopes_of, weight_along
+from torquebench.diagnosis.margins import (
+    Margins,
+    Slopes,
+    backwards,
+    leaves_gravity,
+    margins_of,
+    slopes_of,
+    weight_along,
+)
+from torquebench.diagnosis.parts import as_yaml, layers, strengths, with_share
 from torquebench.diagnosis.poles import Pole, poles_of
 from torquebench.diagnosis.seen import SATURATED
-from torquebench.experiment.build import Builder
+from torquebench.experiment.build import Builder, Loop
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Experiment
 from torquebench.kernel import Array
 from torquebench.keys import altered, as_vector
-from torquebench.laws import Gain, Law, find_law
 from torquebench.metrics import from_joints, per_joint
 from torquebench.metrics.chattering import STILL
 from torquebench.metrics.shaking import shaking
@@ -36,17 +44,7 @@ from torquebench.sim.friction import FRICTIONS
 from torquebench.sim.session import SampledTrial, Session
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Outcome, Trajectory
-from torquebench.tuning import (
-    acceleration_rate,
-    damping,
-    fuzzy_torque,
-    integral,
-    rate,
-    stiffness,
-    switching,
-    twist,
-    twist_rate,
-)
+from torquebench.tuning import integral
 
 LOST = 0.5
 """Error from which on a motion counts as lost [rad], [m] of a joint that slides."""
@@ -73,18 +71,6 @@ SHARES = (0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08, 0.06, 0.04, 0.03)
 """Shares of the gains that are tried in turn."""
 REFINED = 2
 """Bisections between the largest of them that passes and the one above it."""
-STRENGTHS = (
-    rate,
-    acceleration_rate,
-    damping,
-    stiffness,
-    switching,
-    fuzzy_torque,
-    integral,
-    twist,
-    twist_rate,
-)
-"""Rules of the gains that are scaled: the torque's, not those of slopes and widths."""
 REMEDIES = {
     "wrong sign": "turn the sign of that joint: the law pushes it away from its target",
     "no gravity": "add gravity: at no error the law gives nothing that holds the arm",
@@ -105,6 +91,8 @@ REMEDIES = {
 
 LONG = "long rest"
 """Small step after which the arm is watched for as long as a slow pole takes."""
+WIDENS = {"torque rate", "saturates", "limit cycle", "chatters"}
+"""Reasons against which a wider layer is tried, of a law that can have one."""
 RUNS_AWAY = ("speed", "range", "loses the motion", "diverges", "bad torque")
 SHAKES = ("limit cycle", "chatters", "swings")
 """What of a motion says nothing where it has run away."""
@@ -164,6 +152,16 @@ class Report(NamedTuple):
     share: float | None
     """Largest share of them that passes; None where none does, or none was looked for. Of integrals alone where that of
     all gains does not help what is unstable."""
+    layer: str = ""
+    """Width of a layer that passes, as a config has it; empty where none was looked for, or none passes."""
+    margins: Margins | None = None
+    """Margins of the loop about rest where they are least; None where no loop crosses."""
+    where: str = ""
+    """Where they are least: position and load."""
+    left: Margins | None = None
+    """Likewise with that share of the gains; None where it passes as it is."""
+    layer_left: Margins | None = None
+    """Likewise with that layer."""
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -263,16 +261,30 @@ class Pilot:
             seen += new
             flown.append(flight)
             failed += [flight] * any(one.beyond for one in new)
-        names, flights = scaled_gains(find_law(keys.law), keys), tuple(map(str, flown))
+        names, (margins, where) = strengths(keys), self.margins(keys)
+        report = Report(keys.name, tuple(map(str, flown)), tuple(seen), names, None, "", margins, where)
         if not failed:
-            return Report(keys.name, flights, tuple(seen), names, 1.0)
-        worst_first = sorted(self.flights, key=lambda flight: flight not in failed)
-        found = self._share(keys, names, worst_first, progress) if share else None
-        sums = scaled_gains(find_law(keys.law), keys, (integral,))
-        if share and found is None and sums and any(one.reason == "unstable" for one in seen):
-            found = self._share(keys, sums, worst_first, progress)
-            names = names if found is None else sums
-        return Report(keys.name, flights, (*self.own(keys), *seen), names, found)
+            return report._replace(share=1.0)
+        report = report._replace(seen=(*self.own(keys), *seen))
+        return self._cured(report, keys, failed, progress) if share else report
+
+    def _cured(
+        self, report: Report, keys: Controller, failed: Sequence[Flight], progress: Callable[[str], None]
+    ) -> Report:
+        """Return a report with the layer and the share of the gains that pass; the worst flights are tried first."""
+        reasons, flights = {one.reason for one in report.findings}, sorted(self.flights, key=lambda x: x not in failed)
+        wider = self.wider(keys) if reasons & WIDENS else ()
+        wide = next((one for one in wider if self._passes(one, flights, progress)), None)
+        if wide is not None:
+            form = "" if "phi" in keys.gains else "switching: saturation, "
+            layer = f"{form}phi: {as_yaml(wide.gains['phi'])}"
+            report = report._replace(layer=layer, layer_left=self.margins(wide)[0])
+        for names in (report.scaled, strengths(keys, (integral,)) if "unstable" in reasons else ()):
+            share = self._share(keys, names, flights, progress)
+            if share is not None:
+                left = self.margins(with_share(keys, names, share))[0]
+                return report._replace(scaled=names, share=share, left=left)
+        return report
 
     def _motions(self, keys: Controller, flights: Sequence[Flight], failed: Sequence[Flight]) -> Iterator[Flight]:
         """Yield the flights, and where none of them has `failed` a long rest if the loop has a pole that needs it."""
@@ -286,13 +298,10 @@ class Pilot:
         It lasts until a growth is a thousandfold, or for three times two and a half swings, but `LONGEST` at most. The
         law is linear for swings of `SMALL`: one that switches has the slope that belongs to them.
         """
-        period, third, n = self.experiment.run.control_period, (DURATION - STEP) / 3.0, self.arm.n
+        period, third = self.experiment.run.control_period, (DURATION - STEP) / 3.0
         found: list[tuple[Pole, float, Flight]] = []
-        for flight in (flight for flight in self.flights if flight.settles):
-            experiment = self._loaded(keys, flight.payload, period)
-            loop = self._builder(experiment)._replace(reference=flight.reference)
-            slopes = slopes_of(experiment, loop, (np.full(n, SMALL[0]), np.full(n, SMALL[1])))
-            for pole in poles_of(experiment, loop, slopes):
+        for flight, linear in self.linear(keys):
+            for pole in poles_of(*linear):
                 rest = 0.0
                 if pole.rate > GROWS:
                     rest = math.log(1000.0) / pole.rate
@@ -306,6 +315,28 @@ class Pilot:
         more = round((STEP + rest - DURATION) / period)
         longer = Reference(*(np.pad(signal, ((0, more), (0, 0)), "edge") for signal in flight.reference))
         return flight._replace(motion=LONG, reference=longer, duration=DURATION + more * period, pole=pole)
+
+    def linear(self, keys: Controller) -> Iterator[tuple[Flight, tuple[Experiment, Loop, Slopes]]]:
+        """Yield for each small step the loop about its start, with the law's slopes for swings of `SMALL`."""
+        by = np.full(self.arm.n, SMALL[0]), np.full(self.arm.n, SMALL[1])
+        for flight in (flight for flight in self.flights if flight.settles):
+            experiment = self._loaded(keys, flight.payload, self.experiment.run.control_period)
+            loop = self._builder(experiment)._replace(reference=flight.reference)
+            yield flight, (experiment, loop, slopes_of(experiment, loop, by))
+
+    def margins(self, keys: Controller) -> tuple[Margins | None, str]:
+        """Return the margins of the loop about rest where the phase margin is least, and where that is."""
+        found = list[tuple[float, Margins, str]]()
+        for flight, linear in self.linear(keys):
+            margins = margins_of(*linear)
+            if margins is not None and margins.phase is not None:
+                found.append((margins.phase, margins, f"{flight.pose}, {flight.payload:g} kg"))
+        return min(found, key=lambda one: one[0])[1:] if found else (None, "")
+
+    def wider(self, keys: Controller) -> Iterator[Controller]:
+        """Yield a controller with wider and wider layers; see `layers`."""
+        experiment = self._loaded(keys, 0.0, self.experiment.run.control_period)
+        yield from layers(experiment, self._builder(experiment)._replace(reference=self.flights[0].reference))
 
     def _loaded(self, keys: Controller, payload: float, duration: float) -> Experiment:
         """Return the experiment of one controller with a load [kg] that it knows nothing of, for a time [s]."""
@@ -335,10 +366,7 @@ class Pilot:
         """Return the largest share of the gains that passes every flight; see `SHARES`."""
 
         def passes(share: float) -> bool:
-            progress(f"{keys.name}: at {100.0 * share:.3g} % of its gains")
-            less = with_share(keys, names, share)
-            motions = self._motions(less, flights, ())
-            return not any(one.beyond for flight in motions for one in self.fly(less, flight))
+            return self._passes(with_share(keys, names, share), flights, progress)
 
         above, low = 1.0, next((share for share in SHARES if names and passes(share)), None)
         if low is None:
@@ -348,6 +376,12 @@ class Pilot:
             middle = math.sqrt(low * above)
             low, above = (middle, above) if passes(middle) else (low, middle)
         return float(f"{low:.2g}")
+
+    def _passes(self, keys: Controller, flights: Sequence[Flight], progress: Callable[[str], None]) -> bool:
+        """Whether a controller passes every flight."""
+        changed = ", ".join(f"{name} {as_yaml(value)}" for name, value in keys.gains.items())
+        progress(f"{keys.name}: {changed}")
+        return not any(one.beyond for flight in self._motions(keys, flights, ()) for one in self.fly(keys, flight))
 
     def fly(self, keys: Controller, flight: Flight) -> list[Finding]:
         """Fly one motion, and return what was looked at, what began earliest first."""
@@ -387,32 +421,6 @@ class Pilot:
             yield Finding("unstable", "", self.arm.joint_names[pole.joint], 0.0, pole.rate, GROWS, f"1/s{at}", True)
 
 
-def scaled_gains(law: Law, keys: Controller, rules: Sequence[Any] = (None, *STRENGTHS)) -> tuple[str, ...]:
-    """Return the names of the gains that make a law's torque: of a user's gain nothing is known, so that all count.
-
-    Args:
-        law: The law.
-        keys: The controller.
-        rules: Rules of the gains that are meant; those of integrals in torque always are.
-    """
-
-    def is_strength(gain: Gain) -> bool:
-        return gain.rule in rules or gain.unit == "N m/(rad s)"
-
-    return tuple(name for name in keys.gains if is_strength(law.gains[name]))
-
-
-def with_share(keys: Controller, names: Sequence[str], share: float) -> Controller:
-    """Return a controller with a share of some of its gains."""
-
-    def less(value: Any) -> Any:
-        return tuple(share * x for x in value) if isinstance(value, tuple) else share * value
-
-    return dataclasses.replace(
-        keys, gains={name: less(value) if name in names else value for name, value in keys.gains.items()}
-    )
-
-
 def judge(
     run: Trajectory,
     arm: RobotModel,
@@ -437,9 +445,10 @@ def judge(
     command = run.tau_law if run.completed else run.tau_law[:-1]
     if len(command):
         rate = None if chain.torque_rate is None else as_vector(chain.torque_rate, n)
-        corner = None if rate is None or chain.name not in ABOUT else ABOUT[chain.name].command_filter
-        asked = command if corner is None else filtered(command, held, corner, period)
-        behind = "" if corner is None else f" filtered at {corner:g} Hz"
+        asked, behind = command, ""
+        if chain.command_filter is not None:
+            asked = filtered(command, held, chain.command_gain(period))
+            behind = f" filtered at {chain.command_filter / math.tau:.3g} Hz"
         first = np.abs(asked[:1] - held)
         most = JUMP * tau_max if rate is None else rate * period
         yield _most("jump at start", run.t, names, first, most, f"N m{behind}")
@@ -501,18 +510,17 @@ def _most(reason: str, t: Array, names: Sequence[str], values: Array, limits: Ar
     return Finding(reason, "", names[joint], float(t[k]), most, float(limits[joint]), unit, beyond)
 
 
-def filtered(command: Array, held: Array, corner: float, period: float) -> Array:
-    """Return commands (N, n) [N m] as libfranka filters them: y += (u - y) T/(T + 1/(2 pi corner)).
+def filtered(command: Array, held: Array, taken: float) -> Array:
+    """Return commands (N, n) [N m] as a chain filters them: y += taken (u - y).
 
     Args:
         command: Commands u.
         held: The filter's torque y ahead of the first, (n,) [N m].
-        corner: Its corner [Hz].
-        period: Control period T [s].
+        taken: Share of a new command that it takes in [1].
     """
-    gain, y, out = period / (period + 1.0 / (math.tau * corner)), held, np.empty_like(command)
-    for k, u in enumerate(command):
-        out[k] = y = y + gain * (u - y)
+    from scipy.signal import lfilter
+
+    out: Array = lfilter([taken], [1.0, taken - 1.0], command, axis=0, zi=(1.0 - taken) * held[None])[0]
     return out
 
 

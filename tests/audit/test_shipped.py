@@ -34,9 +34,10 @@ def test_every_condition_makes_an_experiment(path):
 def test_the_verdicts_on_the_paper_are_those_expected(tmp_path, capsys):
     """Ten claims on four draws: a verdict that moves is named; the study's own draws decide.
 
-    One does: 10.2 mrad are told from the 10 of a negligible error by 30 draws (10.1 to 10.4) and not by four.
+    None does. 10.2 mrad are told from the 10 of a negligible error by 30 draws (10.1 to 10.4); with four that claim,
+    which holds elsewhere, is undecided.
     """
     assert main(["paper", "--quick", "--out", str(tmp_path / "out")]) == 0
-    told = [line for line in capsys.readouterr().err.splitlines() if "the study expects" in line]
-    moved = "torquebench: claim 'negligible-error': holds, the study expects depends"
-    assert told == [f"{moved}: 4 draws are a look, the study's own decide"]
+    out, err = capsys.readouterr()
+    assert "the study expects" not in err
+    assert "UNDECIDED  The linear band follows with negligible error." in out

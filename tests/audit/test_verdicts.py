@@ -129,6 +129,13 @@ def test_many_cases_make_one_verdict(cases, verdict):
     assert over_cases(cases) == over_cases(cases[::-1]) == verdict
 
 
+def test_of_a_look_what_its_draws_leave_open_decides_nothing():
+    """With other draws than the study's, one case that is undecided may still turn what all others say."""
+    assert over_cases([HOLDS, HOLDS, UNDECIDED], True) == over_cases([FAILS, FAILS, UNDECIDED], True) == UNDECIDED
+    assert over_cases([HOLDS, HOLDS], True) == HOLDS
+    assert over_cases([HOLDS, FAILS, UNDECIDED], True) == DEPENDS
+
+
 def test_one_draw_that_is_left_of_several_decides_nothing():
     """Its spread is not known: the interval has no ends, and the case is undecided unless a run failed."""
     for found in (ratio([2.0, math.nan, math.nan], [1.0, 1.0, 1.0]), mean([2.0, math.nan])):

@@ -14,7 +14,9 @@ from torquebench.diagnosis.parts import with_chain
 from torquebench.diagnosis.seen import KINDS
 from torquebench.diagnosis.settings import settings_between
 from torquebench.experiment.build import build
+from torquebench.experiment.run import metrics_of, trial_of
 from torquebench.experiment.schema import Experiment
+from torquebench.sim.session import Session
 
 LINK = """\
 <mujoco model="link">
@@ -115,6 +117,20 @@ def test_what_a_disturbance_forces_is_no_limit_cycle(link: Any) -> None:
     assert "limit-cycles" not in found.sentence
     assert [cause.key for cause in found.causes] == ["disturbances"]
     assert not found.advice.startswith("larger")
+
+
+def test_a_forced_response_is_told_from_a_limit_cycle(link: Any) -> None:
+    """In the metric as well: the same torque without the wave in its disturbances counts as a limit cycle."""
+    wave = {"kind": "sinusoid", "channel": "torque", "amplitude": [4.0], "frequency_hz": 25.0}
+    given = link(impedance(400.0, 40.0), {}, disturbances=[wave])
+    loop = build(given)
+    run = Session().run(loop.plant, trial_of(given, loop, loop.controllers[0]))
+    forced, free = (
+        metrics_of(given, loop._replace(disturbance=torque), given.controllers[0], run)
+        for torque in (loop.disturbance, None)
+    )
+    assert forced.limit_cycle.value == 0.0
+    assert free.limit_cycle.value == pytest.approx(forced.chattering.value, rel=0.05)
 
 
 def cases(link: Any) -> list[Experiment]:

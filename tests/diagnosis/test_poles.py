@@ -59,10 +59,11 @@ def test_an_integral_is_unstable_where_routh_says(ki: float, is_stable: bool) ->
         (5200.0, {"velocity": "differentiated", "velocity_filter": 200.0, "measurement_delay": 0.002}, {}),
         (5200.0, {"velocity": "tachometer", "velocity_filter": 100.0, "velocity_noise": 1e-15}, {}),
         (5600.0, {"velocity": "kalman", "kalman_acceleration": 1e-11, "encoder_noise": 1e-15}, {}),
+        (5200.0, {"command_filter": 500.0}, {}),
         (4000.0, {"actuator_lag": 0.002}, {"transmission": SPRINGS}),
         (4000.0, {"actuator_lag": 0.002}, {"transmission": {**SPRINGS, "sensor": "link"}}),
     ],
-    ids=["hold", "late", "current-loop", "difference", "tachometer", "kalman", "motor", "link"],
+    ids=["hold", "late", "current-loop", "difference", "tachometer", "kalman", "filter", "motor", "link"],
 )
 def test_loops_grow_and_swing_as_the_first_pole_says(ki: float, chain: dict[str, Any], plant: dict[str, Any]) -> None:
     """Velocities of a run from 0.5 to 1.3 s are two swings with the roots of a difference equation of fourth order.

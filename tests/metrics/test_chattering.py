@@ -36,7 +36,7 @@ def times(duration: float = 3.0, period: float = T) -> Array:
     return period * np.arange(round(duration / period))
 
 
-def of_torque(*signals: Array, period: float = T, from_hz: float = 8.0) -> Metrics:
+def of_torque(*signals: Array, period: float = T, from_hz: float = 8.0, motion_hz: tuple[float, ...] = ()) -> Metrics:
     """Metrics of a run with these torques, a joint each, and limits of 100 N m: figures are in N m."""
     tau = np.stack(signals, axis=1)
     zero = np.zeros_like(tau)
@@ -49,6 +49,7 @@ def of_torque(*signals: Array, period: float = T, from_hz: float = 8.0) -> Metri
         control_period=period,
         step_like=False,
         chattering_from_hz=from_hz,
+        motion_hz=motion_hz,
     )
     return from_joints(joints)
 
@@ -154,6 +155,15 @@ def test_noise_is_never_taken_for_a_limit_cycle(period: float, duration: float) 
     few = of_torque(*rng.normal(size=(3, 50)), period=0.01)
     assert few.limit_cycle.per_joint == (None, None, None)
     assert few.chattering.value is not None
+
+
+def test_harmonics_of_the_motion_are_no_limit_cycle() -> None:
+    """A torque that bends with a motion of 1.5 Hz has lines that fall off; what swings by itself stands above them."""
+    turning = sum((sine(1.5 * h, 200.0 / h**3, times(6.0)) for h in range(1, 41, 2)), np.zeros(6000))
+    own = of_torque(turning, turning + sine(37.5, 3.0, times(6.0)), from_hz=12.0, motion_hz=(1.5,)).limit_cycle
+    assert own.per_joint[0] == 0.0
+    assert own.per_joint[1] == pytest.approx(3.0, rel=0.2)
+    assert (of_torque(turning, from_hz=12.0).limit_cycle.value or 0.0) > 0.1
 
 
 def test_of_less_than_eight_periods_it_is_unknown_whether_they_are_a_limit_cycle() -> None:

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from torquebench.report.scatter import BOTTOM, HEIGHT, LEFT, LINE, RIGHT, TOP, WIDTH, Point, scatter
+from torquebench.report.scatter import BOTTOM, HEIGHT, LEFT, LINE, RIGHT, TOP, WIDTH, Point, axis, scatter
 
 POINTS = [
     Point("conventional", 30.1, 0.53, "#000000"),
@@ -28,8 +28,8 @@ def test_points_are_at_their_logarithms():
     assert set(at) == {"conventional", "band", "b&lt;c"}
     logs = np.log([[p.x, p.y] for p in POINTS])
     seen = np.array([at[p.name.replace("<", "&lt;")] for p in POINTS])
-    for axis, sign in ((0, 1), (1, -1)):
-        slopes = np.diff(seen[:, axis]) / np.diff(logs[:, axis])
+    for k, sign in ((0, 1), (1, -1)):
+        slopes = np.diff(seen[:, k]) / np.diff(logs[:, k])
         assert np.ptp(slopes) < 0.01 * abs(slopes[0])
         assert np.all(sign * slopes > 0)
     assert np.all(
@@ -65,6 +65,15 @@ def test_names_do_not_cover_points():
         low, high = sorted((float(x), far))
         for cx, cy in places(svg).values():
             assert not (low - 4 < cx < high + 4 and float(base) - 11 < cy < float(base) + 3)
+
+
+@pytest.mark.parametrize("span", [1.05, 1.3, 2.0, 4.0, 30.0, 1e4])
+def test_axes_have_three_numbers_or_more(span):
+    """Round ones within the frame, however near the points are to each other, and not more than there is room for."""
+    for low in (0.011, 0.29, 3.3, 97.0):
+        ticks = axis([low, low * span], 0.0, 400.0).ticks()
+        assert 3 <= len(ticks) <= 12
+        assert ticks == pytest.approx([float(f"{tick:.2g}") for tick in ticks], rel=1e-12)
 
 
 @pytest.mark.parametrize("points", [[], POINTS[:1]])

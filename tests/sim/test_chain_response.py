@@ -58,6 +58,7 @@ def test_what_the_law_sees(chain: Chain) -> None:
 @pytest.mark.parametrize(
     ("chain", "tolerance"),
     [
+        (Chain(command_filter=60.0), 1e-6),
         (Chain(command_delay=0.008), 1e-6),
         (Chain(torque_delay=3 * H), 1e-6),
         (Chain(actuator_lag=0.01), 1e-6),

@@ -48,6 +48,7 @@ PARTS: dict[str, Chain] = {
     "velocity_noise": Chain(velocity="tachometer", velocity_noise=0.02, velocity_filter=300.0),
     "kalman_acceleration": Chain(velocity="kalman", kalman_acceleration=30.0, encoder_noise=1e-3),
     "measurement_delay": Chain(measurement_delay=3 * T),
+    "command_filter": Chain(command_filter=40.0),
     "torque_rate": Chain(torque_rate=60.0),
     "missed_deadlines": Chain(missed_deadlines=0.3),
     "jitter": Chain(jitter=T),
@@ -146,6 +147,8 @@ def by_hand(chain: Chain, drawn: Drawn, control_period: float, n: int = N, h: fl
         q, qd = then(seen, chain.measurement_delay / control_period)
         asked = RATE * scale * (desired.qd[k, 0] - qd + LAM * (desired.q[k, 0] - q))
         tau = clipped(asked, LIMIT)
+        if chain.command_filter is not None and k:
+            tau = sent[-1] + (tau - sent[-1]) * control_period / (control_period + 1.0 / chain.command_filter)
         if chain.torque_rate is not None and k:
             tau = sent[-1] + clipped(tau - sent[-1], chain.torque_rate * control_period)
         sent.append(tau)

@@ -58,6 +58,21 @@ def test_steady_sliding_is_stribeck_s_curve_under_load(bristles: float) -> None:
     assert steady(friction.of_joints(1), v, torque) == pytest.approx(curve, rel=1e-14)
 
 
+def test_gears_that_are_driven_from_behind_have_another_efficiency() -> None:
+    """Power out is eta times power in, whichever side drives: load 1 - eta, and 1/eta - 1 where the torque holds back.
+
+    Of a motor's torque that drives eta is left at the joint; one that holds the joint back is eta times what it bears.
+    """
+    forth, back = 0.8, 0.5
+    gears = Friction(speed=1e-6, load=1.0 - forth, load_backdriving=1.0 / back - 1.0).of_joints(1)
+    v, torque = np.array([[0.3], [-0.3], [0.3], [-0.3]]), np.array([[5.0], [-5.0], [-5.0], [5.0]])
+    net = torque - steady(gears, v, torque)
+    assert net[:2] == pytest.approx(forth * torque[:2], rel=1e-14)
+    assert back * net[2:] == pytest.approx(torque[2:], rel=1e-14)
+    alike = Friction(1.0, 2.0, load=0.1)
+    assert alike.of_joints(1).held == alike.of_joints(1).load == 0.1
+
+
 @pytest.mark.parametrize(("rate", "level"), [(0.5, 1.5365), (5.0, 1.595)])
 def test_a_joint_breaks_away_near_its_breakaway_torque(rate: float, level: float, figure: Any) -> None:
     """A force rising at `rate` [N/s] on 1 kg, beside LSODA at 1e-9: the way within 1e-4 of it up to 1.9 N.

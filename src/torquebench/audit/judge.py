@@ -206,18 +206,19 @@ def _interval(interval: Interval) -> dict[str, Any]:
     }
 
 
-def judge_study(study: Study, runs: Runs) -> list[Judged]:
-    """Judge every claim of a study, in its order."""
-    return [judge_claim(study, question, runs) for question in study.questions]
+def judge_study(study: Study, runs: Runs, reduced: bool = False) -> list[Judged]:
+    """Judge every claim of a study, in its order; arguments as of `judge_claim`."""
+    return [judge_claim(study, question, runs, reduced) for question in study.questions]
 
 
-def judge_claim(study: Study, question: Question, runs: Runs) -> Judged:
+def judge_claim(study: Study, question: Question, runs: Runs, reduced: bool = False) -> Judged:
     """Judge one claim.
 
     Args:
         study: The study.
         question: The claim.
         runs: What came out.
+        reduced: Whether there were other draws than the study asks for; see `over_cases`.
     """
     cases, other, vacuous = list[Case](), list[Case](), 0
     certified = [measure.figure for measure in question.claim.measures if measure.figure in FIGURES]
@@ -243,7 +244,7 @@ def judge_claim(study: Study, question: Question, runs: Runs) -> Judged:
         for pair in question.ablations
         for condition, draws in question.ablated.items()
     )
-    verdict = over_cases([case.verdict for case in cases]) if cases else Verdict.UNDECIDED
+    verdict = over_cases([case.verdict for case in cases], reduced) if cases else Verdict.UNDECIDED
     return Judged(question.key, question.claim, verdict, tuple(cases), tuple(other), vacuous, ablations)
 
 

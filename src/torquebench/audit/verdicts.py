@@ -140,11 +140,15 @@ def all_of(verdicts: Sequence[Verdict]) -> Verdict:
     return Verdict.UNDECIDED if Verdict.UNDECIDED in verdicts else Verdict.HOLDS
 
 
-def over_cases(verdicts: Sequence[Verdict]) -> Verdict:
+def over_cases(verdicts: Sequence[Verdict], reduced: bool = False) -> Verdict:
     """Return the verdict of a claim over its cases.
 
     It is undecided where at most half of the cases are decided. It depends where some hold and some fail; else those
-    that are decided decide.
+    that are decided decide, unless more draws may turn that.
+
+    Args:
+        verdicts: Those of the cases.
+        reduced: Whether there were other draws than the study asks for, so that what is undecided may still be decided.
 
     Raises:
         ResultError: there is no case.
@@ -156,4 +160,6 @@ def over_cases(verdicts: Sequence[Verdict]) -> Verdict:
         return Verdict.UNDECIDED
     if held and fell:
         return Verdict.DEPENDS
+    if reduced and held + fell < len(verdicts):
+        return Verdict.UNDECIDED
     return Verdict.HOLDS if held else Verdict.FAILS

@@ -104,6 +104,15 @@ class Chain:
             at_least=0,
         ),
     ] = 0.0
+    command_filter: Annotated[
+        float | None,
+        Key(
+            "Corner of a first-order filter of the law's commands ahead of torque_rate, as a robot's own interface has "
+            "it; if left out there is none",
+            "rad/s",
+            above=0,
+        ),
+    ] = None
     torque_rate: Annotated[
         Vector | None,
         Key(
@@ -269,6 +278,7 @@ class Chain:
         torques = _steps(self.torque_delay, timestep, "torque_delay")
         drives = Drives(
             active=False,
+            taken=self.command_gain(control_period),
             rate=np.zeros(0) if self.torque_rate is None else control_period * as_vector(self.torque_rate, n),
             decay=self.decay(timestep, control_period),
             late=late_steps(drawn.late, timestep, control_period),
@@ -295,17 +305,23 @@ class Chain:
         """Return the share a = 1 - exp(-rate T) of a new velocity that the filter takes in; 1 without a filter."""
         return 1.0 if self.velocity_filter is None else 1.0 - math.exp(-self.velocity_filter * control_period)
 
+    def command_gain(self, control_period: float) -> float:
+        """Return the share a = rate T/(1 + rate T) of a new command that its filter takes in; 1 without a filter."""
+        ahead = 0.0 if self.command_filter is None else self.command_filter * control_period
+        return 1.0 if self.command_filter is None else ahead / (1.0 + ahead)
+
     def reaction(self, control_period: float) -> float:
         """Return the time from a change of the state to the torque that answers it [s].
 
-        The control period, the delays, the mean lateness of a command, the time constants of the velocity's filter
-        and of the actuators, and for a Kalman filter T alpha/beta, by which its velocity is late on a steady
-        acceleration.
+        The control period, the delays, the mean lateness of a command, the time constants of the velocity's filter,
+        of that of commands and of the actuators, and for a Kalman filter T alpha/beta, by which its velocity is late on
+        a steady acceleration.
 
         Args:
             control_period: Control period T [s].
         """
         filtering = 0.0 if self.velocity_filter is None else 1.0 / self.velocity_filter
+        commanded = 0.0 if self.command_filter is None else 1.0 / self.command_filter
         if self.velocity == "kalman" and self.kalman_acceleration is not None:
             alpha, beta = kalman_gains(self.kalman_acceleration, self.position_noise, control_period)
             filtering = control_period * alpha / beta
@@ -313,7 +329,7 @@ class Chain:
         acting = self.actuator_lag if loop is None else 2.0 * loop.damping / loop.frequency
         late = 0.5 * self.jitter + control_period * self.missed_deadlines
         waiting = self.measurement_delay + self.command_delay + self.torque_delay
-        return control_period + waiting + filtering + acting + late
+        return control_period + waiting + filtering + commanded + acting + late
 
     def decay(self, timestep: float, control_period: float) -> Array:
         """Return what is left of an actuator's lag after half a physics step, a whole one, and on average.
@@ -358,6 +374,8 @@ class Chain:
             by = {"differentiated": "differentiated", "tachometer": "by tachometer", "kalman": "by Kalman filter"}
             parts.append(f"velocity {by[self.velocity]}{noisy}{filtered}")
         parts += [f"measurement delay {1e3 * self.measurement_delay:g} ms"] * (self.measurement_delay > 0)
+        if self.command_filter is not None:
+            parts.append(f"commands filtered at {self.command_filter:g} rad/s")
         if self.torque_rate is not None:
             parts.append(f"torque rate {in_words(self.torque_rate)} {units.torque}/s")
         parts += [f"{100 * self.missed_deadlines:g} % of deadlines missed"] * (self.missed_deadlines > 0)
@@ -426,8 +444,6 @@ class About(NamedTuple):
     """Control period of the robot [s]; None for a chain of no robot."""
     origins: Mapping[str, Origin] = MappingProxyType({})
     """Key, ``control_period`` among them, -> where its number comes from; empty for a chain of no robot."""
-    command_filter: float | None = None
-    """Corner of the robot's own filter of commands, of first order, ahead of its rate limit [Hz]; None for none."""
 
 
 ABOUT: dict[str, About] = {}
@@ -438,7 +454,6 @@ def chain(
     name: str,
     control_period: float | None = None,
     origins: Mapping[str, Origin] = MappingProxyType({}),
-    command_filter: float | None = None,
 ) -> Callable[[Callable[[], Chain]], Callable[[], Chain]]:
     """Register the chain that a function returns under `name`, with the function's docstring as its summary.
 
@@ -446,7 +461,6 @@ def chain(
         name: Its name.
         control_period: Control period of the robot that has it [s].
         origins: Key -> where its number comes from.
-        command_filter: Corner of the robot's own filter of commands ahead of its rate limit [Hz].
 
     Raises:
         RegistryError: the name is taken, or is not a slug.
@@ -455,7 +469,7 @@ def chain(
     def register(make: Callable[[], Chain]) -> Callable[[], Chain]:
         CHAINS.register(name, replace(make(), name=name), make)
         summary, _, note = inspect.cleandoc(make.__doc__ or "").partition("\n\n")
-        ABOUT[name] = About(" ".join(summary.split()), " ".join(note.split()), control_period, origins, command_filter)
+        ABOUT[name] = About(" ".join(summary.split()), " ".join(note.split()), control_period, origins)
         return make
 
     return register

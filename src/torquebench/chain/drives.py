@@ -87,7 +87,9 @@ class Drives(Structure):
     """The drives of n joints as kernels see them, over N control instants; arrays of no rows stand for none."""
 
     active: bool
-    """Whether any of what follows is there, `rate` and `decay` excepted."""
+    """Whether any of what follows is there, `taken`, `rate` and `decay` excepted."""
+    taken: float
+    """Share of a new command that a filter ahead of the rate limit takes in; 1 without one."""
     rate: Array
     """Largest change of the commanded torque from one control instant to the next, (n,) or (0,) [N m]."""
     decay: Array
@@ -130,19 +132,23 @@ class Drives(Structure):
 
 @kernel
 def command(drives: Drives, k: int, tau_law: Array, before: Array, tau_max: Array, tau: Array) -> None:
-    """Fill `tau` (n,) with the command of control instant k: the law's torque within its limits and their rate.
+    """Fill `tau` (n,) with the command of control instant k: the law's torque within its limits, filtered, then slewed.
+
+    A filter goes on from the command before, as a robot's does that stops beyond its rate: y += taken (u - y).
 
     Args:
         drives: The drives.
-        k: Number of the control instant; the first command is not limited in rate.
+        k: Number of the control instant; the first command is neither filtered nor limited in rate.
         tau_law: The law's torque, (n,) [N m].
         before: Command of the instant before, (n,) [N m].
         tau_max: Torque limits, (n,) [N m].
         tau: The command, filled.
     """
-    limited = k > 0 and len(drives.rate) > 0
+    limited, filtered = k > 0 and len(drives.rate) > 0, k > 0 and drives.taken < 1.0
     for i in range(len(tau)):
         x = clip(tau_law[i], tau_max[i])
+        if filtered:
+            x = before[i] + drives.taken * (x - before[i])
         if limited:
             x = before[i] + clip(x - before[i], drives.rate[i])
         tau[i] = x

@@ -28,11 +28,11 @@ class Response(NamedTuple):
 def response(chain: Chain, omega: Array, control_period: float) -> Response:
     """Return what a chain does to a small sine, between rounding, limits and offsets, which are not linear.
 
-    With z = exp(j omega T): a delay d is exp(-j omega d); a filter a/(1 - (1 - a)/z); a difference (1 - 1/z)/(j omega
-    T); the steady Kalman filter (beta/T) r/(1 - 1/z) with its residual r; the hold (1 - 1/z)/(j omega T); a command
-    late by an even draw from 0 to J, (1 - exp(-j omega J))/(j omega J); one missed with probability p, (1 - p)/(1 -
-    p/z); the lag 1/(1 + j omega lag); the current loop w^2/(w^2 - omega^2 + 2 j zeta w omega). Jitter counts as if it
-    were not rounded to physics steps.
+    With z = exp(j omega T): a delay d is exp(-j omega d); a filter a/(1 - (1 - a)/z), of velocities or commands; a
+    difference (1 - 1/z)/(j omega T); the steady Kalman filter (beta/T) r/(1 - 1/z) with its residual r; the hold (1 -
+    1/z)/(j omega T); a command late by an even draw from 0 to J, (1 - exp(-j omega J))/(j omega J); one missed with
+    probability p, (1 - p)/(1 - p/z); the lag 1/(1 + j omega lag); the current loop w^2/(w^2 - omega^2 + 2 j zeta w
+    omega). Jitter counts as if it were not rounded to physics steps.
 
     Args:
         chain: Sensors and actuators.
@@ -51,6 +51,8 @@ def response(chain: Chain, omega: Array, control_period: float) -> Response:
     missed = chain.missed_deadlines
     kept = (1.0 - missed) / (1.0 - missed * back) if missed < 1.0 else np.zeros_like(back)
     waiting = np.exp(-rate * (chain.command_delay + chain.torque_delay))
+    taken = chain.command_gain(T)
+    waiting = waiting * taken / (1.0 - (1.0 - taken) * back)
     return Response(seen, seen * velocity, _mean(rate, T) * _mean(rate, chain.jitter) * kept * waiting * acting)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import Number, argument, option, refuse, suggest
+from torquebench.cli.parameters import Number, argument, option, plugins, refuse, suggest
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell, warn
 from torquebench.errors import ConfigError, Problem
 
@@ -30,7 +30,10 @@ BAR, WIDTH = 30, 16
 @option(
     "--payload", type=Number(float, 0.0), default=1.0, show_default=True, metavar="KG", help="load of half the motions"
 )
-def preflight(law: str, robot: str, chain: str | None, gains: tuple[str, ...], payload: float) -> int:
+@plugins
+def preflight(
+    law: str, robot: str, chain: str | None, gains: tuple[str, ...], payload: float, plugin: tuple[Path, ...]
+) -> int:
     """Say whether a law would trip, saturate or shake on a robot.
 
     Small motions are flown with the robot's chain, with and without a load. The exit status is 0 when the law passes, 1
@@ -42,6 +45,7 @@ def preflight(law: str, robot: str, chain: str | None, gains: tuple[str, ...], p
     from torquebench.laws.plugin import load_plugin
     from torquebench.preflight import experiment_of
     from torquebench.preflight import preflight as fly
+    from torquebench.robot import load_model
     from torquebench.robot.library import is_path, model_names
 
     given, problems = _numbers(gains)
@@ -51,6 +55,8 @@ def preflight(law: str, robot: str, chain: str | None, gains: tuple[str, ...], p
     elif chain not in CHAINS:
         text = "" if chain != robot else "this robot has no chain of its name: choose one by --chain"
         problems.append(Problem("--chain", text=text, got=f"'{chain}'", **suggest(chain, tuple(CHAINS))))
+    for file in plugin:
+        load_plugin(file)
     names: tuple[str, ...] = ()
     if law.endswith(".py"):
         names = load_plugin(Path(law), "LAW")
@@ -87,11 +93,16 @@ def preflight(law: str, robot: str, chain: str | None, gains: tuple[str, ...], p
                 "closest": [finding._asdict() for finding in report.closest],
                 "scaled_gains": report.scaled,
                 "largest_share": report.share,
+                "layer": report.layer,
+                "margins": None if report.margins is None else report.margins.to_json() | {"where": report.where},
+                "margins_left": None if report.left is None else report.left.to_json(),
+                "margins_left_by_layer": None if report.layer_left is None else report.layer_left.to_json(),
             }
             for report in reports
         ],
     )
-    say("\n\n".join(_text(report, robot) for report in reports))
+    joints = load_model(experiments[0].plant.model).joint_names
+    say("\n\n".join(_text(report, robot, joints) for report in reports))
     for remark in rate_remarks(CHAINS[chain], experiments[0].run.control_period):
         warn(remark)
     return 0 if passed else 1
@@ -127,7 +138,7 @@ def _numbers(gains: tuple[str, ...]) -> tuple[dict[str, float | list[float]], li
     return found, problems
 
 
-def _text(report: Report, robot: str) -> str:
+def _text(report: Report, robot: str, joints: Sequence[str]) -> str:
     """Return a row of dots for each motion, a bar for each limit, then what was found and what to change."""
     from torquebench.preflight import REMEDIES
 
@@ -145,6 +156,8 @@ def _text(report: Report, robot: str) -> str:
         size = f"{100.0 * share:.0f} %" if share < 10.0 else f"{share:.0f} times"
         where = f", {one.joint}" if one.joint and one.value else ""
         lines.append(f"  {one.reason:<{WIDTH}}  {bar:<{BAR + 1}}  {size} of {one.limit:.4g} {one.unit}{where}")
+    if report.margins is not None:
+        lines += ["", f"  {report.margins.words(joints)} ({report.where})"]
     if report.passed:
         return "\n".join(lines)
     first: dict[str, Finding] = {}
@@ -164,8 +177,10 @@ def _text(report: Report, robot: str) -> str:
     ]
     lines += ["", str(table(["reason", "joint", "at", "value", "limit", "unit", "in"], rows, left=2, prose=True)), ""]
     gains = ", ".join(report.scaled)
+    passes = [(f"{100.0 * report.share:.2g} % of {gains}", report.left)] if report.share is not None else []
+    passes += [(report.layer, report.layer_left)] if report.layer else []
+    for what, left in passes:
+        lines.append(str(good(f"{what} would pass")) + (f": {left.words(joints)}" if left is not None else ""))
     if report.share is None:
         lines.append(f"no smaller share of {gains or 'its gains'} passes: it is not their size")
-    else:
-        lines.append(str(good(f"{100.0 * report.share:.2g} % of {gains} would pass")))
     return "\n".join([*lines, *(f"{reason}: {REMEDIES[reason]}" for reason in first)])

@@ -54,7 +54,7 @@ def why(
     from torquebench.experiment.folder import read_result
     from torquebench.experiment.store import EXPERIMENT, add_to_run, atomic_write
     from torquebench.laws.plugin import load_plugin
-    from torquebench.report.why_page import WHY_PAGE, why_page
+    from torquebench.report.why_page import free_page, why_page
 
     for file in plugin:
         load_plugin(file)
@@ -74,11 +74,12 @@ def why(
     try_it = shlex.join(["torquebench", "run", config, *given]) if changes else ""
     tell(**found.to_json(), try_it=try_it)
     show(found, try_it)
+    page = why_page(found, try_it)
     if out is not None:
-        atomic_write(out, why_page(found, try_it))
+        atomic_write(out, page)
     elif is_run:
-        add_to_run(source, {WHY_PAGE: why_page(found, try_it)})
-        out = source / WHY_PAGE
+        out = free_page(source, page)
+        add_to_run(source, {out.name: page})
     if out is not None:
         tell(page=out)
         say(f"page: {out}")
@@ -122,13 +123,8 @@ def show(found: Diagnosis, try_it: str) -> None:
                 say(f"{cause.key}: {cause.detail}")
     for line in found.cures:
         say(f"in the law: {line.text}")
-    margins = found.margins
-    if margins is not None and margins.crossover is not None:
-        delay = "no further delay" if margins.delay is None else f"a further delay of {1e3 * margins.delay:.3g} ms"
-        say(
-            f"loop of {found.joints[margins.joint]}: crossover {margins.crossover:.3g} Hz, phase margin "
-            f"{margins.phase or 0.0:.0f} deg, bears {delay}"
-        )
+    if found.margins is not None and found.margins.crossover is not None:
+        say(found.margins.words(found.joints))
     say(f"{found.runs} closed loops run")
 
 

@@ -23,8 +23,8 @@ from torquebench.diagnosis.margins import (
     true_arm,
     weight_along,
 )
-from torquebench.diagnosis.parts import Part, Variant, as_yaml, parts_of, three_digits
-from torquebench.diagnosis.seen import KINDS, Kind, Seen, grows, is_forced, slips, swings
+from torquebench.diagnosis.parts import Part, Variant, as_yaml, layers, parts_of, strengths, three_digits, with_share
+from torquebench.diagnosis.seen import KINDS, Kind, Seen, grows, slips, swings
 from torquebench.diagnosis.settings import settings_between
 from torquebench.errors import ConfigError, Problem, nearest
 from torquebench.experiment.build import Loop, build
@@ -33,7 +33,7 @@ from torquebench.experiment.run import Progress, metrics_of, trial_of
 from torquebench.experiment.schema import Controller, Experiment
 from torquebench.keys import Vector, as_vector
 from torquebench.laws import find_law
-from torquebench.metrics.chattering import CORNER_OVER_MOTION
+from torquebench.metrics.chattering import CORNER_OVER_MOTION, is_forced
 from torquebench.metrics.shaking import shaking
 from torquebench.sim.session import Session
 from torquebench.sim.trajectory import Trajectory
@@ -63,8 +63,8 @@ SOFTER = (0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 """Shares of the gains that are tried against shaking [1]."""
 STIFFER = (2.0, 4.0, 8.0)
 """Times the gains that are tried against errors [1]."""
-WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)
-"""Times the layer that one reaction of the loop crosses, tried for a law without one [1]."""
+ENOUGH = 30.0
+"""Phase margin that a cure is to leave, if one of those tried does [deg]."""
 
 
 class Remedy(NamedTuple):
@@ -76,6 +76,10 @@ class Remedy(NamedTuple):
     """What was tried, as ``--set`` takes it; empty for words."""
     cures: bool = True
     """Whether nothing is left of the symptom but what is left without its cause; else at most half."""
+    phase: float | None = None
+    """Least phase margin of the joints' loops that it leaves [deg]; None where none was worked out."""
+    delay: float | None = None
+    """Further delay that such a loop bears [s]; None where it bears none."""
 
 
 @dataclass(frozen=True)
@@ -302,8 +306,6 @@ class _Search:
         power = float(np.sqrt(np.mean(shares**2)))
         shake = shaking(metrics, self.tau_max.tolist())
         forced = shake is not None and is_forced(loop.disturbance, experiment.run.control_period, shake.frequency)
-        if shake is not None and forced:
-            shake = shake._replace(is_cycle=False)
         since, corner = experiment.run.metrics_from, self.experiment.chattering_from_hz
         return Seen(
             "",
@@ -439,7 +441,9 @@ class _Search:
             rated = list[Cause]()
             for part in self.parts:
                 base = bases[tuple(key for key in part.beside if key in known)]
-                lost = _share(base.size(kind, joint), self._size(kind, joint, without[part.key]), whole)
+                both = base.unstable(kind) and without[part.key].unstable(kind)
+                left = self._size(kind, joint, without[part.key])
+                lost = 0.0 if both else _share(base.size(kind, joint), left, whole)
                 brought = _share(self._size(kind, joint, alone[part.key]), ideal, whole)
                 texts = without[part.key].text(kind, joint), alone[part.key].text(kind, joint)
                 title = part.title
@@ -533,16 +537,23 @@ class _Search:
             if other != kind
         )
 
-    def _tried(self, kind: Kind, seen: Seen, cures: bool = True) -> str:
+    def _tried(self, kind: Kind, variant: Variant, seen: Seen, cures: bool, margins: Margins | None) -> Remedy:
+        """Return a change that was tried, with what it leaves."""
         joint = self.whole.joint(kind)
+        phase, delay = (None, None) if margins is None else (margins.phase, margins.delay)
         of = "" if cures else f" of {self.whole.text(kind, joint)}"
         left = "completes" if kind == "fails" else f"leaves {seen.text(kind, joint)}{of}"
-        return f"tried: {left}"
+        if phase is not None:
+            left += f" and {phase:.0f} deg of phase" + (f", {1e3 * delay:.2g} ms of delay" if delay else "")
+        changes = settings_between(self.experiment, variant.experiment)
+        return Remedy(f"{variant.text} (tried: {left})", changes, cures, phase, delay)
 
     def _first(
         self, kind: Kind, what: str, variants: Iterable[Variant], left: float = 0.0
     ) -> tuple[Remedy, Seen | None]:
         """Return the first change that cures, else the first that leaves `MILD` of it, else what leaves least of it.
+
+        One that leaves less than `ENOUGH` of a phase margin gives way to the next that cures and leaves as much.
 
         Args:
             kind: The symptom.
@@ -554,17 +565,20 @@ class _Search:
         best_seen: Seen | None = None
         joint = self.whole.joint(kind)
         for variant in variants:
-            if self.by_integral and not self._is_stable(variant.experiment):
-                continue
+            found = bool(best.text) and best.cures
+            if self.by_integral or found:
+                margins = self._margins(variant.experiment)
+                phase = math.inf if margins is None or margins.phase is None else margins.phase
+                if phase <= 0.0 or (found and phase < ENOUGH):
+                    continue
             seen = self.look(what, variant.experiment)
             cures, size = self._cured(kind, seen, left), seen.size(kind, joint)
             whole, least = self.whole.size(kind, joint), best_seen.size(kind, joint) if best_seen else math.inf
             helps = kind != "fails" and self._spares(kind, seen) and size <= HALF * whole
-            if cures or (helps and MILD * whole < least and size < least):
-                changes = settings_between(self.experiment, variant.experiment)
-                best = Remedy(f"{variant.text} ({self._tried(kind, seen, cures)})", changes, cures)
+            if cures or (not found and helps and MILD * whole < least and size < least):
+                best = self._tried(kind, variant, seen, cures, self._margins(variant.experiment))
                 best_seen = seen
-            if cures:
+            if cures and (best.phase is None or best.phase >= ENOUGH):
                 break
         return best, best_seen
 
@@ -585,11 +599,11 @@ class _Search:
             return Remedy("a slower motion")
         return Remedy(part.calms if part.calms and cause.symptom == "shakes" else part.remedy)
 
-    def _is_stable(self, experiment: Experiment) -> bool:
-        """Whether a variant's phase margin is positive."""
+    def _margins(self, experiment: Experiment) -> Margins | None:
+        """Return the margins of a variant; None for a law whose torque jumps."""
         loop = build(experiment)
-        margins = margins_of(experiment, loop, slopes_of(experiment, loop))
-        return margins is None or margins.phase is None or margins.phase > 0.0
+        slopes = slopes_of(experiment, loop)
+        return None if slopes.jumps else margins_of(experiment, loop, slopes)
 
     def _cures(self, kind: Kind, causes: Sequence[Cause]) -> tuple[Remedy, ...]:
         """Return changes of the law's gains that cure a symptom."""
@@ -611,13 +625,13 @@ class _Search:
         """Yield smaller gains, or larger ones against errors, and then smaller ones where the motion is lost."""
         lost = SOFTER if self.whole.size("errs") >= LOST else ()
         for factor in (*STIFFER, *lost) if kind == "errs" else SOFTER:
-            gains = _scaled(self.keys, factor)
-            if gains is None:
+            made = with_share(self.keys, strengths(self.keys), factor)
+            changed = [name for name, value in made.gains.items() if value != self.keys.gains[name]]
+            if not changed:
                 return
-            changed = [name for name in gains if gains[name] != self.keys.gains[name]]
             sign = ">=" if factor > 1.0 else "<="
-            words = ", ".join(f"{self._key(name)} {sign} {as_yaml(gains[name])}" for name in changed)
-            yield Variant(self._with(replace(self.keys, gains=gains)), f"{words}{self._in_units(gains)}")
+            words = ", ".join(f"{self._key(name)} {sign} {as_yaml(made.gains[name])}" for name in changed)
+            yield Variant(self._with(made), f"{words}{self._in_units(made.gains)}")
 
     def _key(self, gain: str) -> str:
         """Return the key of a gain, as ``--set`` takes it."""
@@ -635,30 +649,12 @@ class _Search:
 
     def _layer(self, kind: Kind) -> Remedy:
         """Return the width of a layer that cures, for a law that has one or can have one; empty where none does."""
-        law = find_law(self.keys.law)
-        option = law.options.get("switching")
-        if "phi" not in law.gains or "k" not in self.keys.gains:
-            return Remedy()
-        period = self.experiment.run.control_period
-        arm = true_arm(self.experiment)
-        M = arm.mass_matrix(self.loop.reference.q[:: max(1, len(self.loop.reference.q) // 20)])
-        mobility = np.max(np.diagonal(np.linalg.inv(M), axis1=1, axis2=2), axis=0)
-        K = as_vector(self.keys.gains["k"], self.experiment.n) * self.tau_max
-        own = self.keys.gains.get("phi")
-        least = self.experiment.chain.reaction(period) * mobility * K if own is None else None
-        options = dict(self.keys.options)
-        if option is not None and "saturation" in option.values:
-            options["switching"] = "saturation"
-
-        def wider() -> Iterator[Variant]:
-            words = "" if own is not None else f"controllers.{self.keys.name}.switching: saturation, "
-            for factor in WIDER:
-                wide = factor * least if least is not None else 2.0 * factor * as_vector(own, self.experiment.n)
-                phi = _rounded(tuple(wide.tolist()))
-                keys = replace(self.keys, gains={**self.keys.gains, "phi": phi}, options=options)
-                yield Variant(self._with(keys), f"{words}{self._key('phi')} >= {as_yaml(phi)}")
-
-        best, seen = self._first(kind, "a wider layer", wider())
+        words = "" if "phi" in self.keys.gains else f"controllers.{self.keys.name}.switching: saturation, "
+        wider = (
+            Variant(self._with(keys), f"{words}{self._key('phi')} >= {as_yaml(keys.gains['phi'])}")
+            for keys in layers(self.experiment, self.loop)
+        )
+        best, seen = self._first(kind, "a wider layer", wider)
         self.cured = self.cured or seen
         return best
 
@@ -720,17 +716,6 @@ def _share(more: float, less: float, whole: float) -> float:
     if math.isinf(more):
         return 1.0
     return min(1.0, (more * more - less * less) / (whole * whole))
-
-
-def _scaled(keys: Controller, factor: float) -> dict[str, Vector] | None:
-    """Return a controller's gains with those that make torque multiplied; None where there are none."""
-    law = find_law(keys.law)
-    widths = {name for name, gain in law.gains.items() if gain.unit in ("rad", "rad/s") or name == "lam"}
-    if not set(keys.gains) - widths:
-        return None
-    return {
-        name: value if name in widths else _rounded(factor * np.asarray(value)) for name, value in keys.gains.items()
-    }
 
 
 def _rounded(value: npt.ArrayLike) -> Vector:

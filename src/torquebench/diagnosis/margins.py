@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -88,6 +88,14 @@ class Margins:
     """Gain margin: times the gain that brings it to that limit [1]."""
     lost: Mapping[str, float]
     """Part of the chain, hold of the control period included -> phase lost to it at the crossover [degrees]."""
+
+    def words(self, joints: Sequence[str]) -> str:
+        """Return crossover, phase and delay margin in words; `joints` are the joints' names."""
+        if self.crossover is None or self.phase is None:
+            return "no loop crosses"
+        delay = "no further delay" if self.delay is None else f"a further delay of {1e3 * self.delay:.3g} ms"
+        loop = f"loop of {joints[self.joint]}: crossover {self.crossover:.3g} Hz"
+        return f"{loop}, phase margin {self.phase:.0f} deg, bears {delay}"
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, without the curves."""
@@ -251,7 +259,8 @@ def resonances(experiment: Experiment, loop: Loop) -> Array:
     Square roots of the eigenvalues of (B^-1 + M^-1) k, each for the joint whose spring has most of its energy, halfway
     through the motion.
     """
-    M, joints = _links(experiment, loop.reference.q[instants_of(experiment)[INSTANTS // 2]])
+    instants = instants_of(experiment)
+    M, joints = _links(experiment, loop.reference.q[instants[len(instants) // 2]])
     if joints is None:
         return np.full(experiment.n, np.nan)
     root = np.sqrt(joints.stiffness)
@@ -317,8 +326,7 @@ def _lesser(chain: Chain) -> dict[str, Chain]:
         for key in ("measurement_delay", "command_delay", "torque_delay", "actuator_lag", "jitter", "missed_deadlines")
         if getattr(chain, key) > 0.0
     }
-    if chain.current_loop is not None:
-        bare["current_loop"] = {"current_loop": None}
+    bare |= {key: {key: None} for key in ("command_filter", "current_loop") if getattr(chain, key) is not None}
     if chain.velocity != "exact":
         bare["velocity"] = {
             "velocity": "exact",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -12,11 +12,23 @@ import numpy as np
 from torquebench.chain import ABOUT, ROBOT_CHAINS, Chain
 from torquebench.diagnosis.margins import true_arm
 from torquebench.experiment.build import Loop
+from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Experiment
-from torquebench.keys import Vector
-from torquebench.laws import find_law
+from torquebench.keys import Vector, as_vector
+from torquebench.laws import Gain, find_law
 from torquebench.sim.friction import FRICTIONS
 from torquebench.sim.joints import Transmission
+from torquebench.tuning import (
+    acceleration_rate,
+    damping,
+    fuzzy_torque,
+    integral,
+    rate,
+    stiffness,
+    switching,
+    twist,
+    twist_rate,
+)
 
 FINER = 10
 """Times by which the control period is shortened where its own effect is wanted."""
@@ -28,6 +40,10 @@ SMALLER = (0.5, 0.25, 0.1, 0.05)
 """Shares of an imperfection that are tried as its cure [1]: one over a whole number, so that delays fit a period."""
 CORNERS = (500.0, 200.0, 100.0, 50.0)
 """Corners of a velocity filter that are tried against noise [rad/s]."""
+WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)
+"""Times the layer that one reaction of the loop crosses, tried for a law without one [1]."""
+STRENGTHS = (rate, acceleration_rate, damping, stiffness, switching, fuzzy_torque, integral, twist, twist_rate)
+"""Rules of the gains that make torque of errors: not those of slopes, widths, or what is believed of friction."""
 
 
 def as_yaml(value: Vector) -> str:
@@ -38,6 +54,62 @@ def as_yaml(value: Vector) -> str:
 def three_digits(value: Any) -> Any:
     """Return a number, or several, with three significant digits, so that what is tried is what is said."""
     return tuple(map(three_digits, value)) if isinstance(value, tuple) else float(f"{value:.3g}")
+
+
+def scaled(value: Vector, factor: float) -> Vector:
+    """Return a number, or several, times a factor, with three significant digits."""
+    times: Vector = three_digits(tuple(factor * x for x in value) if isinstance(value, tuple) else factor * value)
+    return times
+
+
+def strengths(keys: Controller, rules: Iterable[Any] = STRENGTHS) -> tuple[str, ...]:
+    """Return the names of a controller's gains that make torque of errors.
+
+    Args:
+        keys: The controller.
+        rules: Rules of the gains that are meant; those of integrals in torque always are. Of a user's gain, which has
+            none, the unit decides.
+    """
+    law = find_law(keys.law)
+
+    def is_strength(name: str, gain: Gain) -> bool:
+        own = gain.rule is None and rules is STRENGTHS and gain.unit not in ("rad", "rad/s") and name != "lam"
+        return own or gain.rule in rules or gain.unit == "N m/(rad s)"
+
+    return tuple(name for name in keys.gains if is_strength(name, law.gains[name]))
+
+
+def with_share(keys: Controller, names: Iterable[str], share: float) -> Controller:
+    """Return a controller with a share of some of its gains, three digits of each."""
+    return replace(keys, gains={**keys.gains, **{name: scaled(keys.gains[name], share) for name in names}})
+
+
+def layers(experiment: Experiment, loop: Loop) -> Iterator[Controller]:
+    """Yield a controller with wider and wider layers: from twice its own on, else from what one reaction crosses.
+
+    Nothing is yielded for a law that has no layer.
+
+    Args:
+        experiment: With one controller.
+        loop: Its objects.
+    """
+    (keys,) = experiment.controllers
+    law, own, n = find_law(keys.law), keys.gains.get("phi"), experiment.n
+    if "phi" not in law.gains or "k" not in keys.gains:
+        return
+    options, width = dict(keys.options), as_vector(0.0 if own is None else own, n) * 2.0
+    if own is None:
+        q = loop.reference.q
+        M = true_arm(experiment).mass_matrix(q[:: max(1, len(q) // 20)])
+        mobility = np.max(np.diagonal(np.linalg.inv(M), axis1=1, axis2=2), axis=0)
+        K = as_vector(keys.gains["k"], n) * np.array(loop.plant.tau_max)
+        width = experiment.chain.reaction(experiment.run.control_period) * mobility * K
+    if "switching" in law.options and "saturation" in law.options["switching"].values:
+        options["switching"] = "saturation"
+    for factor in WIDER:
+        wide = scaled(tuple(width.tolist()), factor)
+        phi = wide if not isinstance(wide, tuple) or len(set(wide)) > 1 else wide[0]
+        yield replace(keys, gains={**keys.gains, "phi": phi}, options=options)
 
 
 class Variant(NamedTuple):
@@ -204,15 +276,23 @@ def filtered(then: Callable[[Experiment], Iterator[Variant]]) -> Callable[[Exper
 
 
 def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
+    if chain.command_filter is not None:
+        corner = chain.command_filter
+
+        def wider(experiment: Experiment, share: float) -> Variant:
+            higher = three_digits(corner / share)
+            return Variant(with_chain(experiment, command_filter=higher), f"chain.command_filter >= {higher:g} rad/s")
+
+        title = f"the commands' filter of {corner:.4g} rad/s"
+        yield Part("command_filter", title, lambda x: with_chain(x, command_filter=None), same_loop, shares(wider))
     if chain.torque_rate is not None:
-        rate = chain.torque_rate
+        most = chain.torque_rate
 
         def faster(experiment: Experiment, share: float) -> Variant:
-            more = three_digits(tuple((np.asarray(rate) / share).ravel().tolist()))
-            limit = more if isinstance(rate, tuple) else more[0]
+            limit = scaled(most, 1.0 / share)
             return Variant(with_chain(experiment, torque_rate=limit), f"chain.torque_rate >= {as_yaml(limit)} N m/s")
 
-        title = f"the torque-rate limit of {as_yaml(rate)} N m/s"
+        title = f"the torque-rate limit of {as_yaml(most)} N m/s"
         yield Part("torque_rate", title, lambda x: with_chain(x, torque_rate=None), same_loop, shares(faster))
     if chain.missed_deadlines > 0.0:
         yield _scalar(chain, "missed_deadlines", f"the loss of {100 * chain.missed_deadlines:g} % of the commands", "")
@@ -290,7 +370,15 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
     if friction is not None and friction != FRICTIONS["none"]:
         dry = max((friction.coulomb, friction.breakaway), key=np.max)
         title = f"friction, {'Coulomb' if dry is friction.coulomb else 'break-away'} {as_yaml(dry)} N m,"
-        cure = f"add up to {as_yaml(dry)} N m against it to the law, with the sign of the desired velocity"
+        known = "".join(
+            f", {name}: {as_yaml(torque)}"
+            for name, torque in (("coulomb", friction.coulomb), ("viscous", friction.viscous))
+            if np.any(torque)
+        )
+        cure = (
+            f"add up to {as_yaml(dry)} N m against it to the law, with the sign of the desired velocity, as law "
+            f"gravity-friction does{known.replace(', ', ' with ', 1)}"
+        )
         yield Part("friction", title, other("friction", FRICTIONS["none"]), remedy=cure)
     if plant.transmission is not None:
         yield from _between(plant.transmission)
@@ -340,8 +428,7 @@ def _between(between: Transmission) -> Iterator[Part]:
             made = replace(between, sensor="motor")
             yield Variant(other(experiment, made), "plant.transmission.sensor: motor")
         for share in SMALLER:
-            more = three_digits(tuple((np.asarray(between.stiffness) / share).ravel().tolist()))
-            k = more if isinstance(between.stiffness, tuple) else more[0]
+            k = scaled(between.stiffness, 1.0 / share)
             finer = math.ceil(math.sqrt(1.0 / share))
             text = f"plant.transmission.stiffness >= {as_yaml(k)} N m/rad"
             yield Variant(other(experiment, replace(between, stiffness=k), finer), text)
@@ -350,8 +437,7 @@ def _between(between: Transmission) -> Iterator[Part]:
         gap = between.backlash
 
         def narrower(experiment: Experiment, share: float) -> Variant:
-            less = three_digits(tuple((np.asarray(gap) * share).ravel().tolist()))
-            width = less if isinstance(gap, tuple) else less[0]
+            width = scaled(gap, share)
             text = f"plant.transmission.backlash <= {as_yaml(width)} rad"
             return Variant(other(experiment, replace(between, backlash=width)), text)
 
@@ -375,14 +461,8 @@ def _integral(experiment: Experiment) -> Iterator[Part]:
         return
 
     def less(experiment: Experiment, share: float) -> Variant:
-        def times(value: Vector) -> Vector:
-            return tuple(share * x for x in value) if isinstance(value, tuple) else share * value
-
-        changed = {name: three_digits(times(value)) for name, value in own.items()}
-        made = replace(keys, gains={**keys.gains, **changed})
-        words = ", ".join(
-            f"controllers.{keys.name}.gains.{name} <= {as_yaml(value)}" for name, value in changed.items()
-        )
+        made = with_share(keys, own, share)
+        words = ", ".join(f"controllers.{keys.name}.gains.{name} <= {as_yaml(made.gains[name])}" for name in own)
         return Variant(replace(experiment, controllers=(made,)), words)
 
     title = f"the integral action, {' and '.join(f'{name} = {as_yaml(value)}' for name, value in own.items())},"

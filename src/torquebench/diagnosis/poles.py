@@ -66,7 +66,7 @@ def _step(chain: Chain, T: float, terms: Terms) -> Array:
     whole = int(late / T + 1e-9)
     rest = max(late - whole * T, 0.0)
     between = _between(chain, terms)
-    # what moves between instants; then position and velocity as last seen, the sums of both, and torques on their way
+    # what moves between instants; then position and velocity as last seen, the sums of both, and commands, latest first
     sizes = [len(between) - n, *[n] * (5 + whole)]
     x, before, velocity, summed, summed_rate, *torques = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
     q, qd = x[:n], x[n if terms.joints is None else 2 * n :][:n]
@@ -82,6 +82,8 @@ def _step(chain: Chain, T: float, terms: Terms) -> Array:
         rate = qd if chain.velocity == "tachometer" else (q - before) / T
         velocity = velocity + chain.velocity_gain(T) * (rate - velocity)
     torque = -(terms.K @ q + terms.I @ summed + terms.B @ velocity + terms.J @ summed_rate)
+    taken = chain.command_gain(T)
+    torque = (1.0 - taken) * torques[0] + taken * torque
     torques = [torque, *torques]
     for time, acting in ((rest, torques[whole + 1]), (T - rest, torques[whole])):
         moved = expm(time * between)[:-n]

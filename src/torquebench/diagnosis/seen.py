@@ -19,6 +19,8 @@ SATURATED = 0.02
 """Share of the time at the torque limit from which on a joint saturates [1]."""
 GROWTH = 2.0
 """Times the torque above the corner in the first half of a window that a run has in the second if it grows [1]."""
+GONE = 2.0
+"""Error, as a share of the motion, of a joint that has run away [1]."""
 LEAST = 1e-9
 """Share of the largest torque that is rounding [1], and error [rad]."""
 STILL, AWAY = 0.02, 0.2
@@ -59,11 +61,11 @@ class Seen(NamedTuple):
     """Whether a disturbance shakes it at its own frequency."""
 
     def unstable(self, kind: Kind) -> bool:
-        """Whether a symptom grows, or what shakes has grown to the torque limit."""
+        """Whether a symptom grows, or has grown: what shakes to the torque limit, an error beyond the motion."""
         if kind == "shakes":
             at_limit = self.shaking is not None and bool(np.max(self.saturated) >= SATURATED)
             return self.grows or self.strays or at_limit
-        return self.strays if kind == "errs" else False
+        return kind == "errs" and (self.strays or self.size("errs") >= GONE)
 
     def size(self, kind: Kind, joint: int | None = None) -> float:
         """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
@@ -139,23 +141,6 @@ def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
 
     shakes = more(fast(tau[:half]), fast(tau[-half:]), LEAST * half * float(np.max(np.abs(tau))))
     return shakes, more(np.std(e[:half], axis=0), np.std(e[-half:], axis=0), LEAST)
-
-
-def is_forced(disturbance: Array | None, period: float, frequency: float) -> bool:
-    """Whether a disturbance has a quarter of some joint's power, mean left out, at a frequency, to 5 % or one line.
-
-    Args:
-        disturbance: Torque of each control period, (N, n) [N m]; None for none.
-        period: Control period [s].
-        frequency: The frequency [Hz].
-    """
-    if disturbance is None or not math.isfinite(frequency):
-        return False
-    swing = disturbance - np.mean(disturbance, axis=0)
-    power = np.abs(np.fft.rfft(swing * np.hanning(len(swing))[:, None], axis=0)) ** 2
-    lines = np.fft.rfftfreq(len(swing), period)
-    near = np.abs(lines - frequency) <= np.maximum(0.05 * frequency, 1.5 * lines[1])
-    return bool(np.any(np.sum(power[near], axis=0) > 0.25 * np.sum(power, axis=0)))
 
 
 def slips(run: Trajectory, since: float, joint: int) -> float:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from torquebench.chain import Chain
 from torquebench.experiment.dump import plain_values
 from torquebench.experiment.schema import Experiment
 
@@ -17,9 +16,8 @@ def settings_between(before: Experiment, after: Experiment) -> tuple[str, ...]:
     for values in (old, new):
         values["plant"].pop("model")
         values["controllers"] = {keys["name"]: keys for keys in values["controllers"]}
-    bare = plain_values(replace(Chain(), name="custom"))
-    if isinstance(old["chain"], str) and not isinstance(new["chain"], str):  # a name has no keys to be set
-        new["chain"] = {key: value for key, value in new["chain"].items() if value != bare.get(key)}
+    if not isinstance(new["chain"], str):  # a name stands for its keys, of which one can be set
+        old["chain"] = plain_values(replace(before.chain, name="custom"))
     return tuple(_changes("", old, new))
 
 

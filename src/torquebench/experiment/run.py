@@ -22,7 +22,7 @@ from torquebench.experiment.store import machine, model_checksums, versions
 from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.metrics import JointRecord, Metrics, from_joints, measured, record_of
-from torquebench.references.reference import depends_on_arm
+from torquebench.references.reference import Motion, depends_on_arm
 from torquebench.robot import load_model
 from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.perturbation import FACTORS, links_in
@@ -267,6 +267,8 @@ def recorded(experiment: Experiment, loop: Loop, keys: ControllerKeys, run: Traj
         phi=None if band is None else as_vector(band, experiment.n),
         chattering_from_hz=experiment.chattering_from_hz,
         arm=load_model(experiment.plant.model) if depends_on_arm(experiment.reference) else None,
+        disturbance=loop.disturbance,
+        motion_hz=experiment.reference.swings_hz if isinstance(experiment.reference, Motion) else (),
     )
 
 

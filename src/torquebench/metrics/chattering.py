@@ -37,6 +37,8 @@ LEAST_LINES = 50
 """Lines above f_c that a spectrum must have for it: of few lines noise has half its power in two or three by chance."""
 LASTING = 0.25
 """Power of the lines in the second half of the window over that in the first, from which they do not die away [1]."""
+FORCED = 0.25
+"""Share of its power that a disturbance has near a frequency which it forces on a joint [1]."""
 
 
 def corner_hz(highest: float) -> float:
@@ -161,6 +163,40 @@ def limit_cycle_shares(tau: Array, control_period: float, powers: Array, from_hz
     return shares
 
 
+def is_forced(disturbance: Array | None, control_period: float, frequency: float) -> bool:
+    """Whether a disturbance has a quarter of some joint's power, mean left out, at a frequency, to 5 % or one line.
+
+    Args:
+        disturbance: Torque of each control period, (N, n) [N m]; None for none.
+        control_period: Its length [s].
+        frequency: The frequency [Hz].
+    """
+    if disturbance is None or not math.isfinite(frequency):
+        return False
+    lines, spectrum = hann_spectrum(disturbance, control_period)
+    power = np.abs(spectrum) ** 2
+    near = np.abs(lines - frequency) <= np.maximum(0.05 * frequency, 1.5 * lines[1])
+    return bool(np.any(np.sum(power[near], axis=0) > FORCED * np.sum(power, axis=0)))
+
+
+def is_harmonic(power: Array, spacing: float, peak: float, motion_hz: float) -> bool:
+    """Whether a peak is one of the motion's harmonics, which fall off: of the two below it one is at least as large.
+
+    Args:
+        power: Power of each line of a torque's spectrum, (m,).
+        spacing: Frequency from one line to the next [Hz]; four periods of the motion tell its harmonics apart.
+        peak: Frequency of the peak [Hz].
+        motion_hz: Frequency of the motion [Hz]; 0 for one that does not swing.
+    """
+    if motion_hz < 4.0 * spacing * (1.0 - 1e-9):
+        return False
+    order = round(peak / motion_hz)
+    if abs(peak - order * motion_hz) > 1.5 * spacing:
+        return False
+    below = [round(k * motion_hz / spacing) for k in (order - 1, order - 2) if k > 0]
+    return any(float(np.max(power[k - 1 : k + 2])) >= power[round(peak / spacing)] for k in below)
+
+
 def powers_near(
     powers: Array, n: int, control_period: float, from_hz: float, peaks: Array
 ) -> tuple[Array, Array, Array, int]:
@@ -234,8 +270,13 @@ def chattering_peak(run: JointRecord) -> Array:
 @metric("limit_cycle", title="limit cycle", unit="% of tau_max", column="cycle", shown_as=("%", 1.0))
 def limit_cycle(run: JointRecord) -> Array:
     """RMS of the limit cycle that chattering is, in % of the limit; 0 where it is none."""
-    tau, peaks = run.tau[run.window], _peaks(run)
-    shares = limit_cycle_shares(tau, run.control_period, _powers(run), run.chattering_from_hz, peaks)
+    tau, peaks, period = run.tau[run.window], _peaks(run), run.control_period
+    shares = limit_cycle_shares(tau, period, _powers(run), run.chattering_from_hz, peaks)
+    spacing, n = 1.0 / (len(tau) * period), len(peaks) // len(run.disturbances)
+    for i in np.flatnonzero(shares > 0.0):
+        forced = is_forced(run.disturbances[i // n], period, peaks[i])
+        if forced or any(is_harmonic(_powers(run)[:, i], spacing, peaks[i], f) for f in run.motion_hz):
+            shares[i] = 0.0
     return _chattering(run) * np.sqrt(shares)
 
 

@@ -49,6 +49,10 @@ class JointRecord:
     """Whether the reference goes from one position to another and stays there."""
     arm: RobotModel | None = None
     """The true arm, where the reference is a path of its tool."""
+    disturbances: tuple[Array | None, ...] = (None,)
+    """Torque that disturbs the joints at each control instant, (N, n) [N m]; of runs side by side that of each."""
+    motion_hz: tuple[float, ...] = ()
+    """Frequencies with which the reference swings [Hz]."""
     _shared: dict[Callable[..., Any] | str, Any] = field(default_factory=dict)
 
     @property

@@ -177,7 +177,8 @@ def headlines_of(runs: Iterable[tuple[int, JointRecord]]) -> Iterator[tuple[int,
             yield number, headlines(measured(run))
             continue
         steps = run.step_like, run.step_like and bool(np.any(run.q_ref != run.q_ref[0]))
-        kind = run.q.shape, run.control_period, run.window.start, run.chattering_from_hz, run.phi is None, *steps
+        window = run.q.shape, run.control_period, run.window.start
+        kind = *window, run.chattering_from_hz, run.motion_hz, run.phi is None, *steps
         if kind not in blocks:
             blocks[kind] = _Block(run)
         if blocks[kind].add(number, run):
@@ -195,6 +196,7 @@ class _Block:
 
     def __init__(self, run: JointRecord) -> None:
         self._like, self._numbers, self._most = run, list[int](), BLOCK // run.q.size
+        self._disturbances = list[Array | None]()
         seen = ["tau", "tau_max", *["q", "q_ref"] * run.step_like, *["s", "phi"] * (run.phi is not None)]
         shapes = {"e": run.q.shape} | {name: getattr(run, name).shape for name in seen}
         self._wide = {name: np.empty((*shape[:-1], self._most, shape[-1])) for name, shape in shapes.items()}
@@ -207,15 +209,19 @@ class _Block:
             else:
                 wide[..., len(self._numbers), :] = getattr(run, name)
         self._numbers.append(number)
+        self._disturbances += run.disturbances
         return len(self._numbers) == self._most
 
     def headlines(self) -> Iterator[tuple[int, Array]]:
         """Yield number and headlines of each run, and forget them."""
         numbers, self._numbers = self._numbers, []
+        disturbed, self._disturbances = tuple(self._disturbances), []
         if numbers:
             parts = {name: np.ascontiguousarray(wide[..., : len(numbers), :]) for name, wide in self._wide.items()}
             wide: dict[str, Any] = {name: part.reshape(*part.shape[:-2], -1) for name, part in parts.items()}
-            values, stepped = measured(replace(self._like, _shared={"e": wide.pop("e")}, **wide))
+            values, stepped = measured(
+                replace(self._like, _shared={"e": wide.pop("e")}, disturbances=disturbed, **wide)
+            )
             joints = PerJoint(values.reshape(len(values), len(numbers), -1), stepped.reshape(len(numbers), -1))
             yield from zip(numbers, headlines(joints).T, strict=True)
 
@@ -235,6 +241,8 @@ def record_of(
     phi: Array | float | None = None,
     chattering_from_hz: float = LEAST_CORNER_HZ,
     arm: RobotModel | None = None,
+    disturbance: Array | None = None,
+    motion_hz: tuple[float, ...] = (),
 ) -> JointRecord:
     """Return a completed run as metrics see it.
 
@@ -251,6 +259,8 @@ def record_of(
         phi: Half-width of the law's boundary layer, scalar or (n,) [rad/s]; None when it has none.
         chattering_from_hz: Frequency from which the torque counts as chattering [Hz].
         arm: The true arm, where errors of its tool are wanted.
+        disturbance: Torque that disturbs the joints at each control instant, (N, n) [N m].
+        motion_hz: Frequencies with which the reference swings [Hz].
 
     Raises:
         ResultError: the run did not complete, or its window holds fewer than two samples, or a limit is not
@@ -281,6 +291,8 @@ def record_of(
         chattering_from_hz=chattering_from_hz,
         step_like=step_like,
         arm=arm,
+        disturbances=(disturbance,),
+        motion_hz=motion_hz,
     )
 
 

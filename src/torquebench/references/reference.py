@@ -78,6 +78,11 @@ class Motion(ABC):
         """Return the highest frequency of the motion [Hz]: 0, but for kinds that swing."""
         return 0.0
 
+    @property
+    def swings_hz(self) -> tuple[float, ...]:
+        """Frequencies with which it goes to and fro, each once [Hz]; none for a motion that does not repeat itself."""
+        return ()
+
     def way(self, target: Vector, n: int | None) -> Array:
         """Return how far a target is from the origin, for each of `n` joints."""
         goal = each_joint(target, n)

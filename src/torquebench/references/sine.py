@@ -25,6 +25,11 @@ class Sine(Motion):
         """Return the frequency of the fastest joint [Hz]."""
         return float(np.max(self.frequency_hz))
 
+    @property
+    def swings_hz(self) -> tuple[float, ...]:
+        """Frequencies of the joints [Hz]."""
+        return tuple(sorted({float(f) for f in np.atleast_1d(self.frequency_hz) if f > 0.0}))
+
     def sample(self, t: Array, n: int | None = None) -> Reference:
         """Return the desired motion of `n` joints at times (N,) [s]."""
         half, w = each_joint(self.amplitude, n) / 2.0, 2.0 * math.pi * each_joint(self.frequency_hz, n)

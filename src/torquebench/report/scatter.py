@@ -41,13 +41,17 @@ class Axis(NamedTuple):
         return round(self.start + part * (self.end - self.start), 1)
 
     def ticks(self) -> list[float]:
-        """Return round values: 1, 2 and 5 of each decade, or powers of ten where that would be many."""
+        """Return three round values or more: powers of ten, then 1, 2 and 5, tenths, or twentieths of each decade."""
         decades = math.log10(self.high / self.low)
-        steps = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
         skip = max(1, round(decades / 6))
         powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
-        found = [step * 10.0**p for p in powers if p % skip == 0 for step in steps]
-        return [value for value in found if self.low <= value <= self.high]
+        found = list[float]()
+        for steps in ((10,), (10, 20, 50), range(10, 100, 10), range(10, 100, 5), range(10, 100)):
+            found = [step * 10.0 ** (p - 1) for p in powers if p % skip == 0 for step in steps]
+            found = [value for value in found if self.low <= value <= self.high]
+            if len(found) > 2 and (decades >= 2.5 or len(steps) > 1):
+                break
+        return found
 
 
 def axis(values: Sequence[float], start: float, end: float) -> Axis:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from pathlib import Path
+
 from torquebench.diagnosis import Diagnosis
 from torquebench.report.figures.diagnosis import diagnosis_figure
 from torquebench.report.figures.files import figure_bytes
@@ -10,6 +13,12 @@ from torquebench.report.tables import number
 
 WHY_PAGE = "why.html"
 """Name of the page in a run's folder."""
+
+
+def free_page(folder: Path, page: bytes) -> Path:
+    """Return where a run's folder has room for a page: ``why.html``, ``why-2.html`` ..; where it is already, that."""
+    names = itertools.chain([WHY_PAGE], (f"why-{n}.html" for n in itertools.count(2)))
+    return next(path for name in names if not (path := folder / name).exists() or path.read_bytes() == page)
 
 
 def why_page(found: Diagnosis, try_it: str = "") -> bytes:

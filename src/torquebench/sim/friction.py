@@ -56,7 +56,9 @@ class Resistance(Structure):
     stribeck_speed: float
     """Speed over which that fades [rad/s]."""
     load: Array
-    """Share of the torque at the joint that adds to Coulomb friction, (n,) [1]."""
+    """Share of the torque at the joint that adds to Coulomb friction where it drives, (n,) [1]."""
+    held: Array
+    """Likewise where it holds the motion back, (n,) [1]."""
     bristle_stiffness: Array
     """LuGre's sigma_0, (n,) [N m/rad]; (0,) for friction that is a function of velocity, and so for the next two."""
     bristle_damping: Array
@@ -68,12 +70,14 @@ class Resistance(Structure):
 
 
 _NONE = np.zeros(0)
-NONE = Resistance(_NONE, _NONE, 1.0, _NONE, 1.0, _NONE, _NONE, _NONE, _NONE, _NONE)
+NONE = Resistance(_NONE, _NONE, 1.0, _NONE, 1.0, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE)
 
 
 @kernel
 def level(friction: Resistance, i: int, qd: float, torque: float) -> float:
     """Return g = coulomb + (breakaway - coulomb) exp(-(qd/stribeck_speed)^2) + load |torque| of joint `i` [N m].
+
+    Where the torque holds the motion back, torque qd < 0, `held` takes the place of `load`.
 
     Args:
         friction: The friction.
@@ -85,8 +89,8 @@ def level(friction: Resistance, i: int, qd: float, torque: float) -> float:
     if friction.excess[i] > 0.0:
         x = qd / friction.stribeck_speed
         g += friction.excess[i] * math.exp(-(x * x))
-    if friction.load[i] > 0.0:
-        g += friction.load[i] * abs(torque)
+    if friction.load[i] > 0.0 or friction.held[i] > 0.0:
+        g += (friction.load[i] + (friction.held[i] - friction.load[i]) * (torque * qd < 0.0)) * abs(torque)
     return g
 
 
@@ -221,6 +225,15 @@ class Friction:
             below=1,
         ),
     ] = 0.0
+    load_backdriving: Annotated[
+        Vector | None,
+        Key(
+            "That share where the torque holds the motion back, as gears have another efficiency when they are driven "
+            "from behind: 1/eta - 1 for an efficiency eta, 1 - eta for load; if left out it is load",
+            "1",
+            at_least=0,
+        ),
+    ] = None
     bristle_stiffness: Annotated[
         Vector,
         Key(
@@ -239,6 +252,8 @@ class Friction:
         """Refuse what is no friction."""
         for name, _, _, key, _ in declared_keys(Friction):
             given = getattr(self, name)
+            if given is None:
+                continue
             for x in np.asarray(given, dtype=np.float64).ravel().tolist():
                 if (wanted := key.fault(x)) is not None:
                     raise ValueError(f"friction: {name} is {given}, wanted {wanted}")
@@ -257,7 +272,17 @@ class Friction:
     @property
     def is_line(self) -> bool:
         """Whether it is viscous qd + coulomb sat(qd/speed) and no more."""
-        return not any(np.any(getattr(self, key)) for key in ("breakaway", "load", "bristle_stiffness"))
+        return not (np.any(self.breakaway) or self.bears or np.any(self.bristle_stiffness))
+
+    @property
+    def bears(self) -> bool:
+        """Whether it grows with the load."""
+        return bool(np.any(self.load) or np.any(self.held))
+
+    @property
+    def held(self) -> Vector:
+        """Share of a torque that holds the motion back [1]."""
+        return self.load if self.load_backdriving is None else self.load_backdriving
 
     def check(self, timing: Timing) -> Iterator[Fault]:
         """Yield a fault where there is no friction, or where its keys contradict each other."""
@@ -281,6 +306,8 @@ class Friction:
             parts.append(f"break-away {in_words(self.breakaway)} {units.torque} {fades}")
         if np.any(self.load):
             parts.append(f"{in_words(self.load)} of the torque")
+        if self.load_backdriving is not None:
+            parts.append(f"{in_words(self.held)} of one that holds back")
         if np.any(self.bristle_stiffness):
             parts.append(f"on bristles of {in_words(self.bristle_stiffness)} {units.torque}/{per}")
         return ", ".join(parts)
@@ -297,23 +324,24 @@ class Friction:
                 friction, some joints have bristles and others none, or bristles bear nothing but the load.
         """
         each = {}
-        for name in ("viscous", "coulomb", "breakaway", "load", "bristle_stiffness", "bristle_damping"):
+        for name in ("viscous", "coulomb", "breakaway", "load", "held", "bristle_stiffness", "bristle_damping"):
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.shape not in ((), (n,)):
                 raise FrictionError(f"friction: {name} has shape {values.shape}, wanted one number or {n}")
             each[name] = np.array(np.broadcast_to(values, (n,)))
-        viscous, coulomb, breakaway, load, stiffness, damping = each.values()
+        viscous, coulomb, breakaway, load, held, stiffness, damping = each.values()
+        share = np.maximum(load, held)
         for i in np.flatnonzero((breakaway > 0.0) & (breakaway < coulomb)).tolist():
             raise FrictionError(
                 f"breakaway of joint {i + 1} is {breakaway[i]:g}, wanted at least its coulomb, "
                 f"{coulomb[i]:g}, or 0 for no more than that"
             )
         excess = np.where(breakaway > 0.0, breakaway - coulomb, 0.0)
-        most = coulomb + excess + load * np.where(load > 0.0, tau_max, 0.0)
+        most = coulomb + excess + share * np.where(share > 0.0, tau_max, 0.0)
         if np.any(stiffness) and not np.all(stiffness):
             raise FrictionError(f"bristle_stiffness is {self.bristle_stiffness}, wanted more than 0 everywhere, or 0")
         if np.any(stiffness):
-            for i in np.flatnonzero((load > 0.0) & (coulomb == 0.0)).tolist():
+            for i in np.flatnonzero((share > 0.0) & (coulomb == 0.0)).tolist():
                 raise FrictionError(f"coulomb of joint {i + 1} is 0, wanted more than 0 where bristles bear a load")
             bent = most / np.where(
                 coulomb > 0.0, coulomb, 1.0
@@ -322,7 +350,7 @@ class Friction:
         else:
             steep, bristles = viscous + most / self.speed, _NONE
             stiffness, damping = np.zeros(0), np.zeros(0)
-        for array in (viscous, coulomb, excess, load, stiffness, damping, steep):
+        for array in (viscous, coulomb, excess, load, held, stiffness, damping, steep):
             array.setflags(write=False)
         return Resistance(
             viscous,
@@ -331,6 +359,7 @@ class Friction:
             excess,
             float(self.stribeck_speed),
             load,
+            held,
             stiffness,
             damping,
             bristles,
@@ -406,7 +435,7 @@ def acting(
         return None, NONE
     friction, is_own = given or Friction(), given is None or given.is_partial
     if is_own:
-        if not own.rubs and not (np.any(friction.load) or np.any(friction.breakaway)):
+        if not own.rubs and not (friction.bears or np.any(friction.breakaway)):
             raise FrictionError(
                 "neither viscous nor coulomb is given, and the arm's file gives its joints neither: wanted one of them"
             )

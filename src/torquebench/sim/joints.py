@@ -314,6 +314,6 @@ def check_followed(joints: Joints, friction: Resistance, masses: Callable[[Array
         digit = 10.0 ** (math.floor(math.log10(largest)) - 1)
         moves = f"rings at {abs(worst.rate) / math.tau:.3g} Hz" if swings else f"settles at {abs(worst.rate):.3g} 1/s"
         raise SpringError(
-            f"joint {worst.joint + 1} {moves}, too fast for rk4 at a time step of {timestep:g} s: wanted at most "
-            f"{digit * math.floor(largest / digit):.2g} s, or a softer joint"
+            f"joint {worst.joint + 1} {moves}, too fast for rk4 at a time step of {timestep:g} s: wanted a "
+            f"plant.timestep of at most {digit * math.floor(largest / digit):.2g} s, or a softer joint"
         )
