@@ -108,10 +108,10 @@ def nonsingular_terminal_smc(
     """Non-singular fast terminal sliding mode: s = lambda e (1 + fast |e|/E) + S |v|^3/2 sgn(v), v = de/S.
 
     S = lambda E, tau = M^ (qdd_ref + (2/3) lambda S (1 + 2 fast |e|/E) |v|^1/2 sgn(v) + kV (s + S root(|s|/S) sgn(s)))
-    + N^. On s = 0 the error is gone in at most 3 (|e|/E)^1/3 / lambda, whatever it was; with fast > 0 sooner, from far away too.
-    Yang and Yang, International Journal of Robust and Nonlinear Control 21 (2011), 1865, with the powers 2 and 3/2;
-    with fast = 0 Feng, Yu and Man, Automatica 38 (2002), 2159. Needs a model. Its reaching law is continuous, so that
-    what the model leaves over keeps s near zero and not at it, and pushes s by |v|^1/2 only: it fails to where de
+    + N^. On s = 0 the error is gone in at most 3 (|e|/E)^1/3 / lambda; with fast > 0 sooner. Yang and Yang,
+    International Journal of Robust and Nonlinear Control 21 (2011), 1865, with the powers 2 and 3/2; with fast = 0
+    Feng, Yu and Man, Automatica 38 (2002), 2159. Needs a model. Its reaching law is continuous, so that what the model
+    leaves over keeps s near zero and not at it; and as that moves s by |v|^1/2 times itself, s is hardly held where de
     passes zero. `root` is the square root that is a parabola below a tenth, lest the sampled loop ring at zero.
     """
     for i in range(len(tau)):
