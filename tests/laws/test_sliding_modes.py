@@ -138,7 +138,8 @@ def run(
     chosen = find_law(law).choose_gains(arm, chain=more.get("chain", Chain()), options=options, given=gains)
     controller = pack(law, arm.n, options, **chosen)
     disturbances = () if push is None else (Bias(push),)
-    return simulate(AnalyticPlant(arm), controller, arm, target, duration=duration, disturbances=disturbances, **more)
+    plant = AnalyticPlant(arm, more.get("control_period", 0.001))
+    return simulate(plant, controller, arm, target, duration=duration, disturbances=disturbances, **more)
 
 
 def rmse(found: Trajectory, first: int = 1000) -> float:
@@ -154,15 +155,15 @@ def roughness(found: Trajectory, arm: RobotModel) -> float:
 @pytest.mark.parametrize("name", ARMS)
 @pytest.mark.parametrize("law", EQUATIONS)
 def test_each_follows_with_the_gains_that_are_chosen(law: str, name: str) -> None:
-    """With a right model all follow to 0.5 mrad; none but the integral one, which has sgn(s), shakes.
+    """With a right model all follow to 0.1 mrad but the integral one, which has sgn(s) and shakes.
 
     Its sgn turns over by 2 K at nearly each instant.
     """
     arm = arm_of(name)
     found = run(arm, law, MOTIONS[name], 2.5)
-    assert rmse(found) < 5e-4
+    assert rmse(found) < (5e-4 if law == INTEGRAL else 1e-4)
     shaken = run(arm, "smc", MOTIONS[name], 2.5)
-    assert roughness(found, arm) < (1.1 if law == INTEGRAL else 0.25) * roughness(shaken, arm)
+    assert roughness(found, arm) < (1.1 if law == INTEGRAL else 0.05) * roughness(shaken, arm)
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -210,34 +211,34 @@ def first(below: Array) -> int:
 @pytest.mark.parametrize("fast", [0.0, 1.0])
 @pytest.mark.parametrize("name", ARMS)
 def test_the_terminal_surface_ends_in_finite_time(name: str, fast: float) -> None:
-    """From where s is below a percent of S for good, e is gone within 3 (|e|/E)^1/3 / lam; with fast > 0 sooner.
+    """From where s is below a percent of S for good, x = |e|/E goes as dx/dt = -lam (x + fast x^2)^(2/3), to nothing.
 
-    Gone is below 1e-3 E, a tenth of what exp(-lam t) has left after the same time from 0.1 rad.
+    To x = 1e-3 that takes less than 3 x^(1/3) / lam, with fast = 0 all but a tenth of E^(1/3) of it. A percent of S
+    that is left of s is 2 % of the time at x = 0.05, less before.
     """
     arm, lam, E = arm_of(name, 10.0), 5.0, 0.05
-    target = still(np.full(arm.n, 0.1))
-    found = run(arm, TERMINAL, target, 3.0, {"lam": lam, "knee": E, "fast": fast, "kv": 60.0})
+    found = run(arm, TERMINAL, still(np.full(arm.n, 0.1)), 3.0, {"lam": lam, "knee": E, "fast": fast, "kv": 60.0})
     e = found.q_ref - found.q
     for i in range(arm.n):
-        on = first(np.abs(found.s[:, i]) < 0.01 * lam * E)
-        gone = first(np.abs(e[:, i]) < 1e-3 * E)
-        bound = 3.0 * (abs(e[on, i]) / E) ** (1.0 / 3.0) / lam
-        assert gone > on
-        assert found.t[gone] - found.t[on] < bound * (1.0 if fast == 0.0 else 0.95)
+        on, gone = first(np.abs(found.s[:, i]) < 0.01 * lam * E), first(np.abs(e[:, i]) < 1e-3 * E)
+        y = np.linspace(0.1, (abs(e[on, i]) / E) ** (1.0 / 3.0), 1000)  # x = y^3
+        time = float(np.trapezoid(3.0 / (1.0 + fast * y * y * y) ** (2.0 / 3.0), y)) / lam
+        assert found.t[gone] - found.t[on] == pytest.approx(time, rel=0.02)
+        assert found.t[gone] - found.t[on] < 3.0 * y[-1] / lam
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_the_time_of_the_fixed_time_law_has_a_bound_for_all_starts(name: str) -> None:
-    """From 0.03 to 3 rad away, |s| < S/10 within pi/kV and then |e| < E/10 within pi/lam; a slope takes ever longer.
+    """From 0.1 to 3 rad away, |s| < S/10 within pi/kV and then |e| < E/10 within pi/lam; a slope takes ever longer.
 
-    A linear law of the same slope takes ln(10 e0/E)/lam, twice the bound at 3 rad for an E of 10 mrad.
+    A linear law of the same slope takes ln(10 e0/E)/lam, twice pi/lam at 3 rad, and as much longer for each factor.
     """
-    arm, gains = arm_of(name, 1e4), {"lam": 4.0, "knee": 0.01, "kv": 16.0}
+    arm, gains = arm_of(name, 1e4), {"lam": 4.0, "knee": 0.05, "kv": 16.0}
     times = []
-    for e0 in (0.03, 0.1, 0.3, 1.0, 3.0):
+    for e0 in (0.1, 0.3, 1.0, 3.0):
         found = run(arm, FIXED, still(np.full(arm.n, e0)), 1.5, gains, control_period=0.0005)
-        reach = max(first(np.abs(s) < 0.1 * 0.04) for s in found.s.T)
-        settle = max(first(np.abs(e) < 0.1 * 0.01) for e in (found.q_ref - found.q).T)
+        reach = max(first(np.abs(s) < 0.1 * 0.2) for s in found.s.T)
+        settle = max(first(np.abs(e) < 0.1 * 0.05) for e in (found.q_ref - found.q).T)
         times.append(found.t[settle])
         assert found.t[reach] < math.pi / 16.0
         assert found.t[settle] < math.pi / 16.0 + math.pi / 4.0
@@ -247,19 +248,24 @@ def test_the_time_of_the_fixed_time_law_has_a_bound_for_all_starts(name: str) ->
 
 @pytest.mark.parametrize("name", ARMS)
 def test_the_error_stays_in_its_funnel_until_a_delay_breaks_it(name: str) -> None:
-    """Without a model, pushed and from 50 mrad off: |e| < rho(t), |s| < rho_s(t) at each instant, down to 20 mrad.
+    """Blind, pushed and from 50 mrad off: |e| < rho(t) and |s| < rho_s(t) at each instant, down to 20 mrad.
 
-    A delay of 40 ms, two fifths of the time in which its gains answer, drives it out.
+    Its gains answer in 1/kV, 12 to 18 ms: a delay of 5 ms leaves it inside, one of 20 ms drives it out.
     """
     arm = arm_of(name)
     target = still(np.full(arm.n, 0.05))
     blind, push = {"equivalent_control": False}, tuple((0.05 * arm.flat.tau_max).tolist())
-    inside = run(arm, FUNNEL, target, 2.0, options=blind, push=push)
-    assert np.all(np.abs(inside.q_ref - inside.q) < inside.extra["rho"])
-    assert np.all(np.abs(inside.s) < inside.extra["rho_s"])
-    gains = find_law(FUNNEL).choose_gains(arm, options=blind)
-    late = run(arm, FUNNEL, target, 2.0, gains, blind, push, chain=Chain(measurement_delay=0.04), throw=False)
-    assert np.any(np.abs(late.q_ref - late.q) > late.extra["rho"])
+    gains = find_law(FUNNEL).choose_gains(arm, options=blind)  # those for no delay
+
+    def widest(delay: float) -> tuple[float, float]:
+        chain = Chain(measurement_delay=delay)
+        found = run(arm, FUNNEL, target, 2.0, gains, blind, push, chain=chain)
+        e = found.q_ref - found.q
+        return float(np.max(np.abs(e) / found.extra["rho"])), float(np.max(np.abs(found.s) / found.extra["rho_s"]))
+
+    assert max(widest(0.0)) < 1.0
+    assert max(widest(0.005)) < 1.0
+    assert widest(0.02)[0] > 1.0
 
 
 @pytest.mark.parametrize("name", ARMS)
