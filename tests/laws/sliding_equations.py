@@ -45,7 +45,7 @@ def adaptive_twist(g: Mapping[str, Any], a: Joints, e: Array, de: Array, m: Stat
     s, w = de + g["lam"] * e, m.get("w", 0.0)
     k1 = m.get("k1", g["least"])
     tau = a.equivalent(g["lam"] * de) + a.mbar * (k1 * np.abs(s) ** 0.5 * np.sign(s) + w)
-    free, outside = ~a.waits(tau, s), np.abs(s) > g["mu"]
+    free, outside = np.logical_not(a.waits(tau, s)), np.abs(s) > g["mu"]
     rate = np.where(outside, free, -1.0) * g["omega"]
     grown = np.clip(k1 + a.T * rate, g["least"], g["most"])
     return tau, {"s": s, "w": w + free * a.T * 2.0 * g["eps"] * k1 * np.sign(s), "k1": grown}

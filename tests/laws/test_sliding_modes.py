@@ -112,8 +112,8 @@ def test_torques_by_hand() -> None:
 
 ARMS = ("puma560", "two-link")
 MOTIONS: dict[str, ReferenceSource] = {
-    "puma560": Sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0]),
-    "two-link": Sine([1.0, -0.8], [0.5, 0.7]),
+    "puma560": Sine((1.2, -1.0, 1.0, 1.0, 1.0, 1.0), (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)),
+    "two-link": Sine((1.0, -0.8), (0.5, 0.7)),
 }
 
 
@@ -203,7 +203,7 @@ def test_the_integral_surface_has_no_reaching_phase(name: str) -> None:
     assert np.min(np.abs(run(arm, "smc", still(e0), 0.1, {"lam": 8.0, "k": 0.15}).s[0])) == pytest.approx(0.8)
 
 
-def first(below: Array) -> int:
+def first(below: np.ndarray) -> int:
     """Return the first instant from which a condition holds to the end."""
     return int(len(below) - np.argmin(below[::-1])) if not np.all(below) else 0
 
