@@ -24,6 +24,7 @@ from torquebench.tuning import (
     fuzzy_torque,
     integral,
     rate,
+    robust,
     stiffness,
     switching,
     twist,
@@ -42,7 +43,7 @@ CORNERS = (500.0, 200.0, 100.0, 50.0)
 """Corners of a velocity filter that are tried against noise [rad/s]."""
 WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Times the layer that one reaction of the loop crosses, tried for a law without one [1]."""
-STRENGTHS = (rate, acceleration_rate, damping, stiffness, switching, fuzzy_torque, integral, twist, twist_rate)
+STRENGTHS = (rate, acceleration_rate, damping, stiffness, robust, switching, fuzzy_torque, integral, twist, twist_rate)
 """Rules of the gains that make torque of errors: not those of slopes, widths, or what is believed of friction."""
 
 
