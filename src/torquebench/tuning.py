@@ -320,8 +320,8 @@ def delayed_inertia(fit: Fit) -> Array:
 
 
 def integrating_slope(fit: Fit) -> Array:
-    """Slope of time-delay control: `pole`, at most D / (4 M), of which kV = 4 lambda leaves the heaviest damped."""
-    return np.minimum(pole(fit), fit.room / (4.0 * fit.limits.heaviest))
+    """Slope of time-delay control: `pole`, at most D / (8 M), so that kV = 4 lambda is half of what the law reaches."""
+    return np.minimum(pole(fit), fit.room / (8.0 * fit.limits.heaviest))
 
 
 def observed_slope(fit: Fit) -> Array:
@@ -335,8 +335,8 @@ def residual_pole(fit: Fit) -> Array:
 
 
 def observing_slope(fit: Fit) -> Array:
-    """Slope of a law with an extended-state observer: `pole`, at most D / (8 M); see `observed_inertia`."""
-    return np.minimum(pole(fit), fit.room / (8.0 * fit.limits.heaviest))
+    """Slope of a law with an extended-state observer: `pole`, at most D / (4 M); see `observed_inertia`."""
+    return np.minimum(pole(fit), fit.room / (4.0 * fit.limits.heaviest))
 
 
 def observing_pole(fit: Fit) -> Array:

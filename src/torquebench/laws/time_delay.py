@@ -38,8 +38,8 @@ def time_delay(
 
     Youcef-Toumi and Ito, ASME Journal of Dynamic Systems, Measurement, and Control 112 (1990), 133; Hsia, Lasky and
     Guo, IEEE Transactions on Industrial Electronics 38 (1991), 24. The arm's dynamics and loads are taken to be what
-    they were one control period T ago, and qdd(t-T) is the last difference of the measured velocity over T: no model, and no
-    error under a load that stays. Stable where I - m M^-1 Mbar has its eigenvalues within the unit circle and
+    they were one control period T ago, and qdd(t-T) is the last difference of the measured velocity over T: no model,
+    and no error under a load that stays. Stable where I - m M^-1 Mbar has its eigenvalues within the unit circle and
     everything varies little in T.
 
     The sum over instants is m Mbar / T (int (qdd_ref + kV de + lambda kV e) - qd): a rate gain m Mbar / T, which noise
