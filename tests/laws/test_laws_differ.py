@@ -42,6 +42,7 @@ SIZE = {
     "N m s/rad": 20.0,
     "N m/(rad s)": 100.0,
     "N m": 4.0,
+    "1/J": 0.3,
 }
 """Size of a gain by its unit; bands are wider than s, so that sgn and sat are told apart."""
 

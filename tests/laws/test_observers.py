@@ -27,11 +27,11 @@ from torquebench.sim.trajectory import Trajectory
 T = 0.002
 """Control period of single calls [s]; not the default, so that a law that ignores it is found."""
 GAINS: dict[str, dict[str, Any]] = {
-    "time-delay": {"lam": [10.0, 4.0], "kv": [20.0, 7.0], "m": [0.01, 0.02]},
+    "time-delay": {"lam": [10.0, 4.0], "kv": [20.0, 7.0], "m": [0.15, 0.3]},
     "disturbance-observer": {"lam": [10.0, 4.0], "kv": [20.0, 7.0], "wo": [30.0, 90.0]},
     "adrc": {"lam": [10.0, 4.0], "kv": [20.0, 7.0], "wo": [50.0, 90.0], "m": [0.8, 1.3]},
     "lqr": {"error": [0.2, 0.1], "rate": [4.0, 3.0]},
-    "slotine-li": {"lam": [3.0, 2.0], "kv": [4.0, 3.0], "gamma": [0.4, 0.9], "bound": [0.06, 0.2]},
+    "slotine-li": {"lam": [3.0, 2.0], "kv": [20.0, 30.0], "gamma": [0.4, 0.9], "bound": [0.06, 0.2]},
 }
 """Gains that differ between the joints."""
 SINE = {
@@ -171,9 +171,7 @@ def test_slotine_li_by_hand() -> None:
     assert all(abs(getattr(memory, name)[0]) < 1e-15 for name in others)
     # a rotor of 0.07 cannot lose more than it has; a link gains no more than bound; nothing moves beyond 40 N m
     fast = gains | {"gamma": 1e4}
-    assert hand("slotine-li", -0.04, -0.1, fast)[1].rotor[0] == pytest.approx(
-        0.0 if 1.5 - 10.0 * 0.1 == 0.0 else -0.07, abs=1e-15
-    )
+    assert hand("slotine-li", -0.04, -0.1, fast)[1].rotor[0] == pytest.approx(-0.07, abs=1e-15)
     assert hand("slotine-li", 0.04, 0.1, fast | {"bound": 0.3})[1].moment_x[0] == pytest.approx(0.3 * 2.0 * 0.265**0.5)
     tau, frozen = hand("slotine-li", 0.4, 0.1, gains)
     assert tau > 40.0
@@ -257,17 +255,16 @@ def test_a_constant_load_leaves_no_error_but_of_lqr(arm: str, law: str) -> None:
 
 @pytest.mark.parametrize(("arm", "mass"), [("puma560", 2.0), ("two", 0.5)])
 def test_slotine_li_learns_a_load(arm: str, mass: float) -> None:
-    """The error under a load that the model does not have falls to a third; without adaptation it stays."""
+    """The error under a load that the model does not have falls to two fifths in 12 s; without adaptation it stays."""
     model = arm_of(arm)
 
     def shares(**gains: float) -> tuple[float, Trajectory]:
         found = run(model, "slotine-li", SINE[arm], 12.0, payload=Payload(mass), **gains)
         e = np.abs(found.q_ref - found.q)
-        period = 2000 if arm == "two" else 2000
-        return float(np.sqrt(np.mean(e[-period:] ** 2) / np.mean(e[:period] ** 2))), found
+        return float(np.sqrt(np.mean(e[-2000:] ** 2) / np.mean(e[:2000] ** 2))), found
 
     share, found = shares()
-    assert share < 1.0 / 3.0
+    assert share < 0.4
     assert shares(gamma=0.0)[0] > 0.7
     assert np.all(found.extra["mass"] >= -model.flat.mass - 1e-12)
     assert np.all(np.abs(found.extra["mass"]) <= np.mean(model.flat.mass) + 1e-12)
@@ -292,7 +289,8 @@ def test_v_of_slotine_and_li_falls() -> None:
     size = {"mass": m0, "moment_x": m0 * l0, "inertia_zz": m0 * l0 * l0, "rotor": flat.inertia_scale}
     belief = {"mass": flat.mass, "moment_x": flat.about_origin[:, 1], "inertia_zz": flat.about_origin[:, 6]}
     belief["rotor"] = flat.armature
-    s = found.extra["s"]
+    s = found.s
+    assert s is not None
     V = 0.5 * np.einsum("ki,kij,kj->k", s, true.mass_matrix(found.q), s)
     for name, scale in size.items():
         wrong_by = belief[name] + found.extra[name] - TRUE[name]

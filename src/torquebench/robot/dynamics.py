@@ -100,19 +100,23 @@ def momentum_balance(model: Model, q: Array, qd: Array, p: Array, rate: Array) -
             p[i] = 0.0
             for k in range(len(q)):
                 p[i] += M[i, k] * qd[k]
-        moved, one, both, here = M[0], M[1], M[2], M[3]
+        moved, torque = M[0], M[1]
         fill_gravity(model.constants, q, g)
-        fill_bias(model.constants, model.literal, q, qd, here)
         for i in range(len(q)):
-            for k in range(len(q)):
-                moved[k] = 1.0 if k == i else 0.0
-            fill_bias(model.constants, model.literal, q, moved, one)
-            for k in range(len(q)):
-                moved[k] += qd[k]
-            fill_bias(model.constants, model.literal, q, moved, both)
             rate[i] = -g[i]
+        for c in range(2 * len(q) + 1):  # one call in a loop: the equations are long, and each call compiles them again
+            i, last = c // 2, c == 2 * len(q)
             for k in range(len(q)):
-                rate[i] += 0.5 * qd[k] * (both[k] - here[k] - one[k] + g[k])
+                moved[k] = (qd[k] if last or c % 2 == 1 else 0.0) + (1.0 if k == i else 0.0)
+            fill_bias(model.constants, model.literal, q, moved, torque)
+            power = 0.0
+            for k in range(len(q)):
+                power += 0.5 * qd[k] * (torque[k] - g[k])
+            if last:
+                for k in range(len(q)):
+                    rate[k] -= power
+            else:
+                rate[i] += power if c % 2 == 1 else -power
 
 
 @kernel
