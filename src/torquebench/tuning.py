@@ -128,6 +128,8 @@ class Fit:
     limits: Limits
     reaction: float
     """Time from a change of the state to the torque that answers it [s]; see `Chain.reaction`."""
+    control_period: float
+    """Time between control instants [s]."""
     rules: Mapping[str, Rule]
     """Gains that act in the law -> their rules."""
     has_model: bool
@@ -310,6 +312,69 @@ def slow_forgetting(fit: Fit) -> Array:
 def turn_width(fit: Fit) -> Array:
     """Rate of s that a fuzzy system sees as 1: twice what K does to I, over `SHARE`; from half of it on rules ring."""
     return 2.0 * fit["k"] * fit.limits.tau_max / (SHARE * fit.limits.least)
+
+
+def delayed_inertia(fit: Fit) -> Array:
+    """Inertia m of time-delay control: m Mbar / T is what there is room for."""
+    return fit.control_period * fit.room / fit.limits.scale
+
+
+def integrating_slope(fit: Fit) -> Array:
+    """Slope of time-delay control: `pole`, at most D / (8 M), so that kV = 4 lambda is half of what the law reaches."""
+    return np.minimum(pole(fit), fit.room / (8.0 * fit.limits.heaviest))
+
+
+def observed_slope(fit: Fit) -> Array:
+    """Slope of a law with a momentum observer: two thirds of `pole`, as its 4 lambda shares with L = 2 lambda."""
+    return pole(fit) / 1.5
+
+
+def residual_pole(fit: Fit) -> Array:
+    """Pole of the momentum observer: 2 lambda, the double pole that kV = 4 lambda makes."""
+    return 2.0 * fit.lam
+
+
+def observing_slope(fit: Fit) -> Array:
+    """Slope of a law with an extended-state observer: `pole`, at most D / (4 M); see `observed_inertia`."""
+    return np.minimum(pole(fit), fit.room / (4.0 * fit.limits.heaviest))
+
+
+def observing_pole(fit: Fit) -> Array:
+    """Pole of the extended-state observer: 10 lambda, five times the double pole that kV = 4 lambda makes."""
+    return 10.0 * fit.lam
+
+
+def observed_inertia(fit: Fit) -> Array:
+    """Inertia m that an extended-state observer takes: the heaviest, at most D / (wo/3 + kV).
+
+    Beyond 2 lambda and below 3 wo the observer and its law are a rate gain of about (wo/3 + kV) m Mbar.
+    """
+    own = fit.room / (fit["wo"] / 3.0 + fit["kv"])
+    return np.minimum(own, fit.limits.heaviest) / fit.limits.scale
+
+
+def costly_error(fit: Fit) -> Array:
+    """Error that costs as much as the torque limit: P = D lambda, at most D^2 / (4 M), as a double pole has it."""
+    rate_gain = damping(fit)
+    return fit.limits.tau_max / (rate_gain * np.minimum(pole(fit), rate_gain / (4.0 * fit.limits.heaviest)))
+
+
+def costly_rate(fit: Fit) -> Array:
+    """Rate that costs as much: so that D, of the heaviest inertia M, is `damping`: (tau_max / rate)^2 = D^2 - 2 M P."""
+    rate_gain, stiff = damping(fit), fit.limits.tau_max / fit["error"]
+    least = 0.25 * rate_gain * rate_gain
+    return fit.limits.tau_max / np.sqrt(np.maximum(least, rate_gain * rate_gain - 2.0 * fit.limits.heaviest * stiff))
+
+
+def learning(fit: Fit) -> Array:
+    """Rate gamma of a law that learns the links: what a mean link weighs is learnt at lambda / 2.
+
+    A number's torque y makes it swing with sqrt(gamma y^2 / M); y is taken as the torque of gravity and a quarter of
+    the rest, on that joint of those before the link for which gamma is the least.
+    """
+    limits = fit.limits
+    each = 0.25 * fit.lam**2 * limits.heaviest / (limits.gravity + HELD * limits.spare) ** 2
+    return np.minimum.accumulate(each)
 
 
 def none(fit: Fit) -> Array:

@@ -44,6 +44,7 @@ SIZE = {
     "N m": 4.0,
     "rad^0.5/s^2.5": 50.0,
     "1/rad": 20.0,
+    "1/J": 0.3,
 }
 """Size of a gain by its unit; bands are wider than s, so that sgn and sat are told apart."""
 

@@ -250,6 +250,14 @@ def gains_that_act(controllers: Items, document: Document) -> Iterator[Fault]:
 
 
 @rule
+def laws_that_fit_the_model(controllers: Items, model: Belief) -> Iterator[Fault]:
+    """A law that computes with links has a model with links."""
+    for path, controller in controllers.items():
+        if problem := find_law(controller.law).misfit(model.structure):
+            yield Fault((*path, "law"), problem, wanted="model.structure exact, or another law")
+
+
+@rule
 def fuzzy_systems_that_there_are(controllers: Items, document: Document) -> Iterator[Fault]:
     """A controller names a fuzzy system that is built in, or one of the file."""
     own = document.root.get("fuzzy")

@@ -43,6 +43,8 @@ class Law:
     options: Mapping[str, Option]
     rules: Mapping[str, Rules] = field(default_factory=dict)
     fixed: Mapping[str, FixedRules] = field(default_factory=dict)
+    rigid_only: bool = False
+    """Whether its model must have structure `exact`: it computes with links, which the closed forms do not."""
 
     @property
     def summary(self) -> str:
@@ -145,8 +147,14 @@ class Law:
         rules = {name: gain.rule for name, gain in acting.items() if gain.rule is not None}
         known = {name: np.full(model.n, value, dtype=np.float64) for name, value in given.items()}
         has_model = bool(chosen.get("equivalent_control"))
-        found = choose(Fit(limits_of(model), chain.reaction(control_period), rules, has_model, known))
+        found = choose(Fit(limits_of(model), chain.reaction(control_period), control_period, rules, has_model, known))
         return {name: given[name] if name in given else found[name] for name in acting}
+
+    def misfit(self, structure: str) -> str:
+        """Return why the law cannot have a model of this structure; nothing where it can."""
+        if not self.rigid_only or structure == "exact":
+            return ""
+        return f"law '{self.name}' computes with the links of a rigid body, which structure {structure} does not have"
 
     def no_rule(self, name: str) -> str:
         """Return why a gain cannot be chosen; nothing where it can."""
@@ -183,7 +191,7 @@ LAWS: Registry[Law] = Registry("law", error=ControllerError)
 
 
 def controller(
-    name: str, *, gains: type[Any], memory: type[Any] | None = None
+    name: str, *, gains: type[Any], memory: type[Any] | None = None, rigid_only: bool = False
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a law under `name`.
 
@@ -194,6 +202,8 @@ def controller(
             others with `FixedRules`).
         memory: NamedTuple class of (n,) arrays kept between control instants; a field called `s` is recorded as
             the sliding variable.
+        rigid_only: Whether the law computes with the links of its model, so that a model of the paper's closed forms
+            is refused before a run.
 
     Raises:
         ControllerError: the name is taken or is not a slug, a field is not a gain, an option or a fuzzy system, or a
@@ -203,7 +213,7 @@ def controller(
     def register(function: Callable[..., None]) -> Callable[..., None]:
         vectors, choices, systems, fixed = declared_fields(name, gains)
         check_conditions(name, {**vectors, **systems}, choices)
-        LAWS.register(name, Law(name, function, gains, memory, vectors, choices, systems, fixed), function)
+        LAWS.register(name, Law(name, function, gains, memory, vectors, choices, systems, fixed, rigid_only), function)
         return function
 
     return register

@@ -17,6 +17,7 @@ from torquebench.robot.puma560.closed_form import (
     fill_inverse,
     fill_mass_matrix,
 )
+from torquebench.robot.regressor import generalized_momentum
 from torquebench.robot.rigid_body import composite_mass_matrix, newton_euler, place_frames
 
 
@@ -77,6 +78,45 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, qdd: Array) 
         for i in range(len(q)):
             qdd[i] = tau[i] - N[i]
         solve_in_place(M, qdd)
+
+
+@kernel
+def momentum_balance(model: Model, q: Array, qd: Array, p: Array, rate: Array) -> None:
+    """Fill `p` (n,) [N m s] with M(q) qd and `rate` (n,) [N m] with C(q, qd)' qd - g(q): dp/dt = tau + rate.
+
+    Of the closed forms, whose velocity torque is v(qd) = C(q, qd) qd, row i of C' qd is qd' C(q, qd) e_i with
+    C(q, qd) e_i = (v(qd + e_i) - v(qd) - v(e_i)) / 2, as in `sliding_terms`.
+    """
+    g = model.scratch.vector
+    if model.structure == EXACT:
+        generalized_momentum(model, q, qd, p, rate)
+        newton_euler(model, model.scratch.zeros, model.scratch.zeros, 1.0, g)
+        for i in range(len(q)):
+            rate[i] -= g[i]
+    else:
+        M = model.scratch.matrix
+        fill_mass_matrix(model.constants, model.literal, q, M)
+        for i in range(len(q)):
+            p[i] = 0.0
+            for k in range(len(q)):
+                p[i] += M[i, k] * qd[k]
+        moved, torque = M[0], M[1]
+        fill_gravity(model.constants, q, g)
+        for i in range(len(q)):
+            rate[i] = -g[i]
+        for c in range(2 * len(q) + 1):  # one call in a loop: the equations are long, and each call compiles them again
+            i, last = c // 2, c == 2 * len(q)
+            for k in range(len(q)):
+                moved[k] = (qd[k] if last or c % 2 == 1 else 0.0) + (1.0 if k == i else 0.0)
+            fill_bias(model.constants, model.literal, q, moved, torque)
+            power = 0.0
+            for k in range(len(q)):
+                power += 0.5 * qd[k] * (torque[k] - g[k])
+            if last:
+                for k in range(len(q)):
+                    rate[k] -= power
+            else:
+                rate[i] += power if c % 2 == 1 else -power
 
 
 @kernel

@@ -18,7 +18,7 @@ from torquebench.kernel import Array
 from torquebench.kernel.struct import rewrite
 from torquebench.laws import Law, find_law
 from torquebench.references import Reference
-from torquebench.robot.flat_model import Model, own_copy
+from torquebench.robot.flat_model import EXACT, Model, own_copy
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import PythonRun
@@ -210,6 +210,8 @@ class Session:
             )
         if model.n != n:
             raise ValueError(f"the model has {model.n} joints, the plant {n}")
+        if problem := controller.law.misfit("exact" if model.flat.structure == EXACT else "corrected or printed"):
+            raise ValueError(problem)
         for gain in controller.gains:
             if isinstance(gain, np.ndarray) and gain.shape != (n,):
                 raise ValueError(f"controller '{controller.name}' has gains for {len(gain)} joints, the plant has {n}")
