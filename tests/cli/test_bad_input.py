@@ -1,6 +1,6 @@
 """Bad configs, given to the command: status 2, lines instead of a traceback, nothing written.
 
-Every one of them is in `tests/experiment/test_bad_configs.py`; what the command makes of mistakes shows in each seventh.
+`tests/experiment/test_bad_configs.py` has every one; what the command makes of mistakes shows in each seventh.
 """
 
 import pytest

@@ -121,7 +121,7 @@ LATE = Chain(
     velocity="differentiated", velocity_filter=300.0, quantisation=1e-4, measurement_delay=0.004, actuator_lag=0.003
 )
 LOAD, RUB = Payload(2.0, at=0.02), Friction(0.7, 0.9)
-"""Taken up at a control instant of 1 ms and of 4 ms, soon, as the step is: short runs see both; friction for any arm."""
+"""Taken up at a control instant of 1 ms and of 4 ms, as early as the step, for short runs; friction for any arm."""
 DRIVEN = Chain(
     encoder_ripple=Ripple(1e-4, 20.0),
     encoder_offset=1e-3,
