@@ -73,17 +73,15 @@ def test_the_checker_sees_the_kernels_and_the_laws() -> None:
     assert len(written) >= 6
 
 
-@pytest.mark.parametrize("name", KERNELS)
-def test_kernels_keep_the_dialect(name: str) -> None:
+def test_kernels_keep_the_dialect() -> None:
     """Arithmetic, `math`, indexing, loops over range() and calls of kernels; nothing else."""
-    found = read_kernel(KERNELS[name])
-    assert [c for c in found if c.what != EXCUSED.get(name)] == []
+    found = {name: [c for c in read_kernel(KERNELS[name]) if c.what != EXCUSED.get(name)] for name in KERNELS}
+    assert {name: complaints for name, complaints in found.items() if complaints} == {}
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_laws_keep_the_dialect(name: str) -> None:
+def test_laws_keep_the_dialect() -> None:
     """The same, and they write to nothing but tau, memory and the model's scratch space."""
-    assert read_law(LAWS[name]) == []  # type: ignore[arg-type]
+    assert {name: found for name, law in LAWS.items() if (found := read_law(law))} == {}  # type: ignore[arg-type]
 
 
 def test_the_loop_keeps_the_dialect() -> None:

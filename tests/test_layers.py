@@ -94,10 +94,9 @@ def test_every_unit_has_a_layer() -> None:
     assert {unit_of(name) for name in ALL} - {"__init__"} == set(RANK)
 
 
-@pytest.mark.parametrize("name", [n for n in ALL if n != "__init__.py"])
-def test_imports_go_down(name: str) -> None:
+def test_imports_go_down() -> None:
     """No file imports a unit beside or above its own in LAYERS, be it inside a function or for type checking only."""
-    assert upward(name, TREES[name]) == []
+    assert [fault for name in ALL if name != "__init__.py" for fault in upward(name, TREES[name])] == []
 
 
 def test_the_direction_check_catches_an_import_upwards() -> None:
@@ -116,20 +115,21 @@ def test_the_top_level_imports_nothing_when_imported() -> None:
             assert not any(module.startswith("torquebench") for module, _ in imports(node))
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_heavy_packages_stay_in_their_places(name: str) -> None:
+def test_heavy_packages_stay_in_their_places() -> None:
     """MuJoCo, matplotlib, pydantic, numba and the others are imported only where `HOMES` has a place for them."""
-    for module, line in imports(TREES[name]):
-        homes = HOMES.get(module.split(".")[0])
-        assert homes is None or name.startswith(homes), f"{name}:{line} imports {module}"
+    found = [
+        f"{name}:{line} imports {module}"
+        for name in ALL
+        for module, line in imports(TREES[name])
+        if not name.startswith(HOMES.get(module.split(".")[0], ""))
+    ]
+    assert found == []
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_modules_say_what_they_are(name: str) -> None:
+def test_modules_say_what_they_are() -> None:
     """Every file's first line is a sentence that says what the file is."""
-    doc = ast.get_docstring(TREES[name])
-    assert doc
-    assert doc.splitlines()[0].endswith((".", ":"))
+    lines = {name: (ast.get_docstring(TREES[name]) or "").partition("\n")[0] for name in ALL}
+    assert [name for name, line in lines.items() if not line.endswith((".", ":"))] == []
 
 
 def public(tree: ast.Module) -> Iterator[tuple[str, ast.AST, ast.AST]]:
@@ -212,10 +212,9 @@ def undocumented(tree: ast.Module) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_public_things_are_documented(name: str) -> None:
+def test_public_things_are_documented() -> None:
     """Every public class and function has a docstring, and every parameter of a long signature is described."""
-    assert undocumented(TREES[name]) == []
+    assert {name: found for name in ALL if (found := undocumented(TREES[name]))} == {}
 
 
 @pytest.mark.parametrize(

@@ -109,11 +109,11 @@ ARMS: dict[str, tuple[Any, Any]] = {
 PLANTS = tuple(ARMS)
 REFERENCES = {
     "sine": lambda n: Sine([1.2, -1.0, 1.0, 1.0, 1.0, 1.0][:n], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0][:n]),
-    "step": lambda n: Step([1.0, -0.8, 0.8, 0.6, 0.6, 0.6][:n], 0.2),
+    "step": lambda n: Step([1.0, -0.8, 0.8, 0.6, 0.6, 0.6][:n], 0.04),
     "ramp": lambda n: Ramp([2.5, -1.5, 1.5, 1.5, 1.5, 1.5][:n], 3.0),
     "quintic": lambda n: Quintic([1.5, -1.2, 1.0, 1.0, 1.0, 1.0][:n], 1.0),
 }
-"""The protocol's references for the first n joints."""
+"""The protocol's references for the first n joints, with an early step."""
 
 
 class Condition(NamedTuple):
@@ -129,8 +129,8 @@ class Condition(NamedTuple):
 LATE = Chain(
     velocity="differentiated", velocity_filter=300.0, quantisation=1e-4, measurement_delay=0.004, actuator_lag=0.003
 )
-LOAD, RUB = Payload(2.0, at=0.08), Friction(0.7, 0.9)
-"""Taken up at a control instant of 1 ms and of 4 ms; friction for arms of any kind."""
+LOAD, RUB = Payload(2.0, at=0.02), Friction(0.7, 0.9)
+"""Taken up at a control instant of 1 ms and of 4 ms, as early as the step, for short runs; friction for any arm."""
 DRIVEN = Chain(
     encoder_ripple=Ripple(1e-4, 20.0),
     encoder_offset=1e-3,

@@ -55,9 +55,9 @@ def test_rollouts_do_not_grow_in_cost(
     """Memory grows by less than 1 MB in 1,000 rollouts once the first hundred have run; time is shown, not judged.
 
     Judged from two halves of the last batch, so that what allocators keep after their first need does not count. The
-    small size has too few rollouts for a rate, and is held to 2 MB in all: a leak of one record would be 4.8 MB.
+    small size has too few rollouts for a rate, and is held to 2 MB in all: a leak of one record would be 2.4 MB.
     """
-    batches = size([100, 200], [100, 1000, 10_000] if workers > 1 else [100, 1000, 10_000, 100_000])
+    batches = size([50, 100], [100, 1000, 10_000] if workers > 1 else [100, 1000, 10_000, 100_000])
     seconds, held = [], [0.0, 0.0]
     for count in batches:
         start = time.perf_counter()

@@ -26,8 +26,8 @@ from torquebench.sim.native import NativeRun
 from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Outcome
 
-STRIDE = 37
-"""The small size takes every 37th case: prime to the length of each axis, so that all values of all axes occur."""
+STRIDE = 97
+"""The small size takes every 97th case: prime to the length of each axis, so that all values of all axes occur."""
 
 
 def chosen(plant: str, everything: bool) -> list[Case]:
@@ -41,7 +41,7 @@ def test_both_paths_give_the_same_bytes(
 ) -> None:
     """Every array, the outcome and the failing step of each run; and nearly all runs complete, so that they count."""
     runs, completed, wrong, bytes_apart = chosen(plant, large), 0, [], 0
-    n_steps = size(220, 1000)
+    n_steps = size(60, 1000)
     for i, case in enumerate(runs):
         readable, native = case.run(n_steps, "python"), case.run(n_steps, "native")
         assert (readable.path, native.path, native.path_reason) == ("python", "native", "")

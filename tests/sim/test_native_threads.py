@@ -65,12 +65,15 @@ def alone(plant: str, trial: SampledTrial, path: Any = "auto") -> Trajectory:
 @pytest.mark.parametrize("path", ["native", "python"])
 @pytest.mark.parametrize("plant", ["mujoco puma560", "analytic puma560", "mujoco two-link"])
 def test_results_do_not_depend_on_the_number_of_threads(plant: str, path: Any, figure: Any) -> None:
-    """1, 2, 4 and 8 threads, twice each: the digests of each trial run alone, in the trials' order."""
-    chosen = trials(plant, 32 if path == "native" else 12)
+    """1, 2, 4 and 8 threads, twice each: the digests of each trial run alone, in the trials' order.
+
+    Interpreted, where threads take turns anyway, 2 and 8 once.
+    """
+    chosen = trials(plant, 32 if path == "native" else 6)
     wanted = [alone(plant, trial, path) for trial in chosen]
     digests = [run.digest() for run in wanted]
     apart = 0
-    for workers in WORKERS + WORKERS:
+    for workers in WORKERS + WORKERS if path == "native" else (2, 8):
         runs = list(simulate_many(plant_of(plant), chosen, workers=workers, path=path))
         assert {run.path for run in runs} == {path}
         apart += sum(run.digest() != digest for run, digest in zip(runs, digests, strict=True))

@@ -1,10 +1,12 @@
 """When a run is interpreted although it could be compiled: the rule of `reason_to_interpret`."""
 
 import json
+import logging
 import math
 import os
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -12,10 +14,26 @@ import pytest
 from tests.arms import pack
 from tests.sim.loops import go, plant_of
 from torquebench import find_law
+from torquebench.kernel import cache
+from torquebench.kernel.cache import interpreted_steps
 from torquebench.sim import native, session
 from torquebench.sim.native import LOOP, QUICKER, RUN_SIGNATURE, NativeFunction, reason_to_interpret
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def own_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Count interpreted steps from zero."""
+    counts = Counter[str]()
+
+    def count(name: str, more: int = 0) -> int:
+        counts[name] += more
+        return counts[name]
+
+    monkeypatch.setattr(native, "interpreted_steps", count)
+
+
 PD = pack("pd", 2, lam=8, kv=12)
 
 
@@ -54,11 +72,35 @@ def test_one_run_after_the_other_goes_over_to_compiled_ones(monkeypatch: pytest.
     """The steps of a process add up; bytes stay the same, and a long run asked for at once is compiled at once."""
     steps = len(go(plant_of("mujoco"), PD, path="python").t)
     monkeypatch.setattr(native, "_is_compiled", lambda *_: False)
-    monkeypatch.setattr(session, "_spent", session._Spent())
     monkeypatch.setattr(native, "WORTH", 2.5 * steps)
     runs = [go(plant_of("mujoco"), PD) for _ in range(3)]
     assert [(run.path, run.path_reason) for run in runs] == [("python", QUICKER), ("python", QUICKER), ("native", "")]
     assert len({run.digest() for run in runs}) == 1
+
+
+def test_going_over_to_compiled_runs_is_said_and_begins_anew(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Each law's steps count for itself; one line says it; what cannot be compiled is not tried again each time."""
+    monkeypatch.setattr(native, "_is_compiled", lambda *_: False)
+    native._say_compiling.cache_clear()
+    caplog.set_level(logging.INFO, "torquebench")
+    other = pack("pd-gravity", 2, lam=8, kv=12)
+    monkeypatch.setattr(native, "WORTH", 2.5 * len(go(plant_of("mujoco"), PD, path="python").t))
+    paths = [go(plant_of("mujoco"), law).path for law in (PD, other, PD, PD, PD, other)]
+    assert paths == ["python"] * 3 + ["native", "python", "python"]
+    assert [record.getMessage() for record in caplog.records] == [native.COMPILING]
+
+
+def test_a_count_that_cannot_be_read_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing, text that is no number, and a folder in its place; the count goes on once it can be written."""
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
+    assert interpreted_steps("a", 5) == interpreted_steps("a") == 5
+    assert interpreted_steps("a", 7) == 12
+    assert interpreted_steps("b") == 0
+    (tmp_path / "interpreted" / "a").write_bytes(b"5\n\xff\n")
+    (tmp_path / "interpreted" / "c").mkdir()
+    assert (interpreted_steps("a"), interpreted_steps("c", 5)) == (0, 0)
 
 
 def test_a_compiled_function_is_found_on_disk_without_loading_it() -> None:

@@ -25,7 +25,7 @@ from click.shell_completion import shell_complete
 import torquebench
 from torquebench.begun import BEGUN
 from torquebench.cli.parameters import Option, mistakes, refuse, suggest
-from torquebench.cli.terminal import Voice, complain, emit, speaking, voice
+from torquebench.cli.terminal import Voice, complain, emit, speaking, voice, warn
 from torquebench.errors import UNCHECKED, ConfigError, Problem, TorquebenchError, nearest
 from torquebench.plain import plain
 from torquebench.shipped import config_keys
@@ -303,11 +303,29 @@ def _run(words: list[str]) -> int:
     try:
         with without_opengl() as wish, terminable():
             context = app.make_context(PROGRAM, words, obj=wish)
-            with context:
+            with context, logged():
                 return int(app.invoke(context) or 0)
     except click.exceptions.Exit as ended:  # help or version, which are no document
         voice().as_json = False
         return ended.exit_code
+
+
+@contextlib.contextmanager
+def logged() -> Iterator[None]:
+    """Warn of what the package logs for as long as this context lasts."""
+    import logging
+
+    class Warner(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            warn(f"torquebench: {record.getMessage()}")
+
+    log, handler = logging.getLogger("torquebench"), Warner()
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
 
 
 def _conclude(status: int, ending: Ending, own: Voice) -> int:

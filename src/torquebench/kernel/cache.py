@@ -221,6 +221,26 @@ def cache_folder() -> Path:
     return folder
 
 
+def interpreted_steps(name: str, more: int = 0) -> int:
+    """Return how many steps of something have been interpreted so far by all processes that use `cache_folder`.
+
+    Each addition is a line of a file, which the system appends whole, whoever else writes. A file that cannot be read
+    or written counts as none: then each process decides by itself what is worth compiling.
+
+    Args:
+        name: Name of the file.
+        more: Steps to add.
+    """
+    file = cache_folder() / "interpreted" / name
+    with suppress(OSError, ValueError):
+        if more:
+            file.parent.mkdir(mode=0o700, exist_ok=True)
+            with open(file, "a", encoding="ascii") as lines:
+                lines.write(f"{more}\n")
+        return sum(map(int, file.read_text(encoding="ascii").split()))
+    return 0
+
+
 def kernel_sources(package: Path) -> list[Path]:
     """Return the files of this package on which compiled code may depend."""
     folders = (package / part for part in ("kernel", "chain", "fuzzy", "robot", "laws", "sim"))

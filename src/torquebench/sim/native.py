@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from functools import cached_property, lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -16,7 +17,7 @@ from numba.extending import intrinsic, register_jitable
 
 from torquebench.dialect import compiler_message, complaints
 from torquebench.kernel import is_foreign
-from torquebench.kernel.cache import KernelCache, without_collection
+from torquebench.kernel.cache import KernelCache, interpreted_steps, without_collection
 from torquebench.kernel.struct import WORD, Table, is_structure, layout, structure, structure_at, vector
 from torquebench.laws.law import Law, Nothing
 from torquebench.references import Reference
@@ -27,6 +28,7 @@ from torquebench.sim.interpreted import replay
 from torquebench.sim.job import Job, Setup
 from torquebench.sim.plants import NativeError, NativePlant, Plant
 
+_log = logging.getLogger(__name__)
 LAW_SIGNATURE = types.int64(*([types.int64] * 2), types.float64, *([types.int64] * 8))
 """status = law(gains, belief, t, n, q, qd, q_ref, qd_ref, qdd_ref, memory, tau): addresses but for t and n."""
 STEP_SIGNATURE = types.int64(*([types.int64] * 4))
@@ -265,6 +267,8 @@ WORTH = 40_000
 """Steps that take as long interpreted as it takes to compile law, loop and plant: some 8 s."""
 QUICKER = "for so few steps interpreting takes less time than compiling"
 """Reason of `reason_to_interpret` that is a choice, and no obstacle."""
+COMPILING = "short runs of this law have been interpreted for as long as compiling it takes: compiling it, once"
+"""What is said when runs go over to the compiled path."""
 
 
 def reason_to_interpret(plant: Plant, law: Law, steps: float) -> str:
@@ -272,18 +276,34 @@ def reason_to_interpret(plant: Plant, law: Law, steps: float) -> str:
 
     Both paths leave the same bytes, so that only time is at stake. What cannot be compiled is interpreted. What is
     compiled already, in this process or in the cache on disk, is used. Otherwise a run is interpreted while fewer
-    steps than `WORTH` are asked for: by the command, or by the runs of this process together. So a first short
-    experiment compiles nothing; a sweep compiles before its first run; a program that runs one loop after the other
-    goes over to compiled ones after some 8 s.
+    steps than `WORTH` are asked for, those counted in that have been interpreted of this law so far, by whatever
+    process. So a first short experiment compiles nothing; a sweep compiles before its first run; and whoever runs one
+    loop after the other, in one program or by many commands, goes over to compiled ones after some 8 s.
 
     Args:
         plant: The truth.
         law: The law.
         steps: Control steps asked for; a step of an interpreted plant that is slow counts as several.
     """
-    return _plain_obstacle(plant, law) or (
-        QUICKER if steps < WORTH and not _is_compiled(plant, law) else obstacle(plant, law)
-    )
+    if found := _plain_obstacle(plant, law):
+        return found
+    if steps < WORTH and not _is_compiled(plant, law):
+        before = interpreted_before(law)
+        if before + steps < WORTH:
+            return QUICKER
+        _say_compiling()
+        interpreted_before(law, -before)  # what cannot be compiled after all is not tried again by each process
+    return obstacle(plant, law)
+
+
+def interpreted_before(law: Law, more: int = 0) -> int:
+    """Return how many steps of a law all processes have interpreted because that was quicker, after adding some."""
+    return interpreted_steps(native_law(law).name, more)
+
+
+@lru_cache(maxsize=1)
+def _say_compiling() -> None:
+    _log.info(COMPILING)
 
 
 def _is_compiled(plant: Any, law: Law) -> bool:

@@ -23,7 +23,7 @@ from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import PythonRun
 from torquebench.sim.job import Setup, is_fixed, set_up
-from torquebench.sim.native import QUICKER, NativeRun, obstacle, reason_to_interpret
+from torquebench.sim.native import QUICKER, NativeRun, interpreted_before, obstacle, reason_to_interpret
 from torquebench.sim.plants import NativePlant, Plant, attached_at
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory, trajectory_of
@@ -89,15 +89,6 @@ class SampledTrial:
     """Position at rest at t = 0, (n,) [rad]; None for zero."""
 
 
-class _Spent(threading.local):
-    """Steps interpreted so far because that was quicker than compiling."""
-
-    steps = 0
-
-
-_spent = _Spent()
-
-
 def _burden(plant: Plant, substeps: int) -> int:
     """Return how many control steps of a law one of a run takes, interpreted."""
     return 1 + substeps * getattr(plant, "burden", 0)
@@ -116,7 +107,7 @@ class Session:
 
     def __init__(self, *, overwrite: bool = False, steps: int = 0) -> None:
         self._overwrite = overwrite
-        self._asked = _spent.steps + steps
+        self._asked = steps
         self._busy = threading.Lock()
         self._checked: tuple[Array | None, ...] = (None, None, None)
         """The last desired motion found finite; None in place of an array that can be written to."""
@@ -195,9 +186,9 @@ class Session:
             return ""
         if path == "native":
             return obstacle(plant, law)
-        reason = reason_to_interpret(plant, law, max(self._asked, _spent.steps + steps))
+        reason = reason_to_interpret(plant, law, max(self._asked, steps))
         if reason == QUICKER:
-            _spent.steps += steps
+            interpreted_before(law, steps)
         return reason
 
     def _check(self, n: int, n_steps: int, trial: SampledTrial, desired: Reference, start: Array) -> None:
