@@ -163,8 +163,11 @@ def read_file(text: str) -> list[Complaint]:
             case ast.ImportFrom(level=0):
                 known = IMPORTS.get(node.module or "", ())
                 held = all(name.name in known and name.asname is None for name in node.names)
-            case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name), value=ast.expr()):
-                held = name not in DECLARATIONS and _declares(node.value)
+            case (
+                ast.Assign(targets=[ast.Name(id=name)], value=value)
+                | ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value)
+            ):
+                held = name not in DECLARATIONS and _declares(value)
                 held = held and not any(isinstance(x, ast.Call) for x in ast.walk(node))
             case ast.ClassDef(bases=[ast.Name(id="NamedTuple")], keywords=[], decorator_list=[]):
                 held = node.name not in DECLARATIONS and all(map(_is_field, node.body))

@@ -36,7 +36,7 @@ from torquebench.kernel import Array
 from torquebench.kernel.struct import field_names, is_structure
 from torquebench.laws import FixedRules, Gain, Option, Rules, controller, find_law
 from torquebench.laws.plugin import load_plugin
-from torquebench.registry import registered_by, registering_again
+from torquebench.registry import REGISTRIES, registering_again
 from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED
 from torquebench.sim.job import Job, Setup
 
@@ -65,16 +65,15 @@ def load_sandboxed(path: Path, where: str = "--plugin") -> tuple[str, ...]:
         outside = read_file(text)
     except (OSError, ValueError, SyntaxError) as error:
         raise ConfigError([Problem(where, str(path), f"{type(error).__name__}: {error}")]) from error
-    if not outside:
-        before = _module_name(path)
-        names = load_plugin(path, where)
-        names = tuple(dict.fromkeys((*names, *(x for x in registered_by(before) if x in names))))
-        if not (outside := _complaints_of(before, names)):
-            return names
     module = _module_name(path)
+    if not outside:
+        names = load_plugin(path, where)
+        if not (outside := _complaints_of(module, names)):
+            return names
+        for registry in REGISTRIES:
+            registry.forget(module)
     with registering_again(module):
-        declared = _declared(text, path, where, outside)
-        names = tuple(_register(one, text, path.name, module) for one in declared)
+        names = tuple(_register(one, text, path.name, module) for one in _declared(text, path, where, outside))
     if not names:
         raise ConfigError([Problem(where, str(path), "registers no law (wanted a function with @controller)")])
     return names
@@ -185,10 +184,9 @@ class Cell:
         self._pid = self._zygote.fork(text, (theirs, their_out))
         for fd in (theirs, their_out):
             os.close(fd)
-        self._ended: int | None = None
         self._late = False
-        self._finalize = weakref.finalize(self, _end, self._zygote, self._pid, self._in, self._out, state := {})
-        self._state: dict[str, int] = state
+        self._state: dict[str, int] = {}
+        self._finalize = weakref.finalize(self, _end, self._zygote, self._pid, self._in, self._out, self._state)
         parts = [json.dumps(ask).encode(), text.encode(), more]
         self.write(b"".join(struct.pack("<q", len(part)) + part for part in parts))
 
@@ -228,7 +226,9 @@ class Cell:
             return f"the law gave no answer within {PATIENCE:g} s"
         if code < 0:
             name = signal.Signals(-code).name
-            reason = {"SIGSEGV": ", as one is that reads the processor's counter, or memory that is not its own"}.get(name, "")
+            reason = {"SIGSEGV": ", as one is that reads the processor's counter, or memory that is not its own"}.get(
+                name, ""
+            )
             return f"the law's process was ended by {name}{reason}"
         return f"the law ended its process, with status {code}"
 
@@ -257,9 +257,9 @@ class Zygote:
         """Its working directory, empty."""
         self._process = subprocess.Popen(
             [sys.executable, "-s", "-P", "-S", "-B", "-c", "from torquebench.sim.sandboxed import main; main()"],
-            stdin=theirs,
+            stdin=theirs.fileno(),
             stdout=subprocess.DEVNULL,
-            stderr=None,
+            stderr=subprocess.DEVNULL,
             cwd=self._folder.name,
             env={"PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)), "PYTHONHASHSEED": "0", **one},
         )
@@ -335,7 +335,6 @@ class Declared(NamedTuple):
 
 def _declared(text: str, path: Path, where: str, outside: list[Complaint]) -> list[Declared]:
     """Have a file run in a process that is shut off, and return the laws that it declares."""
-    problem = Problem(where, str(path))
     if sys.platform != "linux" or os.uname().machine != "x86_64":
         reason = "a law outside the dialect can be shut off on Linux on x86-64 only"
         raise ConfigError([Problem(where, str(path), f"{reason} ({outside[0]})")])
@@ -345,12 +344,12 @@ def _declared(text: str, path: Path, where: str, outside: list[Complaint]) -> li
         raise ConfigError([Problem(where, str(path), ready or cell.why())])
     answer = cell.read_text(PATIENCE)
     try:
-        found = json.loads(answer) if answer else {"error": cell.why()}
+        found: dict[str, Any] = json.loads(answer) if answer else {"error": cell.why()}
         if "error" in found:
             raise ConfigError([Problem(where, str(path), str(found["error"])[:LONGEST_TEXT])])
         return [Declared(**law) for law in found["laws"]]
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise ConfigError([Problem(problem.source, problem.key, f"declares no laws ({error})")]) from error
+        raise ConfigError([Problem(where, str(path), f"declares no laws ({error})")]) from error
 
 
 def _register(one: Declared, text: str, file: str, module: str) -> str:
@@ -362,7 +361,9 @@ def _register(one: Declared, text: str, file: str, module: str) -> str:
         kind = note.pop("kind")
         values = {key: tuple(x) if isinstance(x, list) else x for key, x in note.items()}
         fields.append((name, Annotated[types[kind], kinds[kind](**values)]))
-    gains = NamedTuple("Gains", fields)  # type: ignore[misc]
-    memory = None if one.memory is None else NamedTuple("Memory", [(x, Array) for x in one.memory])  # type: ignore[misc]
-    controller(one.name, gains=gains, memory=memory)(SandboxedLaw(text, file, one.name, module, one.doc))
+    made: Any = NamedTuple  # a function to make classes with, of which mypy knows literal calls only
+    memory = None if one.memory is None else made("Memory", [(x, Array) for x in one.memory])
+    controller(one.name, gains=made("Gains", fields), memory=memory)(
+        SandboxedLaw(text, file, one.name, module, one.doc)
+    )
     return one.name

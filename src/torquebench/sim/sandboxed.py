@@ -9,6 +9,7 @@ border and is not tried.
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import gc
 import importlib
@@ -79,8 +80,8 @@ ALLOW, KILL, REFUSE = 0x7FFF0000, 0x80000000, 0x00050001
 """Verdicts of the filter; REFUSE is the error EPERM."""
 EXECUTABLE = 4
 MAP_FIXED = 0x10
-NOTHING, UNKNOWN_CALL = b"\x90", b"\x48\xc7\xc0\xda\xff\xff\xff\xc3"
-"""Code: nop; and mov $-ENOSYS, %rax, then ret."""
+NOTHING, REFUSAL = b"\x90", b"\x48\xc7\xc0\xff\xff\xff\xff\xc3"
+"""Code: nop; and mov $-EPERM, %rax, then ret."""
 
 
 def main() -> NoReturn:
@@ -154,8 +155,7 @@ def prepare_for(imports: list[list[str]]) -> None:
     }
     if "infer" in used:
         fis = prepare(builtin_system(DEFAULT)).fis
-        own = Fis(*(x.copy() if isinstance(x, np.ndarray) else x for x in fis))
-        calls["infer"] = (infer, (own, 0.0, 0.0))
+        calls["infer"] = (infer, (copy.deepcopy(fis), 0.0, 0.0))
     for name, (kernel, arguments) in calls.items():
         if name in used:
             kernel(*arguments)
@@ -209,7 +209,7 @@ def shut_off(kernels: list[Any]) -> None:
         x._can_compile = False  # it would need pages that can be executed
     config.DISABLE_JIT = True  # kernels of the law's own file run as the Python that they are
     os.environ.clear()
-    sys.stdin = sys.stdout = sys.stderr = None  # type: ignore[assignment]
+    sys.stdin = sys.stdout = sys.stderr = None
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     libc = ctypes.CDLL(None, use_errno=True)
@@ -224,10 +224,10 @@ def shut_off(kernels: list[Any]) -> None:
 
 
 def without_clock(libc: Any) -> None:
-    """Have every reading of a clock be a call of the system, which the filter refuses.
+    """Have every reading of a clock refused.
 
-    The C library reads clocks by code that the kernel maps into each process. In its place code is mapped that
-    answers as a kernel without such code does, so that the library makes the call; what it read is unmapped.
+    The C library reads clocks by code that the kernel maps into each process, without a call that could be filtered.
+    In its place code is mapped that answers EPERM, wherever it is entered; the pages that it read are unmapped.
 
     Args:
         libc: The C library.
@@ -245,7 +245,7 @@ def without_clock(libc: Any) -> None:
             continue
         found = libc.mmap(*place, mmap.PROT_READ | mmap.PROT_WRITE, MAP_FIXED | mmap.MAP_PRIVATE | mmap.MAP_ANON, -1, 0)
         _must(int(found != start), "the clock's code stays mapped")
-        ctypes.memmove(start, UNKNOWN_CALL.rjust(size, NOTHING), size)
+        ctypes.memmove(start, REFUSAL.rjust(size, NOTHING), size)
         _must(libc.mprotect(*place, mmap.PROT_READ | mmap.PROT_EXEC), "the clock's code cannot be replaced")
 
 
