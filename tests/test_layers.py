@@ -50,7 +50,7 @@ HOMES = {
     "OpenGL": ("video/",),
     "imageio_ffmpeg": ("video/",),
     "PIL": ("video/",),
-    "subprocess": ("video/",),
+    "subprocess": ("video/", "sim/sandbox.py"),
     "matplotlib": ("report/", "audit/", "video/", "results.py", "sweeps.py", "audits.py", "falsification.py"),
     "jinja2": ("report/",),
     "scipy": ("chain/", "diagnosis/poles.py", "statistics.py", "sweep/", "robot/inverse_kinematics.py"),
