@@ -247,8 +247,7 @@ def _tuned_experiment(study: TuningStudy, laws: Sequence[Tuned], made: str) -> E
     """
     info, parts = study.asked.infos[0], [f"{study.base.description} " if study.base.description else "", f"{made}."]
     for own in laws:
-        values = [one.objectives[0] for one in (own.start, own.best)]
-        told = " -> ".join(in_unit(info.scale * x, info.shown_unit) if math.isfinite(x) else "failed" for x in values)
+        told = " -> ".join(_told(info, one) for one in (own.start, own.best))
         by = f"seed {study.asked.seed + own.seed}, evaluation {own.best.number}" if own.best.number else "its own gains"
         parts.append(f" {own.controller.name}: {told} ({by}).")
     experiment = with_draw(study.base, HELD)
@@ -257,10 +256,17 @@ def _tuned_experiment(study: TuningStudy, laws: Sequence[Tuned], made: str) -> E
     return altered(experiment, description="".join(parts)[:MOST_WORDS], controllers=controllers, chosen={})
 
 
+def _told(info: MetricInfo, one: Evaluation) -> str:
+    if not math.isfinite(one.objectives[0]):
+        return "failed"
+    number = in_unit(info.scale * one.objectives[0], info.shown_unit)
+    return number if one.feasible else f"({number}, which breaks a constraint)"
+
+
 def _head(study: TuningStudy) -> list[str]:
     """Return the titles of the table's columns, but for those of gains."""
     asked = study.asked
-    worst = [f"worst_{claim.metric}_{i}" for i, claim in enumerate(asked.constraints)]
+    worst = [f"worst_{claim.metric}" for claim in asked.constraints]
     return ["controller", "seed", "evaluation", "feasible", "failed", "lost", "broken", *asked.objectives, *worst]
 
 

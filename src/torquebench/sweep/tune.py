@@ -125,7 +125,7 @@ def evaluation_of(number: int, gains: Mapping[str, Vector], runs: Sequence[Run],
         math.nan if any(map(math.isnan, own)) else max(own) if claim.info.better == "lower" else min(own)
         for claim, own in zip(budget.constraints, columns[count:], strict=True)
     )
-    broken = sum(excess(claim, x) for claim, x in zip(budget.constraints, worst, strict=True))
+    broken = math.fsum(excess(claim, x) for claim, x in zip(budget.constraints, worst, strict=True))
     lost = sum(run.lost for run in runs) / len(runs)
     if not failed and not all(map(math.isfinite, objectives)):
         broken += 1.0
