@@ -47,7 +47,7 @@ class AdaptiveTwistGains(NamedTuple):
     least: Annotated[Array, Gain("least k1, where it starts", "rad^0.5/s^1.5", True, None, least_twist)]
     omega: Annotated[Array, Gain("rate at which k1 grows and shrinks", "rad^0.5/s^2.5", auto=growth)]
     eps: Annotated[Array, Gain("half of k2 over k1", "rad^0.5/s^1.5", auto=ratio)]
-    mu: Annotated[Array, Gain("layer |s| <= mu in which k1 shrinks", "rad/s", auto=narrow)]
+    mu: Annotated[Array, Gain("layer |s| <= mu in which k1 shrinks", "rad/s", auto=narrow, search=(0.001, 1.0, "log"))]
     equivalent_control: UseModel
 
 

@@ -18,7 +18,10 @@ class Gains(NamedTuple):
 
     lam: Annotated[Array, Gain("slope lambda; the position gain is lambda kV", "1/s", auto=observing_slope)]
     kv: Annotated[Array, Gain("rate gain kV of an acceleration", "1/s", auto=acceleration_rate)]
-    wo: Annotated[Array, Gain("bandwidth wo of the observer, its triple pole", "1/s", auto=observing_pole)]
+    wo: Annotated[
+        Array,
+        Gain("bandwidth wo of the observer, its triple pole", "1/s", auto=observing_pole, search=(2.0, 1000.0, "log")),
+    ]
     m: Annotated[
         Array,
         Gain("inertia 1/b0 that the law takes, over Mbar", "1", auto=observed_inertia, search=(0.1, 10.0, "log")),

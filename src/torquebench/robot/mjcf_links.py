@@ -43,8 +43,9 @@ def speed_limits(m: Any) -> Array | None:
     if mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_NUMERIC, SPEEDS) < 0:
         return np.full(m.njnt, np.inf)
     speeds = numeric(m, SPEEDS)
-    fit = speeds is not None and np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)
-    return np.where(speeds > 0.0, speeds, np.inf) if fit else None
+    if speeds is None or not (np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)):
+        return None
+    return np.where(speeds > 0.0, speeds, np.inf)
 
 
 def frames(m: Any, d: Any) -> tuple[list[Array], list[Array]]:

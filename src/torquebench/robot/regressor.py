@@ -21,7 +21,13 @@ from torquebench.robot.rigid_body import place_frames, rotate
 def into_child(
     R: Array, p: Array, wx: float, wy: float, wz: float, lx: float, ly: float, lz: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return a motion of a parent frame, angular and linear, as that of a frame at pose (R, p) that is fixed to it."""
+    """Return a motion of a parent frame as that of a frame at pose (R, p) that is fixed to it.
+
+    Args:
+        R, p: Orientation (3, 3) and origin (3,) [m] of the child frame in the parent's.
+        wx, wy, wz: Angular velocity in the parent frame [rad/s].
+        lx, ly, lz: Velocity of the parent frame's origin [m/s].
+    """
     lx, ly, lz = lx + wy * p[2] - wz * p[1], ly + wz * p[0] - wx * p[2], lz + wx * p[1] - wy * p[0]
     return (
         R[0, 0] * wx + R[1, 0] * wy + R[2, 0] * wz,
@@ -37,7 +43,13 @@ def into_child(
 def momentum_of(
     b: Array, wx: float, wy: float, wz: float, lx: float, ly: float, lz: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return I v, angular and linear, of a body `b` (10,), as in `Model.about_origin`, that moves with (w, l)."""
+    """Return the momentum I v of a body, angular and linear.
+
+    Args:
+        b: The body, (10,), as in `Model.about_origin`.
+        wx, wy, wz: Its angular velocity [rad/s].
+        lx, ly, lz: Velocity of its frame's origin [m/s].
+    """
     return (
         b[4] * wx + b[7] * wy + b[8] * wz + b[2] * lz - b[3] * ly,
         b[7] * wx + b[5] * wy + b[9] * wz + b[3] * lx - b[1] * lz,
