@@ -518,9 +518,9 @@ def filtered(command: Array, held: Array, taken: float) -> Array:
         held: The filter's torque y ahead of the first, (n,) [N m].
         taken: Share of a new command that it takes in [1].
     """
-    from scipy.signal import lfilter
-
-    out: Array = lfilter([taken], [1.0, taken - 1.0], command, axis=0, zi=(1.0 - taken) * held[None])[0]
+    y, out = held, np.empty_like(command)
+    for k, u in enumerate(command):
+        out[k] = y = y + taken * (u - y)
     return out
 
 

@@ -93,6 +93,7 @@ SCENARIO = (
     breakaway: 1.2
     stribeck_speed: 0.2
     load: 0.1
+    load_backdriving: 0.2
     bristle_stiffness: 300
     bristle_damping: 0.01
   transmission:
@@ -332,6 +333,7 @@ DRIVEN = SCENARIO.replace(
     phase: 0.5
   velocity: tachometer
   velocity_noise: 0.01
+  command_filter: 500
   torque_rate: 1000
   missed_deadlines: 0.01
   jitter: 0.002
