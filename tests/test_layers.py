@@ -36,7 +36,7 @@ LAYERS = (
     ("report",),
     ("video", "results", "audit"),
     ("sweeps",),
-    ("audits", "falsification"),
+    ("audits", "falsification", "diffs"),
     ("view",),
     ("cli",),
     ("__main__",),

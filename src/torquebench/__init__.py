@@ -8,6 +8,7 @@ __version__ = "0.1.0.dev0"
 _HOMES = {
     "audits": ("Audit", "run_audit"),
     "check": ("check_law",),
+    "diffs": ("diff",),
     "errors": ("ConfigError", "ResultError", "TorquebenchError"),
     "experiment.schema": ("Experiment",),
     "fuzzy.fis": ("Fis",),

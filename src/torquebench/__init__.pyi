@@ -4,6 +4,7 @@ from torquebench.audits import run_audit as run_audit
 from torquebench.chain import CHAINS as CHAINS
 from torquebench.chain import Chain as Chain
 from torquebench.check import check_law as check_law
+from torquebench.diffs import diff as diff
 from torquebench.disturbances import BandLimitedNoise as BandLimitedNoise
 from torquebench.disturbances import Bias as Bias
 from torquebench.disturbances import Sinusoid as Sinusoid

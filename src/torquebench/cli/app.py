@@ -52,6 +52,7 @@ COMMANDS = {
         "check": "check",
         "preflight": "preflight",
         "compare": "compare",
+        "diff": "diff",
         "fuzzy": "fuzzy",
         "doctor": "doctor",
         "bench": "bench",
