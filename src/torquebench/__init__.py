@@ -16,6 +16,7 @@ _HOMES = {
     "fuzzy.system": ("FuzzySystem",),
     "kernel": ("Array", "sat", "sign"),
     "laws": ("FixedRules", "Gain", "Option", "Rules", "controller", "find_law", "law_names"),
+    "laws.new": ("new_law",),
     "laws.plugin": ("load_plugin",),
     "chain": ("CHAINS", "Chain"),
     "disturbances": ("BandLimitedNoise", "Bias", "Sinusoid", "disturbance"),

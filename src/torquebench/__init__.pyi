@@ -32,6 +32,7 @@ from torquebench.laws import Rules as Rules
 from torquebench.laws import controller as controller
 from torquebench.laws import find_law as find_law
 from torquebench.laws import law_names as law_names
+from torquebench.laws.new import new_law as new_law
 from torquebench.laws.plugin import load_plugin as load_plugin
 from torquebench.metrics import JointRecord as JointRecord
 from torquebench.metrics import metric as metric

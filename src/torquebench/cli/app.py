@@ -46,7 +46,7 @@ COMMANDS = {
         "falsify": "falsify",
         "why": "why",
     },
-    "Arms": {"import": "importing"},
+    "Arms and laws": {"import": "importing", "new-law": "new_law"},
     "Look": {"report": "report", "figures": "figures", "video": "video", "view": "view"},
     "Check": {
         "check": "check",
