@@ -36,7 +36,7 @@ LAYERS = (
     ("report",),
     ("video", "results", "audit"),
     ("sweeps",),
-    ("audits", "falsification", "tunings"),
+    ("audits", "falsification", "tunings", "diffs"),
     ("view",),
     ("cli",),
     ("__main__",),

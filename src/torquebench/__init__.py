@@ -8,6 +8,7 @@ __version__ = "0.1.0.dev0"
 _HOMES = {
     "audits": ("Audit", "run_audit"),
     "check": ("check_law",),
+    "diffs": ("diff",),
     "errors": ("ConfigError", "ResultError", "TorquebenchError"),
     "experiment.schema": ("Experiment",),
     "fuzzy.fis": ("Fis",),
@@ -15,6 +16,7 @@ _HOMES = {
     "fuzzy.system": ("FuzzySystem",),
     "kernel": ("Array", "sat", "sign"),
     "laws": ("FixedRules", "Gain", "Option", "Rules", "controller", "find_law", "law_names"),
+    "laws.new": ("new_law",),
     "laws.plugin": ("load_plugin",),
     "chain": ("CHAINS", "Chain"),
     "disturbances": ("BandLimitedNoise", "Bias", "Sinusoid", "disturbance"),

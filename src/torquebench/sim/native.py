@@ -265,6 +265,8 @@ def _name(value: Any) -> str:
 
 WORTH = 40_000
 """Steps that take as long interpreted as it takes to compile law, loop and plant: some 8 s."""
+OFTEN = 120_000
+"""Steps of one short command after the other, after which a law is compiled: whoever repeats them has waited longer."""
 QUICKER = "for so few steps interpreting takes less time than compiling"
 """Reason of `reason_to_interpret` that is a choice, and no obstacle."""
 COMPILING = "short runs of this law have been interpreted for as long as compiling it takes: compiling it, once"
@@ -276,9 +278,9 @@ def reason_to_interpret(plant: Plant, law: Law, steps: float) -> str:
 
     Both paths leave the same bytes, so that only time is at stake. What cannot be compiled is interpreted. What is
     compiled already, in this process or in the cache on disk, is used. Otherwise a run is interpreted while fewer
-    steps than `WORTH` are asked for, those counted in that have been interpreted of this law so far, by whatever
-    process. So a first short experiment compiles nothing; a sweep compiles before its first run; and whoever runs one
-    loop after the other, in one program or by many commands, goes over to compiled ones after some 8 s.
+    steps than `WORTH` are asked for, and fewer than `OFTEN` with those that have been interpreted of this law so far, by
+    whatever process. So a first short experiment compiles nothing; a sweep compiles before its first run; and whoever
+    runs one loop after the other, in one program or by many commands, goes over to compiled ones after a while.
 
     Args:
         plant: The truth.
@@ -289,7 +291,7 @@ def reason_to_interpret(plant: Plant, law: Law, steps: float) -> str:
         return found
     if steps < WORTH and not _is_compiled(plant, law):
         before = interpreted_before(law)
-        if before + steps < WORTH:
+        if before + steps < OFTEN:
             return QUICKER
         _say_compiling()
         interpreted_before(law, -before)  # what cannot be compiled after all is not tried again by each process
