@@ -97,13 +97,15 @@ class Tuning:
     def ranking(self, judged: Mapping[str, Judgement]) -> list[str]:
         """Return controllers, the best first: fewest failed runs, then least objective.
 
+        Those that break a constraint in half of the runs or more come after those with as few failures that do not.
+
         Args:
             judged: `untuned` or `tuned`.
         """
 
-        def key(name: str) -> tuple[int, float]:
-            mean = judged[name].mean()
-            return judged[name].failed, math.inf if mean is None else mean.ratio
+        def key(name: str) -> tuple[int, bool, float]:
+            own, mean = judged[name], judged[name].mean()
+            return own.failed, 2 * own.broken >= own.runs, math.inf if mean is None else mean.ratio
 
         return sorted(judged, key=key)
 
@@ -153,7 +155,7 @@ class Tuning:
                 key: {"mean": mean and [mean.ratio, mean.low, mean.high], "draws": list(draws)}
                 for key, mean, draws in zip(asked.objectives, means, one.draws, strict=True)
             }
-            return {"runs": one.runs, "failed": one.failed, **found}
+            return {"runs": one.runs, "failed": one.failed, "broken": one.broken, **found}
 
         ratio = self.ratio(name)
         fronts = len(asked.objectives) > 1
@@ -433,7 +435,9 @@ def tune(
             report("judging", total - 2 * (names - i), total)
             changed = own.tuned.gains != own.controller.gains
             pair = [own.controller, own.tuned] if changed else [own.controller]
-            judged[own.controller.name] = tuple(judge(pair, study.judged, asked.objectives, draws, pool))
+            judged[own.controller.name] = tuple(
+                judge(pair, study.judged, asked.objectives, draws, pool, asked.constraints)
+            )
         report("judging", total, total)
     untuned, tuned = ({name: both[i] for name, both in judged.items()} for i in (0, -1))
     tuning = Tuning(study, laws, untuned, tuned)
