@@ -273,8 +273,8 @@ def test_slotine_li_learns_a_load(arm: str, mass: float) -> None:
 def test_v_of_slotine_and_li_falls() -> None:
     """On the two-joint arm with a wrong belief V = (s' M s + (a - a*)' Gamma^-1 (a - a*)) / 2 falls all the way.
 
-    It falls by s' Kd s while no number meets its bound, which the belief's heavy rotors keep it from. In samples it rises
-    by what is held over T: nowhere by more than 1e-4 of where it began at 0.25 ms.
+    It falls by s' Kd s while no number meets its bound, from which the belief's heavy rotors keep all. In samples it
+    rises by what is held over T: nowhere by more than 1e-4 of where it began at 0.25 ms.
     """
     true = two_link()
     wrong = chain(

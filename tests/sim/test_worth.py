@@ -72,6 +72,7 @@ def test_one_run_after_the_other_goes_over_to_compiled_ones(monkeypatch: pytest.
     """The steps of a process add up; bytes stay the same, and a long run asked for at once is compiled at once."""
     steps = len(go(plant_of("mujoco"), PD, path="python").t)
     monkeypatch.setattr(native, "_is_compiled", lambda *_: False)
+    monkeypatch.setattr(native, "WORTH", 1e9)
     monkeypatch.setattr(native, "OFTEN", 2.5 * steps)
     runs = [go(plant_of("mujoco"), PD) for _ in range(3)]
     assert [(run.path, run.path_reason) for run in runs] == [("python", QUICKER), ("python", QUICKER), ("native", "")]
@@ -86,6 +87,7 @@ def test_going_over_to_compiled_runs_is_said_and_begins_anew(
     native._say_compiling.cache_clear()
     caplog.set_level(logging.INFO, "torquebench")
     other = pack("pd-gravity", 2, lam=8, kv=12)
+    monkeypatch.setattr(native, "WORTH", 1e9)
     monkeypatch.setattr(native, "OFTEN", 2.5 * len(go(plant_of("mujoco"), PD, path="python").t))
     paths = [go(plant_of("mujoco"), law).path for law in (PD, other, PD, PD, PD, other)]
     assert paths == ["python"] * 3 + ["native", "python", "python"]

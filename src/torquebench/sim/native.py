@@ -278,8 +278,8 @@ def reason_to_interpret(plant: Plant, law: Law, steps: float) -> str:
 
     Both paths leave the same bytes, so that only time is at stake. What cannot be compiled is interpreted. What is
     compiled already, in this process or in the cache on disk, is used. Otherwise a run is interpreted while fewer
-    steps than `WORTH` are asked for, and fewer than `OFTEN` with those that have been interpreted of this law so far, by
-    whatever process. So a first short experiment compiles nothing; a sweep compiles before its first run; and whoever
+    steps than `WORTH` are asked for, and fewer than `OFTEN` with those interpreted of this law so far by whatever
+    process. So a first short experiment compiles nothing; a sweep compiles before its first run; and whoever
     runs one loop after the other, in one program or by many commands, goes over to compiled ones after a while.
 
     Args:
