@@ -18,7 +18,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -339,6 +339,19 @@ BY_UNIT: Mapping[str, Rule] = {
     "1/s^3": integral,
 }
 """Unit -> the rule of a gain that says nothing else."""
+
+Search: TypeAlias = tuple[float, float, Literal["log", "linear"]]
+"""Where tuning looks for a gain: least value, greatest, and whether equal ratios or equal steps count the same."""
+
+BOXES: Mapping[str, Search] = {
+    "1/s": (1.0, 200.0, "log"),
+    "1": (0.01, 1.0, "log"),
+    "rad/s": (0.01, 10.0, "log"),
+    "rad": (0.001, 1.0, "log"),
+}
+"""Unit -> box of a gain that declares none, one number for all joints: of units that mean the same on every arm."""
+MULTIPLES: Search = (0.1, 10.0, "log")
+"""Box of a gain of another unit, such as N m/rad: multiples of what ``gains: auto`` chooses for each joint."""
 
 
 def choose(fit: Fit) -> dict[str, Vector]:

@@ -17,12 +17,12 @@ import numpy as np
 from torquebench.audit.study import FEEDFORWARD, Condition, Study
 from torquebench.certificates import FIGURES
 from torquebench.experiment.build import build
+from torquebench.experiment.conditions import set_keys
 from torquebench.experiment.config import check_experiment
 from torquebench.experiment.dump import dump_tree
 from torquebench.experiment.groups import AUDIT
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.source import Document, assign, split_key
-from torquebench.experiment.yaml_tree import copied
+from torquebench.experiment.source import Document
 from torquebench.metrics import METRICS
 from torquebench.references import Reference
 from torquebench.robot import load_model
@@ -136,9 +136,7 @@ def _document(study: Study, condition: Condition, names: Sequence[str]) -> Docum
     """Return the experiment of a condition, with some of the study's controllers, unchecked."""
     document = study.document.copy()
     for (axis, levels), level in zip(study.axes.items(), condition, strict=True):
-        for key, value in levels[level].items():
-            place = study.file.place((AUDIT, "conditions", axis, level, key))
-            assign(document, split_key(key) or [], copied(value), place, place)
+        set_keys(document, levels[level], study.file, (AUDIT, "conditions", axis, level))
     controllers = document.root["controllers"]
     for i in reversed(range(len(controllers))):
         if controllers[i]["name"] not in names:

@@ -10,10 +10,11 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 from torquebench.audit.verdicts import Threshold
 from torquebench.certificates import FIGURES
 from torquebench.errors import nearest
+from torquebench.experiment.conditions import check_keys
 from torquebench.experiment.groups import AUDIT, Many, Named, group_of
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document
-from torquebench.experiment.sweep_section import MAX_DRAWS, MAX_KEYS, NOT_VARIED
+from torquebench.experiment.sweep_section import MAX_DRAWS
 from torquebench.experiment.values import Anything, Here, Value
 from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import KeyPath
@@ -317,7 +318,7 @@ class _Reader:
                 self.document.add(path, got=shown(levels), wanted="levels, such as {ideal: {chain: ideal}}")
                 continue
             for level, keys in levels.items():
-                self._check_level((*path, level), keys)
+                check_keys(self.document, (*path, level), keys, (AUDIT,))
                 self._check_overlap((*path, level), axis, keys if isinstance(keys, dict) else {})
 
     def _check_overlap(self, path: KeyPath, axis: str, keys: Mapping[str, Any]) -> None:
@@ -331,16 +332,6 @@ class _Reader:
                 if undone is not None:
                     text = f"undoes what axis '{other}' sets ({undone})"
                     self.document.add((*path, key), text, at="key", wanted="each key on one axis")
-
-    def _check_level(self, path: KeyPath, keys: Any) -> None:
-        if not isinstance(keys, dict):
-            self.document.add(path, got=shown(keys), wanted="keys and their values, {} for none")
-            return
-        if len(keys) > MAX_KEYS:
-            self.document.add(path, got=f"{len(keys)} keys", wanted=f"at most {MAX_KEYS}")
-        for key in keys:
-            if key.partition(".")[0] in (*NOT_VARIED, "controllers", AUDIT):
-                self.document.add((*path, key), "cannot be varied", at="key", wanted="a key that decides what is run")
 
     def question(self, key: str, claim: Claim) -> Question:
         """Return a claim with its pairs and conditions spelled out."""

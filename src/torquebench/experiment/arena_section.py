@@ -7,24 +7,22 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 from torquebench.errors import Fault
+from torquebench.experiment.conditions import check_keys
 from torquebench.experiment.extends import AUTO
 from torquebench.experiment.groups import ARENA, Many, Named, NameOr, group_of
 from torquebench.experiment.presets import write_presets
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.source import Document
-from torquebench.experiment.sweep_section import MAX_DRAWS, MAX_KEYS, NOT_VARIED
+from torquebench.experiment.sweep_section import MAX_DRAWS
+from torquebench.experiment.tune_section import DRAWN, MAX_EVALUATIONS
 from torquebench.experiment.values import Anything, Here
-from torquebench.experiment.words import shown
 from torquebench.experiment.yaml_tree import Seq, tree_of
 from torquebench.keys import Key
 from torquebench.laws import law_names
 from torquebench.metrics import METRICS
 from torquebench.registry import SLUG
 
-MAX_EVALUATIONS = 100_000
 CHATTERING = "chattering"
-FIXED = (*NOT_VARIED, "controllers", "audit", ARENA, "run.seed", "run.draw")
-"""Keys that no condition sets."""
 _Overlays = Mapping[str, Any]
 
 
@@ -118,25 +116,15 @@ def take_arena(document: Document) -> Arena:
     found: Arena = Here(document, group_of(Experiment)).read(group_of(Arena), ARENA, raw)
     for part in ("chains", "training", "burdens", "held_out"):
         for name, keys in (raw.get(part) or {}).items() if isinstance(raw, dict) else ():
-            _check_overlay(document, part, name, keys)
+            check_keys(document, (ARENA, part, name), keys, (ARENA,))
+            for key in sorted(DRAWN & keys.keys()) if isinstance(keys, dict) else ():
+                document.add((ARENA, part, name, key), "is the arena's own", at="key", wanted="none here")
     document.raise_problems()
     del document.root[ARENA]
     if found.laws == "all":
         _enter_all(document)
     document.raise_problems()
     return found
-
-
-def _check_overlay(document: Document, part: str, name: str, keys: Any) -> None:
-    if not isinstance(keys, dict):
-        document.add((ARENA, part, name), got=shown(keys), wanted="keys and their values, {} for none")
-        return
-    if len(keys) > MAX_KEYS:
-        document.add((ARENA, part, name), got=f"{len(keys)} keys", wanted=f"at most {MAX_KEYS}")
-    for key in keys:
-        if any(key == fixed or key.startswith((f"{fixed}.", f"{fixed}[")) for fixed in FIXED):
-            text = "is the arena's own" if key.startswith("run.") else "cannot be varied"
-            document.add((ARENA, part, name, key), text, at="key", wanted="a key that decides what is run")
 
 
 def _enter_all(document: Document) -> None:

@@ -19,6 +19,7 @@ MULTIPLES = {
     "N m": {"Nm": "1", "mN m": "1e-3", "mNm": "1e-3", "kN m": "1e3"},
     "N": {"kN": "1e3", "mN": "1e-3"},
     "1": {"%": "1e-2"},
+    "% of tau_max": {"%": "1"},
 }
 """Unit of a key -> other units of its dimension, and how many of the key's unit each is."""
 TURNS = {"rad": "deg", "rad/s": "deg/s"}

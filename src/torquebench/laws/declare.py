@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import types
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import BUILTIN, DEFAULT, Fis
-from torquebench.tuning import BY_UNIT, Rule
+from torquebench.tuning import BY_UNIT, Rule, Search
 
 RESERVED = ("name", "law", "fuzzy", "gains", "expect")
 """Keys of a controller in a config, which an option would collide with."""
@@ -36,9 +37,9 @@ class Gain(NamedTuple):
     """(option, value, ...): the gain has an effect with these values of the option only, and is refused with others."""
     auto: Rule | None = None
     """How ``gains: auto`` chooses it; None for the rule of its unit."""
-    search: tuple[float, float, Literal["log", "linear"]] | None = None
+    search: Search | None = None
     """(low, high, spacing): where tuning looks for it, one number for all joints in its own unit; None for the box of
-    its unit."""
+    its unit, see `BOXES`."""
 
     @property
     def rule(self) -> Rule | None:
@@ -117,6 +118,7 @@ def declared_fields(
                 raise ControllerError(f"law '{law}': no option may be called '{name}': configs use that key")
             choices[name] = note
         elif isinstance(note, Gain):
+            _check_search(law, name, note)
             vectors[name] = note
         elif isinstance(note, Rules):
             if systems:
@@ -141,6 +143,20 @@ def _check_built_in(law: str, field_name: str, system: str) -> None:
         raise ControllerError(
             f"law '{law}': '{field_name}' names '{system}', which is not built in{did_you_mean(system, BUILTIN)}"
         )
+
+
+def _check_search(law: str, name: str, gain: Gain) -> None:
+    if gain.search is None:
+        return
+    given: Any = gain.search
+    least = "more than 0" if gain.positive or given[-1:] == ("log",) else "at least 0"
+    match given:
+        case (int() | float() as low, int() | float() as high, "log" | "linear") if low < high < math.inf and (
+            low > 0.0 or (low == 0.0 and least == "at least 0")
+        ):
+            return
+    wanted = f"(low, high, 'log' or 'linear') in {gain.unit}, low {least} and less than high"
+    raise ControllerError(f"law '{law}': search of gain '{name}' is {given!r}, wanted {wanted}")
 
 
 def check_conditions(law: str, declared: Mapping[str, Gain | Rules], choices: Mapping[str, Option]) -> None:

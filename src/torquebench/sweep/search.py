@@ -1,4 +1,4 @@
-"""Searches of a unit cube for the highest score: CMA-ES, random points, and the way back from what was found."""
+"""Searches of a unit cube: CMA-ES, random points, the way back from what was found, and the samplers of optuna."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from torquebench.errors import ConfigError, Problem
 
 Point: TypeAlias = tuple[float, ...]
 """A number from 0 to 1 for each dimension."""
-Search: TypeAlias = Generator[list[Point], Sequence[float], None]
+S = TypeVar("S")
+Asking: TypeAlias = Generator[list[Point], Sequence[S], None]
 """Yields points, is sent the score of each, and ends when its evaluations are used up."""
+Search: TypeAlias = Asking[float]
+"""One for the highest score."""
 Method: TypeAlias = Literal["cma", "random"]
 METHODS: tuple[Method, ...] = ("cma", "random")
 TITLES: Mapping[Method, str] = {"cma": "CMA-ES", "random": "random search"}
@@ -33,21 +36,34 @@ LOWEST = 1e300
 """Stands for minus infinity, of which CMA-ES cannot take a mean."""
 HALVINGS = 5
 """How often the way back of one dimension is halved: to 1/32 of it."""
-LACKING = "needs the package cma: pip install 'torquebench[falsify]'"
+Sampler: TypeAlias = Literal["random", "tpe", "cma-es", "nsga-ii"]
+"""A sampler of optuna."""
+TOGETHER: Mapping[Sampler, int] = {"random": 8, "tpe": 4, "cma-es": 8, "nsga-ii": 16}
+"""Sampler -> points that it is asked for at once, whatever runs them; of the last two a generation."""
+NEEDS: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "cma": (("cma",), "falsify"),
+    **dict.fromkeys(("tpe", "nsga-ii"), (("optuna",), "tune")),
+    "cma-es": (("optuna", "cmaes"), "tune"),
+}
+"""Method or sampler -> the packages that it needs, and the extra that has them."""
 
 
 def check_method(methods: Sequence[str], place: str) -> None:
-    """Refuse a method whose package is not installed.
+    """Refuse a method or sampler of which a package is not installed.
 
     Args:
-        methods: The methods that are wanted.
+        methods: Those that are wanted.
         place: Where they stand.
 
     Raises:
-        ConfigError: it is not.
+        ConfigError: one is not.
     """
-    if "cma" in methods and importlib.util.find_spec("cma") is None:
-        raise ConfigError([Problem(place, text=f"cma {LACKING}", wanted="random, or the package")])
+    for method in methods:
+        packages, extra = NEEDS.get(method, ((), ""))
+        for package in packages:
+            if importlib.util.find_spec(package) is None:
+                text = f"{method} needs the package {package}: pip install 'torquebench[{extra}]'"
+                raise ConfigError([Problem(place, text=text, wanted="random, or the package")])
 
 
 def corner(groups: Sequence[int], rng: np.random.Generator) -> list[float]:
@@ -135,6 +151,41 @@ def start_search(method: Method, groups: Sequence[int], evaluations: int, seed: 
     return (cma_search if method == "cma" else random_search)(groups, evaluations, rng)
 
 
+def sampler_search(
+    sampler: Sampler, dimensions: int, evaluations: int, objectives: int, seed: int
+) -> Asking[tuple[float, ...]]:
+    """Search for the least scores, finite ones, by a sampler of optuna.
+
+    Args:
+        sampler: The sampler; random needs no package.
+        dimensions: Number of dimensions, at least one.
+        evaluations: Number of points.
+        objectives: Number of scores of a point.
+        seed: Source of all randomness.
+    """
+    sizes = [min(TOGETHER[sampler], evaluations - i) for i in range(0, evaluations, TOGETHER[sampler])]
+    if sampler == "random":
+        rng = np.random.default_rng(seed)
+        for size in sizes:
+            yield [tuple(point) for point in rng.random((size, dimensions)).tolist()]
+        return
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    samplers: dict[str, Callable[[], Any]] = {
+        "tpe": lambda: optuna.samplers.TPESampler(seed=seed),
+        "cma-es": lambda: optuna.samplers.CmaEsSampler(seed=seed, popsize=TOGETHER["cma-es"]),
+        "nsga-ii": lambda: optuna.samplers.NSGAIISampler(seed=seed, population_size=TOGETHER["nsga-ii"]),
+    }
+    study = optuna.create_study(sampler=samplers[sampler](), directions=["minimize"] * objectives)
+    space: dict[str, Any] = {str(i): optuna.distributions.FloatDistribution(0.0, 1.0) for i in range(dimensions)}
+    for size in sizes:
+        trials = [study.ask(space) for _ in range(size)]
+        scores = yield [tuple(trial.params[key] for key in space) for trial in trials]
+        for trial, own in zip(trials, scores, strict=True):
+            study.tell(trial, list(own))
+
+
 def shrink(found: Point, nominal: Point, still: Callable[[float], bool]) -> Search:
     """Go back from a point towards another one as far as its score allows; the last allowed point is where it ends.
 
@@ -165,9 +216,9 @@ def shrink(found: Point, nominal: Point, still: Callable[[float], bool]) -> Sear
 
 
 def drive(
-    searches: Mapping[K, Search],
+    searches: Mapping[K, Asking[S]],
     run: Callable[[list[tuple[K, Point]]], list[T]],
-    score: Callable[[T], float],
+    score: Callable[[T], S],
     told: Callable[[K, Sequence[Point], Sequence[T]], bool],
 ) -> None:
     """Run searches side by side to their ends, the points of all of them in one batch.
