@@ -115,7 +115,7 @@ class Standing(NamedTuple):
     """Geometric mean of the metric; NaN without a draw that completed."""
     low: float
     high: float
-    """Ends of its interval, draws and tunings counted."""
+    """Ends of its interval over draws."""
     tuning: float
     """Largest mean of a tuning over the smallest [1]."""
     chattering: float
@@ -140,13 +140,22 @@ def rank(scores: Mapping[str, Scores], confidence: float = CONFIDENCE) -> dict[s
     }
 
 
-def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[Ratio, float]:
-    """Return the geometric mean with its interval, and the largest tuning's mean over the smallest's."""
-    one = Scores(np.ones_like(scores.values[:1]), scores.runs)
+def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[float, float, float, float]:
+    """Return the geometric mean, the ends of its interval over draws, and the largest tuning's mean over the smallest.
+
+    Args:
+        scores: What an entry has to show.
+        confidence: Probability content of the interval [1].
+    """
     logs = scores.logs
-    own = logs[:, ~np.isnan(logs).any(axis=0)].mean(axis=1) if len(logs) else logs
-    spread = math.exp(float(own.max() - own.min())) if own.size and np.isfinite(own).all() else math.nan
-    return compare(scores, one, confidence), spread
+    logs = logs[:, ~np.isnan(logs).any(axis=0)]
+    if not logs.size:
+        return math.nan, math.nan, math.nan, math.nan
+    mean, half = mean_interval(logs.mean(axis=0).tolist(), confidence)
+    own = logs.mean(axis=1)
+    with np.errstate(over="ignore"):
+        found = np.exp([mean, mean - half, mean + half, float(own.max() - own.min())]).tolist()
+    return found[0], found[1], found[2], found[3]
 
 
 def best_at(points: Sequence[tuple[float, float]], level: float) -> int | None:

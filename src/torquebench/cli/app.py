@@ -44,6 +44,7 @@ COMMANDS = {
         "audit": "audit",
         "paper": "audit",
         "falsify": "falsify",
+        "arena": "arena",
         "why": "why",
     },
     "Arms": {"import": "importing"},

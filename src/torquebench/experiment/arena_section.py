@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from torquebench.errors import Fault
 from torquebench.experiment.conditions import check_keys
 from torquebench.experiment.extends import AUTO
+from torquebench.experiment.falsify_section import Claim
 from torquebench.experiment.groups import ARENA, Many, Named, NameOr, group_of
 from torquebench.experiment.presets import write_presets
 from torquebench.experiment.schema import Experiment
@@ -19,7 +20,7 @@ from torquebench.experiment.values import Anything, Here
 from torquebench.experiment.yaml_tree import Seq, tree_of
 from torquebench.keys import Key
 from torquebench.laws import law_names
-from torquebench.metrics import METRICS
+from torquebench.metrics import METRICS, MetricInfo
 from torquebench.registry import SLUG
 
 CHATTERING = "chattering"
@@ -70,37 +71,56 @@ class Arena:
     ] = (0.005, 0.02, 0.05)
     evaluations: Annotated[
         int,
-        Key("Evaluations of each law, chain and tuning seed; one is a run of each training condition and draw", "1",
-            at_least=2, at_most=MAX_EVALUATIONS),
+        Key(
+            "Sets of gains that are tried of each law, chain and tuning seed, its own among them",
+            "1",
+            at_least=2,
+            at_most=MAX_EVALUATIONS,
+        ),
     ] = 100
     seeds: Annotated[
         int, Key("Tunings of each law and chain, which begin differently", "1", at_least=2, at_most=20)
     ] = 3
-    seed: Annotated[int, Key("Source of the tuning's random numbers", "1", at_least=0, at_most=2**31)] = 0
-    training_draws: Annotated[
-        int, Key("Draws of each training condition in which something is random", "1", at_least=1, at_most=1000)
-    ] = 1
+    seed: Annotated[int, Key("Source of the tunings' random numbers", "1", at_least=0, at_most=2**31)] = 0
+    sampler: Annotated[Literal["nsga-ii", "random"], Key("Sampler of optuna")] = "nsga-ii"
     draws: Annotated[
-        int, Key("Test draws of each burden and held-out condition", "1", at_least=2, at_most=MAX_DRAWS)
+        int, Key("Draws of each training condition", "1", at_least=1, at_most=1000, name="training_draws")
+    ] = 1
+    tests: Annotated[
+        int,
+        Key(
+            "Draws of each burden and held-out condition in which something is random",
+            "1",
+            at_least=2,
+            at_most=MAX_DRAWS,
+            name="draws",
+        ),
     ] = 30
 
     def faults(self) -> Iterator[Fault]:
         """Yield what leaves it without meaning."""
         if any(a >= b for a, b in zip(self.levels, self.levels[1:], strict=False)):
             yield Fault(("levels",), got=", ".join(f"{x:g}" for x in self.levels), wanted="rising levels")
+        if METRICS[self.metric].better == "higher" or self.metric == CHATTERING:
+            yield Fault(("metric",), got=f"'{self.metric}'", wanted="an error, of which lower values are better")
         for name in self.held_out:
             if name in self.burdens:
                 yield Fault(("held_out", name), "is a burden too", at="key", wanted="another name")
 
     @property
-    def stored(self) -> tuple[str, ...]:
-        """Metrics that are stored: what ranks first, chattering, and the others."""
-        return tuple(dict.fromkeys((self.metric, CHATTERING, *self.metrics)))
+    def infos(self) -> tuple[MetricInfo, ...]:
+        """What tuning makes small: the error, and chattering."""
+        return METRICS[self.metric], METRICS[CHATTERING]
 
     @property
-    def tests(self) -> dict[str, Mapping[str, Any]]:
-        """Burdens and held-out conditions."""
-        return {**self.burdens, **self.held_out}
+    def constraints(self) -> tuple[Claim, ...]:
+        """None: a level of chattering is chosen from the front."""
+        return ()
+
+    @property
+    def stored(self) -> tuple[str, ...]:
+        """Metrics that are stored of every run: the error, chattering, and the others."""
+        return tuple(dict.fromkeys((self.metric, CHATTERING, *self.metrics)))
 
 
 def take_arena(document: Document) -> Arena:
