@@ -44,8 +44,9 @@ if TYPE_CHECKING:
 RECORD, SEAL, ROWS = "arena.json", "seal.json", "rows"
 QUICK = ("arena.evaluations=4", "arena.seeds=2", "arena.draws=2", "run.duration=2")
 """Changes that make a look of an arena."""
-ALIKE = 1e-6
-"""How far figures of a row that is made again may be from those that are stored [1]."""
+ALIKE, NOTHING = 1.1e-3, 1e-9
+"""How far figures of a row that is made again may be from those that are stored: their last digit [1]; what is less
+than the other one is none."""
 
 
 class Arena:
@@ -77,7 +78,7 @@ class Arena:
         return self.record.standings(chain, level, metric, ruleset, held_out)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a row for each chain, level, ruleset and entry: rank, error, interval, spread, chattering, failures."""
+        """Return a row for each chain, level, ruleset and entry: rank, error, interval, chattering, failures."""
         import pandas as pd
 
         return pd.DataFrame(
@@ -244,7 +245,7 @@ def difference(a: Any, b: Any) -> float:
     if isinstance(a, list | tuple) and isinstance(b, list | tuple) and len(a) == len(b):
         return max(map(difference, a, b), default=0.0)
     if isinstance(a, float) and isinstance(b, float):
-        return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0
+        return abs(a - b) / max(abs(a), abs(b)) if abs(a - b) > NOTHING else 0.0
     return 0.0 if a == b else float("inf")
 
 

@@ -38,11 +38,11 @@ def fronts(record: Record) -> Figure:
     spots = {chain: _spots(record, chain, TUNED) for chain in record.chains}
     rings = {chain: _best(own) for chain, own in spots.items()}
     count = dict[str, int]()
-    for own in rings.values():
-        for entry, *_ in own:
+    for ringed in rings.values():
+        for entry, *_ in ringed:
             count[entry] = count.get(entry, 0) + 1
-    shown = sorted(count, key=lambda entry: -count[entry])[:MOST]
     laws = {row.entry: row.law for row in record.rows}
+    shown = sorted(count if len(laws) > MOST else laws, key=lambda entry: -count.get(entry, 0))[:MOST]
     looks = spot_looks({entry: laws[entry] for entry in shown})
     for ax, chain in zip(panels, record.chains, strict=True):
         given = _spots(record, chain, SELF)

@@ -186,11 +186,12 @@ def budget(record: Record) -> str:
     """Return the budget in a sentence."""
     loops = max((row.loops for row in record.rows), default=0)
     seconds = max((row.seconds for row in record.rows), default=0.0)
-    return (
-        f"Every law, on every chain: {record.seeds} tunings of {record.evaluations} sets of gains each, {loops:,} closed "
-        f"loops of {seconds:,.0f} s together; judged on {record.draws} paired draws of each of {len(record.burdens)} "
-        f"burdens and {len(record.held_out)} held-out conditions that no tuning saw"
+    tuning = (
+        f"{record.seeds} tunings of {record.evaluations} sets of gains each, {loops:,} closed loops of {seconds:,.0f} s"
     )
+    held = f" and {len(record.held_out)} held-out conditions that no tuning saw" if record.held_out else ""
+    judged = f"{record.draws} paired draws of each of {len(record.burdens)} burdens{held}"
+    return f"Every law, on every chain: {tuning} together; judged on {judged}"
 
 
 def rules(record: Record) -> list[str]:
@@ -199,12 +200,12 @@ def rules(record: Record) -> list[str]:
     return [
         f"Laws are compared at equal chattering, {levels} of the torque limit: of each tuning's front those gains are "
         "judged that have the least error at no more chattering.",
-        "Error: the geometric mean over tunings, burdens and draws. Two laws tie where the 95 % interval of their ratio "
-        "holds 1; the spread of draws and that of tunings are added in it as independent ones, so that a difference "
-        "which another tuning seed would turn round is none. A rank is 1 + how many are better.",
+        "Error: the geometric mean over tunings, burdens and draws. Two laws tie where the 95 % interval of their "
+        "ratio holds 1; in it the spread of draws and that of tunings are added as independent ones, so that a "
+        "difference which other tuning seeds would turn round is none. A rank is 1 + how many are better.",
         "A failed run is counted and never averaged: who fails in more runs by more than chance is behind.",
-        f"Who chatters more than {TOLERANCE:g} times the level on the test draws, or has no gains of that level in some "
-        "tuning, is not ranked there.",
+        f"Who chatters more than {TOLERANCE:g} times the level on the test draws, or has no gains of that level in "
+        "some tuning, is not ranked there.",
         "The seed of the test draws was drawn before the first run, its hash stored; it is revealed in the file.",
         "A row whose law is gone, or has changed, has expired: it is shown and not ranked.",
         f"As given: {RULESETS[SELF].partition(': ')[2]}.",

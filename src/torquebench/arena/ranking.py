@@ -72,9 +72,11 @@ def compare(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> Ratio:
     mean, half = mean_interval((x.mean(axis=0) - y.mean(axis=0)).tolist(), confidence)
     tuned = _welch(x.mean(axis=1), y.mean(axis=1), confidence)
     whole = math.hypot(half, tuned)
-    with np.errstate(over="ignore"):
-        ends = np.exp([mean, mean - whole, mean + whole, tuned]).tolist()
-    return Ratio(*ends, int(known.sum()))
+    return Ratio(_exp(mean), _exp(mean - whole), _exp(mean + whole), _exp(tuned), int(known.sum()))
+
+
+def _exp(x: float) -> float:
+    return math.exp(x) if x < 700.0 else math.inf
 
 
 def _welch(x: Array, y: Array, confidence: float) -> float:
@@ -153,9 +155,7 @@ def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[float, floa
         return math.nan, math.nan, math.nan, math.nan
     mean, half = mean_interval(logs.mean(axis=0).tolist(), confidence)
     own = logs.mean(axis=1)
-    with np.errstate(over="ignore"):
-        found = np.exp([mean, mean - half, mean + half, float(own.max() - own.min())]).tolist()
-    return found[0], found[1], found[2], found[3]
+    return _exp(mean), _exp(mean - half), _exp(mean + half), _exp(float(own.max() - own.min()))
 
 
 def best_at(points: Sequence[tuple[float, float]], level: float) -> int | None:

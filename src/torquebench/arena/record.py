@@ -29,7 +29,7 @@ TUNED, SELF = "tuned", "self"
 RULESETS = {TUNED: "tuned", SELF: "as given: no evaluation but the law's own adaptation"}
 LEAST = 1e-6
 """Chattering counts as at least this where its geometric mean is taken [% of the torque limit]."""
-DIGITS = 6
+DIGITS = 4
 """Significant digits of what is stored."""
 
 Values = dict[str, dict[str, tuple[float | None, ...]]]
@@ -175,13 +175,14 @@ class Record:
         ranks = rank({name: own for name, own in known.items() if not notes[name]})
         found = []
         for name, note in notes.items():
-            if name not in known:
-                found.append(Standing(name, None, *[math.nan] * 5, 0, 0, note))
-                continue
-            own = known[name]
-            runs = own.values.shape[0] * len(own.runs)
-            failed = round(float(own.runs.sum()) * own.values.shape[0])
-            found.append(Standing(name, ranks.get(name), *mean_of(own), chattering[name], failed, runs, note))
+            if name in known:
+                own = known[name]
+                runs, failed = own.values.shape[0] * len(own.runs), own.values.shape[0] * float(own.runs.sum())
+                value, low, high, tuning = mean_of(own)
+                where = value, low, high, tuning, chattering[name], round(failed), runs
+            else:
+                where = math.nan, math.nan, math.nan, math.nan, math.nan, 0, 0
+            found.append(Standing(name, ranks.get(name), *where, note))
         return sorted(found, key=lambda one: (one.rank or math.inf, one.value if one.value == one.value else math.inf))
 
     def to_json(self) -> bytes:

@@ -1,4 +1,4 @@
-"""An arena's study, checked: for each chain the laws with their gains, what they are tuned on, what they are judged on."""
+"""An arena's study, checked: for each chain the entries with their gains, what they are tuned and judged on."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class Arena:
         tuple[str, ...],
         Key("Further metrics that are stored of every run, for another ranking without another run"),
         Many("metrics", 0, len(METRICS), NameOr(METRICS)),
-    ] = ("max_error", "effort")
+    ] = ("max_error",)
     levels: Annotated[
         tuple[float, ...],
         Key("Chattering at which laws are compared, of the torque limit, rising", "1", above=0, at_most=1),
