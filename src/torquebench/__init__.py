@@ -36,6 +36,7 @@ _HOMES = {
     "sim.simulate": ("Trial", "Workers", "simulate", "simulate_many"),
     "sim.trajectory": ("Outcome", "Trajectory", "load_trajectory"),
     "sweeps": ("Sweep", "load_sweep", "run_sweep"),
+    "tunings": ("Tuning", "tune"),
 }
 """Module -> its public names; each is imported when it is first used. ``__init__.pyi`` says the same to editors."""
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}

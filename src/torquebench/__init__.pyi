@@ -71,5 +71,7 @@ from torquebench.sim.trajectory import load_trajectory as load_trajectory
 from torquebench.sweeps import Sweep as Sweep
 from torquebench.sweeps import load_sweep as load_sweep
 from torquebench.sweeps import run_sweep as run_sweep
+from torquebench.tunings import Tuning as Tuning
+from torquebench.tunings import tune as tune
 
 __version__: str

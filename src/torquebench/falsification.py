@@ -17,17 +17,14 @@ from torquebench.experiment.falsify_section import Falsify, in_unit, take_falsif
 from torquebench.experiment.folder import write_experiment
 from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.source import apply_overrides, document_of, read_bytes, read_document
 from torquebench.experiment.store import RunDirectory, claim_folder, json_bytes
-from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import MetricInfo
 from torquebench.report.figures.convergence import draw_convergence
 from torquebench.report.figures.files import Wish, figure_files
 from torquebench.report.figures.style import Unit
-from torquebench.shipped import find_config
 from torquebench.sweep.falsify import FAILED, Hunt, Space, Tried, breaks, hunt
 from torquebench.sweep.search import METHODS, TITLES, Method, check_method
-from torquebench.sweeps import edits_of
+from torquebench.sweeps import document_from
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -266,15 +263,7 @@ def space_of(
     Raises:
         ConfigError: the config has mistakes, all of them at once.
     """
-    for file in plugins:
-        load_plugin(Path(file))
-    if isinstance(config, Mapping):
-        document = document_of(config)
-    else:
-        path = find_config(str(config))
-        document = read_document(read_bytes(path), str(path))
-    document.outside = outside
-    apply_overrides(document, edits_of(changes) if isinstance(changes, Mapping) else list(changes))
+    document = document_from(config, changes, outside, plugins)
     return Space(document, take_falsify(document))
 
 

@@ -15,7 +15,7 @@ from torquebench.experiment.dump import dump_experiment, dump_tree
 from torquebench.experiment.groups import SWEEP
 from torquebench.experiment.run import Progress
 from torquebench.experiment.schema import Experiment
-from torquebench.experiment.source import read_bytes, read_document
+from torquebench.experiment.source import Document, apply_overrides, document_of, read_bytes, read_document
 from torquebench.experiment.store import atomic_write
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import METRICS
@@ -124,6 +124,35 @@ def edits_of(changes: Mapping[str, Any]) -> list[str]:
         except (TypeError, ValueError) as error:
             raise ConfigError([Problem("changes", str(key), f"got {value!r}, wanted a value for a config")]) from error
     return edits
+
+
+def document_from(
+    config: str | Path | Mapping[str, Any],
+    changes: Mapping[str, Any] | Sequence[str] = (),
+    outside: bool = False,
+    plugins: Sequence[str | Path] = (),
+) -> Document:
+    """Return the document of a config with changes, not yet checked.
+
+    Args:
+        config: A YAML file, the name of a shipped config, or the keys of one.
+        changes: Dotted key -> value, or edits ``key=value``.
+        outside: Whether the arm's file may be outside the folder of the config.
+        plugins: Python files that register kinds of your own.
+
+    Raises:
+        ConfigError: there is no such config, or it is no YAML.
+    """
+    for file in plugins:
+        load_plugin(Path(file))
+    if isinstance(config, Mapping):
+        document = document_of(config)
+    else:
+        path = find_config(str(config))
+        document = read_document(read_bytes(path), str(path))
+    document.outside = outside
+    apply_overrides(document, edits_of(changes) if isinstance(changes, Mapping) else list(changes))
+    return document
 
 
 def tree_of(keys: Mapping[str, Any]) -> dict[str, Any]:

@@ -43,6 +43,7 @@ COMMANDS = {
         "sweep": "sweep",
         "audit": "audit",
         "paper": "audit",
+        "tune": "tune",
         "falsify": "falsify",
         "arena": "arena",
         "why": "why",

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, TypeAlias
 
-from torquebench.errors import ConfigError, Problem
+from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.falsify_section import Claim
 from torquebench.experiment.schema import Experiment
@@ -20,7 +20,7 @@ from torquebench.keys import Vector, altered
 from torquebench.laws.box import Box
 from torquebench.metrics import METRICS, MetricInfo, headlines, measured
 from torquebench.robot import load_model
-from torquebench.statistics import undominated
+from torquebench.statistics import Ratio, geometric_mean, undominated
 from torquebench.sweep.search import Point, Sampler, check_method, drive, sampler_search
 from torquebench.sweep.worker import Runner
 
@@ -28,6 +28,7 @@ FAILED, BROKEN = 1e6, 1e3
 """Scores of gains with which a run fails, and of gains that break a constraint, begin here; others are logarithms."""
 LEAST = 1e-12
 """Metrics count as at least this in a geometric mean."""
+OTHER = "another version made it, or it was altered; begin anew"
 
 
 class Run(NamedTuple):
@@ -221,11 +222,67 @@ class Tuned:
         return altered(self.controller, gains=dict(self.best.gains))
 
     @property
-    def front(self) -> list[Evaluation]:
-        """Feasible evaluations of all seeds than which none is better in both of two objectives, by the first."""
-        known = {one.objectives: one for own in reversed(self.searches) for one in reversed(own) if one.feasible}
-        pairs = [(x, y) for x, y, *_ in known]
+    def front(self) -> list[tuple[int, Evaluation]]:
+        """Number of the seed and evaluation of the feasible ones than which none is better in both of two objectives.
+
+        They are in the order of the first objective; of equal ones it is the first that was found.
+        """
+        known = dict[tuple[float, ...], tuple[int, Evaluation]]()
+        for seed, search in enumerate(self.searches):
+            for one in search:
+                if one.feasible:
+                    known.setdefault(one.objectives[:2], (seed, one))
+        pairs = [(x, y) for x, y in known]
         return [known[pair] for pair in sorted(pairs[i] for i in undominated(pairs))]
+
+
+class Judgement(NamedTuple):
+    """What gains are worth in draws that no law was tuned on."""
+
+    draws: tuple[tuple[float | None, ...], ...]
+    """Of each objective the geometric mean over the conditions of each draw; None where a run of the draw failed."""
+    failed: int
+    """Runs that failed, of `runs`."""
+    runs: int
+
+    def mean(self, objective: int = 0) -> Ratio | None:
+        """Return the geometric mean of an objective over the draws with its interval; None where every draw failed."""
+        known = [x for x in self.draws[objective] if x is not None]
+        return geometric_mean(known)._replace(failed=(self.failed, 0)) if known else None
+
+
+def judge(
+    controllers: Sequence[Controller],
+    conditions: Sequence[Condition],
+    metrics: Sequence[str],
+    draws: range,
+    pool: ThreadPoolExecutor,
+) -> list[Judgement]:
+    """Return what controllers are worth in draws that no law was tuned on.
+
+    Args:
+        controllers: The controllers, with gains.
+        conditions: What each is run under in every draw.
+        metrics: Keys of the objectives.
+        draws: The draws, from `HELD` on.
+        pool: The threads.
+
+    Raises:
+        ConfigError: laws may have been tuned on one of the draws.
+    """
+    if draws.start < HELD:
+        raise ConfigError([Problem("", "tune.test", f"draws before {HELD} are tuned on", wanted="others")])
+    found, count = list[Judgement](), len(conditions)
+    for runs in Trials(conditions, metrics, pool)(controllers, draws):
+        blocks = [runs[first : first + count] for first in range(0, len(runs), count)]
+        values = tuple(tuple(_over(block, i) for block in blocks) for i in range(len(metrics)))
+        found.append(Judgement(values, sum(run.failed for run in runs), len(runs)))
+    return found
+
+
+def _over(runs: Sequence[Run], metric: int) -> float | None:
+    values = [run.values[metric] for run in runs]
+    return None if any(map(math.isnan, values)) else geometric(values)
 
 
 Place: TypeAlias = tuple[str, int]
@@ -260,7 +317,7 @@ def tune_laws(
     pool: ThreadPoolExecutor,
     progress: Callable[[str, int, int], None] = lambda what, done, total: None,
     known: Mapping[tuple[str, int, int], Evaluation] | None = None,
-    told: Callable[[str, int, Sequence[Evaluation]], None] = lambda name, seed, found: None,
+    told: Callable[[Tuned, int, Sequence[Evaluation]], None] = lambda law, seed, found: None,
 ) -> list[Tuned]:
     """Tune every controller of an experiment alike: the same evaluations, conditions, draws and seeds.
 
@@ -274,10 +331,11 @@ def tune_laws(
         pool: The threads; see `threads`.
         progress: Called with what is done, the number of evaluations that are made, and of all.
         known: (controller, number of the seed, number) -> evaluations that need not be made again.
-        told: Called with a controller, the number of a seed and its next evaluations, known ones too.
+        told: Called with a law, which has them already, the number of a seed and its next evaluations, known ones too.
 
     Raises:
         ConfigError: there are so many draws that laws are judged on some of them, or the sampler is not installed.
+        ResultError: a known evaluation is not the one that the search asks for.
     """
     if budget.draws > HELD:
         raise ConfigError([Problem("", "tune.draws", f"draws from {HELD} on are judged on, none tuned on")])
@@ -292,14 +350,18 @@ def tune_laws(
         missing = [one for one in asked if one[:3] not in known]
         ran = trials([altered(tuned[name].controller, gains=dict(gains)) for name, *_, gains in missing], draws)
         made = {one[:3]: evaluation_of(one[2], one[3], runs, budget) for one, runs in zip(missing, ran, strict=True)}
-        return [made.get(one[:3]) or known[one[:3]] for one in asked]
+        made |= {one[:3]: known[one[:3]] for one in asked if one[:3] in known}
+        for one in asked:
+            if made[one[:3]].gains != one[3]:
+                raise ResultError(f"evaluation {one[2]} of '{one[0]}' has other gains than are asked for: {OTHER}")
+        return [made[one[:3]] for one in asked]
 
     def note(place: Place, _points: Sequence[Point], found: Sequence[Evaluation]) -> bool:
         nonlocal done
         name, seed = place
         done += len(found)
         tuned[name].searches[seed].extend(found)
-        told(name, seed, found)
+        told(tuned[name], seed, found)
         progress(f"'{name}'", done, total)
         return False
 
