@@ -20,7 +20,7 @@ from torquebench.arena.study import Study, Track, take_study
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import Progress
-from torquebench.experiment.source import apply_overrides, document_of, read_bytes, read_document
+from torquebench.experiment.source import read_document
 from torquebench.experiment.store import (
     MANIFEST,
     RunDirectory,
@@ -33,9 +33,8 @@ from torquebench.experiment.store import (
 from torquebench.keys import altered
 from torquebench.laws.plugin import load_plugin
 from torquebench.robot.library import ArmFile, arm_name
-from torquebench.shipped import find_config
 from torquebench.sweep.tune import threads
-from torquebench.sweeps import edits_of
+from torquebench.sweeps import document_from
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -285,13 +284,7 @@ def study_of(study: str | Path | Mapping[str, Any], changes: Mapping[str, Any] |
     Raises:
         ConfigError: it has mistakes; all of them at once.
     """
-    if isinstance(study, Mapping):
-        document = document_of(study)
-    else:
-        path = find_config(str(study))
-        document = read_document(read_bytes(path), str(path))
-    apply_overrides(document, edits_of(changes) if isinstance(changes, Mapping) else list(changes))
-    return take_study(document)
+    return take_study(document_from(study, changes))
 
 
 def _stored_study(record: Record, laws: Sequence[str]) -> Study:
