@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import datetime
 import hashlib
 import json
 import os
-import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -20,6 +18,7 @@ from torquebench.arena.study import Study, Track, take_study
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import Progress
+from torquebench.experiment.seal import commitment, new_secret, seed_of, today
 from torquebench.experiment.source import read_document
 from torquebench.experiment.store import (
     MANIFEST,
@@ -199,7 +198,7 @@ def against(
     study = _stored_study(record, entering)
     rows = _again(record, study, entering, record.chains, workers, progress)
     kept = tuple(row for row in record.rows if row.entry not in entering)
-    found = replace(record, rows=kept + rows, date=_today(), software=versions(), machine=machine())
+    found = replace(record, rows=kept + rows, date=today(), software=versions(), machine=machine())
     if folder is not None:
         _write(found, RunDirectory(claim_folder(Path(folder), found.name)))
     return Arena(found, None if folder is None else Path(folder))
@@ -340,7 +339,7 @@ def _record(study: Study, rows: Sequence[Row], secret: str) -> Record:
     asked = study.asked
     return Record(
         name=study.name,
-        date=_today(),
+        date=today(),
         software=versions(),
         machine=machine(),
         study=study.text,
@@ -359,23 +358,9 @@ def _record(study: Study, rows: Sequence[Row], secret: str) -> Record:
     )
 
 
-def _today() -> str:
-    return datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d")
-
-
-def commitment(secret: str) -> str:
-    """Return the hash of a secret."""
-    return hashlib.sha256(secret.encode()).hexdigest()
-
-
-def seed_of(secret: str) -> int:
-    """Return the seed that a secret stands for."""
-    return int.from_bytes(hashlib.sha256(f"draws {secret}".encode()).digest()[:7], "big")
-
-
 def _claim(folder: Path | None, study: Study, seed: int | None) -> tuple[RunDirectory | None, str]:
     """Return the folder to write to, and the secret of the test draws, whose hash is there before the first run."""
-    secret = secrets.token_hex(16) if seed is None else f"seed {seed}"
+    secret = new_secret() if seed is None else f"seed {seed}"
     if folder is None:
         return None, secret
     digest = hashlib.sha256(json.dumps([study.text, *sorted(study.arms.items())]).encode()).hexdigest()

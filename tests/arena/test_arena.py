@@ -17,7 +17,6 @@ from torquebench.arenas import (
     Arena,
     against,
     check_row,
-    commitment,
     difference,
     entry_config,
     run_arena,
@@ -25,6 +24,7 @@ from torquebench.arenas import (
 )
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
+from torquebench.experiment.seal import commitment
 from torquebench.laws import law_names
 
 STUDY: dict[str, Any] = {

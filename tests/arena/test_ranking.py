@@ -30,7 +30,10 @@ def with_failures(scores: Scores, count: int) -> Scores:
 def test_one_tuning_has_the_interval_of_paired_draws() -> None:
     """With one tuning and one condition the ratio is that of `paired_ratio`, which is tested by itself."""
     a, b = (np.exp(RNG.standard_normal((1, 1, 12))) for _ in range(2))
-    found, known = compare(Scores(a, np.zeros(12)), Scores(b, np.zeros(12))), paired_ratio(a.ravel(), b.ravel())
+    found, known = (
+        compare(Scores(a, np.zeros(12)), Scores(b, np.zeros(12))),
+        paired_ratio(a.ravel().tolist(), b.ravel().tolist()),
+    )
     assert found[:3] == pytest.approx(known[:3], rel=1e-12)
     assert found.tuning == 1.0
 
@@ -55,17 +58,19 @@ def test_the_same_law_twice_ties() -> None:
     """A null arena has no winner."""
     own = drawn(1.0, 0.3)
     assert rank({"one": own, "other": own}) == {"one": 1, "other": 1}
-    assert compare(own, own)[:3] == (1.0, 1.0, 1.0)
+    ratio = compare(own, own)
+    assert ratio.ratio == 1.0
+    assert ratio.low < 1.0 < ratio.high
 
 
 def test_null_arenas_are_decided_wrongly_in_one_of_twenty_at_most() -> None:
-    """Of 2,000 pairs that differ by chance alone, tunings and draws, at most 5 % have a winner (+ 3 sigma, 1.5 %)."""
+    """Of 400 pairs that differ by chance alone, tunings and draws, at most 5 % have a winner (+ 3 sigma, 3.3 %)."""
     for tuning in (0.0, 0.1, 0.5):
         wrong = 0
-        for _ in range(2000):
+        for _ in range(400):
             a, b = drawn(1.0, tuning), drawn(1.0, tuning)
             wrong += is_better(a, b) or is_better(b, a)
-        assert wrong <= 0.065 * 2000, (tuning, wrong)
+        assert wrong <= 0.083 * 400, (tuning, wrong)
 
 
 def test_a_difference_below_the_spread_of_tunings_is_a_tie() -> None:

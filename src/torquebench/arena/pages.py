@@ -189,7 +189,7 @@ def budget(record: Record) -> str:
     tuning = (
         f"{record.seeds} tunings of {record.evaluations} sets of gains each, {loops:,} closed loops of {seconds:,.0f} s"
     )
-    held = f" and {len(record.held_out)} held-out conditions that no tuning saw" if record.held_out else ""
+    held = f" and of {len(record.held_out)} held out of kinds that no tuning saw" if record.held_out else ""
     judged = f"{record.draws} paired draws of each of {len(record.burdens)} burdens{held}"
     return f"Every law, on every chain: {tuning} together; judged on {judged}"
 
