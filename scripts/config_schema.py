@@ -162,7 +162,7 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
         return "value"
     if isinstance(node.get("additionalProperties"), dict):
         return f"names, each with {_kind(key, node['additionalProperties'], definitions)}"
-    if node.get("additionalProperties") is True:
+    if node.get("additionalProperties") is True or (node.get("patternProperties") and not _groups(node)):
         return "mapping of names to values"
     if _groups(node):
         most = f"list of {node.get('minItems', 0)} to {node['maxItems']}, " if "items" in node else ""
@@ -172,7 +172,7 @@ def _kind(key: str, node: Node, definitions: Node) -> str:
     if "anyOf" in node:
         return ", or ".join(_kind(key, choice, definitions) for choice in node["anyOf"])
     if node.get("type") == "array":
-        low, high = node["minItems"], node.get("maxItems")
+        low, high = node.get("minItems", 0), node.get("maxItems")
         items = node.get("prefixItems", [node.get("items")])[0]
         count = low if low == high else f"{low} to {high}" if high else f"at least {low}"
         inner = _kind(key, items, definitions)

@@ -345,7 +345,7 @@ Search: TypeAlias = tuple[float, float, Literal["log", "linear"]]
 
 BOXES: Mapping[str, Search] = {
     "1/s": (1.0, 200.0, "log"),
-    "1": (0.01, 1.0, "log"),
+    "1": (0.001, 1.0, "log"),
     "rad/s": (0.01, 10.0, "log"),
     "rad": (0.001, 1.0, "log"),
 }

@@ -300,6 +300,23 @@ falsify:
   seed: 1
 """
 """Another one."""
+TUNE = """\
+tune:
+  objective: [rmse, chattering]
+  constraints: [max_error <= 50 mrad, saturation_fraction <= 20 %]
+  evaluations: 40
+  sampler: nsga-ii
+  seeds: 4
+  seed: 1
+  draws: 3
+  conditions:
+    list: {}
+  test:
+    draws: 10
+    conditions:
+      three: {}
+"""
+"""And another one."""
 DRIVEN = SCENARIO.replace(
     """\
   velocity: differentiated

@@ -21,7 +21,10 @@ class Gains(NamedTuple):
     kd: Damping
     viscous: Annotated[Array, Gain("viscous friction that the law believes in", "N m s/rad", positive=False, auto=none)]
     coulomb: Annotated[Array, Gain("Coulomb friction that the law believes in", "N m", positive=False, auto=none)]
-    speed: Annotated[Array, Gain("speed above which its Coulomb friction is full", "rad/s", auto=crawl)]
+    speed: Annotated[
+        Array,
+        Gain("speed above which its Coulomb friction is full", "rad/s", auto=crawl, search=(0.005, 0.5, "log")),
+    ]
     friction_at: Annotated[
         int,
         Option(

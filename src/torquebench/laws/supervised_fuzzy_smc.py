@@ -40,7 +40,13 @@ class SupervisedGains(NamedTuple):
     ]
     boost: Annotated[
         Array,
-        Gain("how much of K the supervisor adds to K at most; zero for no supervisor", "1", False, auto=as_much),
+        Gain(
+            "how much of K the supervisor adds to K at most; zero for no supervisor",
+            "1",
+            False,
+            auto=as_much,
+            search=(0.1, 10.0, "log"),
+        ),
     ]
     ge: Annotated[Array, Gain("error at which the supervisor's first input is largest", "rad")]
     gd: Annotated[

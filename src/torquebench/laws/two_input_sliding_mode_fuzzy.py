@@ -26,7 +26,13 @@ class TwoInputGains(NamedTuple):
     ]
     forget: Annotated[
         Array,
-        Gain("rate at which the self-tuning function forgets; zero for never", "1/s", False, auto=slow_forgetting),
+        Gain(
+            "rate at which the self-tuning function forgets; zero for never",
+            "1/s",
+            False,
+            auto=slow_forgetting,
+            search=(0.01, 10.0, "log"),
+        ),
     ]
     fis: Annotated[Fis, Rules("fuzzy system FIS(s/phi, z) whose output is multiplied by K")]
 
