@@ -52,6 +52,18 @@ GAINS = {
     "viscous": 5.0,
     "coulomb": 4.0,
     "speed": 0.5,
+    "most": 12.0,
+    "least": 0.05,
+    "omega": 60.0,
+    "eps": 2.0,
+    "mu": 0.05,
+    "kr": 0.2,
+    "knee": 0.05,
+    "fast": 0.7,
+    "rho": 0.1,
+    "rho_end": 0.03,
+    "shrink": 5.0,
+    "rho_s": 3.0,
 }
 
 

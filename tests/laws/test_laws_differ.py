@@ -42,6 +42,8 @@ SIZE = {
     "N m s/rad": 20.0,
     "N m/(rad s)": 100.0,
     "N m": 4.0,
+    "rad^0.5/s^2.5": 50.0,
+    "1/rad": 20.0,
 }
 """Size of a gain by its unit; bands are wider than s, so that sgn and sat are told apart."""
 

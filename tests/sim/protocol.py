@@ -28,7 +28,16 @@ from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import Trajectory
 
 GAIN = {"1/s": 15.0, "1": 0.3, "rad/s": 0.5, "1/s^3": 200.0, "rad": 0.2, "rad s": 0.1, "1/s^2": 100.0, "rad/s^2": 100.0}
-GAIN |= {"rad^0.5/s^1.5": 10.0, "rad/s^3": 50.0, "N m/rad": 50.0, "N m s/rad": 5.0, "N m/(rad s)": 20.0, "N m": 0.3}
+GAIN |= {
+    "rad^0.5/s^1.5": 10.0,
+    "rad/s^3": 50.0,
+    "N m/rad": 50.0,
+    "N m s/rad": 5.0,
+    "N m/(rad s)": 20.0,
+    "N m": 0.3,
+    "rad^0.5/s^2.5": 30.0,
+}
+GAIN |= {"rad^0.5/s^2.5": 30.0, "1/rad": 20.0}
 """Size of a gain by its unit: rates and slopes, fractions, bands, integral gains."""
 HOME = (0.1, -0.2, 0.15, 0.3, -0.25, 0.2)
 """Where runs start, so that no joint is at a special angle [rad]."""
