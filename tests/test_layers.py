@@ -51,7 +51,7 @@ HOMES = {
     "OpenGL": ("video/",),
     "imageio_ffmpeg": ("video/",),
     "PIL": ("video/",),
-    "subprocess": ("video/",),
+    "subprocess": ("video/", "sim/sandbox.py"),
     "matplotlib": (
         "report/",
         "audit/",

@@ -32,6 +32,7 @@ _HOMES = {
     "sim.plants.analytic": ("AnalyticPlant",),
     "sim.plants.kinds": ("plant",),
     "sim.plants.mujoco": ("MujocoPlant",),
+    "sim.sandbox": ("load_sandboxed",),
     "sim.session": ("Controller",),
     "sim.simulate": ("Trial", "Workers", "simulate", "simulate_many"),
     "sim.trajectory": ("Outcome", "Trajectory", "load_trajectory"),

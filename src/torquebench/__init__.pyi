@@ -60,6 +60,7 @@ from torquebench.sim.friction import Friction as Friction
 from torquebench.sim.plants.analytic import AnalyticPlant as AnalyticPlant
 from torquebench.sim.plants.kinds import plant as plant
 from torquebench.sim.plants.mujoco import MujocoPlant as MujocoPlant
+from torquebench.sim.sandbox import load_sandboxed as load_sandboxed
 from torquebench.sim.session import Controller as Controller
 from torquebench.sim.simulate import Trial as Trial
 from torquebench.sim.simulate import Workers as Workers

@@ -118,6 +118,8 @@ def read_law(law: Law) -> list[Complaint]:
     """Read a law, and the kernels of its file that it calls, and return what lies outside the dialect, by line."""
     function: Any = law.function
     if not isinstance(function, FunctionType):
+        if hasattr(function, "start"):
+            return [Complaint(0, "runs in a process of its own", "keep its file to the dialect to have it compiled")]
         what = "is compiled already" if hasattr(function, "py_func") else f"is a {type(function).__name__}"
         return [Complaint(_line(function), f"law '{law.name}' {what}", "use @controller on a plain function")]
     found = {*_structure_complaints(law), *_read(function, True, {function})}
@@ -125,6 +127,89 @@ def read_law(law: Law) -> list[Complaint]:
     if names != ", ".join(ARGUMENTS):
         found.add(Complaint(_line(function), f"the arguments are ({names})", f"call them ({', '.join(ARGUMENTS)})"))
     return sorted(found)
+
+
+IMPORTS: Final[dict[str, tuple[str, ...]]] = {
+    "__future__": ("annotations",),
+    "math": tuple(MATH),
+    "typing": ("Annotated", "NamedTuple"),
+    "numpy": (),
+    "torquebench": tuple(
+        "Array Fis FixedRules Gain Option Rules bias_forces controller gravity infer inverse_dynamics mass_matrix sat "
+        "sign".split()
+    ),
+    "torquebench.kernel": ("Array", "clip", "kernel", "sat", "sign"),
+}
+"""What a file of laws may import: module -> names; none of them does more than it says when a file is loaded."""
+DECLARATIONS = {"Gain", "Option", "Rules", "FixedRules", "controller", "kernel", "NamedTuple", "Annotated"}
+
+
+def read_file(text: str) -> list[Complaint]:
+    """Read a file of laws and return what in it would do more, when it is loaded, than declare laws.
+
+    A file without complaint imports `IMPORTS`, gives numbers names, and declares NamedTuple classes, laws and kernels:
+    loading it runs nothing of its author's. What its functions do, `read_law` and `read_kernel` say.
+
+    Raises:
+        SyntaxError: it is not Python.
+    """
+    cure, found = "declare constants, NamedTuple classes, laws and kernels only", []
+    for node in ast.parse(text).body:
+        match node:
+            case ast.Expr(value=ast.Constant(value=str())):
+                held = True
+            case ast.Import():
+                held = all(name.name in ("math", "numpy") and name.asname not in DECLARATIONS for name in node.names)
+            case ast.ImportFrom(level=0):
+                known = IMPORTS.get(node.module or "", ())
+                held = all(name.name in known and name.asname is None for name in node.names)
+            case (
+                ast.Assign(targets=[ast.Name(id=name)], value=value)
+                | ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value)
+            ):
+                held = name not in DECLARATIONS and _declares(value)
+                held = held and not any(isinstance(x, ast.Call) for x in ast.walk(node))
+            case ast.ClassDef(bases=[ast.Name(id="NamedTuple")], keywords=[], decorator_list=[]):
+                held = node.name not in DECLARATIONS and all(map(_is_field, node.body))
+            case ast.FunctionDef(args=ast.arguments(defaults=[], kw_defaults=[])):
+                makers = {ast.unparse(getattr(x, "func", x)) for x in node.decorator_list}
+                arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+                notes = [x.annotation for x in arguments if x.annotation] + ([node.returns] if node.returns else [])
+                held = node.name not in DECLARATIONS and bool(makers) and makers <= {"kernel", "controller"}
+                held = held and all(map(_declares, [*node.decorator_list, *notes]))
+            case _:
+                held = False
+        if not held:
+            found.append(Complaint(node.lineno, ast.unparse(node).split("\n")[0][:60], cure, STATE))
+    return found
+
+
+def _is_field(node: ast.stmt) -> bool:
+    if isinstance(node, ast.AnnAssign):
+        return isinstance(node.target, ast.Name) and node.value is None and _declares(node.annotation)
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _declares(node: ast.AST, quoted: bool = False) -> bool:
+    """Return whether an expression only names, computes with numbers, and calls `DECLARATIONS`.
+
+    Args:
+        node: The expression.
+        quoted: Whether a text may stand there; an annotation that is one would be evaluated.
+    """
+    match node:
+        case ast.Constant(value=value):
+            return quoted or not isinstance(value, str | bytes)
+        case ast.Call(func=ast.Name(id=name)) if name in DECLARATIONS:
+            return all(_declares(x, True) for x in [*node.args, *(keyword.value for keyword in node.keywords)])
+        case ast.Name() | ast.Attribute(value=ast.Name()):
+            return True
+        case ast.Subscript() | ast.Tuple() | ast.UnaryOp() | ast.BinOp() if isinstance(node, ALLOWED):
+            parts = [x for x in ast.iter_child_nodes(node) if isinstance(x, ast.expr)]
+            return isinstance(getattr(node, "op", None), (*ALLOWED, type(None))) and all(
+                _declares(x, quoted) for x in parts
+            )
+    return False
 
 
 def read_kernel(function: FunctionType) -> list[Complaint]:

@@ -34,7 +34,8 @@ class PythonRun:
         self.setup = setup
         self.detail = ""
         """Reason of a failure; empty if there was none."""
-        self._call = Call(setup.law, setup.gains, setup.belief, setup.memory)
+        start = getattr(setup.law.function, "start", None)  # of a law that runs in a process of its own
+        self._call = start(setup) if start else Call(setup.law, setup.gains, setup.belief, setup.memory)
         self._loop, self._job = on_numbers(closed_loop), python_numbers(setup.job)
         self._see()
 
@@ -133,7 +134,7 @@ class Call:
             # a law in the dialect raises nothing itself: a ValueError there is one of `math`
             domain = isinstance(error, ValueError) and (self._in_dialect or MATH_ERROR.match(_text(error)) is not None)
             raised = isinstance(error, ArithmeticError) or domain
-            return RAISED if raised else CONTROLLER_ERROR, _describe(error)
+            return RAISED if raised else CONTROLLER_ERROR, told(error)
         for name, array in {"torque": own, **memory._asdict()}.items():
             if np.shape(array) != (len(tau),) and name != "nothing":
                 return CONTROLLER_ERROR, f"the law's {name} has shape {np.shape(array)}, wanted {(len(tau),)}"
@@ -158,7 +159,7 @@ def replay(setup: Setup) -> tuple[int, str]:
     return status, detail
 
 
-def _describe(error: BaseException) -> str:
+def told(error: BaseException) -> str:
     """Return what went wrong and the line of the law's file where it did."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}: {_text(error)} ({Path(frame.filename).name}, line {frame.lineno})"
