@@ -30,8 +30,8 @@ from torquebench.experiment.store import (
     versions,
 )
 from torquebench.keys import altered
-from torquebench.laws.plugin import load_plugin
 from torquebench.robot.library import ArmFile, arm_name
+from torquebench.sim.sandbox import load_sandboxed
 from torquebench.sweep.tune import threads
 from torquebench.sweeps import document_from
 
@@ -118,6 +118,7 @@ def run_arena(
     study: str | Path | Mapping[str, Any],
     *,
     folder: str | Path | None = None,
+    store: bool = True,
     changes: Mapping[str, Any] | Sequence[str] = (),
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
@@ -128,11 +129,13 @@ def run_arena(
 
     Args:
         study: A config with a section ``arena``: its file, the name of a shipped one, or its keys.
-        folder: Where to store it: new, empty, or one in which this arena was begun, which then goes on; None to store
-            nothing.
+        folder: Where to store it: new, empty, or one in which this arena was begun, which then goes on; None for
+            ``runs/NAME-UTC``.
+        store: Whether to store anything.
         changes: Dotted key -> value, or edits ``key=value``, set before the check.
         workers: How many closed loops run at once; None for one per core. Results do not depend on it.
-        plugins: Python files that register laws of your own, which enter.
+        plugins: Python files that register laws of your own, which enter. What is outside the dialect runs in a process
+            that has nothing but a law's inputs; see `load_sandboxed`.
         seed: Seed of the test draws; None for a secret one, of which the hash is written before the first run and
             which is revealed after the last.
         progress: Called with what is being done, how many closed loops are run, and of how many.
@@ -140,10 +143,12 @@ def run_arena(
     Raises:
         ConfigError: the study has mistakes, or the folder holds something else.
     """
-    for file in plugins:
-        load_plugin(Path(file))
+    _load(plugins)
     asked = study_of(study, changes)
-    directory, secret = _claim(None if folder is None else Path(folder), asked, seed)
+    secret = new_secret() if seed is None else f"seed {seed}"
+    directory = None
+    if store:
+        directory, secret = _claim(None if folder is None else Path(folder), asked, secret)
     tracks = [track.sealed(seed_of(secret)) for track in asked.tracks.values()]
     wanted = [(track, controller) for track in tracks for controller in track.base.controllers]
     rows = None if directory is None else directory.folder / ROWS
@@ -163,8 +168,7 @@ def read_arena(path: str | Path, plugins: Sequence[str | Path] = ()) -> Arena:
     Raises:
         ResultError: it is no such file.
     """
-    for file in plugins:
-        load_plugin(Path(file))
+    _load(plugins)
     return Arena(read_record(Path(path)))
 
 
@@ -174,6 +178,7 @@ def against(
     laws: Sequence[str] = (),
     plugins: Sequence[str | Path] = (),
     folder: str | Path | None = None,
+    store: bool = True,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Arena:
@@ -183,14 +188,15 @@ def against(
         path: ``arena.json``, or its folder.
         laws: Names of the laws; those that the plug-ins add if left out. Each enters with ``gains: auto``.
         plugins: Python files that register them.
-        folder: Where to store the arena with them; new or empty, None to store nothing.
+        folder: Where to store the arena with them; new or empty, None for ``runs/NAME-UTC``.
+        store: Whether to store anything.
         workers, progress: As of `run_arena`.
 
     Raises:
         ConfigError: no law enters, or one has no ``gains: auto``.
         ResultError: the file is no arena.
     """
-    added = [law for file in plugins for law in load_plugin(Path(file))]
+    added = _load(plugins)
     record = read_record(Path(path))
     entering = list(laws) or added
     if not entering:
@@ -199,9 +205,11 @@ def against(
     rows = _again(record, study, entering, record.chains, workers, progress)
     kept = tuple(row for row in record.rows if row.entry not in entering)
     found = replace(record, rows=kept + rows, date=today(), software=versions(), machine=machine())
-    if folder is not None:
-        _write(found, RunDirectory(claim_folder(Path(folder), found.name)))
-    return Arena(found, None if folder is None else Path(folder))
+    if not store:
+        return Arena(found)
+    directory = RunDirectory(claim_folder(None if folder is None else Path(folder), found.name))
+    _write(found, directory)
+    return Arena(found, directory.folder)
 
 
 def check_row(
@@ -226,8 +234,7 @@ def check_row(
     Raises:
         ResultError: there is no such row, or it has expired.
     """
-    for file in plugins:
-        load_plugin(Path(file))
+    _load(plugins)
     record = read_record(Path(path))
     row = record.row(name)
     if row.state:
@@ -275,6 +282,11 @@ def config_of(track: Track, row: Row) -> str:
     words = f"{row.name}: the gains that were judged, under {track.burdens[-1].name}."
     name = f"{row.entry}-{row.chain}"[:64].rstrip("-")
     return dump_experiment(altered(experiment, controllers=tuple(controllers), name=name, description=words))
+
+
+def _load(plugins: Sequence[str | Path]) -> list[str]:
+    """Register the laws of files and return their names; one outside the dialect runs in a process of its own."""
+    return [law for file in plugins for law in load_sandboxed(Path(file))]
 
 
 def study_of(study: str | Path | Mapping[str, Any], changes: Mapping[str, Any] | Sequence[str] = ()) -> Study:
@@ -358,19 +370,16 @@ def _record(study: Study, rows: Sequence[Row], secret: str) -> Record:
     )
 
 
-def _claim(folder: Path | None, study: Study, seed: int | None) -> tuple[RunDirectory | None, str]:
+def _claim(folder: Path | None, study: Study, secret: str) -> tuple[RunDirectory, str]:
     """Return the folder to write to, and the secret of the test draws, whose hash is there before the first run."""
-    secret = new_secret() if seed is None else f"seed {seed}"
-    if folder is None:
-        return None, secret
     digest = hashlib.sha256(json.dumps([study.text, *sorted(study.arms.items())]).encode()).hexdigest()
-    if (folder / SEAL).is_file():
+    if folder is not None and (folder / SEAL).is_file():
         kept = json.loads((folder / SEAL).read_bytes())
         if kept.get("study") != digest:
             text = f"{folder} holds another arena, wanted a new or empty folder, or this study's own"
             raise ConfigError([Problem("--out", "", text)])
         (folder / MANIFEST).unlink(missing_ok=True)
-        return RunDirectory(folder), kept["secret"]
+        return RunDirectory(folder), str(kept["secret"])
     directory = RunDirectory(claim_folder(folder, study.name))
     kept = {"study": digest, "commitment": commitment(secret), "secret": secret}
     atomic_write(directory.folder / SEAL, json_bytes(kept))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import platform
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,8 @@ from torquebench.arenas import (
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.seal import commitment
-from torquebench.laws import law_names
+from torquebench.laws import find_law, law_names
+from torquebench.sim.sandbox import SandboxedLaw
 
 STUDY: dict[str, Any] = {
     "name": "small",
@@ -51,6 +54,26 @@ STUDY: dict[str, Any] = {
     },
 }
 """An arena of a few seconds."""
+
+
+UNKNOWN = """\
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from torquebench import Array, Gain, controller, gravity
+
+
+class Gains(NamedTuple):
+    lam: Annotated[Array, Gain("slope", "1/s")]
+    kv: Annotated[Array, Gain("damping over inertia", "1/s")]
+
+
+@controller("unknown-law", gains=Gains)
+def unknown_law(gains, model, t, q, qd, ref, memory, tau):
+    gravity(model, q, tau)
+    tau += gains.kv * model.inertia_scale * np.asarray(ref.qd - qd + gains.lam * (ref.q - q))
+"""
 
 
 def edited(**section: Any) -> dict[str, Any]:
@@ -94,7 +117,7 @@ def test_draws_are_sealed_and_apart_from_those_of_training(folder: Path, record:
     assert {one.experiment.run.seed for one in track.tests}.isdisjoint(
         {one.experiment.run.seed for one in track.training}
     )
-    found = [run_arena(edited(evaluations=2, draws=2)).record.seal["commitment"] for _ in range(2)]
+    found = [run_arena(store=False, study=edited(evaluations=2, draws=2)).record.seal["commitment"] for _ in range(2)]
     assert found[0] != found[1]
 
 
@@ -133,7 +156,7 @@ def test_exchanging_two_laws_stored_scores_exchanges_their_places(record: Record
 def test_the_same_law_under_two_names_ties() -> None:
     """A null arena: equal seeds give equal gains, and the two share a rank."""
     twice = [{"name": name, "law": "computed-torque", "gains": "auto"} for name in ("one", "other")]
-    found = run_arena({**edited(evaluations=3), "controllers": twice}).standings("slow", 20.0)
+    found = run_arena(store=False, study={**edited(evaluations=3), "controllers": twice}).standings("slow", 20.0)
     assert [own.rank for own in found] == [1, 1]
     assert found[0][2:] == found[1][2:]
 
@@ -170,13 +193,13 @@ def test_one_law_enters_beside_the_stored_rivals(folder: Path, tmp_path: Path, r
     found = against(folder, laws=["pd"], folder=tmp_path / "new")
     assert found.record.rows[: len(record.rows)] == record.rows
     whole = {**STUDY, "controllers": [{"law": "pd", "gains": "auto"}]}
-    (row,) = run_arena(whole, seed=3).record.rows
+    (row,) = run_arena(store=False, study=whole, seed=3).record.rows
     assert found.record.rows[-1] == row
     assert {own.entry for own in found.standings("slow", 20.0)} >= {"pd", "pd-gravity"}
     with pytest.raises(ConfigError, match="no law enters"):
-        against(folder)
+        against(folder, store=False)
     with pytest.raises(ConfigError, match="did you mean 'pd"):
-        against(folder, laws=["pdd"])
+        against(folder, laws=["pdd"], store=False)
 
 
 def test_a_row_without_its_law_expires(record: Record) -> None:
@@ -290,3 +313,20 @@ def test_the_shipped_study_is_valid_and_has_the_ablations() -> None:
     }
     assert {one.law for one in track.base.controllers} == set(law_names())
     assert {"step", "quintic"} & {one.experiment.to_dict()["reference"]["kind"] for one in track.training}
+
+
+@pytest.mark.slow
+def test_a_law_of_somebody_unknown_enters_in_a_process_of_its_own(folder: Path, tmp_path: Path) -> None:
+    """A file outside the dialect runs in a process that has nothing but its inputs; its row names the file.
+
+    9 s: each closed loop has a process, and asks it at each of its instants.
+    """
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        pytest.skip("needs Linux on x86-64")
+    file = tmp_path / "unknown_law.py"
+    file.write_text(UNKNOWN)
+    found = against(folder, plugins=[file], store=False)
+    row = found.record.row("slow/unknown-law")
+    assert row.source == file.name
+    assert isinstance(find_law("unknown-law").function, SandboxedLaw)
+    assert all(x is not None for one in row.judged for x in one.values["nominal"]["rmse"])

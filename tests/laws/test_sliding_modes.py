@@ -15,7 +15,6 @@ from tests.laws.forms import acting, forms
 from tests.laws.sliding_equations import EQUATIONS, Joints, State
 from torquebench.chain import Chain
 from torquebench.disturbances import Bias
-from torquebench.kernel import Array
 from torquebench.laws import find_law
 from torquebench.references import Reference, ReferenceSource, Sine
 from torquebench.robot import RobotModel, load_model

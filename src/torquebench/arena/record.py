@@ -22,6 +22,7 @@ from torquebench.experiment.values import from_json
 from torquebench.keys import Vector
 from torquebench.laws import find_law, law_names
 from torquebench.laws.law import Law
+from torquebench.sim.sandbox import SandboxedLaw
 
 FORMAT = 1
 TUNED, SELF = "tuned", "self"
@@ -219,8 +220,7 @@ def picks(row: Row, level: float, ruleset: str = TUNED) -> list[Judged | None]:
 
 def digest_of(law: Law) -> str:
     """Return the digest of a law's source file as it is parsed: comments, docstrings and layout do not count."""
-    file = inspect.getsourcefile(law.function)
-    tree = ast.parse(Path(file).read_text(encoding="utf-8") if file else inspect.getsource(law.function))
+    tree = ast.parse(_text(law))
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if (
@@ -233,8 +233,17 @@ def digest_of(law: Law) -> str:
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16]
 
 
+def _text(law: Law) -> str:
+    """Return the text of a law's file."""
+    if isinstance(law.function, SandboxedLaw):
+        return law.function.text
+    return Path(inspect.getsourcefile(law.function) or "").read_text(encoding="utf-8")
+
+
 def source_of(law: Law) -> str:
     """Return ``torquebench`` for a law that ships, else the name of its file."""
+    if isinstance(law.function, SandboxedLaw):
+        return law.function.file
     module = law.function.__module__
     return "torquebench" if module.startswith("torquebench.") else Path(inspect.getsourcefile(law.function) or "").name
 

@@ -82,10 +82,8 @@ def arena(
     Laws are compared at equal chattering, by paired draws that no tuning saw; a difference below the spread of tunings
     is a tie. The page, the figure and arena.json hold everything.
     """
-    from torquebench.arenas import QUICK, read_arena, run_arena, study_of
+    from torquebench.arenas import QUICK, read_arena, run_arena
     from torquebench.arenas import against as enter
-    from torquebench.experiment.store import claim_folder
-    from torquebench.laws.plugin import load_plugin
 
     is_stored = subject is not None and (subject.suffix == STORED or subject.is_dir())
     if (subject is None) == (against is None):
@@ -102,9 +100,6 @@ def arena(
             found = read_arena(subject or Path(), plugin)
         else:
             changes = [*(QUICK if quick else ()), *overrides]
-            for file in plugin if out is None else ():
-                load_plugin(file)
-            out = out or claim_folder(None, study_of(str(subject), changes).name)
             found = run_arena(
                 str(subject), folder=out, changes=changes, workers=workers, plugins=plugin, progress=following(bar)
             )
@@ -130,13 +125,9 @@ def _check(path: Path, name: str, plugin: Sequence[Path], workers: int | None) -
 
 def _replay(path: Path, name: str, plugin: Sequence[Path]) -> int:
     """Print the config of a row."""
-    from torquebench.arena.record import read_record
-    from torquebench.arenas import entry_config
-    from torquebench.laws.plugin import load_plugin
+    from torquebench.arenas import entry_config, read_arena
 
-    for file in plugin:
-        load_plugin(file)
-    emit(entry_config(read_record(path), name).rstrip("\n"))
+    emit(entry_config(read_arena(path, plugin).record, name).rstrip("\n"))
     return 0
 
 
