@@ -276,7 +276,7 @@ def test_the_command_ranks_and_prints(folder: Path, capsys: pytest.CaptureFixtur
     assert "slow, at 20 % chattering" in capsys.readouterr().out
     assert main(["arena", stored, "--json", "--metric", "max_error"]) == 0
     assert len(json.loads(capsys.readouterr().out)["standings"]) == 3 * 2
-    for flag, word in (("--markdown", "## How to enter"), ("--latex", "\\toprule"), ("--config", "controllers:")):
+    for flag, word in (("--markdown", "## As given"), ("--latex", "\\toprule"), ("--config", "controllers:")):
         assert main(["arena", stored, flag, *(["slow/pd-gravity"] if flag == "--config" else [])]) == 0
         assert word in capsys.readouterr().out
     assert main(["arena", stored, "--against", stored]) == 2

@@ -15,15 +15,6 @@ from torquebench.report.tables import Cells
 
 BEST, MIDDLE, OTHER, NONE = "●", "◐", "○", "·"
 KEY = f"{BEST} nobody is better, {MIDDLE} a rank in the first half, {OTHER} behind, {NONE} not ranked"
-ENTER = """\
-One file with the law and one command. Its gains are chosen by `gains: auto`, tuned with the same budget as every other
-law's, and judged on the same draws beside the stored rivals, none of which runs again:
-
-```sh
-torquebench arena --against docs/arena.json --plugin my_law.py
-torquebench arena docs/arena.json --check slow/my-law      # any row again, from the file alone
-torquebench arena docs/arena.json --config slow/pid > pid.yaml && torquebench run pid.yaml --set video={}
-```"""
 
 
 class Line(NamedTuple):
@@ -216,44 +207,41 @@ def _markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> lis
     return [f"| {' | '.join(header)} |", "|" + "---|" * len(header), *(f"| {' | '.join(row)} |" for row in rows)]
 
 
-def markdown(record: Record, picture: str = "") -> str:
-    """Return the tables, the rules and how to enter, as Markdown.
+def markdown(record: Record, picture: str = "", heading: str = "") -> str:
+    """Return the tables and the rules as Markdown.
 
     Args:
         record: The arena.
         picture: Address of the figure; none if left out.
+        heading: First line; the arena's name if left out.
     """
     level, unit = main_level(record), unit_of(record)[0]
-    title = METRICS[record.metric].title
-    out = [f"# {record.name}", "", f"{record.date}. {budget(record)}.", ""]
+    title, deeper = METRICS[record.metric].title, "###" if heading.startswith("##") else "##"
+    out = [heading or f"# {record.name}", "", f"{record.date}. {budget(record)}.", ""]
     if picture:
         out += [f"![Error against chattering of every law, a panel for each chain]({picture})", ""]
-    out += [f"## Tuned, at {level:g} % chattering", "", f"Rank, and {title} [{unit}]; equal ranks tie.", ""]
+    out += [f"{deeper} Tuned, at {level:g} % chattering", "", f"Rank, and {title} [{unit}]; equal ranks tie.", ""]
     found = lines(record)
     header, rows = overview(record, level)
     marks = {entry: dots(record, entry, found) for entry in by_rank(record, found)}
     told = [[*row, " ".join(text for _, text in marks[row[0]])] for row in rows]
     out += _markdown_table([header[0], *record.chains, "all levels"], told)
     out += ["", f"{KEY}; a group for each chain, a dot for each level.", ""]
-    out += [
-        f"## As given, at {level:g} % chattering",
-        "",
-        "Gains that each law has by itself: what tuning changes.",
-        "",
-    ]
+    out += [f"{deeper} As given, at {level:g} % chattering", "", "The laws' own gains: what tuning changes.", ""]
     header, rows = overview(record, level, ruleset=SELF)
     out += _markdown_table([header[0], *record.chains], rows)
     for chain in record.chains:
-        out += ["", f"## On the chain {chain}", ""]
+        out += ["", f"{deeper} On the chain {chain}, at {level:g} %", ""]
         own = [line for line in found if line.chain == chain and line.level == level]
         out += _markdown_table(HEAD, [cells(record, line) for line in own])
     if worth := variants(record, level):
-        out += ["", "## What the parts of a law are worth", "", "Error over that of the whole law [95 %].", ""]
+        out += ["", f"{deeper} What the parts of a law are worth", ""]
+        out += ["Error over that of the first entry of the same law [95 %].", ""]
         out += _markdown_table(
             ["chain", "variant", "of", "ratio"],
             [[chain, entry, base, ratio_text(ratio)] for chain, entry, base, ratio in worth],
         )
-    out += ["", "## How to enter", "", *ENTER.split("\n"), "", "## Rules", "", *(f"* {rule}" for rule in rules(record))]
+    out += ["", f"{deeper} Rules", "", *(f"* {rule}" for rule in rules(record))]
     made = ", ".join(f"{name} {version}" for name, version in record.software.items())
     out += ["", f"Made by {made}. Commitment of the draws: `{record.seal['commitment']}`.", ""]
     return "\n".join(out)
