@@ -1,4 +1,4 @@
-"""Take a finished arena into the docs: ``scripts/arena_page.py RUN`` writes docs/arena.json, its tables and its figure."""
+"""Take a finished arena into the docs: ``scripts/arena_page.py RUN`` writes arena.json, the tables and the figure."""
 
 from __future__ import annotations
 

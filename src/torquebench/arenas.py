@@ -19,7 +19,7 @@ from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import Progress
 from torquebench.experiment.seal import commitment, new_secret, seed_of, today
-from torquebench.experiment.source import read_document
+from torquebench.experiment.source import apply_overrides, read_document
 from torquebench.experiment.store import (
     MANIFEST,
     RunDirectory,
@@ -29,6 +29,7 @@ from torquebench.experiment.store import (
     machine,
     versions,
 )
+from torquebench.experiment.yaml_tree import value_at
 from torquebench.keys import altered
 from torquebench.robot.library import ArmFile, arm_name
 from torquebench.sim.sandbox import load_sandboxed
@@ -40,8 +41,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RECORD, SEAL, ROWS = "arena.json", "seal.json", "rows"
-QUICK = ("arena.evaluations=4", "arena.seeds=2", "arena.draws=2", "run.duration=2")
-"""Changes that make a look of an arena."""
+QUICK = ("arena.evaluations=4", "arena.seeds=2", "arena.draws=2")
+"""Changes that make a look of an arena, on its first chain alone."""
 ALIKE, NOTHING = 1.1e-3, 1e-9
 """How far figures of a row that is made again may be from those that are stored: their last digit [1]; what is less
 than the other one is none."""
@@ -123,6 +124,7 @@ def run_arena(
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
     seed: int | None = None,
+    quick: bool = False,
     progress: Progress | None = None,
 ) -> Arena:
     """Tune every law alike, judge it on draws that no tuning saw, and rank.
@@ -138,13 +140,14 @@ def run_arena(
             that has nothing but a law's inputs; see `load_sandboxed`.
         seed: Seed of the test draws; None for a secret one, of which the hash is written before the first run and
             which is revealed after the last.
+        quick: Whether for a look: a handful of evaluations and draws, on the first chain alone.
         progress: Called with what is being done, how many closed loops are run, and of how many.
 
     Raises:
         ConfigError: the study has mistakes, or the folder holds something else.
     """
     _load(plugins)
-    asked = study_of(study, changes)
+    asked = study_of(study, changes, quick)
     secret = new_secret() if seed is None else f"seed {seed}"
     directory = None
     if store:
@@ -289,13 +292,21 @@ def _load(plugins: Sequence[str | Path]) -> list[str]:
     return [law for file in plugins for law in load_sandboxed(Path(file))]
 
 
-def study_of(study: str | Path | Mapping[str, Any], changes: Mapping[str, Any] | Sequence[str] = ()) -> Study:
+def study_of(
+    study: str | Path | Mapping[str, Any], changes: Mapping[str, Any] | Sequence[str] = (), quick: bool = False
+) -> Study:
     """Return a study, checked; arguments as of `run_arena`.
 
     Raises:
         ConfigError: it has mistakes; all of them at once.
     """
-    return take_study(document_from(study, changes))
+    document = document_from(study, changes)
+    if quick:
+        apply_overrides(document, QUICK)
+        chains = value_at(document.root, ("arena", "chains"), None)
+        for name in list(chains)[1:] if isinstance(chains, dict) else ():
+            del chains[name]
+    return take_study(document)
 
 
 def _stored_study(record: Record, laws: Sequence[str]) -> Study:

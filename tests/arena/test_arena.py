@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+import runpy
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -157,7 +158,7 @@ def test_the_same_law_under_two_names_ties() -> None:
     """A null arena: equal seeds give equal gains, and the two share a rank."""
     twice = [{"name": name, "law": "computed-torque", "gains": "auto"} for name in ("one", "other")]
     found = run_arena(store=False, study={**edited(evaluations=3), "controllers": twice}).standings("slow", 20.0)
-    assert [own.rank for own in found] == [1, 1]
+    assert [own[1:3] for own in found] == [(1, 2), (1, 2)]
     assert found[0][2:] == found[1][2:]
 
 
@@ -292,6 +293,25 @@ def test_an_arena_is_a_table_and_a_figure(folder: Path) -> None:
     assert [ax.get_title(loc="left") for ax in found.figure().axes] == ["slow"]
     with pytest.raises(ResultError, match="did you mean 'slow'"):
         found.standings("slo", 20.0)
+
+
+def test_a_quick_look_is_the_first_chain_alone() -> None:
+    """Few evaluations and draws; what is asked for besides is kept."""
+    study = study_of(edited(chains={"fast": {"chain": "fast"}, "slow": {"chain": "slow"}}), quick=True)
+    assert list(study.tracks) == ["fast"]
+    assert (study.asked.evaluations, study.asked.seeds, study.asked.tests) == (4, 2, 2)
+    assert study.asked.levels == (0.02, 0.2)
+
+
+def test_the_page_of_the_docs_takes_an_arena_between_its_marks(record: Record) -> None:
+    """What stands around them stays, and a second arena replaces the first."""
+    page = runpy.run_path("scripts/arena_page.py")["page"]
+    text = page("before\n<!-- arena -->\nold\n<!-- /arena -->\nafter\n", record)
+    assert text.startswith("before\n<!-- arena -->\n## What came out\n")
+    assert text.endswith("<!-- /arena -->\nafter\n")
+    assert "old" not in text
+    assert page(text, record) == text
+    assert "<!-- arena -->" in Path("docs/arena.md").read_text(encoding="utf-8")
 
 
 def test_the_shipped_study_is_valid_and_has_the_ablations() -> None:

@@ -49,15 +49,15 @@ def test_tunings_have_the_interval_of_welch() -> None:
 def test_exchanging_two_laws_scores_exchanges_their_ranks() -> None:
     """Ranks go by scores alone: whichever entry has the worst ones is last, whatever its name."""
     own = {"fuzzy-linear-band-smc": drawn(1.0, 0.01), "pid": drawn(2.0, 0.01), "smc": drawn(4.0, 0.01)}
-    assert rank(own) == {"fuzzy-linear-band-smc": 1, "pid": 2, "smc": 3}
+    assert rank(own) == {"fuzzy-linear-band-smc": (1, 1), "pid": (2, 2), "smc": (3, 3)}
     own["fuzzy-linear-band-smc"], own["smc"] = own["smc"], own["fuzzy-linear-band-smc"]
-    assert rank(own) == {"fuzzy-linear-band-smc": 3, "pid": 2, "smc": 1}
+    assert rank(own) == {"fuzzy-linear-band-smc": (3, 3), "pid": (2, 2), "smc": (1, 1)}
 
 
 def test_the_same_law_twice_ties() -> None:
     """A null arena has no winner."""
     own = drawn(1.0, 0.3)
-    assert rank({"one": own, "other": own}) == {"one": 1, "other": 1}
+    assert rank({"one": own, "other": own}) == {"one": (1, 2), "other": (1, 2)}
     ratio = compare(own, own)
     assert ratio.ratio == 1.0
     assert ratio.low < 1.0 < ratio.high
@@ -86,12 +86,12 @@ def test_a_difference_below_the_spread_of_tunings_is_a_tie() -> None:
 def test_failures_are_counted_and_never_averaged() -> None:
     """Who fails in more runs by more than chance is behind, however small the error; a few failures decide nothing."""
     good, bad = drawn(1.0, 0.0), drawn(5.0, 0.0)
-    assert rank({"a": with_failures(good, 8), "b": bad}) == {"a": 2, "b": 1}
-    assert rank({"a": with_failures(good, 3), "b": bad}) == {"a": 1, "b": 2}
+    assert rank({"a": with_failures(good, 8), "b": bad}) == {"a": (2, 2), "b": (1, 1)}
+    assert rank({"a": with_failures(good, 3), "b": bad}) == {"a": (1, 1), "b": (2, 2)}
     assert compare(with_failures(good, 3), bad).pairs == 7
     never = with_failures(good, 10)
     assert math.isnan(compare(never, bad).ratio)
-    assert rank({"a": never, "b": bad}) == {"a": 2, "b": 1}
+    assert rank({"a": never, "b": bad}) == {"a": (2, 2), "b": (1, 1)}
     # six of six that differ: p = 2/64 < 5 %, five of five: 2/32 > 5 %
     assert fails_more(with_failures(good, 6), good)
     assert not fails_more(with_failures(good, 5), good)

@@ -325,7 +325,7 @@ arena:
   training:
     three: {}
   burdens:
-    single: {}
+    list: {}
   held_out: {}
   metric: rmse
   metrics: [max_error]

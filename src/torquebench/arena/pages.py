@@ -109,7 +109,7 @@ def overview(record: Record, level: float, metric: str = "", ruleset: str = TUNE
         cells = [entry]
         for table in tables.values():
             own = table.get(entry)
-            cells.append("-" if own is None or own.rank is None else f"{own.rank}. {number(own.value * scale)}")
+            cells.append("-" if own is None or own.rank is None else f"{ranks(own)}: {number(own.value * scale)}")
         rows.append(cells)
     return ["law", *(f"{chain}: rank, {METRICS[metric or record.metric].title} [{unit}]" for chain in tables)], rows
 
@@ -123,7 +123,7 @@ def cells(record: Record, line: Line, metric: str = "") -> list[str]:
     own = line.standing
     known = own.value == own.value
     return [
-        "-" if own.rank is None else str(own.rank),
+        ranks(own),
         own.entry,
         number(own.value * scale),
         f"{number(own.low * scale)} to {number(own.high * scale)}" if known else "-",
@@ -144,7 +144,14 @@ def number(x: float) -> str:
 def _beside(own: Standing | None, scale: float) -> str:
     if own is None or own.value != own.value:
         return "-"
-    return f"{own.rank or '-'}: {number(own.value * scale)}"
+    return f"{ranks(own)}: {number(own.value * scale)}"
+
+
+def ranks(own: Standing) -> str:
+    """Return the ranks that an entry may have: one, or the first and the last."""
+    if own.rank is None:
+        return "-"
+    return str(own.rank) if own.rank == own.last else f"{own.rank}-{own.last}"
 
 
 def variants(record: Record, level: float, metric: str = "") -> list[tuple[str, str, str, Ratio]]:
@@ -193,7 +200,8 @@ def rules(record: Record) -> list[str]:
         "judged that have the least error at no more chattering.",
         "Error: the geometric mean over tunings, burdens and draws. Two laws tie where the 95 % interval of their "
         "ratio holds 1; in it the spread of draws and that of tunings are added as independent ones, so that a "
-        "difference which other tuning seeds would turn round is none. A rank is 1 + how many are better.",
+        "difference which other tuning seeds would turn round is none. The first rank of a law is 1 + how many are "
+        "better, the last one how many are not worse.",
         "A failed run is counted and never averaged: who fails in more runs by more than chance is behind.",
         f"Who chatters more than {TOLERANCE:g} times the level on the test draws, or has no gains of that level in "
         "some tuning, is not ranked there.",

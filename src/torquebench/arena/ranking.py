@@ -113,6 +113,8 @@ class Standing(NamedTuple):
     entry: str
     rank: int | None
     """1 + how many entries are better; None of one that is not ranked."""
+    last: int | None
+    """How many are not worse: the last rank that it may have."""
     value: float
     """Geometric mean of the metric; NaN without a draw that completed."""
     low: float
@@ -129,16 +131,21 @@ class Standing(NamedTuple):
     """Why it is not ranked."""
 
 
-def rank(scores: Mapping[str, Scores], confidence: float = CONFIDENCE) -> dict[str, int]:
-    """Return each entry's rank: 1 + how many are better; entries that tie may share it.
+def rank(scores: Mapping[str, Scores], confidence: float = CONFIDENCE) -> dict[str, tuple[int, int]]:
+    """Return the first and the last rank that each entry may have: 1 + how many are better, and how many are not worse.
+
+    Entries that tie may share ranks; where nothing can be told of an entry, it has all of them.
 
     Args:
         scores: Entry -> what it has to show, all under the same conditions and draws.
         confidence: Of each comparison [1].
     """
-    return {
-        name: 1 + sum(is_better(other, own, confidence) for who, other in scores.items() if who != name)
+    beats = {
+        name: {other for other, its in scores.items() if other != name and is_better(own, its, confidence)}
         for name, own in scores.items()
+    }
+    return {
+        name: (1 + sum(name in worse for worse in beats.values()), len(scores) - len(beats[name])) for name in scores
     }
 
 

@@ -183,8 +183,12 @@ class Record:
                 where = value, low, high, tuning, chattering[name], round(failed), runs
             else:
                 where = math.nan, math.nan, math.nan, math.nan, math.nan, 0, 0
-            found.append(Standing(name, ranks.get(name), *where, note))
-        return sorted(found, key=lambda one: (one.rank or math.inf, one.value if one.value == one.value else math.inf))
+            first, last = ranks.get(name, (None, None))
+            found.append(Standing(name, first, last, *where, note))
+        return sorted(
+            found,
+            key=lambda one: (one.rank or math.inf, one.last or 0, one.value if one.value == one.value else math.inf),
+        )
 
     def to_json(self) -> bytes:
         """Return the file: a line for each row."""

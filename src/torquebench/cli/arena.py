@@ -47,7 +47,7 @@ class Subject(Config):
     help="config with a section `arena`, a file or a shipped one; or a stored arena.json, which is ranked again",
 )
 @out_folder(help="folder for the results: new, empty, or one in which this arena was begun (default: runs/NAME-UTC)")
-@option("--quick", is_flag=True, help="a handful of evaluations and draws: for a look")
+@option("--quick", is_flag=True, help="a handful of evaluations and draws on the first chain: for a look")
 @option("--against", type=File(STORED), metavar="FILE", help="judge the law of --plugin beside a stored arena's")
 @option("--law", type=Words(), default=None, metavar="NAME,...", help="with --against: the laws that enter")
 @option("--check", metavar="ROW", help="make a row of a stored arena again, such as slow/pid, and compare every figure")
@@ -82,8 +82,8 @@ def arena(
     Laws are compared at equal chattering, by paired draws that no tuning saw; a difference below the spread of tunings
     is a tie. The page, the figure and arena.json hold everything.
     """
-    from torquebench.arenas import QUICK, read_arena, run_arena
     from torquebench.arenas import against as enter
+    from torquebench.arenas import read_arena, run_arena
 
     is_stored = subject is not None and (subject.suffix == STORED or subject.is_dir())
     if (subject is None) == (against is None):
@@ -99,9 +99,14 @@ def arena(
         elif is_stored:
             found = read_arena(subject or Path(), plugin)
         else:
-            changes = [*(QUICK if quick else ()), *overrides]
             found = run_arena(
-                str(subject), folder=out, changes=changes, workers=workers, plugins=plugin, progress=following(bar)
+                str(subject),
+                folder=out,
+                changes=overrides,
+                quick=quick,
+                workers=workers,
+                plugins=plugin,
+                progress=following(bar),
             )
     if as_markdown or as_latex:
         emit(found.markdown() if as_markdown else found.latex())
