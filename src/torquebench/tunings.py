@@ -97,13 +97,15 @@ class Tuning:
     def ranking(self, judged: Mapping[str, Judgement]) -> list[str]:
         """Return controllers, the best first: fewest failed runs, then least objective.
 
+        Those that break a constraint in half of the runs or more come after those with as few failures that do not.
+
         Args:
             judged: `untuned` or `tuned`.
         """
 
-        def key(name: str) -> tuple[int, float]:
-            mean = judged[name].mean()
-            return judged[name].failed, math.inf if mean is None else mean.ratio
+        def key(name: str) -> tuple[int, bool, float]:
+            own, mean = judged[name], judged[name].mean()
+            return own.failed, 2 * own.broken >= own.runs, math.inf if mean is None else mean.ratio
 
         return sorted(judged, key=key)
 
@@ -153,7 +155,7 @@ class Tuning:
                 key: {"mean": mean and [mean.ratio, mean.low, mean.high], "draws": list(draws)}
                 for key, mean, draws in zip(asked.objectives, means, one.draws, strict=True)
             }
-            return {"runs": one.runs, "failed": one.failed, **found}
+            return {"runs": one.runs, "failed": one.failed, "broken": one.broken, **found}
 
         ratio = self.ratio(name)
         fronts = len(asked.objectives) > 1
@@ -247,8 +249,7 @@ def _tuned_experiment(study: TuningStudy, laws: Sequence[Tuned], made: str) -> E
     """
     info, parts = study.asked.infos[0], [f"{study.base.description} " if study.base.description else "", f"{made}."]
     for own in laws:
-        values = [one.objectives[0] for one in (own.start, own.best)]
-        told = " -> ".join(in_unit(info.scale * x, info.shown_unit) if math.isfinite(x) else "failed" for x in values)
+        told = " -> ".join(_told(info, one) for one in (own.start, own.best))
         by = f"seed {study.asked.seed + own.seed}, evaluation {own.best.number}" if own.best.number else "its own gains"
         parts.append(f" {own.controller.name}: {told} ({by}).")
     experiment = with_draw(study.base, HELD)
@@ -257,10 +258,17 @@ def _tuned_experiment(study: TuningStudy, laws: Sequence[Tuned], made: str) -> E
     return altered(experiment, description="".join(parts)[:MOST_WORDS], controllers=controllers, chosen={})
 
 
+def _told(info: MetricInfo, one: Evaluation) -> str:
+    if not math.isfinite(one.objectives[0]):
+        return "failed"
+    number = in_unit(info.scale * one.objectives[0], info.shown_unit)
+    return number if one.feasible else f"({number}, which breaks a constraint)"
+
+
 def _head(study: TuningStudy) -> list[str]:
     """Return the titles of the table's columns, but for those of gains."""
     asked = study.asked
-    worst = [f"worst_{claim.metric}_{i}" for i, claim in enumerate(asked.constraints)]
+    worst = [f"worst_{claim.metric}" for claim in asked.constraints]
     return ["controller", "seed", "evaluation", "feasible", "failed", "lost", "broken", *asked.objectives, *worst]
 
 
@@ -427,7 +435,9 @@ def tune(
             report("judging", total - 2 * (names - i), total)
             changed = own.tuned.gains != own.controller.gains
             pair = [own.controller, own.tuned] if changed else [own.controller]
-            judged[own.controller.name] = tuple(judge(pair, study.judged, asked.objectives, draws, pool))
+            judged[own.controller.name] = tuple(
+                judge(pair, study.judged, asked.objectives, draws, pool, asked.constraints)
+            )
         report("judging", total, total)
     untuned, tuned = ({name: both[i] for name, both in judged.items()} for i in (0, -1))
     tuning = Tuning(study, laws, untuned, tuned)

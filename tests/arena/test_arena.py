@@ -306,10 +306,10 @@ def test_a_quick_look_is_the_first_chain_alone() -> None:
 def test_the_page_of_the_docs_takes_an_arena_between_its_marks(record: Record) -> None:
     """What stands around them stays, and a second arena replaces the first."""
     page = runpy.run_path("scripts/arena_page.py")["page"]
-    text = page("before\n<!-- arena -->\nold\n<!-- /arena -->\nafter\n", record)
+    text = page("before\n<!-- arena -->\nEARLIER\n<!-- /arena -->\nafter\n", record)
     assert text.startswith("before\n<!-- arena -->\n## What came out\n")
     assert text.endswith("<!-- /arena -->\nafter\n")
-    assert "old" not in text
+    assert "EARLIER" not in text
     assert page(text, record) == text
     assert "<!-- arena -->" in Path("docs/arena.md").read_text(encoding="utf-8")
 

@@ -107,8 +107,10 @@ def report(found: Tuning) -> None:
         mean = one.mean()
         if mean is None:
             return "fails"
-        failed = f", {one.failed} of {one.runs} fail" if one.failed else ""
-        return f"{number(mean.ratio)} [{number(mean.low)}, {number(mean.high)}]{failed}"
+        wrong = [
+            f", {count} of {one.runs} {verb}" for count, verb in ((one.failed, "fail"), (one.broken, "break")) if count
+        ]
+        return f"{number(mean.ratio)} [{number(mean.low)}, {number(mean.high)}]{''.join(wrong)}"
 
     def share(value: float) -> float:
         return math.log(value / low) / math.log(high / low) if high > low else 0.5
@@ -128,7 +130,8 @@ def report(found: Tuning) -> None:
     say()
     spread = f"tuned [{asked.seeds} seeds]"
     say(table(["law", f"untuned{unit}", spread, f"untuned, test{unit}", "gains"], rows, prose=True))
-    bracket = "; in round brackets: breaks a constraint" if asked.constraints else ""
+    kept = ", ".join(claim.text for claim in asked.constraints)
+    bracket = f"; in round brackets, and so many runs of the test: break {kept}" if kept else ""
     say()
     say(
         f"{asked.evaluations} evaluations x {asked.seeds} seeds of each law, {found.seconds:g} s of closed loop; "

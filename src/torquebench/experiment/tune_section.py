@@ -106,6 +106,10 @@ class Tune:
                 yield Fault(("objective",), got=f"'{key}'", wanted="a metric of which lower values are better")
             if key in self.objectives[:i]:
                 yield Fault(("objective",), got=f"'{key}' twice", wanted="two metrics")
+        claimed = [claim.metric for claim in self.constraints]
+        for i, key in enumerate(claimed):
+            if key in claimed[:i]:
+                yield Fault(("constraints", i), f"{key} has a constraint already", wanted="one of the two")
         if len(self.objectives) > 1 and self.sampler in ("tpe", "cma-es"):
             yield Fault(("sampler",), f"{self.sampler} has one objective", wanted="nsga-ii or random for two")
 

@@ -125,7 +125,7 @@ def evaluation_of(number: int, gains: Mapping[str, Vector], runs: Sequence[Run],
         math.nan if any(map(math.isnan, own)) else max(own) if claim.info.better == "lower" else min(own)
         for claim, own in zip(budget.constraints, columns[count:], strict=True)
     )
-    broken = sum(excess(claim, x) for claim, x in zip(budget.constraints, worst, strict=True))
+    broken = math.fsum(excess(claim, x) for claim, x in zip(budget.constraints, worst, strict=True))
     lost = sum(run.lost for run in runs) / len(runs)
     if not failed and not all(map(math.isfinite, objectives)):
         broken += 1.0
@@ -244,6 +244,8 @@ class Judgement(NamedTuple):
     failed: int
     """Runs that failed, of `runs`."""
     runs: int
+    broken: int = 0
+    """Runs that completed and break a constraint."""
 
     def mean(self, objective: int = 0) -> Ratio | None:
         """Return the geometric mean of an objective over the draws with its interval; None where every draw failed."""
@@ -257,6 +259,7 @@ def judge(
     metrics: Sequence[str],
     draws: range,
     pool: ThreadPoolExecutor,
+    constraints: Sequence[Claim] = (),
 ) -> list[Judgement]:
     """Return what controllers are worth in draws that no law was tuned on.
 
@@ -266,6 +269,7 @@ def judge(
         metrics: Keys of the objectives.
         draws: The draws, from `HELD` on.
         pool: The threads.
+        constraints: What every run should keep.
 
     Raises:
         ConfigError: laws may have been tuned on one of the draws.
@@ -273,11 +277,17 @@ def judge(
     if draws.start < HELD:
         raise ConfigError([Problem("", "tune.test", f"draws before {HELD} are tuned on", wanted="others")])
     found, count = list[Judgement](), len(conditions)
-    for runs in Trials(conditions, metrics, pool)(controllers, draws):
+    keys = [*metrics, *(claim.metric for claim in constraints)]
+    for runs in Trials(conditions, keys, pool)(controllers, draws):
         blocks = [runs[first : first + count] for first in range(0, len(runs), count)]
         values = tuple(tuple(_over(block, i) for block in blocks) for i in range(len(metrics)))
-        found.append(Judgement(values, sum(run.failed for run in runs), len(runs)))
+        kept = [run.failed or _keeps(constraints, run.values[len(metrics) :]) for run in runs]
+        found.append(Judgement(values, sum(run.failed for run in runs), len(runs), kept.count(False)))
     return found
+
+
+def _keeps(constraints: Sequence[Claim], values: Sequence[float]) -> bool:
+    return all(claim.holds(x) for claim, x in zip(constraints, values, strict=True))
 
 
 def _over(runs: Sequence[Run], metric: int) -> float | None:
