@@ -36,7 +36,7 @@ LAYERS = (
     ("report",),
     ("video", "results", "audit"),
     ("sweeps",),
-    ("audits", "falsification", "tunings", "arena"),
+    ("audits", "falsification", "tunings", "arena", "diffs"),
     ("arenas",),
     ("view",),
     ("cli",),

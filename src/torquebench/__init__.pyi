@@ -7,6 +7,7 @@ from torquebench.audits import run_audit as run_audit
 from torquebench.chain import CHAINS as CHAINS
 from torquebench.chain import Chain as Chain
 from torquebench.check import check_law as check_law
+from torquebench.diffs import diff as diff
 from torquebench.disturbances import BandLimitedNoise as BandLimitedNoise
 from torquebench.disturbances import Bias as Bias
 from torquebench.disturbances import Sinusoid as Sinusoid
@@ -34,6 +35,7 @@ from torquebench.laws import Rules as Rules
 from torquebench.laws import controller as controller
 from torquebench.laws import find_law as find_law
 from torquebench.laws import law_names as law_names
+from torquebench.laws.new import new_law as new_law
 from torquebench.laws.plugin import load_plugin as load_plugin
 from torquebench.metrics import JointRecord as JointRecord
 from torquebench.metrics import metric as metric

@@ -67,15 +67,11 @@ def read_claim(raw: Any, denied: bool = False) -> Claim | dict[str, Any]:
         raw: A metric, a comparison and a number with or without unit.
         denied: Whether it says what is claimed not to happen.
     """
-    found = _CLAIM.fullmatch(raw) if isinstance(raw, str) else None
-    if found is None:
-        example = "what breaks it, such as max_error > 5 mrad" if denied else ClaimText.wanted
-        return {"got": shown(raw), "wanted": example}
-    metric, sign, text = found.groups()
-    if metric not in METRICS:
-        near = nearest(metric, tuple(METRICS)) or ""
-        wanted = "" if near else ", ".join(METRICS)
-        return {"text": "no such metric", "got": f"'{metric}'", "nearest": near, "wanted": wanted}
+    example = "what breaks it, such as max_error > 5 mrad" if denied else ClaimText.wanted
+    found = parts_of_claim(raw, example)
+    if isinstance(found, dict):
+        return found
+    metric, sign, text = found
     info = METRICS[metric]
     try:
         limit = float(without_unit(text.strip(), info.unit))
@@ -89,6 +85,28 @@ def read_claim(raw: Any, denied: bool = False) -> Claim | dict[str, Any]:
         wrong = f"is what {metric} ought to be" if denied else f"claims that {metric} is bad"
         return {"text": wrong, "got": sign, "wanted": f"{OPPOSITE[sign]}: of {metric} {info.better} values are better"}
     return Claim(metric, OPPOSITE[sign] if denied else sign, limit)
+
+
+def parts_of_claim(raw: Any, wanted: str) -> tuple[str, str, str] | dict[str, Any]:
+    """Return the metric, the comparison and the number of a claim's text, or what is wrong with it.
+
+    Args:
+        raw: The text.
+        wanted: What would be right, for the mistake.
+    """
+    found = _CLAIM.fullmatch(raw) if isinstance(raw, str) else None
+    if found is None:
+        return {"got": shown(raw), "wanted": wanted}
+    metric, sign, text = found.groups()
+    if metric in METRICS:
+        return metric, sign, text
+    near = nearest(metric, tuple(METRICS)) or ""
+    return {
+        "text": "no such metric",
+        "got": f"'{metric}'",
+        "nearest": near,
+        "wanted": "" if near else ", ".join(METRICS),
+    }
 
 
 class ClaimText(Node):
