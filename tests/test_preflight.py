@@ -238,6 +238,7 @@ def test_share_is_of_the_gains_that_make_torque_and_passes() -> None:
         ("linear-band-smc", {"k", "kv"}),
         ("super-twisting", {"k1", "k2"}),
         ("position-servo", {"kp", "kd", "ki"}),
+        ("integral-smc", {"kr"}),
     ],
 )
 def test_slopes_widths_and_beliefs_are_not_scaled(law: str, scaled: set[str]) -> None:

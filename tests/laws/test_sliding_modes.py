@@ -107,6 +107,9 @@ def test_torques_by_hand() -> None:
     funnels = {"rho": 0.1, "rho_end": 0.01, "shrink": 1.0, "rho_s": 10.0 * s}
     wanted = 0.5 * 20.0 * 10.0 * s * 0.5 * math.log(1.1 / 0.9)
     assert one(FUNNEL, 0.05, 0.0, blind, lam=1, kv=20, **funnels) == pytest.approx(wanted)
+    # a funnel of s that is narrower than s at the start begins at 1.5 of it: artanh(2/3) = ln(5)/2
+    wanted = 0.5 * 20.0 * 1.5 * s * 0.5 * math.log(5.0)
+    assert one(FUNNEL, 0.05, 0.0, blind, lam=1, kv=20, **(funnels | {"rho_s": s})) == pytest.approx(wanted)
 
 
 ARMS = ("puma560", "two-link")

@@ -12,8 +12,10 @@ from torquebench.laws.law import controller
 from torquebench.laws.parts import Slope, UseModel, equivalent_control
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
-from torquebench.tuning import ERROR, Fit
+from torquebench.tuning import Fit
 
+QUICKEST, FED = 10.0, 0.07
+"""Largest rate gamma that is chosen [1/rad], and the most that it is times the time until the loop answers [s/rad]."""
 LEAST = 0.005
 """Least share of the torque limit that is chosen [1]."""
 
@@ -24,8 +26,8 @@ def least_share(fit: Fit) -> Array:
 
 
 def learning(fit: Fit) -> Array:
-    """Rate gamma: at an error of 20 `ERROR` along the slope, K grows by the torque limit in 1 / lambda."""
-    return 1.0 / np.full_like(fit.limits.tau_max, 20.0 * ERROR)
+    """Rate gamma: 10/rad, less where the loop answers late, as a quick K feeds on the shaking that it makes."""
+    return np.full_like(fit.limits.tau_max, min(QUICKEST, FED / fit.reaction))
 
 
 class GainAdaptiveGains(NamedTuple):

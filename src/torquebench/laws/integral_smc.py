@@ -7,9 +7,10 @@ from typing import Annotated, NamedTuple, get_args
 from torquebench.kernel import Array, sat, sign
 from torquebench.laws.declare import Gain
 from torquebench.laws.law import controller
-from torquebench.laws.parts import WITH_MODEL, Slope, equivalent_control
+from torquebench.laws.parts import Slope
 from torquebench.laws.sliding_mode import PID, SIGN, Switch, SwitchBand, surface_of
 from torquebench.references import Reference
+from torquebench.robot.dynamics import inverse_dynamics
 from torquebench.robot.flat_model import Model
 from torquebench.tuning import pole, robust
 
@@ -57,7 +58,10 @@ def integral_smc(
     is a filter rate times Mbar s, as the saturated form has it. After a step of the reference in mid-motion there is a
     reaching phase again. The integral stops growing while the torque is beyond its limit in the error's direction.
     """
-    equivalent_control(WITH_MODEL, gains.lam, 0.25, model, q, qd, ref, memory.start, tau)
+    for i in range(len(tau)):
+        lam, e, de = gains.lam[i], ref.q[i] - q[i], ref.qd[i] - qd[i]
+        model.scratch.free[i] = ref.qdd[i] + lam * de + 0.25 * lam * lam * e
+    inverse_dynamics(model, q, qd, model.scratch.free, tau)
     for i in range(len(tau)):
         e = ref.q[i] - q[i]
         s = surface_of(PID, gains.lam[i], e, ref.qd[i] - qd[i], memory.integral[i])

@@ -48,6 +48,11 @@ def root_slope(x: float) -> float:
     return 0.5 / math.sqrt(CORE) * (3.0 - 2.0 * x / CORE)
 
 
+def terminal_slope(fit: Fit) -> Array:
+    """Slope: 0.4 of `pole`, as that of the surface at an error of E/250 is 4.2 lambda."""
+    return 0.4 * pole(fit)
+
+
 def near_slope(fit: Fit) -> Array:
     """Slope: 0.8 of `pole` where the root is steepest."""
     return 0.8 * pole(fit) / STEEPEST
@@ -61,9 +66,6 @@ def knee(fit: Fit) -> Array:
 Knee: TypeAlias = Annotated[
     Array, Gain("error E at which the powers of the surface are equal", "rad", True, None, knee, (5e-3, 0.5, "log"))
 ]
-Near: TypeAlias = Annotated[
-    Array, Gain("slope lambda of the surface, that of its powers at E", "1/s", True, None, near_slope)
-]
 Reach: TypeAlias = Annotated[
     Array, Gain("rate kV of the reaching law, an acceleration over s", "1/s", auto=acceleration_rate)
 ]
@@ -72,7 +74,7 @@ Reach: TypeAlias = Annotated[
 class NonsingularGains(NamedTuple):
     """Gains of the non-singular law."""
 
-    lam: Near
+    lam: Annotated[Array, Gain("slope lambda of the surface, that of its powers at E", "1/s", auto=terminal_slope)]
     knee: Knee
     fast: Annotated[
         Array,
@@ -127,7 +129,7 @@ def nonsingular_terminal_smc(
 class FixedTimeGains(NamedTuple):
     """Gains of the fixed-time law."""
 
-    lam: Near
+    lam: Annotated[Array, Gain("slope lambda of the surface, that of its powers at E", "1/s", auto=near_slope)]
     knee: Knee
     kv: Reach
 
