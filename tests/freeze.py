@@ -84,7 +84,7 @@ def names() -> Iterator[str]:
     folders = ROOT / "configs", ROOT / "benchmarks"
     for path in (path for folder in folders for path in sorted(folder.rglob("*.yaml"))):
         name = str(path.relative_to(ROOT / path.relative_to(ROOT).parts[0]))
-        if name in SWEEPS or not re.search(r"^(sweep|audit|falsify|tune):", path.read_text(), re.MULTILINE):
+        if name in SWEEPS or not re.search(r"^(sweep|audit|falsify|tune|arena):", path.read_text(), re.MULTILINE):
             yield name
 
 

@@ -6,6 +6,7 @@ from typing import Any
 __version__ = "0.1.0.dev0"
 
 _HOMES = {
+    "arenas": ("Arena", "read_arena", "run_arena"),
     "audits": ("Audit", "run_audit"),
     "check": ("check_law",),
     "diffs": ("diff",),

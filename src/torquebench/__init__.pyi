@@ -1,4 +1,7 @@
 # written by scripts/public_names.py
+from torquebench.arenas import Arena as Arena
+from torquebench.arenas import read_arena as read_arena
+from torquebench.arenas import run_arena as run_arena
 from torquebench.audits import Audit as Audit
 from torquebench.audits import run_audit as run_audit
 from torquebench.chain import CHAINS as CHAINS

@@ -318,6 +318,27 @@ tune:
       three: {}
 """
 """And another one."""
+ARENA = """\
+arena:
+  laws: listed
+  chains:
+    list: {}
+  training:
+    three: {}
+  burdens:
+    list: {}
+  held_out: {}
+  metric: rmse
+  metrics: [max_error]
+  levels: [1 %, 5 %]
+  evaluations: 40
+  seeds: 4
+  seed: 1
+  sampler: nsga-ii
+  training_draws: 1
+  draws: 10
+"""
+"""The last one."""
 DRIVEN = SCENARIO.replace(
     """\
   velocity: differentiated

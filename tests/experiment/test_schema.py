@@ -7,7 +7,7 @@ import runpy
 
 import pytest
 
-from tests.experiment.examples import ALL, FALSIFY, SWEEP, TOOL, TUNE, VARIED, properties
+from tests.experiment.examples import ALL, ARENA, FALSIFY, SWEEP, TOOL, TUNE, VARIED, properties
 from torquebench.experiment import experiment_json_schema
 from torquebench.laws.law import find_law, law_names
 from torquebench.robot.library import data_root
@@ -110,7 +110,7 @@ def test_schema_and_loader_know_the_same_keys() -> None:
     described = {key for key, _ in properties(schema)}
     written = {
         line.strip().removeprefix("- ").partition(":")[0]
-        for text in (SWEEP, FALSIFY, TUNE, *(ALL[name] for name in WRITTEN), *TOOL)
+        for text in (SWEEP, FALSIFY, TUNE, ARENA, *(ALL[name] for name in WRITTEN), *TOOL)
         for line in text.splitlines()
         if not line.strip().startswith("- [")
     }

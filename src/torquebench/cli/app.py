@@ -45,6 +45,7 @@ COMMANDS = {
         "paper": "audit",
         "tune": "tune",
         "falsify": "falsify",
+        "arena": "arena",
         "why": "why",
     },
     "Arms and laws": {"import": "importing", "new-law": "new_law"},

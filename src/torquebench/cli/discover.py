@@ -119,7 +119,7 @@ def value_text(value: Any, unit: str) -> str:
 def configs() -> int:
     """List the experiments that come with the package.
 
-    `run`, `sweep`, `tune` and `falsify` take their names.
+    `run`, `sweep`, `tune`, `arena` and `falsify` take their names.
     """
     found = shipped_configs()
     texts = {name: first_line(path) for name, path in found.items()}
@@ -134,7 +134,7 @@ def configs() -> int:
 
 def _command_for(text: str) -> str:
     """Return the command that a config is for."""
-    return next((section for section in ("sweep", "tune", "falsify") if f"\n{section}:" in text), "run")
+    return next((section for section in ("sweep", "tune", "arena", "falsify") if f"\n{section}:" in text), "run")
 
 
 class Shown(File):

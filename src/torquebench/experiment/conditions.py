@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from torquebench.experiment.presets import write_presets
 from torquebench.experiment.source import Document, assign, split_key
 from torquebench.experiment.sweep_section import MAX_KEYS, NOT_VARIED
 from torquebench.experiment.words import shown
@@ -42,3 +43,4 @@ def set_keys(document: Document, keys: Mapping[str, Any], file: Document, path: 
     for key, value in keys.items():
         place = file.place((*path, key))
         assign(document, split_key(key) or [], copied(value), place, place)
+    write_presets(document.root, document.add)

@@ -23,12 +23,13 @@ from torquebench.robot.library import ArmFile
 from torquebench.sim.friction import FRICTIONS, Friction
 from torquebench.sim.joints import JOINTS, Transmission
 
-SWEEP, AUDIT, FALSIFY, TUNE = "sweep", "audit", "falsify", "tune"
+SWEEP, AUDIT, FALSIFY, TUNE, ARENA = "sweep", "audit", "falsify", "tune", "arena"
 MANY = {
     SWEEP: "torquebench sweep FILE, or one of its runs by torquebench run --from-sweep DIR --index K",
     AUDIT: "torquebench audit FILE, or one of its conditions by torquebench sweep DIR/conditions/CONDITION/sweep.yaml",
     FALSIFY: "torquebench falsify FILE, or one of its cases by torquebench run DIR/NAME/worst.yaml",
     TUNE: "torquebench tune FILE, or the tuned laws by torquebench run DIR/tuned.yaml",
+    ARENA: "torquebench arena FILE, or one of its entries by torquebench run DIR/entries/CHAIN/ENTRY.yaml",
 }
 """Section that makes many runs of an experiment -> what to type instead of ``torquebench run``."""
 WORDS: dict[Any, Any] = {Friction: FRICTIONS, Transmission: JOINTS}

@@ -43,6 +43,7 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     Args:
         laws: Names of the laws to describe; all that are registered if left out.
     """
+    from torquebench.experiment.arena_section import Arena
     from torquebench.experiment.falsify_section import Falsify
     from torquebench.experiment.sweep_section import Sweep
     from torquebench.experiment.tune_section import Tune
@@ -50,6 +51,7 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
     top, sweep = group_of(Experiment), Key("What `torquebench sweep` varies; not for other commands")
     falsify = Key("What `torquebench falsify` may do to the laws to break them; not for other commands")
     tune = Key("What `torquebench tune` tunes the laws for, all of them alike; not for other commands")
+    arena = Key("Where `torquebench arena` tunes and judges laws; not for other commands")
     name = top.fields["name"]._replace(default=None)
     compared = top.fields["controllers"]._replace(type=controllers(laws))
     fields = top.fields | {
@@ -58,6 +60,7 @@ def experiment_json_schema(laws: Iterable[str] | None = None) -> dict[str, Any]:
         "sweep": declare("sweep", sweep, group_of(Sweep), None),
         "falsify": declare("falsify", falsify, group_of(Falsify), None),
         "tune": declare("tune", tune, group_of(Tune), None),
+        "arena": declare("arena", arena, group_of(Arena), None),
     }
     whole = Group("Experiment", top.doc, fields.values(), dict).type().model_json_schema()
     groups = whole.pop("$defs")

@@ -28,7 +28,7 @@ MAX_DRAWS = 10_000_000
 MAX_VALUES = 10_000
 MAX_KEYS = 64
 MAX_WORD = 64
-NOT_VARIED = ("sweep", "falsify", "tune", "name", "description", "figures", "video")
+NOT_VARIED = ("sweep", "falsify", "tune", "arena", "name", "description", "figures", "video")
 """Sections and keys that decide nothing of what is run."""
 RANGE_WORDS = {"start", "stop", "step", "num", "min", "max", "to", "count", "spacing"}
 EVERY = "controllers.*."

@@ -1,0 +1,176 @@
+"""Who is better, and who ranks where: scores paired by draw, with the spread of draws and of tunings counted together.
+
+Nothing here knows a law: entries are their scores. Two entries tie where the interval of their ratio holds 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from torquebench.kernel import Array
+from torquebench.statistics import mean_interval
+
+CONFIDENCE = 0.95
+TOLERANCE = 1.25
+"""Chattering on test draws, over the level, beyond which an entry does not count as one of that level [1]."""
+
+
+class Scores(NamedTuple):
+    """What an entry has to show at one level of chattering on one chain."""
+
+    values: Array
+    """A positive metric, (tunings, conditions, draws); NaN where the run failed."""
+    runs: Array
+    """Share of the tunings whose run failed, of each run that was made, (runs,)."""
+
+    @property
+    def logs(self) -> Array:
+        """Mean over conditions of ln, (tunings, draws); NaN where a run of the draw failed."""
+        with np.errstate(divide="ignore"):
+            found: Array = np.mean(np.log(self.values), axis=1)
+        return found
+
+
+class Ratio(NamedTuple):
+    """One entry's metric over another's."""
+
+    ratio: float
+    """Geometric mean over tunings, conditions and draws [1]; NaN where no draw has both."""
+    low: float
+    high: float
+    """Ends of its interval, in which the spread of draws and that of tunings are added as independent ones."""
+    tuning: float
+    """What the spread of tunings alone makes of the interval: its half-width as a factor [1]."""
+    pairs: int
+    """Draws in which all runs of both completed."""
+
+
+NO_RATIO = Ratio(math.nan, math.nan, math.nan, math.nan, 0)
+
+
+def compare(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> Ratio:
+    """Return the ratio of a's metric to b's over paired draws.
+
+    The difference of ln, averaged over conditions and tunings, has Student's interval over draws; the means of single
+    tunings have Welch's. With half-widths h_d and h_t the interval is the ratio times exp(+-sqrt(h_d^2 + h_t^2)): a
+    difference that another tuning seed would turn round is none.
+
+    Args:
+        a, b: Scores under the same conditions and draws.
+        confidence: Probability content of the interval [1].
+    """
+    x, y = a.logs, b.logs
+    known = ~(np.isnan(x).any(axis=0) | np.isnan(y).any(axis=0))
+    if not known.any():
+        return NO_RATIO
+    x, y = x[:, known], y[:, known]
+    mean, half = mean_interval((x.mean(axis=0) - y.mean(axis=0)).tolist(), confidence)
+    tuned = _welch(x.mean(axis=1), y.mean(axis=1), confidence)
+    whole = math.hypot(half, tuned)
+    return Ratio(_exp(mean), _exp(mean - whole), _exp(mean + whole), _exp(tuned), int(known.sum()))
+
+
+def _exp(x: float) -> float:
+    return math.exp(x) if x < 700.0 else math.inf
+
+
+def _welch(x: Array, y: Array, confidence: float) -> float:
+    """Return the half-width of Welch's interval for the difference of two means; 0 where nothing spreads."""
+    parts = [(float(np.var(z, ddof=1)) / len(z), len(z) - 1) for z in (x, y) if len(z) > 1]
+    variance = sum(part for part, _ in parts)
+    if variance <= 0.0:
+        return 0.0
+    free = variance * variance / sum(part * part / degrees for part, degrees in parts)
+    return float(special.stdtrit(free, 0.5 + 0.5 * confidence)) * math.sqrt(variance)
+
+
+def fails_more(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
+    """Whether a fails in more runs than b by more than chance: an exact sign test of the runs in which they differ."""
+    more, less = int(np.sum(a.runs > b.runs)), int(np.sum(a.runs < b.runs))
+    return more > less and float(special.bdtr(less, more + less, 0.5)) < 0.5 * (1.0 - confidence)
+
+
+def is_better(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
+    """Whether a beats b: it fails less, or no more and its error is smaller by more than chance and tuning explain.
+
+    Args:
+        a, b: Scores under the same conditions and draws.
+        confidence: Of the decision [1].
+    """
+    if fails_more(a, b, confidence):
+        return False
+    return fails_more(b, a, confidence) or compare(a, b, confidence).high < 1.0
+
+
+class Standing(NamedTuple):
+    """Where an entry stands."""
+
+    entry: str
+    rank: int | None
+    """1 + how many entries are better; None of one that is not ranked."""
+    last: int | None
+    """How many are not worse: the last rank that it may have."""
+    value: float
+    """Geometric mean of the metric; NaN without a draw that completed."""
+    low: float
+    high: float
+    """Ends of its interval over draws."""
+    tuning: float
+    """Largest mean of a tuning over the smallest [1]."""
+    chattering: float
+    """Geometric mean of chattering on test draws [% of the torque limit]."""
+    failed: int
+    runs: int
+    """Runs that failed, of how many."""
+    note: str = ""
+    """Why it is not ranked."""
+
+
+def rank(scores: Mapping[str, Scores], confidence: float = CONFIDENCE) -> dict[str, tuple[int, int]]:
+    """Return the first and the last rank that each entry may have: 1 + how many are better, and how many are not worse.
+
+    Entries that tie may share ranks; where nothing can be told of an entry, it has all of them.
+
+    Args:
+        scores: Entry -> what it has to show, all under the same conditions and draws.
+        confidence: Of each comparison [1].
+    """
+    beats = {
+        name: {other for other, its in scores.items() if other != name and is_better(own, its, confidence)}
+        for name, own in scores.items()
+    }
+    return {
+        name: (1 + sum(name in worse for worse in beats.values()), len(scores) - len(beats[name])) for name in scores
+    }
+
+
+def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[float, float, float, float]:
+    """Return the geometric mean, the ends of its interval over draws, and the largest tuning's mean over the smallest.
+
+    Args:
+        scores: What an entry has to show.
+        confidence: Probability content of the interval [1].
+    """
+    logs = scores.logs
+    logs = logs[:, ~np.isnan(logs).any(axis=0)]
+    if not logs.size:
+        return math.nan, math.nan, math.nan, math.nan
+    mean, half = mean_interval(logs.mean(axis=0).tolist(), confidence)
+    own = logs.mean(axis=1)
+    return _exp(mean), _exp(mean - half), _exp(mean + half), _exp(float(own.max() - own.min()))
+
+
+def best_at(points: Sequence[tuple[float, float]], level: float) -> int | None:
+    """Return which point has the least error at no more chattering than a level; None where there is none.
+
+    Args:
+        points: Chattering and error of each; NaN of one that failed.
+        level: The level, in the unit of the chattering.
+    """
+    known = [(error, i) for i, (chattering, error) in enumerate(points) if chattering <= level and error == error]
+    return min(known)[1] if known else None

@@ -1,0 +1,283 @@
+"""What an arena leaves: ``arena.json``, from which everything is ranked again without another run."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import hashlib
+import inspect
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, mean_of, rank
+from torquebench.errors import ResultError, did_you_mean
+from torquebench.experiment.arena_section import CHATTERING
+from torquebench.experiment.values import from_json
+from torquebench.keys import Vector
+from torquebench.laws import find_law, law_names
+from torquebench.laws.law import Law
+from torquebench.sim.sandbox import SandboxedLaw
+
+FORMAT = 1
+TUNED, SELF = "tuned", "self"
+"""Rulesets: gains that tuning found within the budget; gains that the law has by itself, without any evaluation."""
+RULESETS = {TUNED: "tuned", SELF: "as given: no evaluation but the law's own adaptation"}
+LEAST = 1e-6
+"""Chattering counts as at least this where its geometric mean is taken [% of the torque limit]."""
+DIGITS = 4
+"""Significant digits of what is stored."""
+
+Values = dict[str, dict[str, tuple[float | None, ...]]]
+"""Condition -> metric -> its value in each draw; None where the run failed. One value where nothing is random."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """One set of gains, and what came of it on the test draws."""
+
+    seed: int | None
+    """The tuning that found it; None for the gains that the entry had."""
+    gains: dict[str, float | tuple[float, ...]]
+    chattering: float | None
+    error: float | None
+    """What the tuning saw of it: geometric means over training conditions and draws; None where a run failed."""
+    values: Values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """An entry on a chain."""
+
+    chain: str
+    entry: str
+    law: str
+    options: dict[str, str | bool]
+    fuzzy: str | None = None
+    source: str
+    """``torquebench``, or the name of the file that has the law."""
+    digest: str
+    """Of the law's source, without comments and docstrings."""
+    loops: int
+    """Closed loops that tuning ran, over all seeds."""
+    seconds: float
+    """Their length together [s]."""
+    fronts: tuple[tuple[tuple[float, float], ...], ...]
+    """Of each tuning the best choices that it found: chattering and error, neither of which another one beats."""
+    judged: tuple[Judged, ...]
+
+    @property
+    def name(self) -> str:
+        """How the row is called: ``CHAIN/ENTRY``."""
+        return f"{self.chain}/{self.entry}"
+
+    @property
+    def state(self) -> str:
+        """Why the row has expired; nothing while its law is there as it was."""
+        if self.law not in law_names():
+            return f"expired: law '{self.law}' is not there any more"
+        return "" if digest_of(find_law(self.law)) == self.digest else "expired: its law has changed since"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """An arena: its study, its budget, its seal, and its rows."""
+
+    format: int = FORMAT
+    name: str
+    date: str
+    software: dict[str, str]
+    machine: dict[str, str]
+    study: str
+    """The config, whole."""
+    arms: dict[str, str] = field(default_factory=dict)
+    seal: dict[str, str]
+    """``commitment``, the hash that was written before the first run; ``secret``, revealed after the last."""
+    metric: str
+    metrics: tuple[str, ...]
+    levels: tuple[float, ...]
+    """Chattering at which laws are compared [% of the torque limit]."""
+    chains: tuple[str, ...]
+    burdens: tuple[str, ...]
+    held_out: tuple[str, ...]
+    evaluations: int
+    seeds: int
+    draws: int
+    rows: tuple[Row, ...]
+
+    def row(self, name: str) -> Row:
+        """Return the row called ``CHAIN/ENTRY``.
+
+        Raises:
+            ResultError: there is none.
+        """
+        found = {row.name: row for row in self.rows}
+        if name not in found:
+            raise ResultError(f"no row '{name}'{did_you_mean(name, found)}")
+        return found[name]
+
+    def scores(self, row: Row, level: float, metric: str = "", ruleset: str = TUNED, held_out: bool = False) -> Scores:
+        """Return what a row has to show at a level of chattering.
+
+        Args:
+            row: The row.
+            level: Chattering on training conditions that its gains do not exceed [% of the torque limit].
+            metric: What is compared; the arena's own if left out.
+            ruleset: One of `RULESETS`.
+            held_out: Whether under the held-out conditions instead of the burdens.
+
+        Raises:
+            ResultError: the metric is not stored, or a tuning has no gains of this level.
+        """
+        if (metric or self.metric) not in self.metrics:
+            raise ResultError(f"metric '{metric}' is not stored{did_you_mean(metric, self.metrics)}")
+        names = self.held_out if held_out else self.burdens
+        picked = picks(row, level, ruleset)
+        missing = sum(one is None for one in picked)
+        if missing:
+            few = f" in {missing} of {len(picked)} tunings" if missing < len(picked) else ""
+            raise ResultError(f"does not reach {level:g} %{few}")
+        tables = [[_row_of(one.values[name][metric or self.metric]) for name in names] for one in picked if one]
+        most = max((len(draws) for table in tables for draws in table), default=0)
+        values = np.array([[np.broadcast_to(x, most) if len(x) == 1 else x for x in table] for table in tables])
+        failed = [np.mean([np.isnan(table[i]) for table in tables], axis=0) for i in range(len(names))]
+        return Scores(values.reshape(len(tables), len(names), most), np.concatenate([*failed, np.zeros(0)]))
+
+    def standings(
+        self, chain: str, level: float, metric: str = "", ruleset: str = TUNED, held_out: bool = False
+    ) -> list[Standing]:
+        """Return where each entry of a chain stands, the best first; those that are not ranked come last, with why.
+
+        Args:
+            chain: The chain.
+            level, metric, ruleset, held_out: As of `scores`.
+        """
+        known, notes = dict[str, Scores](), dict[str, str]()
+        chattering = dict[str, float]()
+        for row in self.rows:
+            if row.chain != chain:
+                continue
+            try:
+                own = self.scores(row, level, metric, ruleset, held_out)
+                measured = self.scores(row, level, CHATTERING, ruleset, held_out)
+            except ResultError as error:
+                notes[row.entry] = row.state or str(error)
+                continue
+            known[row.entry] = own
+            chattering[row.entry] = mean_of(measured._replace(values=np.maximum(measured.values, LEAST)))[0]
+            above = f"chatters {chattering[row.entry]:.3g} % on test draws"
+            seen = chattering[row.entry] if not held_out else 0.0
+            notes[row.entry] = row.state or (above if seen > TOLERANCE * level else "")
+        ranks = rank({name: own for name, own in known.items() if not notes[name]})
+        found = []
+        for name, note in notes.items():
+            if name in known:
+                own = known[name]
+                runs, failed = own.values.shape[0] * len(own.runs), own.values.shape[0] * float(own.runs.sum())
+                value, low, high, tuning = mean_of(own)
+                where = value, low, high, tuning, chattering[name], round(failed), runs
+            else:
+                where = math.nan, math.nan, math.nan, math.nan, math.nan, 0, 0
+            first, last = ranks.get(name, (None, None))
+            found.append(Standing(name, first, last, *where, note))
+        return sorted(
+            found,
+            key=lambda one: (one.rank or math.inf, one.last or 0, one.value if one.value == one.value else math.inf),
+        )
+
+    def to_json(self) -> bytes:
+        """Return the file: a line for each row."""
+        facts = {key: value for key, value in dataclasses.asdict(self).items() if key != "rows"}
+        head = json.dumps(facts, indent=1, ensure_ascii=False).removesuffix("\n}")
+        rows = ",\n".join(json.dumps(dataclasses.asdict(row), separators=(",", ":")) for row in self.rows)
+        return f'{head},\n "rows": [\n{rows}\n]}}\n'.encode()
+
+
+def _row_of(values: Iterable[float | None]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([math.nan if x is None else x for x in values])
+
+
+def picks(row: Row, level: float, ruleset: str = TUNED) -> list[Judged | None]:
+    """Return the gains of each tuning that have the least training error at no more training chattering than a level.
+
+    Args:
+        row: The row.
+        level: The level [% of the torque limit].
+        ruleset: One of `RULESETS`; without tuning there is one set of gains.
+    """
+    found = list[Judged | None]()
+    for seed in range(len(row.fronts)) if ruleset == TUNED else [None]:
+        own = [one for one in row.judged if one.seed == seed]
+        points = [
+            (math.inf, math.nan) if one.chattering is None or one.error is None else (one.chattering, one.error)
+            for one in own
+        ]
+        at = best_at(points, level)
+        found.append(None if at is None else own[at])
+    return found
+
+
+def digest_of(law: Law) -> str:
+    """Return the digest of a law's source file as it is parsed: comments, docstrings and layout do not count."""
+    tree = ast.parse(_text(law))
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if (
+            isinstance(body, list)
+            and body
+            and isinstance(body[0], ast.Expr)
+            and isinstance(body[0].value, ast.Constant)
+        ):
+            node.body = body[1:]  # type: ignore[attr-defined]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16]
+
+
+def _text(law: Law) -> str:
+    """Return the text of a law's file."""
+    if isinstance(law.function, SandboxedLaw):
+        return law.function.text
+    return Path(inspect.getsourcefile(law.function) or "").read_text(encoding="utf-8")
+
+
+def source_of(law: Law) -> str:
+    """Return ``torquebench`` for a law that ships, else the name of its file."""
+    if isinstance(law.function, SandboxedLaw):
+        return law.function.file
+    module = law.function.__module__
+    return "torquebench" if module.startswith("torquebench.") else Path(inspect.getsourcefile(law.function) or "").name
+
+
+def stored(x: float) -> float | None:
+    """Return a number as it is stored: in `DIGITS` digits, None where it is not finite."""
+    return float(f"{x:.{DIGITS}g}") if math.isfinite(x) else None
+
+
+def plain_gains(gains: Mapping[str, Vector]) -> dict[str, float | tuple[float, ...]]:
+    """Return gains as they are stored."""
+    return {name: tuple(map(float, x)) if isinstance(x, tuple) else float(x) for name, x in gains.items()}
+
+
+def read_record(path: Path) -> Record:
+    """Read ``arena.json``.
+
+    Args:
+        path: The file, or its folder.
+
+    Raises:
+        ResultError: it is no such file.
+    """
+    path = path / "arena.json" if path.is_dir() else path
+    try:
+        found = from_json(Record, path.read_bytes())
+    except OSError as error:
+        raise ResultError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        raise ResultError(f"{path}: is no arena ({str(error).splitlines()[0]})") from error
+    if found.format != FORMAT:
+        raise ResultError(f"{path}: has format {found.format}, this version reads {FORMAT}")
+    return found

@@ -1,0 +1,352 @@
+"""The arena: run, stored, ranked again, entered by one more law, made again, refused."""
+
+from __future__ import annotations
+
+import json
+import platform
+import runpy
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import torquebench
+from torquebench.arena.record import Record, picks, read_record
+from torquebench.arenas import (
+    ALIKE,
+    Arena,
+    against,
+    check_row,
+    difference,
+    entry_config,
+    run_arena,
+    study_of,
+)
+from torquebench.cli.app import main
+from torquebench.errors import ConfigError, ResultError
+from torquebench.experiment.seal import commitment
+from torquebench.laws import find_law, law_names
+from torquebench.sim.sandbox import SandboxedLaw
+
+STUDY: dict[str, Any] = {
+    "name": "small",
+    "plant": {"engine": "analytic", "model": "two-link"},
+    "controllers": [
+        {"law": "computed-torque", "gains": "auto"},
+        {"law": "pd-gravity", "gains": "auto"},
+        {"law": "linear-band-smc", "gains": "auto"},
+    ],
+    "reference": {"kind": "sine", "amplitude": [0.5, -0.4], "frequency_hz": [0.5, 0.7]},
+    "run": {"duration": 1.0, "control_period": 0.002, "metrics_from": 0.3},
+    "arena": {
+        "laws": "listed",
+        "chains": {"slow": {"chain": "slow"}},
+        "training": {"sine": {}},
+        "burdens": {"nominal": {}, "noise": {"disturbances": "30 %"}},
+        "held_out": {"payload": {"plant.payload": {"mass": 1}}},
+        "levels": ["2 %", "20 %"],
+        "sampler": "random",
+        "evaluations": 6,
+        "seeds": 2,
+        "draws": 3,
+    },
+}
+"""An arena of a few seconds."""
+
+
+UNKNOWN = """\
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from torquebench import Array, Gain, controller, gravity
+
+
+class Gains(NamedTuple):
+    lam: Annotated[Array, Gain("slope", "1/s")]
+    kv: Annotated[Array, Gain("damping over inertia", "1/s")]
+
+
+@controller("unknown-law", gains=Gains)
+def unknown_law(gains, model, t, q, qd, ref, memory, tau):
+    gravity(model, q, tau)
+    tau += gains.kv * model.inertia_scale * np.asarray(ref.qd - qd + gains.lam * (ref.q - q))
+"""
+
+
+def edited(**section: Any) -> dict[str, Any]:
+    """Return the study with other keys in its section."""
+    return {**STUDY, "arena": {**STUDY["arena"], **section}}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the arena."""
+    path = tmp_path_factory.mktemp("arena") / "out"
+    run_arena(STUDY, folder=path, seed=3, workers=2)
+    return path
+
+
+@pytest.fixture(scope="module")
+def record(folder: Path) -> Record:
+    """What it left."""
+    return read_record(folder)
+
+
+def test_rows_are_the_same_on_any_number_of_workers_and_resumed(folder: Path, tmp_path: Path) -> None:
+    """One worker and two, and a folder in which a row is missing, leave the same bytes."""
+    run_arena(STUDY, folder=tmp_path / "one", seed=3, workers=1)
+    assert (tmp_path / "one/arena.json").read_bytes() == (folder / "arena.json").read_bytes()
+    before = (tmp_path / "one/report.html").read_bytes()
+    (tmp_path / "one/rows/slow--pd-gravity.json").unlink()
+    (tmp_path / "one/arena.json").unlink()
+    run_arena(STUDY, folder=tmp_path / "one", workers=2)
+    assert (tmp_path / "one/arena.json").read_bytes() == (folder / "arena.json").read_bytes()
+    assert (tmp_path / "one/report.html").read_bytes() == before
+    with pytest.raises(ConfigError, match="another arena"):
+        run_arena(edited(draws=4), folder=tmp_path / "one")
+
+
+def test_draws_are_sealed_and_apart_from_those_of_training(folder: Path, record: Record) -> None:
+    """The hash of the secret stands before the runs; another secret is another seed, and none is that of training."""
+    sealed = json.loads((folder / "seal.json").read_text())
+    assert record.seal["commitment"] == sealed["commitment"] == commitment(record.seal["secret"])
+    track = study_of(STUDY).tracks["slow"].sealed(5)
+    assert {one.experiment.run.seed for one in track.tests}.isdisjoint(
+        {one.experiment.run.seed for one in track.training}
+    )
+    found = [run_arena(store=False, study=edited(evaluations=2, draws=2)).record.seal["commitment"] for _ in range(2)]
+    assert found[0] != found[1]
+
+
+def test_every_law_has_the_same_budget(record: Record) -> None:
+    """Evaluations x seeds x training conditions, in closed loops and in seconds of them."""
+    assert {row.loops for row in record.rows} == {6 * 2 * 1}
+    assert {row.seconds for row in record.rows} == {12.0}
+
+
+def test_picked_gains_do_not_chatter_more_than_the_level_where_they_were_tuned(record: Record) -> None:
+    """Of each tuning those with the least error among what was judged; a lower level never has less error."""
+    for row in record.rows:
+        for seed in range(record.seeds):
+            errors = []
+            for level in record.levels:
+                one = picks(row, level)[seed]
+                if one is not None:
+                    assert one.chattering is not None
+                    assert one.error is not None
+                    assert one.chattering <= level
+                    errors.append(one.error)
+            assert errors == sorted(errors, reverse=True)
+
+
+def test_exchanging_two_laws_stored_scores_exchanges_their_places(record: Record) -> None:
+    """Nothing in the arena knows a law by name."""
+    a, b, *rest = record.rows
+    other = replace(record, rows=(replace(a, judged=b.judged), replace(b, judged=a.judged), *rest))
+    names = {a.entry: b.entry, b.entry: a.entry}
+    for level in record.levels:
+        before, after = record.standings("slow", level), other.standings("slow", level)
+        told = {own.entry: own[1:] for own in after}
+        assert {own.entry: told[names.get(own.entry, own.entry)] for own in before} == {o.entry: o[1:] for o in before}
+
+
+def test_the_same_law_under_two_names_ties() -> None:
+    """A null arena: equal seeds give equal gains, and the two share a rank."""
+    twice = [{"name": name, "law": "computed-torque", "gains": "auto"} for name in ("one", "other")]
+    found = run_arena(store=False, study={**edited(evaluations=3), "controllers": twice}).standings("slow", 20.0)
+    assert [own[1:3] for own in found] == [(1, 2), (1, 2)]
+    assert found[0][2:] == found[1][2:]
+
+
+def test_a_row_can_be_made_again_and_a_forged_one_is_found_out(folder: Path, tmp_path: Path, record: Record) -> None:
+    """From the file alone every figure comes again; one that is better than the truth does not."""
+    assert check_row(folder, "slow/pd-gravity") <= ALIKE
+    row = record.row("slow/pd-gravity")
+    values = {
+        key: {m: tuple(x and 0.9 * x for x in own) for m, own in table.items()}
+        for key, table in row.judged[0].values.items()
+    }
+    forged = replace(row, judged=(replace(row.judged[0], values=values), *row.judged[1:]))
+    rows = tuple(forged if own.name == row.name else own for own in record.rows)
+    (tmp_path / "arena.json").write_bytes(replace(record, rows=rows).to_json())
+    assert check_row(tmp_path, "slow/pd-gravity") > 0.05
+    assert main(["arena", str(tmp_path / "arena.json"), "--check", "slow/pd-gravity", "-q"]) == 1
+    with pytest.raises(ResultError, match="did you mean 'slow/pd-gravity'"):
+        check_row(folder, "slow/pd-gravit")
+
+
+def test_the_config_of_a_row_replays_what_is_stored(record: Record, folder: Path) -> None:
+    """An experiment run by itself has the stored figures of the last burden's first draw: 4 digits are stored."""
+    row = record.row("slow/linear-band-smc")
+    text = entry_config(record, row.name)
+    assert (folder / "entries/slow/linear-band-smc.yaml").read_text() == text
+    result = torquebench.run_experiment(torquebench.load_experiment(yaml.safe_load(text)))
+    for one, found in zip(row.judged, result.to_dataframe()["rmse"], strict=True):
+        assert found == pytest.approx(one.values["noise"]["rmse"][0], rel=1e-3)
+
+
+def test_one_law_enters_beside_the_stored_rivals(folder: Path, tmp_path: Path, record: Record) -> None:
+    """Its row is that of an arena in which it was from the start; the rivals stay as they stand."""
+    found = against(folder, laws=["pd"], folder=tmp_path / "new")
+    assert found.record.rows[: len(record.rows)] == record.rows
+    whole = {**STUDY, "controllers": [{"law": "pd", "gains": "auto"}]}
+    (row,) = run_arena(store=False, study=whole, seed=3).record.rows
+    assert found.record.rows[-1] == row
+    assert {own.entry for own in found.standings("slow", 20.0)} >= {"pd", "pd-gravity"}
+    with pytest.raises(ConfigError, match="no law enters"):
+        against(folder, store=False)
+    with pytest.raises(ConfigError, match="did you mean 'pd"):
+        against(folder, laws=["pdd"], store=False)
+
+
+def test_a_row_without_its_law_expires(record: Record) -> None:
+    """It is shown and not ranked: one whose law is gone, and one whose law has changed."""
+    a, b, *rest = record.rows
+    old = replace(record, rows=(replace(a, law="gone"), replace(b, digest="0"), *rest))
+    notes = {own.entry: own for own in old.standings("slow", 20.0)}
+    assert notes[a.entry].rank is None
+    assert "is not there any more" in notes[a.entry].note
+    assert notes[b.entry].rank is None
+    assert "has changed since" in notes[b.entry].note
+    with pytest.raises(ResultError, match="expired"):
+        entry_config(old, a.name)
+
+
+def test_stored_arenas_are_ranked_again_by_another_level_and_metric(record: Record) -> None:
+    """No run is made; a level below all of them has nobody, and a metric that is not stored is refused."""
+    assert [own.rank for own in record.standings("slow", 1e-9)] == [None] * 3
+    assert {own.value for own in record.standings("slow", 20.0, "max_error")} != {
+        own.value for own in record.standings("slow", 20.0)
+    }
+    with pytest.raises(ResultError, match="not stored"):
+        record.scores(record.rows[0], 20.0, "effort")
+
+
+def test_a_file_reads_back_as_it_was_written(record: Record, tmp_path: Path) -> None:
+    """What is read is what was written, and another file is refused with its name."""
+    (tmp_path / "arena.json").write_bytes(record.to_json())
+    assert read_record(tmp_path) == record
+    for text in ("", "{}", "[1]", json.dumps({"format": 9})):
+        (tmp_path / "arena.json").write_text(text)
+        with pytest.raises(ResultError, match=r"arena\.json"):
+            read_record(tmp_path)
+
+
+def test_differences_are_relative_and_see_what_is_missing() -> None:
+    """A figure off by a tenth, a run that failed in one alone, a value more."""
+    assert difference({"a": [1.0, 2.0]}, {"a": (1.0, 2.2)}) == pytest.approx(0.2 / 2.2)
+    assert difference([1.0, None], [1.0, 2.0]) == difference([1.0], [1.0, 1.0]) == float("inf")
+
+
+def test_all_laws_enter_unless_listed() -> None:
+    """Every registered law has an entry with gains of its own, beside those that the file lists."""
+    own = {**STUDY, "controllers": [{"name": "mine", "law": "pd", "gains": "auto"}]}
+    (track,) = study_of({**own, "arena": {**STUDY["arena"], "laws": "all"}}).tracks.values()
+    assert sorted(one.law for one in track.base.controllers) == sorted(law_names())
+    assert len(study_of(own).tracks["slow"].base.controllers) == 1
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ({"levels": [0.2, 0.1]}, r"arena\.levels.*rising"),
+        ({"metric": "rmsee"}, r"arena\.metric.*did you mean 'rmse'"),
+        ({"metric": "chattering"}, r"arena\.metric.*an error"),
+        ({"seeds": 1}, r"arena\.seeds"),
+        ({"training": {}}, r"arena\.training"),
+        ({"burdens": {"a": {"chian": "slow"}}}, r"chian.*did you mean 'chain'"),
+        ({"burdens": {"a": {"run.seed": 3}}}, r"run\.seed.*arena's own"),
+        ({"burdens": {"a": {"controllers": []}}}, r"cannot be varied"),
+        ({"held_out": {"nominal": {}}}, r"held_out\.nominal.*burden too"),
+    ],
+)
+def test_mistakes_are_refused_with_their_place(section: dict[str, Any], message: str) -> None:
+    """Each is named with its key, and what was wanted."""
+    with pytest.raises(ConfigError, match=message):
+        study_of(edited(**section))
+
+
+def test_the_command_ranks_and_prints(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A stored arena as table, as JSON, as Markdown and as LaTeX; options that do not fit are refused."""
+    stored = str(folder / "arena.json")
+    assert main(["arena", stored]) == 0
+    assert "slow, at 20 % chattering" in capsys.readouterr().out
+    assert main(["arena", stored, "--json", "--metric", "max_error"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["standings"]) == 3 * 2
+    for flag, word in (("--markdown", "## As given"), ("--latex", "\\toprule"), ("--config", "controllers:")):
+        assert main(["arena", stored, flag, *(["slow/pd-gravity"] if flag == "--config" else [])]) == 0
+        assert word in capsys.readouterr().out
+    assert main(["arena", stored, "--against", stored]) == 2
+    assert main(["arena", "studies/arena", "--check", "slow/pid"]) == 2
+    assert main(["arena"]) == 2
+
+
+def test_an_arena_is_a_table_and_a_figure(folder: Path) -> None:
+    """A row for each entry, level, ruleset and set of conditions; a panel for each chain."""
+    found = torquebench.read_arena(folder)
+    assert isinstance(found, Arena)
+    assert len(found.to_dataframe()) == 3 * 2 * 2 * 2
+    assert [ax.get_title(loc="left") for ax in found.figure().axes] == ["slow"]
+    with pytest.raises(ResultError, match="did you mean 'slow'"):
+        found.standings("slo", 20.0)
+
+
+def test_a_quick_look_is_the_first_chain_alone() -> None:
+    """Few evaluations and draws; what is asked for besides is kept."""
+    study = study_of(edited(chains={"fast": {"chain": "fast"}, "slow": {"chain": "slow"}}), quick=True)
+    assert list(study.tracks) == ["fast"]
+    assert (study.asked.evaluations, study.asked.seeds, study.asked.tests) == (4, 2, 2)
+    assert study.asked.levels == (0.02, 0.2)
+
+
+def test_the_page_of_the_docs_takes_an_arena_between_its_marks(record: Record) -> None:
+    """What stands around them stays, and a second arena replaces the first."""
+    page = runpy.run_path("scripts/arena_page.py")["page"]
+    text = page("before\n<!-- arena -->\nEARLIER\n<!-- /arena -->\nafter\n", record)
+    assert text.startswith("before\n<!-- arena -->\n## What came out\n")
+    assert text.endswith("<!-- /arena -->\nafter\n")
+    assert "EARLIER" not in text
+    assert page(text, record) == text
+    assert "<!-- arena -->" in Path("docs/arena.md").read_text(encoding="utf-8")
+
+
+def test_the_shipped_study_is_valid_and_has_the_ablations() -> None:
+    """Every law enters; beside the proposed one stand no FIS, clip(x + y), no integral and no band."""
+    study = study_of("studies/arena")
+    (track, *_) = study.tracks.values()
+    options = {one.name: one.options for one in track.base.controllers if one.law == "fuzzy-linear-band-smc"}
+    own = options["proposed"]
+    changed = {
+        name: {key: value for key, value in found.items() if value != own[key]} for name, found in options.items()
+    }
+    assert changed == {
+        "proposed": {},
+        "proposed-model": {"equivalent_control": True},
+        "proposed-no-fuzzy": {"compensation": "off"},
+        "proposed-clipped-sum": {"compensation": "clipped-sum"},
+        "proposed-no-integral": {"integral": False},
+        "proposed-no-band": {"band": "sign"},
+    }
+    assert {one.law for one in track.base.controllers} == set(law_names())
+    assert {"step", "quintic"} & {one.experiment.to_dict()["reference"]["kind"] for one in track.training}
+
+
+@pytest.mark.slow
+def test_a_law_of_somebody_unknown_enters_in_a_process_of_its_own(folder: Path, tmp_path: Path) -> None:
+    """A file outside the dialect runs in a process that has nothing but its inputs; its row names the file.
+
+    9 s: each closed loop has a process, and asks it at each of its instants.
+    """
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        pytest.skip("needs Linux on x86-64")
+    file = tmp_path / "unknown_law.py"
+    file.write_text(UNKNOWN)
+    found = against(folder, plugins=[file], store=False)
+    row = found.record.row("slow/unknown-law")
+    assert row.source == file.name
+    assert isinstance(find_law("unknown-law").function, SandboxedLaw)
+    assert all(x is not None for one in row.judged for x in one.values["nominal"]["rmse"])

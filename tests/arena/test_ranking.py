@@ -1,0 +1,103 @@
+"""Who is better: the interval of a ratio, ties, failures, and that no name counts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from torquebench.arena.ranking import Scores, best_at, compare, fails_more, is_better, rank
+from torquebench.statistics import paired_ratio
+
+RNG = np.random.default_rng(11)
+
+
+def drawn(level: float, tuning: float, draws: int = 10, seeds: int = 3, noise: float = 0.1) -> Scores:
+    """Return scores around a level, with a spread of tunings, one of draws in common and one of single runs."""
+    logs = math.log(level) + tuning * RNG.standard_normal((seeds, 1, 1)) + noise * RNG.standard_normal((1, 2, draws))
+    return Scores(np.exp(logs + 0.02 * RNG.standard_normal((seeds, 2, draws))), np.zeros(2 * draws))
+
+
+def with_failures(scores: Scores, count: int) -> Scores:
+    """Return scores of which every tuning fails in the first draws of the first condition."""
+    values, runs = scores.values.copy(), scores.runs.copy()
+    values[:, 0, :count], runs[:count] = np.nan, 1.0
+    return Scores(values, runs)
+
+
+def test_one_tuning_has_the_interval_of_paired_draws() -> None:
+    """With one tuning and one condition the ratio is that of `paired_ratio`, which is tested by itself."""
+    a, b = (np.exp(RNG.standard_normal((1, 1, 12))) for _ in range(2))
+    found, known = (
+        compare(Scores(a, np.zeros(12)), Scores(b, np.zeros(12))),
+        paired_ratio(a.ravel().tolist(), b.ravel().tolist()),
+    )
+    assert found[:3] == pytest.approx(known[:3], rel=1e-12)
+    assert found.tuning == 1.0
+
+
+def test_tunings_have_the_interval_of_welch() -> None:
+    """Where draws do not spread, the interval is Welch's of the means of the tunings, by scipy."""
+    logs = RNG.standard_normal((2, 4))
+    a, b = (Scores(np.exp(np.repeat(own[:, None, None], 5, axis=2)), np.zeros(5)) for own in logs)
+    known = stats.ttest_ind(*logs, equal_var=False).confidence_interval(0.95)
+    assert np.log(compare(a, b)[1:3]) == pytest.approx([known.low, known.high], rel=1e-9)
+
+
+def test_exchanging_two_laws_scores_exchanges_their_ranks() -> None:
+    """Ranks go by scores alone: whichever entry has the worst ones is last, whatever its name."""
+    own = {"fuzzy-linear-band-smc": drawn(1.0, 0.01), "pid": drawn(2.0, 0.01), "smc": drawn(4.0, 0.01)}
+    assert rank(own) == {"fuzzy-linear-band-smc": (1, 1), "pid": (2, 2), "smc": (3, 3)}
+    own["fuzzy-linear-band-smc"], own["smc"] = own["smc"], own["fuzzy-linear-band-smc"]
+    assert rank(own) == {"fuzzy-linear-band-smc": (3, 3), "pid": (2, 2), "smc": (1, 1)}
+
+
+def test_the_same_law_twice_ties() -> None:
+    """A null arena has no winner."""
+    own = drawn(1.0, 0.3)
+    assert rank({"one": own, "other": own}) == {"one": (1, 2), "other": (1, 2)}
+    ratio = compare(own, own)
+    assert ratio.ratio == 1.0
+    assert ratio.low < 1.0 < ratio.high
+
+
+def test_null_arenas_are_decided_wrongly_in_one_of_twenty_at_most() -> None:
+    """Of 400 pairs that differ by chance alone, tunings and draws, at most 5 % have a winner (+ 3 sigma, 3.3 %)."""
+    for tuning in (0.0, 0.1, 0.5):
+        wrong = 0
+        for _ in range(400):
+            a, b = drawn(1.0, tuning), drawn(1.0, tuning)
+            wrong += is_better(a, b) or is_better(b, a)
+        assert wrong <= 0.083 * 400, (tuning, wrong)
+
+
+def test_a_difference_below_the_spread_of_tunings_is_a_tie() -> None:
+    """5 % less error is a win where tunings agree and none where they differ by 20 %, whatever the draws say."""
+    base = np.exp(0.1 * RNG.standard_normal((1, 2, 20)))
+    for spread, wins in ((1.001, True), (1.2, False)):
+        factors = np.array([1.0 / spread, 1.0, spread])[:, None, None]
+        a, b = Scores(0.95 * base * factors, np.zeros(40)), Scores(base * factors, np.zeros(40))
+        assert is_better(a, b) is wins
+        assert not is_better(b, a)
+
+
+def test_failures_are_counted_and_never_averaged() -> None:
+    """Who fails in more runs by more than chance is behind, however small the error; a few failures decide nothing."""
+    good, bad = drawn(1.0, 0.0), drawn(5.0, 0.0)
+    assert rank({"a": with_failures(good, 8), "b": bad}) == {"a": (2, 2), "b": (1, 1)}
+    assert rank({"a": with_failures(good, 3), "b": bad}) == {"a": (1, 1), "b": (2, 2)}
+    assert compare(with_failures(good, 3), bad).pairs == 7
+    never = with_failures(good, 10)
+    assert math.isnan(compare(never, bad).ratio)
+    assert rank({"a": never, "b": bad}) == {"a": (2, 2), "b": (1, 1)}
+    # six of six that differ: p = 2/64 < 5 %, five of five: 2/32 > 5 %
+    assert fails_more(with_failures(good, 6), good)
+    assert not fails_more(with_failures(good, 5), good)
+
+
+def test_the_least_error_at_no_more_chattering_is_picked() -> None:
+    """A level is a bound; what failed is never picked, and nothing where all chatter more."""
+    points = [(1.0, 9.0), (2.0, 4.0), (3.0, 1.0), (0.5, math.nan)]
+    assert [best_at(points, level) for level in (0.6, 1.0, 2.5, 9.0)] == [None, 0, 1, 2]
