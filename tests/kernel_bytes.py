@@ -64,6 +64,11 @@ GAINS = {
     "rho_end": 0.03,
     "shrink": 5.0,
     "rho_s": 3.0,
+    "wo": 80.0,
+    "m": 0.8,
+    "error": 0.02,
+    "rate": 2.0,
+    "bound": 1.5,
 }
 
 

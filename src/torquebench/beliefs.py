@@ -35,6 +35,10 @@ def fields_read(law: Law, gains: Any) -> frozenset[str] | None:
     return _fields_read(law, tuple((name, getattr(gains, name)) for name in law.options))
 
 
+ABOUT_ORIGIN = {"mass", "com", "inertia"}
+"""What `Model.about_origin` is derived from."""
+
+
 @lru_cache(maxsize=256)
 def _fields_read(law: Law, options: tuple[tuple[str, int], ...]) -> frozenset[str] | None:
     if complaints(law):
@@ -44,7 +48,8 @@ def _fields_read(law: Law, options: tuple[tuple[str, int], ...]) -> frozenset[st
         reader.follow(law.function, dict(zip(ARGUMENTS, (GAINS, MODEL, *[UNKNOWN] * 6), strict=True)))
     except _Untold:
         return None
-    return frozenset(reader.fields - {"scratch"})
+    found = reader.fields - {"scratch"}
+    return frozenset(found | (ABOUT_ORIGIN if "about_origin" in found else set()))
 
 
 class _Reader:

@@ -494,7 +494,9 @@ def test_a_disk_that_refuses_is_status_3(quick, command, monkeypatch):
 SHIPPED = sorted((data_root() / "configs").rglob("*.yaml"))
 SWEEPS = [path for path in SHIPPED if "\nsweep:" in path.read_text(encoding="utf-8")]
 AUDITS = [path for path in SHIPPED if "\naudit:" in path.read_text(encoding="utf-8")]
-SEARCHES = [path for path in SHIPPED if re.search(r"^(falsify|tune):", path.read_text(encoding="utf-8"), re.MULTILINE)]
+SEARCHES = [
+    path for path in SHIPPED if re.search(r"^(falsify|tune|arena):", path.read_text(encoding="utf-8"), re.MULTILINE)
+]
 CONFIGS = [path for path in SHIPPED if path not in (*SWEEPS, *AUDITS, *SEARCHES)]
 
 

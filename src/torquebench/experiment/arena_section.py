@@ -19,7 +19,7 @@ from torquebench.experiment.tune_section import DRAWN, MAX_EVALUATIONS
 from torquebench.experiment.values import Anything, Here
 from torquebench.experiment.yaml_tree import Seq, tree_of
 from torquebench.keys import Key
-from torquebench.laws import law_names
+from torquebench.laws import find_law, law_names
 from torquebench.metrics import METRICS, MetricInfo
 from torquebench.registry import SLUG
 
@@ -148,14 +148,16 @@ def take_arena(document: Document) -> Arena:
 
 
 def _enter_all(document: Document) -> None:
-    """Add a controller with ``gains: auto`` for each law that no controller runs."""
+    """Add a controller with ``gains: auto`` for each law that no controller runs and that the model has links for."""
     place = document.place((ARENA,))
     if not isinstance(document.root.get("controllers"), Seq):
         document.root.put("controllers", Seq(), place, place)
     items = document.root["controllers"]
     taken = {str(item.get(key)) for item in items if isinstance(item, dict) for key in ("law", "name")}
+    model = document.root.get("model")
+    structure = model.get("structure", "exact") if isinstance(model, dict) else "exact"
     for law in law_names():
-        if law not in taken:
+        if law not in taken and not find_law(law).misfit(structure):
             items.append(tree_of({"name": law, "law": law, "gains": AUTO}, place))
             items.places.append(place)
     write_presets(document.root, document.add)

@@ -154,9 +154,9 @@ class FuzzySystem:
             for i, (word, variable) in enumerate(zip(rule.when, self.inputs, strict=False)):
                 if word not in (*variable.names, ANY):
                     names = (*variable.names, ANY)
-                    unknown.append(f"unknown term '{word}' of input {i + 1}{did_you_mean(word, names)}")
+                    unknown.append(f"unknown term {word!r} of input {i + 1}{did_you_mean(word, names)}")
             if rule.then not in self.output.names:
-                unknown.append(f"unknown consequent '{rule.then}'{did_you_mean(rule.then, self.output.names)}")
+                unknown.append(f"unknown consequent {rule.then!r}{did_you_mean(rule.then, self.output.names)}")
             findings += [Finding("rule", "error", ("rules", k), message) for message in unknown]
             condition = rule.when, rule.either
             if said.setdefault(condition, rule.then) != rule.then:

@@ -145,7 +145,7 @@ def _compiled(arm: ArmFile) -> Compiled:
     return Compiled(m, passive)
 
 
-LARGEST, QUICKEST, FLATTEST = 1e12, 1e9, 1e-12
+LARGEST, QUICKEST, FLATTEST = 1e12, 1e12, 1e-12
 """No arm has a torque limit or a torque of gravity beyond the first [N m], gains speed faster than the second at its
 limit [rad/s^2], or has joints whose mass matrix is nearer to singular than the third, scaled to a diagonal of ones."""
 

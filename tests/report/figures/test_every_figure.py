@@ -48,7 +48,8 @@ HOMES = {
 }
 """Files whose figures are drawn below."""
 SWEEPS = {
-    f"report/figures/{name}.py" for name in ("border", "convergence", "heatmap", "lines", "sensitivity", "violins")
+    f"report/figures/{name}.py"
+    for name in ("border", "convergence", "heatmap", "lines", "sensitivity", "tuning", "violins")
 }
 """Files of a sweep's figures, whose axes `test_sweep_figures` reads: some are words."""
 
