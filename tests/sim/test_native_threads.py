@@ -36,7 +36,8 @@ def trials(plant: str, count: int = 32) -> list[SampledTrial]:
     for i in range(count):
         n_steps = LONGEST - 37 * (i % 6)
         noise, push = (x[:n_steps].copy() for x in signals(n, LONGEST))
-        controller = every[i * len(every) // count].controller(n)
+        variant = every[i * len(every) // count]
+        controller = variant.controller(n)
         if i % 5 == 4:
             controller = faulty_laws.controller(faulty_laws.not_a_number, n, at=0.001 * (20 + i), joint=i % n)
         if i % 7 == 6:
@@ -45,7 +46,7 @@ def trials(plant: str, count: int = 32) -> list[SampledTrial]:
         found.append(
             sampled_trial(
                 controller,
-                belief_of(plant),
+                belief_of(plant, variant.law),
                 list(REFERENCES.values())[i % 4](n),
                 0.001 * n_steps,
                 chain=chain,
