@@ -19,7 +19,7 @@ from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import Progress
 from torquebench.experiment.seal import commitment, new_secret, seed_of, today
-from torquebench.experiment.source import apply_overrides, read_document
+from torquebench.experiment.source import apply_overrides, read_document, set_key
 from torquebench.experiment.store import (
     MANIFEST,
     RunDirectory,
@@ -314,7 +314,7 @@ def _stored_study(record: Record, laws: Sequence[str]) -> Study:
     document = read_document(record.study, RECORD)
     for path, text in record.arms.items():
         document.arms[path] = None, ArmFile(arm_name(path), text)
-    document.root["arena"]["laws"] = "all"
+    set_key(document, "arena.laws", "all")
     study = take_study(document)
     known = {controller.law for track in study.tracks.values() for controller in track.base.controllers}
     missing = [law for law in laws if law not in known]
