@@ -18,6 +18,7 @@ from torquebench.arena.record import Record, picks, read_record
 from torquebench.arenas import (
     ALIKE,
     Arena,
+    _stored_study,
     against,
     check_row,
     difference,
@@ -201,6 +202,13 @@ def test_one_law_enters_beside_the_stored_rivals(folder: Path, tmp_path: Path, r
         against(folder, store=False)
     with pytest.raises(ConfigError, match="did you mean 'pd"):
         against(folder, laws=["pdd"], store=False)
+
+
+def test_a_stored_study_that_names_no_laws_is_read_again(record: Record) -> None:
+    """As the shipped one is, in which all laws enter: what is stored is that text."""
+    text = "\n".join(line for line in record.study.splitlines() if "laws:" not in line)
+    assert text != record.study
+    assert list(_stored_study(replace(record, study=text), ()).tracks) == ["slow"]
 
 
 def test_a_row_without_its_law_expires(record: Record) -> None:
