@@ -83,6 +83,24 @@ def test_the_answer_when_the_best_does_not_chatter(result):
     assert "None chatters: at most 0.02 % of the torque limit." in plain(answer(quiet))
 
 
+@pytest.mark.parametrize(("asked", "shares", "told"), [(9.0, 0.5, True), (9.0, 0.01, False), (0.5, 0.5, False)])
+def test_a_motion_that_the_arm_cannot_do_has_no_winner(result, tmp_path, asked, shares, told):
+    """Too much torque asked for and the best law at its limit: that is said first, nobody is best; one alone is not it.
+
+    At 9 times its frequency a sine takes 81 times the torque of inertia; saturation is put in by hand.
+    """
+    (tmp_path / "page.yaml").write_text(CONFIG.replace("[0.5, 0.7]", f"[{0.5 * asked}, {0.7 * asked}]"))
+    experiment = load_experiment(tmp_path / "page.yaml")
+    run = dataclasses.replace(result, built=None, experiment=experiment)
+    values = {"rmse": (1e-3, 4e-3, 2e-3), "saturation_fraction": (shares / 2, 1.0, 1.0)}
+    run = with_metrics(run, **values)
+    text, marked = plain(answer(run)), [c.kind for row in controller_rows(run) for c in row["cells"]]
+    said = "The motion cannot be done: 2 joints are at their torque limit, up to 50 % of the time even with the law"
+    assert text.startswith(f"{said} that errs least; no law is better here.") == told
+    assert ("follows best" in text) == ("best" in marked) == (not told)
+    assert ('class="answer shaky"' in run_page(run).decode()) >= told
+
+
 def test_a_page_of_which_all_controllers_shake_is_marked_and_asks_why(result):
     """The answer is marked only where none is still; the command that says why is there where one shakes."""
     one, all_of_them, none = (

@@ -32,6 +32,8 @@ POSES = 100
 TINY = 1e-300
 INSTANTS = 2000
 """Instants of a reference at which its torque is looked at."""
+TOO_MUCH = "the reference needs more torque than the arm has"
+"""How the remark on it begins; a stored run has it as text."""
 ROUNDED = 1e-9
 """What rounding may make of a torque at its limit [1]."""
 
@@ -183,7 +185,7 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
     at, unit = int(np.argmax(share[:, worst])), "N" if loop.model.flat.kind[worst] == SLIDE else "N m"
     others = [loop.joint_names[j] for j in over if j != worst]
     return [
-        f"the reference needs more torque than the arm has: {loop.joint_names[worst]} {abs(tau[at, worst]):.4g} {unit} "
+        f"{TOO_MUCH}: {loop.joint_names[worst]} {abs(tau[at, worst]):.4g} {unit} "
         f"at {at * step * experiment.run.control_period:.4g} s, its limit is {loop.plant.tau_max[worst]:.4g} {unit}"
         + (f"; so do {', '.join(others)}" if others else "")
     ]

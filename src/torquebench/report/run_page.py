@@ -17,7 +17,7 @@ from torquebench.kernel import is_foreign
 from torquebench.laws import find_law
 from torquebench.metrics import METRICS, MetricInfo
 from torquebench.metrics.shaking import shaking
-from torquebench.report.answer import answer
+from torquebench.report.answer import answer, impossible
 from torquebench.report.looks import looks
 from torquebench.report.render import THREE, UPLOT, render
 from torquebench.report.replay import replay_data
@@ -79,6 +79,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
     data, order = replay_data(result, colours), [row["name"] for row in rows]
     data["controllers"].sort(key=lambda shown: order.index(shown["name"]))
     shaky = {name for name, metrics in result.metrics.items() if shaking(metrics, result.joints.tau_max)}
+    all_shake, cannot = shaky.issuperset(name for name, run in result.runs.items() if run.completed), impossible(result)
     return render(
         "run",
         scripts=[UPLOT, THREE, "page", "run"],
@@ -89,7 +90,8 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         title=experiment.name,
         lead=experiment.description or first,
         answer=answer(result),
-        none_well=shaky.issuperset(name for name, run in result.runs.items() if run.completed),
+        ranked=not cannot,
+        none_well=all_shake or bool(cannot),
         result=result,
         titles=[Title.of(info, slides) for info, slides, _ in headline_columns(result)],
         rows=rows,
@@ -122,9 +124,12 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
 
 
 def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
-    """Return a row for each controller with its headline metrics, by error; failed ones come last."""
+    """Return a row for each controller with its headline metrics, by error; failed ones come last.
+
+    The best of each column is marked, unless the arm cannot do the motion.
+    """
     names = [keys.name for keys in result.experiment.controllers]
-    columns = []
+    columns, none_best = [], bool(impossible(result))
     for info, _, values in headline_columns(result):
         known = [values[name] for name in names]
         cells = number_cells([None if x is None else x * info.scale for x in known])
@@ -135,7 +140,9 @@ def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
             if some and x == (min if info.better == "lower" else max)(some)
         }
         ranked = (
-            info.unit != "Hz" and len({cell.text for cell, x in zip(cells, known, strict=True) if x is not None}) > 1
+            info.unit != "Hz"
+            and not none_best
+            and len({cell.text for cell, x in zip(cells, known, strict=True) if x is not None}) > 1
         )
         columns.append([cell._replace(kind="best" if ranked and cell.text in best else "") for cell in cells])
     rows = [
