@@ -15,6 +15,9 @@ from torquebench.metrics.shaking import is_still
 from torquebench.metrics.torque import SATURATED
 from torquebench.report.tables import number
 
+ALIKE = 0.05
+"""How far from 1 a ratio of efforts is worth no word [1]."""
+
 
 def answer(result: ExperimentResult) -> Markup:
     """Return the answer as HTML, names in bold.
@@ -77,6 +80,11 @@ def times(a: float, b: float) -> str:
     return f"{ratio:.2g} times" if ratio < 9.95 else f"{float(f'{ratio:.3g}'):,.0f} times"
 
 
+def _alike(a: float, b: float) -> bool:
+    """Whether `a` over `b` is within `ALIKE` of 1."""
+    return abs(a - b) <= ALIKE * b
+
+
 def _following(result: ExperimentResult) -> list[Markup]:
     errors, info = values_of(result, "rmse"), METRICS["rmse"]
     if not errors:
@@ -121,15 +129,19 @@ def _costs(result: ExperimentResult) -> list[Markup]:
     best, calm, weak = (next(iter(values)) for values in (errors, chattering, effort))
     if is_still(chattering[best]) or best == calm:
         other = list(effort)[-1] if best != list(effort)[-1] else weak
+        if _alike(effort[best], effort[other]):
+            return []
         return [
             Markup("{} takes {} the torque effort of {}.").format(
                 _bold([best]), times(effort[best], effort[other]), _bold([other])
             )
         ]
+    paid = f"{times(chattering[best], chattering[calm])} the chattering"
+    if not _alike(effort[best], effort[calm]):
+        paid += f" and {times(effort[best], effort[calm])} the torque effort"
     return [
-        Markup("Following best costs {} the chattering and {} the torque effort of {}, which has {} the error.").format(
-            times(chattering[best], chattering[calm]),
-            times(effort[best], effort[calm]),
+        Markup("Following best costs {} of {}, which has {} the error.").format(
+            paid,
             _bold([calm]),
             times(errors[calm], errors[best]),
         )

@@ -16,20 +16,27 @@ from torquebench.experiment.run import ExperimentResult
 from torquebench.kernel import is_foreign
 from torquebench.laws import find_law
 from torquebench.metrics import METRICS, MetricInfo
+from torquebench.metrics.chattering import STILL
 from torquebench.metrics.shaking import shaking
 from torquebench.report.answer import answer, impossible
 from torquebench.report.looks import looks
 from torquebench.report.render import THREE, UPLOT, render
 from torquebench.report.replay import replay_data
 from torquebench.report.scatter import Point, scatter
-from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text, uncovered
+from torquebench.report.tables import (
+    by_joint,
+    gain_table,
+    heading,
+    headline_columns,
+    number,
+    outcome_text,
+    uncovered,
+    without_common_words,
+)
 from torquebench.robot.library import ArmFile, scene_path
 
 SIGNALS = ("error", "torque", "position", "sliding", "deflection")
 """Signals that a page may show; of the last two those that some run has."""
-LEAST = 1e-3
-"""Smaller figures of the table are written as ``<0.001``; the stored one is told under the pointer."""
-
 
 MORE = ("hf", "total_variation", "effort")
 """Metrics whose columns are shown when they are asked for: few ask, and they make the table wider than a screen."""
@@ -101,6 +108,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         scatter=scatter_of(result, colours),
         heat=heat_rows(result),
         joints=result.joints.names,
+        short=without_common_words(result.joints.names),
         unit=joint_units(METRICS["rmse"].shown_unit, result.slides),
         by_joint=by_joint(result),
         certificates=certificate_words(result),
@@ -160,7 +168,7 @@ def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
 
 def number_cells(values: Sequence[float | None]) -> list[Cell]:
     """Return numbers of a column, as shown in its unit, with four digits; None gives a dash."""
-    return [Cell(number(x) if x is None or x == 0.0 or abs(x) >= LEAST else f"<{LEAST:g}", x) for x in values]
+    return [Cell(number(x), x) for x in values]
 
 
 def scatter_of(result: ExperimentResult, colours: Mapping[str, str]) -> str:
@@ -178,7 +186,7 @@ def scatter_of(result: ExperimentResult, colours: Mapping[str, str]) -> str:
         if x is not None and y is not None
     ]
     unit = joint_units(error.shown_unit, result.slides)
-    return scatter(points, "chattering [% of the torque limit]", f"RMS error [{unit}]")
+    return scatter(points, "chattering [% of the torque limit]", f"RMS error [{unit}]", (STILL, "does not chatter"))
 
 
 def heat_rows(result: ExperimentResult) -> list[dict[str, Any]]:
