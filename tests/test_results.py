@@ -150,6 +150,7 @@ def test_a_notebook_shows_tables_and_no_markup_of_the_config(result):
     shown = result._repr_html_()
     assert "<table" in shown
     assert "RMSE [mrad]" in shown
+    assert "follows best: RMS error" in shown
     assert "<" not in repr(result).strip("<>")
     assert "2 of 2 controllers completed" in repr(result)
 

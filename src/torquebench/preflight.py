@@ -27,7 +27,6 @@ from torquebench.diagnosis.margins import (
 )
 from torquebench.diagnosis.parts import as_yaml, layers, strengths, with_share
 from torquebench.diagnosis.poles import Pole, poles_of
-from torquebench.diagnosis.seen import SATURATED
 from torquebench.experiment.build import Builder, Loop
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Experiment
@@ -36,6 +35,7 @@ from torquebench.keys import altered, as_vector
 from torquebench.metrics import from_joints, per_joint
 from torquebench.metrics.chattering import STILL
 from torquebench.metrics.shaking import shaking
+from torquebench.metrics.torque import SATURATED
 from torquebench.references import Reference
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import ArmSource

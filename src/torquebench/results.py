@@ -23,6 +23,7 @@ from torquebench.figures import FIGURES
 from torquebench.laws.plugin import load_plugin
 from torquebench.metrics import applicable
 from torquebench.references.reference import depends_on_arm
+from torquebench.report.answer import answer
 from torquebench.report.run import add_figures, draw_run, stored_page, view_of, write_run
 from torquebench.report.run_page import run_page
 from torquebench.report.tables import headline_table
@@ -422,7 +423,7 @@ class Result:
         header, rows = headline_table(self.numbers)
         table = pd.DataFrame(rows, columns=header).to_html(index=False, border=0)
         lines = "<br>".join(html.escape(line) for line in (*self.conditions.splitlines(), *self.flags))
-        return f"<p><b>{html.escape(self.experiment.name)}</b><br>{lines}</p>{table}"
+        return f"<p><b>{html.escape(self.experiment.name)}</b><br>{lines}</p><p>{answer(self.numbers)}</p>{table}"
 
 
 def _metrics(numbers: ExperimentResult, name: str) -> dict[str, Any]:

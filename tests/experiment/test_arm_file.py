@@ -15,6 +15,7 @@ from torquebench.cli.app import main
 from torquebench.errors import ConfigError
 from torquebench.experiment import load_experiment as load_file
 from torquebench.experiment.build import build
+from torquebench.experiment.certify import planned_torque
 
 ARM = """<mujoco><compiler angle="radian"/><asset><mesh name="m" file="link.stl"/></asset><worldbody>
 <body><inertial mass="2" pos="0.3 0 0" diaginertia="0.02 0.03 0.03"/>
@@ -248,6 +249,24 @@ def test_what_the_arm_cannot_do_of_its_reference_is_said_before_the_run(config: 
     assert f"a {needed.max():.3g}"[:4] in said
     assert f"at {t[needed.argmax()]:.4g} s" in said
     assert "limit is 60 N m" in said
+    k = int(needed.argmax())
+    parts = {"gravity": -2 * 9.81 * 0.3 * np.cos(q), "inertia": 0.21 * qdd, "friction": 1.5 * qd + 0.4 * np.sign(qd)}
+    sign = np.sign(sum(parts.values())[k])  # one link has no velocity terms, and friction is small where it turns round
+    told = dict(part.rsplit(" ", 1) for part in said.partition("(")[2].rstrip(")").split(", "))
+    assert set(told) == {name for name, x in parts.items() if abs(x[k]) > 0.005 * needed[k]} >= {"gravity", "inertia"}
+    for name, text in told.items():
+        assert float(text) == pytest.approx(sign * parts[name][k], rel=6e-3), name  # three digits
+
+
+@pytest.mark.parametrize(("limit", "told"), [(5.5, True), (6.5, False)])
+def test_an_arm_that_cannot_hold_itself_is_told_so(config: Path, limit: float, told: bool) -> None:
+    """Gravity at the start, m g c cos 0 = 5.886 N m, against the limit; the line is there where it is more."""
+    config.write_text(CONFIG)
+    arm = config.parent / "arms" / "my-arm.xml"
+    arm.write_text(arm.read_text().replace("60", f"{limit}"))
+    experiment = load_experiment(config)
+    lines = [line for line in planned_torque(experiment, build(experiment)) if "hold itself" in line]
+    assert [f"gravity alone needs 5.886 N m of a, its limit is {limit} N m" in line for line in lines] == [True] * told
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from torquebench.kernel import Array, clip, sign
 from torquebench.laws.parts import Slope, Switching, UseModel, equivalent_control
 from torquebench.metrics import Metrics, from_joints, per_joint
 from torquebench.metrics.chattering import chattering_index
+from torquebench.metrics.shaking import shaking
 from torquebench.references.reference import highest_frequency
 from torquebench.registry import restored
 from torquebench.robot.flat_model import Model
@@ -344,3 +345,23 @@ def test_the_linear_law_of_equal_slope_tells_noise_from_switching() -> None:
         assert metrics["plain"].chattering.value == pytest.approx(own, rel=1e-9)
         assert metrics["linear-band"].chattering.value == pytest.approx(own, rel=1e-3)
         assert metrics["linear-band"].limit_cycle.value == 0.0
+
+
+def test_corners_of_saturation_are_no_shaking() -> None:
+    """A slow torque cut off at its limit chatters by its corners and does not shake; what also swings or switches does.
+
+    One swings at 30 Hz beside a torque that is cut off, one by itself and is cut off a fifth of the time, and noise
+    throws one from limit to limit, so that it is always at one. Of two joints the one that swings is told.
+    """
+    cut = np.clip(sine(1.0, 200.0), -100.0, 100.0)
+    both = np.clip(sine(1.0, 75.0) + sine(30.0, 8.0), -100.0, 100.0)
+    switched = 100.0 * np.sign(np.random.default_rng(1).standard_normal(len(cut)))
+    limits = [100.0, 100.0]
+    found = of_torque(cut, cut)
+    assert found.chattering.value is not None
+    assert found.chattering.value > 1.0
+    assert shaking(found, limits) is None
+    for other in (sine(30.0, 2.0), both, switched):
+        seen = shaking(of_torque(cut, other), limits)
+        assert seen is not None
+        assert seen.joint == 1

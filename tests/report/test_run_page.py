@@ -83,6 +83,24 @@ def test_the_answer_when_the_best_does_not_chatter(result):
     assert "None chatters: at most 0.02 % of the torque limit." in plain(answer(quiet))
 
 
+@pytest.mark.parametrize(("asked", "shares", "told"), [(9.0, 0.5, True), (9.0, 0.01, False), (0.5, 0.5, False)])
+def test_a_motion_that_the_arm_cannot_do_has_no_winner(result, tmp_path, asked, shares, told):
+    """Too much torque asked for and the best law at its limit: that is said first, nobody is best; one alone is not it.
+
+    At 9 times its frequency a sine takes 81 times the torque of inertia; saturation is put in by hand.
+    """
+    (tmp_path / "page.yaml").write_text(CONFIG.replace("[0.5, 0.7]", f"[{0.5 * asked}, {0.7 * asked}]"))
+    experiment = load_experiment(tmp_path / "page.yaml")
+    run = dataclasses.replace(result, built=None, experiment=experiment)
+    values = {"rmse": (1e-3, 4e-3, 2e-3), "saturation_fraction": (shares / 2, 1.0, 1.0)}
+    run = with_metrics(run, **values)
+    text, marked = plain(answer(run)), [c.kind for row in controller_rows(run) for c in row["cells"]]
+    said = "The motion cannot be done: 2 joints are at their torque limit, up to 50 % of the time even with the law"
+    assert text.startswith(f"{said} that errs least; no law is better here.") == told
+    assert ("follows best" in text) == ("best" in marked) == (not told)
+    assert ('class="answer shaky"' in run_page(run).decode()) >= told
+
+
 def test_a_page_of_which_all_controllers_shake_is_marked_and_asks_why(result):
     """The answer is marked only where none is still; the command that says why is there where one shakes."""
     one, all_of_them, none = (
@@ -118,11 +136,27 @@ def test_rows_go_by_error_and_the_best_is_marked(result):
     assert rows[0]["cells"][0].kind == "best"
 
 
-def test_numbers_end_at_one_edge():
-    """Four digits and nothing behind them, so that the right edge is common to all; what is below 0.001 says so."""
-    cells = number_cells([0.04148, 602.1, 500.0, 1.25e-5, 0.0, None])
-    assert [cell.text for cell in cells] == ["0.04148", "602.1", "500", "<0.001", "0", "-"]
-    assert cells[3].value == 1.25e-5
+def test_a_small_number_is_told_as_it_is():
+    """Four digits of each, however small: the table says what the terminal and the answer say."""
+    cells = number_cells([0.04148, 602.1, 500.0, 2.676e-4, 1.2541e-5, 0.0, None])
+    assert [cell.text for cell in cells] == ["0.04148", "602.1", "500", "0.0002676", "1.254e-05", "0", "-"]
+
+
+@pytest.mark.parametrize(("effort", "told"), [(0.104, False), (0.096, False), (0.106, True), (0.094, True)])
+def test_an_effort_that_is_the_same_is_worth_no_word(result, effort, told):
+    """Between 0.95 and 1.05 times the other's the torque effort is left out, beside chattering and by itself."""
+    columns = {"rmse": (1e-3, 4e-3, 2e-3), "effort": (effort, 0.1, 0.1)}
+    loud = plain(answer(with_metrics(result, chattering=(30.0, 1.5, 6.0), **columns)))
+    assert ("the torque effort of band" in loud) == told
+    assert "Following best costs 20 times the chattering" in loud
+    assert ("torque effort" in plain(answer(with_metrics(result, chattering=(0.01, 0.02, 0.03), **columns)))) == told
+
+
+def test_heat_names_joints_by_what_tells_them_apart(result):
+    """The table of joints leaves out what all names begin and end with, and has the whole name under the pointer."""
+    joints = result.joints._replace(names=("robot0:pan_joint", "robot0:lift_joint"))
+    page = run_page(dataclasses.replace(result, joints=joints)).decode()
+    assert '<th class="number" title="robot0:pan_joint">pan</th>' in page
 
 
 def test_heat_is_the_ratio_to_the_best_of_the_joint(result):

@@ -87,3 +87,20 @@ def test_zero_is_at_the_edge():
     at = places(str(scatter([Point("none", 0.0, 1.0, "#000000"), *POINTS], "x", "y")))
     assert at["none"][0] == LEFT
     assert at["band"][0] > LEFT
+
+
+def test_what_is_little_is_shaded_and_not_blown_up():
+    """All below the limit: the axis goes from 0 to it in equal steps. Some above: logarithms, shaded up to it."""
+    little = (0.1, "does not chatter")
+    low = [Point(name, x, 1.0 + x, "#000000") for name, x in (("a", 0.02), ("b", 0.04), ("c", 0.08))]
+    svg = str(scatter(low, "x", "y", little))
+    at, width = places(svg), WIDTH - RIGHT - LEFT
+    assert [at[p.name][0] for p in low] == pytest.approx([LEFT + p.x / 0.1 * width for p in low], abs=0.1)
+    assert f'<rect x="{LEFT}" y="{TOP}" width="{float(width)}"' in svg
+    assert ">does not chatter</text>" in svg
+    assert all(f">{x:g}</text>" in svg for x in (0, 0.02, 0.1))
+    mixed = str(scatter(POINTS, "x", "y", little))
+    edge = LEFT + float(re.search(r'<rect [^>]*width="([\d.]+)"', mixed)[1])
+    assert places(mixed) == places(str(scatter(POINTS, "x", "y")))
+    assert places(mixed)["band"][0] < edge < places(mixed)["b&lt;c"][0]
+    assert "<rect" not in str(scatter([p for p in POINTS if p.x > 0.1], "x", "y", little))

@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw
 from torquebench.errors import VideoError
 from torquebench.experiment.schema import Video
 from torquebench.laws.law import law_names
+from torquebench.report.tables import without_common_words
 from torquebench.scene.look import Scene
 from torquebench.sim.trajectory import Outcome, Trajectory
 from torquebench.video.job import SEPARATOR, Footage, Shot
@@ -21,7 +22,6 @@ from torquebench.video.overlay import (
     Overlay,
     layout_for,
     titles,
-    without_common_words,
 )
 from torquebench.video.paint import FINE, band, fill, font, text_width, wrap, write
 
@@ -267,6 +267,8 @@ def test_time_is_written_and_moves():
         (["r_elbow_flex_joint", "r_wrist_joint"], ["elbow_flex", "wrist"]),
         (["joint_1", "joint_2"], ["joint_1", "joint_2"]),
         (["iiwa_joint_1", "iiwa_joint_2"], ["joint_1", "joint_2"]),
+        (["robot0:pan_joint", "robot0:lift_joint"], ["pan", "lift"]),
+        (["arm/panda_joint1", "arm/panda_joint2"], ["joint1", "joint2"]),
         (["elbow_joint"], ["elbow_joint"]),
         (["joint", "elbow_joint"], ["joint", "elbow_joint"]),
         ([], []),

@@ -9,14 +9,13 @@ import numpy as np
 
 from torquebench.kernel import Array
 from torquebench.metrics.shaking import Shaking
+from torquebench.metrics.torque import SATURATED
 from torquebench.sim.trajectory import Trajectory
 
 Kind: TypeAlias = Literal["fails", "shakes", "errs", "saturates"]
 KINDS: tuple[Kind, ...] = ("fails", "shakes", "errs", "saturates")
 ERROR = 0.05
 """RMS error from which on a joint errs, as a share of its motion [1]."""
-SATURATED = 0.02
-"""Share of the time at the torque limit from which on a joint saturates [1]."""
 GROWTH = 2.0
 """Times the torque above the corner in the first half of a window that a run has in the second if it grows [1]."""
 GONE = 2.0

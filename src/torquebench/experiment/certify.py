@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,10 @@ POSES = 100
 TINY = 1e-300
 INSTANTS = 2000
 """Instants of a reference at which its torque is looked at."""
+TOO_MUCH = "the reference needs more torque than the arm has"
+"""How the remark on it begins; a stored run has it as text."""
+SMALL = 0.005
+"""Share of a torque below which one of its parts is not told [1]."""
 ROUNDED = 1e-9
 """What rounding may make of a torque at its limit [1]."""
 
@@ -161,10 +165,11 @@ def resistance(experiment: schema.Experiment, arm: RobotModel | Phases, motion: 
 
 
 def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
-    """Return a line where the reference needs more torque than the arm has, or none.
+    """Return a line where the reference needs more torque than the arm has, and one where gravity at the start does.
 
     It is M qdd_ref + N(q_ref, qd_ref), friction included, of the true arm with what it carries, at up to `INSTANTS`
-    instants; what is drawn, disturbances, is no part of it.
+    instants; what is drawn, disturbances, is no part of it. The line splits it into gravity, inertia, velocity terms
+    (Coriolis and centrifugal) and friction, signed so that they add up to the size that is told.
 
     Args:
         experiment: What is to be run.
@@ -174,18 +179,45 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
     if isinstance(truth, Phases):
         truth = replace(truth, at=-(-truth.at // step))
     motion = Reference(*(x[::step] for x in loop.reference))
-    tau = needed_torque(truth, motion) - resistance(experiment, truth, motion)
-    share = np.abs(tau) / np.asarray(loop.plant.tau_max)
+    limits, units = np.asarray(loop.plant.tau_max), ["N" if kind == SLIDE else "N m" for kind in loop.model.flat.kind]
+    still = _held(truth, loop, limits, units)
+    drag = -resistance(experiment, truth, motion)
+    tau = needed_torque(truth, motion) + drag
+    share = np.abs(tau) / limits
     over = np.flatnonzero(share.max(axis=0) > 1.0 + ROUNDED)
     if not len(over):
-        return []
+        return still
     worst = int(over[np.argmax(share[:, over].max(axis=0))])
-    at, unit = int(np.argmax(share[:, worst])), "N" if loop.model.flat.kind[worst] == SLIDE else "N m"
+    at, unit = int(np.argmax(share[:, worst])), units[worst]
     others = [loop.joint_names[j] for j in over if j != worst]
+    zero = np.zeros_like(motion.qd)
+    gravity, bias = (truth.bias_forces(motion.q, qd)[at, worst] for qd in (zero, motion.qd))
+    friction, sign = drag[at, worst], np.sign(tau[at, worst])
+    parts = {
+        "gravity": gravity,
+        "inertia": tau[at, worst] - bias - friction,
+        "velocity terms": bias - gravity,
+        "friction": friction,
+    }
+    told = [f"{name} {sign * x:.3g}" for name, x in parts.items() if abs(x) >= SMALL * abs(tau[at, worst])]
     return [
-        f"the reference needs more torque than the arm has: {loop.joint_names[worst]} {abs(tau[at, worst]):.4g} {unit} "
-        f"at {at * step * experiment.run.control_period:.4g} s, its limit is {loop.plant.tau_max[worst]:.4g} {unit}"
-        + (f"; so do {', '.join(others)}" if others else "")
+        f"{TOO_MUCH}: {loop.joint_names[worst]} {abs(tau[at, worst]):.4g} {unit} "
+        f"at {at * step * experiment.run.control_period:.4g} s, its limit is {limits[worst]:.4g} {unit}"
+        f" ({', '.join(told)})" + (f"; so do {', '.join(others)}" if others else ""),
+        *still,
+    ]
+
+
+def _held(truth: RobotModel | Phases, loop: Loop, limits: Array, units: Sequence[str]) -> list[str]:
+    """Return a line where gravity alone needs more torque at the start than the arm has, or none."""
+    first = truth.first if isinstance(truth, Phases) else truth
+    gravity = np.abs(first.bias_forces(loop.initial_q[None], np.zeros((1, len(limits))))[0])
+    worst = int(np.argmax(gravity / limits))
+    if gravity[worst] <= limits[worst] * (1.0 + ROUNDED):
+        return []
+    return [
+        f"the arm cannot hold itself where it starts: gravity alone needs {gravity[worst]:.4g} {units[worst]} of "
+        f"{loop.joint_names[worst]}, its limit is {limits[worst]:.4g} {units[worst]}"
     ]
 
 

@@ -13,6 +13,9 @@ from torquebench.metrics.record import JointRecord, pieces, shared, total
 
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 
+SATURATED = 0.02
+"""Share of the time at the torque limit from which on a joint saturates [1]."""
+
 
 class TorqueMeasures(NamedTuple):
     """Measures of a torque; arrays (n,)."""

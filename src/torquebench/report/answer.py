@@ -6,12 +6,17 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
+from torquebench.experiment.certify import TOO_MUCH
 from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
 from torquebench.metrics import METRICS
 from torquebench.metrics.chattering import STILL
 from torquebench.metrics.shaking import is_still
+from torquebench.metrics.torque import SATURATED
 from torquebench.report.tables import number
+
+ALIKE = 0.05
+"""How far from 1 a ratio of efforts is worth no word [1]."""
 
 
 def answer(result: ExperimentResult) -> Markup:
@@ -20,8 +25,30 @@ def answer(result: ExperimentResult) -> Markup:
     Args:
         result: The run; controllers without metrics failed.
     """
+    if told := impossible(result):
+        return Markup(" ").join([told, *_failures(result)])
     sentences = [*_following(result), *_chattering(result), *_costs(result), *_failures(result)]
     return Markup(" ").join(sentences)
+
+
+def impossible(result: ExperimentResult) -> Markup:
+    """Return that the arm cannot do the motion; nothing where it can.
+
+    It cannot where the run remarks that the reference needs more torque than the arm has, and the law that follows
+    best has a joint at its limit for `SATURATED` of the time or longer.
+    """
+    errors = values_of(result, "rmse")
+    if not errors or not any(flag.startswith(TOO_MUCH) for flag in result.flags):
+        return Markup("")
+    shares = [share or 0.0 for share in result.metrics[next(iter(errors))]["saturation_fraction"].per_joint]
+    n, most = sum(share >= SATURATED for share in shares), 100.0 * max(shares)
+    if not n:
+        return Markup("")
+    at = f"{n} joints are at their torque limit, up to" if n > 1 else "one joint is at its torque limit"
+    best = "even with the law that errs least" if len(errors) > 1 else ""
+    return Markup("<b>The motion cannot be done</b>: {} {:.2g} % of the time{}.").format(
+        at, most, f" {best}; no law is better here" if best else ""
+    )
 
 
 def values_of(result: ExperimentResult, key: str) -> dict[str, float]:
@@ -51,6 +78,11 @@ def times(a: float, b: float) -> str:
     if ratio < 1.095:
         return f"{ratio:.2f} times"
     return f"{ratio:.2g} times" if ratio < 9.95 else f"{float(f'{ratio:.3g}'):,.0f} times"
+
+
+def _alike(a: float, b: float) -> bool:
+    """Whether `a` over `b` is within `ALIKE` of 1."""
+    return abs(a - b) <= ALIKE * b
 
 
 def _following(result: ExperimentResult) -> list[Markup]:
@@ -97,15 +129,19 @@ def _costs(result: ExperimentResult) -> list[Markup]:
     best, calm, weak = (next(iter(values)) for values in (errors, chattering, effort))
     if is_still(chattering[best]) or best == calm:
         other = list(effort)[-1] if best != list(effort)[-1] else weak
+        if _alike(effort[best], effort[other]):
+            return []
         return [
             Markup("{} takes {} the torque effort of {}.").format(
                 _bold([best]), times(effort[best], effort[other]), _bold([other])
             )
         ]
+    paid = f"{times(chattering[best], chattering[calm])} the chattering"
+    if not _alike(effort[best], effort[calm]):
+        paid += f" and {times(effort[best], effort[calm])} the torque effort"
     return [
-        Markup("Following best costs {} the chattering and {} the torque effort of {}, which has {} the error.").format(
-            times(chattering[best], chattering[calm]),
-            times(effort[best], effort[calm]),
+        Markup("Following best costs {} of {}, which has {} the error.").format(
+            paid,
             _bold([calm]),
             times(errors[calm], errors[best]),
         )

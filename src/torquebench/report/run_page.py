@@ -16,20 +16,27 @@ from torquebench.experiment.run import ExperimentResult
 from torquebench.kernel import is_foreign
 from torquebench.laws import find_law
 from torquebench.metrics import METRICS, MetricInfo
+from torquebench.metrics.chattering import STILL
 from torquebench.metrics.shaking import shaking
-from torquebench.report.answer import answer
+from torquebench.report.answer import answer, impossible
 from torquebench.report.looks import looks
 from torquebench.report.render import THREE, UPLOT, render
 from torquebench.report.replay import replay_data
 from torquebench.report.scatter import Point, scatter
-from torquebench.report.tables import by_joint, gain_table, heading, headline_columns, number, outcome_text, uncovered
+from torquebench.report.tables import (
+    by_joint,
+    gain_table,
+    heading,
+    headline_columns,
+    number,
+    outcome_text,
+    uncovered,
+    without_common_words,
+)
 from torquebench.robot.library import ArmFile, scene_path
 
 SIGNALS = ("error", "torque", "position", "sliding", "deflection")
 """Signals that a page may show; of the last two those that some run has."""
-LEAST = 1e-3
-"""Smaller figures of the table are written as ``<0.001``; the stored one is told under the pointer."""
-
 
 MORE = ("hf", "total_variation", "effort")
 """Metrics whose columns are shown when they are asked for: few ask, and they make the table wider than a screen."""
@@ -79,6 +86,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
     data, order = replay_data(result, colours), [row["name"] for row in rows]
     data["controllers"].sort(key=lambda shown: order.index(shown["name"]))
     shaky = {name for name, metrics in result.metrics.items() if shaking(metrics, result.joints.tau_max)}
+    all_shake, cannot = shaky.issuperset(name for name, run in result.runs.items() if run.completed), impossible(result)
     return render(
         "run",
         scripts=[UPLOT, THREE, "page", "run"],
@@ -89,7 +97,8 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         title=experiment.name,
         lead=experiment.description or first,
         answer=answer(result),
-        none_well=shaky.issuperset(name for name, run in result.runs.items() if run.completed),
+        ranked=not cannot,
+        none_well=all_shake or bool(cannot),
         result=result,
         titles=[Title.of(info, slides) for info, slides, _ in headline_columns(result)],
         rows=rows,
@@ -99,6 +108,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         scatter=scatter_of(result, colours),
         heat=heat_rows(result),
         joints=result.joints.names,
+        short=without_common_words(result.joints.names),
         unit=joint_units(METRICS["rmse"].shown_unit, result.slides),
         by_joint=by_joint(result),
         certificates=certificate_words(result),
@@ -122,9 +132,12 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
 
 
 def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
-    """Return a row for each controller with its headline metrics, by error; failed ones come last."""
+    """Return a row for each controller with its headline metrics, by error; failed ones come last.
+
+    The best of each column is marked, unless the arm cannot do the motion.
+    """
     names = [keys.name for keys in result.experiment.controllers]
-    columns = []
+    columns, none_best = [], bool(impossible(result))
     for info, _, values in headline_columns(result):
         known = [values[name] for name in names]
         cells = number_cells([None if x is None else x * info.scale for x in known])
@@ -135,7 +148,9 @@ def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
             if some and x == (min if info.better == "lower" else max)(some)
         }
         ranked = (
-            info.unit != "Hz" and len({cell.text for cell, x in zip(cells, known, strict=True) if x is not None}) > 1
+            info.unit != "Hz"
+            and not none_best
+            and len({cell.text for cell, x in zip(cells, known, strict=True) if x is not None}) > 1
         )
         columns.append([cell._replace(kind="best" if ranked and cell.text in best else "") for cell in cells])
     rows = [
@@ -153,7 +168,7 @@ def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
 
 def number_cells(values: Sequence[float | None]) -> list[Cell]:
     """Return numbers of a column, as shown in its unit, with four digits; None gives a dash."""
-    return [Cell(number(x) if x is None or x == 0.0 or abs(x) >= LEAST else f"<{LEAST:g}", x) for x in values]
+    return [Cell(number(x), x) for x in values]
 
 
 def scatter_of(result: ExperimentResult, colours: Mapping[str, str]) -> str:
@@ -171,7 +186,7 @@ def scatter_of(result: ExperimentResult, colours: Mapping[str, str]) -> str:
         if x is not None and y is not None
     ]
     unit = joint_units(error.shown_unit, result.slides)
-    return scatter(points, "chattering [% of the torque limit]", f"RMS error [{unit}]")
+    return scatter(points, "chattering [% of the torque limit]", f"RMS error [{unit}]", (STILL, "does not chatter"))
 
 
 def heat_rows(result: ExperimentResult) -> list[dict[str, Any]]:

@@ -28,7 +28,7 @@ class Point(NamedTuple):
 
 
 class Axis(NamedTuple):
-    """A logarithmic axis: its range, and where its ends are on the picture."""
+    """A logarithmic axis, or a linear one from 0: its range, and where its ends are on the picture."""
 
     low: float
     high: float
@@ -37,11 +37,18 @@ class Axis(NamedTuple):
 
     def at(self, value: float) -> float:
         """Return the place of a value."""
+        if self.low == 0.0:
+            return round(self.start + value / self.high * (self.end - self.start), 1)
         part = math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
         return round(self.start + part * (self.end - self.start), 1)
 
     def ticks(self) -> list[float]:
-        """Return three round values or more: powers of ten, then 1, 2 and 5, tenths, or twentieths of each decade."""
+        """Return three round values or more: powers of ten, then 1, 2 and 5, tenths, or twentieths of each decade.
+
+        A linear axis has fifths.
+        """
+        if self.low == 0.0:
+            return [self.high * k / 5 for k in range(6)]
         decades = math.log10(self.high / self.low)
         skip = max(1, round(decades / 6))
         powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
@@ -67,22 +74,35 @@ def axis(values: Sequence[float], start: float, end: float) -> Axis:
     return Axis(low / room, high * room, start, end)
 
 
-def scatter(points: Sequence[Point], across: str, up: str) -> Markup:
+def scatter(points: Sequence[Point], across: str, up: str, little: tuple[float, str] = (0.0, "")) -> Markup:
     """Return the picture; with fewer than two points nothing.
 
     Args:
         points: What is shown.
         across, up: Labels of the axes, with units.
+        little: An x below which differences mean nothing, and what that is called: it is shaded, and where all points
+            are below it the axis goes from 0 to it.
     """
     if len(points) < 2:
         return Markup("")
-    x = axis([point.x for point in points], LEFT, WIDTH - RIGHT)
+    x, (least, told) = axis([point.x for point in points], LEFT, WIDTH - RIGHT), little
+    if all(point.x < least for point in points):
+        x = Axis(0.0, least, LEFT, WIDTH - RIGHT)
     y = axis([point.y for point in points], HEIGHT - BOTTOM, TOP)
     parts = [
         Markup('<svg class="scatter" viewBox="0 0 {} {}" role="img" aria-label="{} against {}">').format(
             WIDTH, HEIGHT, up, across
         )
     ]
+    taken = [(a - CIRCLE, a + CIRCLE, b + 5) for a, b in ((x.at(point.x), y.at(point.y)) for point in points)]
+    if least > x.low:
+        size = round(x.at(least) - LEFT, 1)
+        parts.append(
+            Markup('<rect x="{}" y="{}" width="{}" height="{}"/>').format(LEFT, TOP, size, HEIGHT - BOTTOM - TOP)
+        )
+        if size > LETTER * len(told):
+            taken.append((LEFT, LEFT + 6 + LETTER * len(told), TOP + LINE))
+            parts.append(Markup('<text class="hint" x="{}" y="{}">{}</text>').format(LEFT + 6, TOP + LINE, told))
     for value in x.ticks():
         parts.append(
             Markup('<path d="M{0} {1}V{2}"/><text x="{0}" y="{3}" text-anchor="middle">{4:g}</text>').format(
@@ -102,7 +122,6 @@ def scatter(points: Sequence[Point], across: str, up: str) -> Markup:
             'text-anchor="middle">{}</text>'
         ).format((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 6, across, middle, up)
     )
-    taken = [(a - CIRCLE, a + CIRCLE, b + 5) for a, b in ((x.at(point.x), y.at(point.y)) for point in points)]
     for point in sorted(points, key=lambda point: point.y):
         parts.append(_labelled(point, x.at(point.x), y.at(point.y), taken))
     return Markup("").join([*parts, Markup("</svg>")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -185,6 +186,20 @@ def uncovered(result: ExperimentResult) -> list[str]:
                 f"before the loop answers, an error of {number(one['error'])} {angle} that counts as inside the layer"
             )
     return lines
+
+
+def without_common_words(names: Sequence[str]) -> list[str]:
+    """Return names of joints without the words that all begin or end with: ``r_elbow_joint`` beside others is elbow.
+
+    Words end at ``_``, ``:``, ``/``, ``.`` or ``-``; something that begins with a letter stays of each name.
+    """
+    shorter = [re.findall(r"[^_:/.-]+|[_:/.-]+", name) for name in names]  # words, and what parts them, by turns
+    for end, rest in ((slice(2), slice(2, None)), (slice(-2, None), slice(-2))):
+        while len(names) > 1 == len({tuple(words[end]) for words in shorter}) and all(
+            len(words) > 2 and words[rest][0][0].isalpha() for words in shorter
+        ):
+            shorter = [words[rest] for words in shorter]
+    return ["".join(words) for words in shorter]
 
 
 def gain_table(result: ExperimentResult) -> Cells:

@@ -12,6 +12,7 @@ from torquebench.experiment.schema import Video
 from torquebench.kernel import Array
 from torquebench.report.figures import style
 from torquebench.report.looks import SERIES
+from torquebench.report.tables import without_common_words
 from torquebench.scene.look import MOST_DRAWN, Scene
 from torquebench.sim.trajectory import Trajectory
 from torquebench.video.job import FPS, SEPARATOR, Footage, Shot
@@ -64,17 +65,6 @@ def layout_for(shots: Sequence[Shot], size: tuple[int, int], joints: int) -> Lay
         return 8.0 + NAME * max(len(name) for name, _ in lines) + NOTE * max(len(note) for _, note in lines)
 
     return layout(len(shots), size, joints, title)
-
-
-def without_common_words(names: Sequence[str]) -> list[str]:
-    """Return names of joints without the words that all begin or end with: ``r_elbow_joint`` beside others is elbow."""
-    shorter = [name.split("_") for name in names]
-    for end in (0, -1):
-        while len({words[end] for words in shorter}) == 1 < len(names) and all(
-            len(words) > 1 and "".join(words[1:] if end == 0 else words[:-1])[:1].isalpha() for words in shorter
-        ):
-            shorter = [words[1:] if end == 0 else words[:-1] for words in shorter]
-    return ["_".join(words) for words in shorter]
 
 
 class Overlay:
