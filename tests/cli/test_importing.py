@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -29,7 +30,7 @@ def arm(tmp_path: Path, monkeypatch) -> Path:
 
 
 def test_a_refusal_shows_the_table_and_the_line_that_goes_on(arm: Path, capsys) -> None:
-    """Nothing is written, the status is 2, and the printed flags take what flags can take."""
+    """Nothing is written, the status is 2, and the printed flags take all once each N is a number."""
     assert main(["import", "arm.xml"]) == 2
     out, err = capsys.readouterr()
     assert "refused  branches" in out
@@ -39,6 +40,20 @@ def test_a_refusal_shows_the_table_and_the_line_that_goes_on(arm: Path, capsys) 
         "arm.xml:1:100: torque limits of a, b",
     ]
     assert list(Path().iterdir()) == [arm]
+    line = next(line for line in out.splitlines() if line.startswith("  torquebench import"))
+    assert "--torque-limits a=N,b=N" in line
+    assert main(shlex.split(line.replace("=N", "=9"))[1:]) == 0
+    out = capsys.readouterr().out
+    assert "given: the file states none" in out
+    assert "in place of the file's" not in out
+
+
+def test_the_offered_line_keeps_limits_that_were_given(arm: Path, capsys) -> None:
+    """A number of one joint stays, and the other one's is an N."""
+    assert main(["import", "arm.xml", "--tip", "two", "--torque-limits", "b=8"]) == 2
+    out = capsys.readouterr().out
+    assert "--torque-limits b=8,a=N" in out
+    assert "N stands for" in out
 
 
 def test_an_arm_is_a_folder_with_its_readme(arm: Path, capsys) -> None:

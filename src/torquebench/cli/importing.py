@@ -109,9 +109,11 @@ def import_(
         files = folder.write_folder(arm, place, line)
     except importing.RefusedArmError as error:
         _show(error.findings)
-        if error.flags:
-            more = _line(file, place if out else None, importing.with_flags(options, error.flags))
+        if error.flags or error.without_limit:
+            more = _line(file, place if out else None, importing.with_flags(options, error.flags), error.without_limit)
             say(f"\nnothing written; what flags can take, this does:\n  {more}", fold=False)
+        if error.without_limit:
+            say("N stands for a torque limit of your data sheet [N m; N for a slide]")
         raise
     except importing.UnprovedArmError as error:
         say(bad_line := str(error))
@@ -165,8 +167,8 @@ def _names(names: Sequence[str], room: int) -> str:
     return ""
 
 
-def _line(file: Path, out: Path | None, options: Any) -> str:
-    """Return the command line that imports an arm so."""
+def _line(file: Path, out: Path | None, options: Any, without_limit: Sequence[str] = ()) -> str:
+    """Return the command line that imports an arm so, with N for the torque limits that are still to be given."""
     words = ["torquebench", "import", str(file)]
     for flag, value in (("--base", options.base), ("--tip", options.tip), ("--tool", options.tool)):
         words += [flag, value] if value else []
@@ -174,8 +176,9 @@ def _line(file: Path, out: Path | None, options: Any) -> str:
     for word in dict.fromkeys(options.drop):
         words += ["--drop", word]
     limits = options.torque_limits
-    if limits:
-        pairs = limits.items() if isinstance(limits, dict) else ()
-        words += ["--torque-limits", ",".join([f"{n}={x:g}" for n, x in pairs] or [f"{x:g}" for x in limits])]
+    pairs = limits.items() if isinstance(limits, dict) else ()
+    numbers = [f"{n}={x:g}" for n, x in pairs] or [f"{x:g}" for x in limits or ()]
+    numbers += [f"{name}=N" for name in without_limit]
+    words += ["--torque-limits", ",".join(numbers)] if numbers else []
     words += ["--out", str(out)] if out else []
     return shlex.join(words)
