@@ -75,6 +75,7 @@ class TorqueLimits(click.ParamType[Any]):
     metavar="FORCE",
     help=f"a force that is left out although it moves the arm: {', '.join(DROPS)}; may be given several times",
 )
+@option("--force", is_flag=True, help="replace an arm imported there before; a folder with anything else is refused")
 def import_(
     file: Path,
     out: Path | None,
@@ -84,6 +85,7 @@ def import_(
     tool: str,
     torque_limits: Any,
     drop: Sequence[str],
+    force: bool,
 ) -> int:
     """Make any MJCF or URDF file into an arm.
 
@@ -98,15 +100,15 @@ def import_(
         refuse([Problem("FILE", got=f"'{file}'", wanted="an MJCF or URDF file that exists")])
     name = plain_name(out.name if out else file.stem)
     place = out or Path("arms") / name
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        refuse([("--out", f"{place} is not empty: give another folder with --out")])
+    if why := folder.obstacle(place, force):
+        refuse([("--out", why)])
     options = importing.Options(
         tuple(word for words in fix for word in words), base, tip, tool, torque_limits, tuple(drop), name
     )
     line = _line(file, place, options)
     try:
         arm = importing.import_arm(file, options)
-        files = folder.write_folder(arm, place, line)
+        files = folder.write_folder(arm, place, line, force)
     except importing.RefusedArmError as error:
         _show(error.findings)
         if error.flags or error.without_limit:
