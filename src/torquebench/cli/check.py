@@ -56,10 +56,9 @@ def check(file: Path, law: str | None) -> int:
 
 def _outside(name: str, file: Path, places: Sequence[Complaint]) -> str:
     """Return the places that keep a law from being compiled, which are known before anything is run."""
-    lines = [
-        f"law '{name}' is outside the dialect in {len(places)} place{'s' * (len(places) > 1)}, so that it is interpreted:"
-    ]
-    return "\n".join(lines + [f"  {file}:{c.line}: {c.what}: {c.cure}" for c in places])
+    count = f"{len(places)} place{'s' * (len(places) > 1)}"
+    places_text = [f"  {file}:{c.line}: {c.what}: {c.cure}" for c in places]
+    return "\n".join([f"law '{name}' is outside the dialect in {count}, so that it is interpreted:", *places_text])
 
 
 def _text(report: Report) -> str:
