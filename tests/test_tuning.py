@@ -8,9 +8,19 @@ import mujoco
 import numpy as np
 import pytest
 
+import torquebench
 from tests.arms import THREE
 from tests.sweep.examples import plan_of
-from torquebench import Array, Gain, controller, load_model
+from torquebench import (
+    Array,
+    Gain,
+    Option,
+    bias_forces,
+    controller,
+    gravity,
+    load_model,
+    mass_matrix,
+)
 from torquebench.chain import CHAINS, Chain
 from torquebench.errors import ConfigError, ControllerError
 from torquebench.experiment import dump_experiment, load_experiment, parse_experiment
@@ -299,6 +309,70 @@ def test_gains_of_a_users_law_are_chosen_by_their_units_or_by_their_own_rule() -
     text = TEXT.replace("law: smc, gains: auto", "law: tuned-by-a-test, gains: auto")
     with pytest.raises(ConfigError, match=r"gain 'bare' \[not stated\] has no rule"):
         parse_experiment(text)
+
+
+class Sliding(NamedTuple):
+    """Gains of a law of a user's."""
+
+    lam: Annotated[Array, Gain("slope", "1/s")]
+    k: Annotated[Array, Gain("switching gain over torque limit", "1")]
+    phi: Annotated[Array, Gain("band", "rad/s")]
+    full: Annotated[int, Option("whether the model is used", (True, False))]
+
+
+def blind(gains, model, t, q, qd, ref, memory, tau):
+    """Carry gravity alone."""
+    gravity(model, q, tau)
+
+
+def called(model, q, qd, qdd, tau):
+    """Call the model for a law."""
+    torquebench.inverse_dynamics(model, q, qd, qdd, tau)
+
+
+def through(gains, model, t, q, qd, ref, memory, tau):
+    """Call the model in another function."""
+    called(model, q, qd, ref.qdd, tau)
+
+
+def in_parts(gains, model, t, q, qd, ref, memory, tau):
+    """Call what makes inverse dynamics up."""
+    mass_matrix(model, q, memory.M)
+    bias_forces(model, q, qd, tau)
+
+
+@pytest.mark.parametrize(
+    ("function", "declared", "full", "has"),
+    [
+        (blind, None, True, False),
+        (through, None, True, True),
+        (in_parts, None, True, True),
+        (blind, True, True, True),
+        (through, False, True, False),
+        (through, ("full", True), True, True),
+        (through, ("full", True), False, False),
+    ],
+)
+def test_a_users_law_with_a_model_gets_the_gains_of_one(registries, function, declared, full, has) -> None:
+    """What it calls decides, else what it declares: then lam, k and phi are those of `smc` with or without a model."""
+    controller("own-model", gains=Sliding, has_model=declared)(function)
+    law, arm = find_law("own-model"), load_model("puma560")
+    assert law.has_model({"full": full}) is has
+    like = find_law("smc").choose_gains(arm, options={"switching": "saturation", "equivalent_control": has})
+    other = find_law("smc").choose_gains(arm, options={"switching": "saturation", "equivalent_control": not has})
+    assert law.choose_gains(arm, options={"full": full}) == like != other
+
+
+def test_what_a_users_law_was_taken_for_is_said(registries) -> None:
+    """Beside its chosen gains; nothing is said of a law of the package, and a choice it does not have is refused."""
+    controller("own-blind", gains=Sliding)(blind)
+    text = TEXT.replace("law: smc, gains: auto", "law: own-blind, gains: auto")
+    own = [line for line in chosen_text(parse_experiment(text)) if "without a model" in line]
+    assert len(own) == 1
+    assert "has_model=True" in own[0]
+    assert not any("model," in line for line in chosen_text(parse_experiment(TEXT)))
+    with pytest.raises(ControllerError, match="'has_model' depends on option 'ful'"):
+        controller("own-wrong", gains=Sliding, has_model=("ful", True))(blind)
 
 
 def test_gains_overcome_the_friction_of_the_file(tmp_path: Path) -> None:

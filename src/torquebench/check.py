@@ -69,6 +69,8 @@ ORDINARY = 100.0
 """A failure at positions and speeds below this [rad, rad/s] is the law's, not that of gains that do not fit the arm."""
 ROUNDS, CALLS = 9, 200
 """Rounds of timing, of whose times the median is taken, and calls in each."""
+SPREAD = 1.5
+"""Slowest of the middle rounds over the fastest; where it is more, other work shares the machine."""
 PERIOD = 1000.0
 """Control period to which costs are related [us]."""
 
@@ -89,6 +91,8 @@ class Cost(NamedTuple):
     python: float
     native: float | None
     """None for a law that is not compiled."""
+    steady: bool = True
+    """Whether the rounds of timing agree; where they do not, other work shares the machine."""
 
 
 @dataclass
@@ -317,7 +321,7 @@ def check_dialect(report: Report) -> None:
     text = "returns an array, which is allocated at every call: fill tau[i] instead" if returns else ""
     report.add("allocation", text, "fills tau in place", NOTE)
     count = len(report.complaints)
-    outside = f"outside it in {count} place{'s' if count > 1 else ''}, listed below" if count else ""
+    outside = f"outside it in {count} place{'s' if count > 1 else ''}, listed by line" if count else ""
     report.add("dialect", outside, "kept", NOTE)
 
 
@@ -470,13 +474,28 @@ def check_cost(law: Law, report: Report) -> str:
         for time, ref in zip(t.tolist(), refs, strict=True):
             call(time, q, qd, ref)
 
-    def microseconds(calls: Callable[[], object]) -> float:
-        return 1e6 * statistics.median(timeit.repeat(calls, number=1, repeat=ROUNDS)) / CALLS
+    def microseconds(calls: Callable[[], object]) -> tuple[float, bool]:
+        rounds = sorted(timeit.repeat(calls, number=1, repeat=ROUNDS))
+        middle = rounds[: ROUNDS - ROUNDS // 4]
+        return 1e6 * statistics.median(rounds) / CALLS, middle[-1] <= SPREAD * middle[0]
 
-    native = None if law_obstacle(law) else microseconds(calls.compiled)
-    report.cost = Cost(microseconds(interpreted), native)
-    costs = [f"{cost:.3g} us, {100.0 * cost / PERIOD:.2g} % of 1 ms" for cost in report.cost if cost is not None]
-    return "a call on six joints: " + ", ".join(map(" ".join, zip(("interpreted", "compiled"), costs, strict=False)))
+    native, even = (None, True) if law_obstacle(law) else microseconds(calls.compiled)
+    python, steady = microseconds(interpreted)
+    report.cost = Cost(python, native, steady and even)
+    return cost_text(report.cost)
+
+
+def cost_text(cost: Cost) -> str:
+    """Return what a call costs, in plain digits; that it is unreliable where the rounds of timing differ."""
+    pairs = [("interpreted", cost.python), ("compiled", cost.native)]
+    costs = [f"{name} {plain(x)} us, {plain(100.0 * x / PERIOD)} % of 1 ms" for name, x in pairs if x is not None]
+    doubt = "" if cost.steady else " (unreliable: other work shares the machine)"
+    return f"a call on six joints: {', '.join(costs)}{doubt}"
+
+
+def plain(x: float) -> str:
+    """Return a number with two digits after a leading zero, or as a whole number from 10 on; never an exponent."""
+    return f"{x:,.0f}" if x >= 10.0 else f"{x:.{max(0, 1 - math.floor(math.log10(x)))}f}" if x > 0.0 else "0"
 
 
 def _call_at_each(address: int, first: int, last: int) -> int:

@@ -6,6 +6,7 @@ import re
 import pytest
 
 from torquebench import check
+from torquebench.cli import check as cli_check
 
 GOOD = '''"""A user's file."""
 
@@ -65,7 +66,7 @@ def test_a_good_law(tmp_path, command):
     assert re.fullmatch(rf"law 'good' \(.*laws\.py:{line}\)", lines[0])
     assert re.search(r"^paths +pass  interpreted and compiled, 3 loops, 0 differing bytes$", out, re.MULTILINE)
     assert re.search(
-        r"^cost +note  a call on six joints: interpreted [\d.]+ us, .* compiled [\d.]+ us", out, re.MULTILINE
+        r"^cost +note  a call on six joints: interpreted [\d.,]+ us, .* compiled [\d.]+ us", out, re.MULTILINE
     )
     assert lines[-1] == "the contract holds, on both paths"
     assert max(map(len, lines)) <= 120
@@ -78,9 +79,34 @@ def test_a_law_outside_the_dialect(tmp_path, command):
     line = (GOOD + LOOSE)[: (GOOD + LOOSE).index("    tau[:]")].count("\n") + 1
     assert f"laws.py:{line}: tau[:]: loop over the elements" in out
     assert f"laws.py:{line}: np.tanh(): write math.tanh(x)" in out
-    assert re.search(r"^dialect +note  outside it in 2 places, listed below$", out, re.MULTILINE)
+    assert re.search(r"^dialect +note  outside it in 2 places, listed by line$", out, re.MULTILINE)
+    assert out.startswith("law 'loose' is outside the dialect in 2 places")
     assert out.splitlines()[-1] == "the contract holds, on the readable path only"
     assert "law 'good'" not in out
+
+
+def test_what_is_outside_the_dialect_comes_before_any_loop(tmp_path, command, monkeypatch):
+    """The places are on the screen when the law is first tried."""
+    seen = []
+    monkeypatch.setattr(cli_check, "say", lambda text: seen.append(text))
+
+    def tried(name, progress):
+        seen.append("tried")
+        return check.Report(name, "laws.py", 1)
+
+    monkeypatch.setattr(check, "check_law", tried)
+    command("check", write(tmp_path, GOOD + LOOSE))
+    assert "np.tanh" in seen[0]
+    assert seen[1:3] == ["tried", "tried"]
+
+
+def test_costs_have_no_exponent():
+    """From a nanosecond to a second; a cost whose rounds differ says that it is unreliable."""
+    text = check.cost_text(check.Cost(123456.0, 0.00123))
+    assert text == (
+        "a call on six joints: interpreted 123,456 us, 12,346 % of 1 ms, compiled 0.0012 us, 0.00012 % of 1 ms"
+    )
+    assert "unreliable" in check.cost_text(check.Cost(1.0, None, False))
 
 
 def test_a_bad_law_among_good_ones(tmp_path, command):

@@ -115,7 +115,9 @@ def test_show_an_arm(command, tmp_path):
     }
     assert lift["torque"] == (30.0, "table")
     assert (lift["range"], lift["armature"], lift["friction"]) == ((None, "assumed"), (0.0, "assumed"), (3.0, "file"))
-    text = " ".join(command("show", tmp_path / "made" / "made.xml")[1].split())
+    shown = command("show", tmp_path / "made" / "made.xml")[1]
+    assert max(map(len, shown.partition("where it is from")[2].splitlines())) <= 120
+    text = " ".join(shown.split())
     assert all(
         words in text for words in ("given to import (lift)", "assumed, 0: the file has none (turn)", "N m or N")
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -29,7 +30,7 @@ def arm(tmp_path: Path, monkeypatch) -> Path:
 
 
 def test_a_refusal_shows_the_table_and_the_line_that_goes_on(arm: Path, capsys) -> None:
-    """Nothing is written, the status is 2, and the printed flags take what flags can take."""
+    """Nothing is written, the status is 2, and the printed flags take all once each N is a number."""
     assert main(["import", "arm.xml"]) == 2
     out, err = capsys.readouterr()
     assert "refused  branches" in out
@@ -39,6 +40,20 @@ def test_a_refusal_shows_the_table_and_the_line_that_goes_on(arm: Path, capsys) 
         "arm.xml:1:100: torque limits of a, b",
     ]
     assert list(Path().iterdir()) == [arm]
+    line = next(line for line in out.splitlines() if line.startswith("  torquebench import"))
+    assert "--torque-limits a=N,b=N" in line
+    assert main(shlex.split(line.replace("=N", "=9"))[1:]) == 0
+    out = capsys.readouterr().out
+    assert "given: the file states none" in out
+    assert "in place of the file's" not in out
+
+
+def test_the_offered_line_keeps_limits_that_were_given(arm: Path, capsys) -> None:
+    """A number of one joint stays, and the other one's is an N."""
+    assert main(["import", "arm.xml", "--tip", "two", "--torque-limits", "b=8"]) == 2
+    out = capsys.readouterr().out
+    assert "--torque-limits b=8,a=N" in out
+    assert "N stands for" in out
 
 
 def test_an_arm_is_a_folder_with_its_readme(arm: Path, capsys) -> None:
@@ -57,9 +72,33 @@ def test_an_arm_is_a_folder_with_its_readme(arm: Path, capsys) -> None:
     assert "| mapped | joint damping | a |" in page
     before = Path("arms/arm/arm.xml").read_bytes()
     assert main(words) == 2
-    assert "--out: arms/arm is not empty" in capsys.readouterr().err
+    assert "--out: arms/arm is not empty: --force replaces" in capsys.readouterr().err
     assert main([*words, "--out", "arms/other"]) == 0
     assert Path("arms/other/other.xml").read_bytes() == before.replace(b'model="arm"', b'model="other"')
+
+
+def test_force_replaces_an_imported_arm_and_nothing_else(arm: Path, capsys) -> None:
+    """The folder is the new arm's; one with another file in it, or that no import wrote, stays as it is."""
+    words = ["import", "arm.xml", "--tip", "two", "--torque-limits"]
+    assert main([*words, "9,8"]) == 0
+    folder = Path("arms/arm")
+    before = (folder / "arm.xml").read_bytes()
+    assert main([*words, "7,8"]) == 2
+    assert (folder / "arm.xml").read_bytes() == before
+    assert main([*words, "7,8", "--force"]) == 0
+    assert (folder / "arm.xml").read_bytes() != before
+    assert [path.name for path in Path("arms").iterdir()] == ["arm"]
+    kept = {path.name: path.read_bytes() for path in folder.iterdir()}
+    (folder / "notes.txt").write_text("mine", encoding="utf-8")
+    capsys.readouterr()
+    assert main([*words, "6,8", "--force"]) == 2
+    assert "no import wrote: notes.txt" in capsys.readouterr().err
+    (folder / "notes.txt").rename("notes.txt")
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == kept
+    Path("mine").mkdir()
+    Path("notes.txt").rename("mine/README.md")
+    assert main([*words, "6,8", "--force", "--out", "mine"]) == 2
+    assert [path.name for path in Path("mine").iterdir()] == ["README.md"]
 
 
 def test_limits_come_from_a_file(arm: Path, capsys) -> None:

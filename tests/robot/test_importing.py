@@ -342,6 +342,21 @@ def test_of_two_arms_on_a_torso_one_is_proposed(put) -> None:
     assert import_arm(path, options).joints == ("lift", "left0", "left1", "left2")
 
 
+@pytest.mark.parametrize("kind", ["slide", "hinge"])
+def test_where_a_torso_slides_the_arm_is_offered_without_it(put, kind: str) -> None:
+    """The head is welded, and --base beside that flag leaves the slide out; a torso that turns is part of the arm."""
+    joint = '<joint name="{0}" axis="0 1 0" type="{1}"/>' + LINK.format(mass=1)
+    arm = "".join(f'<body name="{n}" pos="0.2 0 0">{joint.format(n, "hinge")}' for n in "abcd") + "</body>" * 4
+    head = f'<body name="head">{joint.format("pan", "hinge")}</body>'
+    torso = f'<body name="torso">{joint.format("lift", kind)}{head}{arm}</body>'
+    path = put(f"<mujoco><worldbody>{torso}</worldbody></mujoco>")
+    with pytest.raises(RefusedArmError) as caught:
+        import_arm(path)
+    assert ("--base torso" in str(caught.value)) is (kind == "slide")
+    options = with_flags(Options(base="torso", torque_limits=(9.0,) * 4), caught.value.flags)
+    assert import_arm(path, options).joints == tuple("abcd")
+
+
 def test_what_flags_would_leave_is_told_too(put) -> None:
     """Welding joints that are called as their bodies leaves what is beyond: all is told at once, with all flags."""
     finger = (

@@ -11,7 +11,10 @@ from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from torquebench.check import Report
+    from torquebench.dialect import Complaint
 
 
 @command(example="torquebench check my_law.py")
@@ -25,6 +28,8 @@ def check(file: Path, law: str | None) -> int:
     """
     from torquebench.check import check_law
     from torquebench.check_cases import silence
+    from torquebench.dialect import complaints
+    from torquebench.laws import find_law
     from torquebench.laws.plugin import load_plugin
 
     with silence():
@@ -34,6 +39,10 @@ def check(file: Path, law: str | None) -> int:
     if law is not None and law not in names:
         refuse([Problem("--law", text=f"{file} registers no law '{law}'", **suggest(law, names))])
     names = names if law is None else (law,)
+    outside = {name: complaints(find_law(name)) for name in names}
+    for name in names:
+        if outside[name]:
+            say(_outside(name, file, outside[name]) + "\n")
     reports = []
     with progress_bar(len(names), "law", "starting (compiles on first use)") as bar:
         for name in names:
@@ -45,17 +54,21 @@ def check(file: Path, law: str | None) -> int:
     return 0 if held else 1
 
 
+def _outside(name: str, file: Path, places: Sequence[Complaint]) -> str:
+    """Return the places that keep a law from being compiled, which are known before anything is run."""
+    count = f"{len(places)} place{'s' * (len(places) > 1)}"
+    places_text = [f"  {file}:{c.line}: {c.what}: {c.cure}" for c in places]
+    return "\n".join([f"law '{name}' is outside the dialect in {count}, so that it is interpreted:", *places_text])
+
+
 def _text(report: Report) -> str:
-    """Return a law's table, the places that keep it from being compiled, and the verdict."""
+    """Return a law's table, and the verdict."""
     from torquebench.check import FAIL, PASS
 
     tones = {PASS: good, FAIL: bad}
     rows = [[check.name, tones.get(check.verdict, str)(check.verdict), check.detail] for check in report.checks]
     lines = [f"law '{report.law}' ({report.file}:{report.line})", ""]
     lines.append(table(["check", "", "what was tried, or what was found"], rows, left=3, prose=True))
-    if report.complaints:
-        lines += ["", f"Outside the dialect ({len(report.complaints)}), so that the law is interpreted:"]
-        lines += [f"  {report.file}:{c.line}: {c.what}: {c.cure}" for c in report.complaints]
     failed = sum(check.verdict == "FAIL" for check in report.checks)
     both = any(check.name == "paths" and check.verdict == "pass" for check in report.checks)
     path = "on both paths" if both else "on the readable path only"

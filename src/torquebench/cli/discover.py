@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from click.shell_completion import CompletionItem
 import torquebench
 from torquebench.cli.app import command
 from torquebench.cli.parameters import File, argument, plugins, refuse, suggest
-from torquebench.cli.terminal import say, table, tell
+from torquebench.cli.terminal import say, table, tell, width
 from torquebench.errors import ModelError, Problem
 from torquebench.shipped import configs as shipped_configs
 from torquebench.shipped import data_root, find_config, first_line, model_names
@@ -238,7 +239,9 @@ def _show_arm(source: str | Path, name: str) -> int:
         texts = [where[source] + f" ({', '.join(who)})" * (len(names) > 1) for source, who in names.items()]
         if key == "range" and "file" in names and not any(joint.enforced for joint in facts.joints):
             texts.append('as information, limited="false": preflight keeps to it, a run does not look at it')
-        sources.append([title, "; ".join(texts)])
+        if width() is None:  # no terminal tells where to break
+            texts = [line for text in texts for line in textwrap.wrap(text, 100)]
+        sources += [["" if i else title, text] for i, text in enumerate(texts)]
     say(table(header, rows))
     say("\n" + table(["number", "where it is from"], sources, left=2, prose=True))
     begin = "".join(f"\nrun: {{initial_q: key:{key}}}" for key in facts.keyframes[:1])

@@ -75,6 +75,7 @@ class TorqueLimits(click.ParamType[Any]):
     metavar="FORCE",
     help=f"a force that is left out although it moves the arm: {', '.join(DROPS)}; may be given several times",
 )
+@option("--force", is_flag=True, help="replace an arm imported there before; a folder with anything else is refused")
 def import_(
     file: Path,
     out: Path | None,
@@ -84,6 +85,7 @@ def import_(
     tool: str,
     torque_limits: Any,
     drop: Sequence[str],
+    force: bool,
 ) -> int:
     """Make any MJCF or URDF file into an arm.
 
@@ -98,20 +100,22 @@ def import_(
         refuse([Problem("FILE", got=f"'{file}'", wanted="an MJCF or URDF file that exists")])
     name = plain_name(out.name if out else file.stem)
     place = out or Path("arms") / name
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        refuse([("--out", f"{place} is not empty: give another folder with --out")])
+    if why := folder.obstacle(place, force):
+        refuse([("--out", why)])
     options = importing.Options(
         tuple(word for words in fix for word in words), base, tip, tool, torque_limits, tuple(drop), name
     )
     line = _line(file, place, options)
     try:
         arm = importing.import_arm(file, options)
-        files = folder.write_folder(arm, place, line)
+        files = folder.write_folder(arm, place, line, force)
     except importing.RefusedArmError as error:
         _show(error.findings)
-        if error.flags:
-            more = _line(file, place if out else None, importing.with_flags(options, error.flags))
+        if error.flags or error.without_limit:
+            more = _line(file, place if out else None, importing.with_flags(options, error.flags), error.without_limit)
             say(f"\nnothing written; what flags can take, this does:\n  {more}", fold=False)
+        if error.without_limit:
+            say("N stands for a torque limit of your data sheet [N m; N for a slide]")
         raise
     except importing.UnprovedArmError as error:
         say(bad_line := str(error))
@@ -165,8 +169,8 @@ def _names(names: Sequence[str], room: int) -> str:
     return ""
 
 
-def _line(file: Path, out: Path | None, options: Any) -> str:
-    """Return the command line that imports an arm so."""
+def _line(file: Path, out: Path | None, options: Any, without_limit: Sequence[str] = ()) -> str:
+    """Return the command line that imports an arm so, with N for the torque limits that are still to be given."""
     words = ["torquebench", "import", str(file)]
     for flag, value in (("--base", options.base), ("--tip", options.tip), ("--tool", options.tool)):
         words += [flag, value] if value else []
@@ -174,8 +178,9 @@ def _line(file: Path, out: Path | None, options: Any) -> str:
     for word in dict.fromkeys(options.drop):
         words += ["--drop", word]
     limits = options.torque_limits
-    if limits:
-        pairs = limits.items() if isinstance(limits, dict) else ()
-        words += ["--torque-limits", ",".join([f"{n}={x:g}" for n, x in pairs] or [f"{x:g}" for x in limits])]
+    pairs = limits.items() if isinstance(limits, dict) else ()
+    numbers = [f"{n}={x:g}" for n, x in pairs] or [f"{x:g}" for x in limits or ()]
+    numbers += [f"{name}=N" for name in without_limit]
+    words += ["--torque-limits", ",".join(numbers)] if numbers else []
     words += ["--out", str(out)] if out else []
     return shlex.join(words)

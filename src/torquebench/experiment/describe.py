@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from torquebench.experiment.build import names_used, systems_of
@@ -9,14 +10,18 @@ from torquebench.experiment.schema import Experiment, slide_joints
 from torquebench.fuzzy import BUILTIN, Prepared, prepare
 from torquebench.fuzzy.lint import lint
 from torquebench.keys import Units
-from torquebench.laws import find_law
+from torquebench.laws import Law, find_law
 
 
 def chosen_text(experiment: Experiment) -> list[str]:
-    """Return a line for each controller with gains that were chosen: what they are, by joint where they differ."""
+    """Return a line for each controller with gains that were chosen: what they are, by joint where they differ.
+
+    Of a user's law it also says whether it was taken for one with a model, on which the gains depend.
+    """
     lines, run, slides = [], experiment.run, slide_joints(experiment.plant.model)
     for keys in experiment.controllers:
-        gains, units = [], find_law(keys.law).gains
+        law = find_law(keys.law)
+        gains, units = [], law.gains
         for name in experiment.chosen.get(keys.name, ()):
             value, unit = keys.gains[name], "" if units[name].unit == "1" else f" {units[name].unit}"
             if "rad" in unit and any(slides):
@@ -26,8 +31,25 @@ def chosen_text(experiment: Experiment) -> list[str]:
             gains.append(f"{name} {numbers}{unit}")
         if gains:
             where = f"{experiment.plant.model} at {1e3 * run.control_period:g} ms"
-            lines.append(f"controller '{keys.name}': gains chosen for {where}: {', '.join(gains)}")
+            taken = "" if law.ships else f"; {model_text(law, keys.options)}"
+            lines.append(f"controller '{keys.name}': gains chosen for {where}: {', '.join(gains)}{taken}")
     return lines
+
+
+def model_text(law: Law, options: Mapping[str, str | bool]) -> str:
+    """Return whether a user's law was taken for one that cancels the arm's dynamics, and what says otherwise."""
+    has, told = law.has_model(options), law.declared_model is not None
+    if told:
+        return f"chosen as for a law with{'' if has else 'out'} a model, as has_model of @controller says"
+    calls = (
+        "calls inverse_dynamics or what makes it up" if has else "calls neither inverse_dynamics nor what makes it up"
+    )
+    if "equivalent_control" in law.options:
+        calls = f"has equivalent_control: {str(has).lower()}"
+    return (
+        f"chosen as for a law with{'' if has else 'out'} a model, as it {calls}: "
+        f"@controller(..., has_model={not has}) would say otherwise"
+    )
 
 
 def conditions_text(experiment: Experiment) -> str:

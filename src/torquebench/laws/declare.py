@@ -164,7 +164,8 @@ def check_conditions(law: str, declared: Mapping[str, Gain | Rules], choices: Ma
     for name, note in declared.items():
         if note.only_with is None:
             continue
-        what = f"law '{law}': {'gain' if isinstance(note, Gain) else 'fuzzy system'} '{name}' depends on"
+        kind = "" if name == "has_model" else "gain " if isinstance(note, Gain) else "fuzzy system "
+        what = f"law '{law}': {kind}'{name}' depends on"
         option, *values = note.only_with
         if option not in choices:
             raise ControllerError(f"{what} option '{option}'{did_you_mean(str(option), choices)}")

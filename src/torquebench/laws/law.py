@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from torquebench.fuzzy import FuzzySystem, builtin_system, prepare
 from torquebench.kernel import Array
 from torquebench.laws.declare import FixedRules, Gain, Option, Rules, check_conditions, declared_fields
 from torquebench.registry import Registry
+from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
 from torquebench.robot.robot_model import RobotModel
 from torquebench.tuning import Fit, choose, limits_of
 
@@ -45,11 +48,38 @@ class Law:
     fixed: Mapping[str, FixedRules] = field(default_factory=dict)
     rigid_only: bool = False
     """Whether its model must have structure `exact`: it computes with links, which the closed forms do not."""
+    declared_model: HasModel = None
+    """What `has_model` of `controller` says."""
 
     @property
     def summary(self) -> str:
         """First line of the law's docstring."""
         return (self.function.__doc__ or "").strip().partition("\n")[0]
+
+    @property
+    def ships(self) -> bool:
+        """Whether it is one of the package's own laws."""
+        return str(getattr(self.function, "__module__", "")).startswith("torquebench.laws.")
+
+    def has_model(self, options: Mapping[str, str | bool]) -> bool:
+        """Return whether the law cancels the arm's dynamics with its model, for `choose_gains`.
+
+        What `controller` was told; else what the option ``equivalent_control`` says where the law has it, else
+        whether its source calls `inverse_dynamics`, or `mass_matrix` and one of `bias_forces` and `gravity`.
+
+        Args:
+            options: Option name -> value; those left out take their defaults.
+        """
+        if isinstance(self.declared_model, bool):
+            return self.declared_model
+        chosen = {name: options.get(name, option.values[0]) for name, option in self.options.items()}
+        if self.declared_model is not None:
+            option, *values = self.declared_model
+            return chosen[str(option)] in values
+        if "equivalent_control" in chosen:
+            return bool(chosen["equivalent_control"])
+        called = _terms_called(getattr(self.function, "py_func", self.function), set())
+        return "inverse_dynamics" in called or ("mass_matrix" in called and len(called) > 1)
 
     def new_memory(self, n: int) -> Any:
         """Return the law's memory for `n` joints, all zero."""
@@ -146,8 +176,8 @@ class Law:
             raise ControllerError(f"law '{self.name}': " + "; ".join(problems))
         rules = {name: gain.rule for name, gain in acting.items() if gain.rule is not None}
         known = {name: np.full(model.n, value, dtype=np.float64) for name, value in given.items()}
-        has_model = bool(chosen.get("equivalent_control"))
-        found = choose(Fit(limits_of(model), chain.reaction(control_period), control_period, rules, has_model, known))
+        reaction = chain.reaction(control_period)
+        found = choose(Fit(limits_of(model), reaction, control_period, rules, self.has_model(chosen), known))
         return {name: given[name] if name in given else found[name] for name in acting}
 
     def misfit(self, structure: str) -> str:
@@ -174,6 +204,26 @@ class Law:
         return None if idle is None else f"its fuzzy system has no effect unless {idle.condition}"
 
 
+HasModel = bool | tuple[str | bool, ...] | None
+"""Whether a law cancels the arm's dynamics: always or never; with (option, value, ...); None for what it calls."""
+_TERMS = {term.__name__: term for term in (mass_matrix, gravity, bias_forces, inverse_dynamics)}
+
+
+def _terms_called(function: Any, seen: set[Any]) -> set[str]:
+    """Return the terms of the dynamics that a function's source names, itself or in functions that it names."""
+    found = set[str]()
+    if not isinstance(function, FunctionType) or function in seen:
+        return found
+    seen.add(function)
+    scope, names = inspect.getclosurevars(function), function.__code__.co_names
+    used = [*scope.globals.values(), *scope.nonlocals.values()]
+    used += [getattr(x, name, None) for x in used if isinstance(x, ModuleType) for name in names]
+    for value in used:
+        term = next((name for name, term in _TERMS.items() if term is value), None)
+        found |= {term} if term else _terms_called(getattr(value, "py_func", value), seen)
+    return found
+
+
 def _numbers(value: Any) -> Array | None:
     try:
         return np.array(value, dtype=np.float64)
@@ -191,7 +241,12 @@ LAWS: Registry[Law] = Registry("law", error=ControllerError)
 
 
 def controller(
-    name: str, *, gains: type[Any], memory: type[Any] | None = None, rigid_only: bool = False
+    name: str,
+    *,
+    gains: type[Any],
+    memory: type[Any] | None = None,
+    rigid_only: bool = False,
+    has_model: HasModel = None,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a law under `name`.
 
@@ -204,16 +259,20 @@ def controller(
             the sliding variable.
         rigid_only: Whether the law computes with the links of its model, so that a model of the paper's closed forms
             is refused before a run.
+        has_model: Whether the law cancels the arm's dynamics with its model, which ``gains: auto`` counts on;
+            (option, value, ...) where a choice decides. Without it what the source calls decides; see `Law.has_model`.
 
     Raises:
         ControllerError: the name is taken or is not a slug, a field is not a gain, an option or a fuzzy system, or a
-            gain depends on a choice that the law does not have.
+            gain or `has_model` depends on a choice that the law does not have.
     """
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         vectors, choices, systems, fixed = declared_fields(name, gains)
-        check_conditions(name, {**vectors, **systems}, choices)
-        LAWS.register(name, Law(name, function, gains, memory, vectors, choices, systems, fixed, rigid_only), function)
+        conditions = {"has_model": Gain("", "1", only_with=has_model)} if isinstance(has_model, tuple) else {}
+        check_conditions(name, {**vectors, **systems, **conditions}, choices)
+        law = Law(name, function, gains, memory, vectors, choices, systems, fixed, rigid_only, has_model)
+        LAWS.register(name, law, function)
         return function
 
     return register

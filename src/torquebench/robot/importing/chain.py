@@ -216,6 +216,8 @@ def _check(chain: Chain) -> None:
         weld = ",".join(body_name(m, b) for b in others)
         leave = body_name(m, point) if point and trunk is None else ""
         also = f" welds them; --tip {leave} leaves them out" if leave else " welds the smaller"
+        if _rides(chain, point):
+            also += f"; --base {where} beside it leaves the joints before {where} at home too"
         findings.append(
             Part("refused", "branches", names, f"they part at {where}: --fix {weld}{also}", ("--fix", weld))
         )
@@ -231,6 +233,15 @@ def _before(chain: Chain, body: int) -> int:
         count += sum(int(chain.model.jnt_bodyid[j]) == body for j in chain.joints)
         body = int(chain.model.body_parentid[body])
     return count
+
+
+def _rides(chain: Chain, body: int) -> bool:
+    """Return whether what carries an arm up to a body begins with a slide, as carriages and torsos do."""
+    m, carrying = chain.model, list[int]()
+    while body:
+        carrying[:0] = [j for j in chain.joints if int(m.jnt_bodyid[j]) == body]
+        body = int(m.body_parentid[body])
+    return bool(carrying) and bool(m.jnt_type[carrying[0]] == mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def _size(chain: Chain, body: int) -> tuple[int, int]:

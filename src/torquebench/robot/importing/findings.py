@@ -13,6 +13,9 @@ from torquebench.robot.mjcf_text import named_places
 Verdict = Literal["kept", "mapped", "dropped", "refused"]
 VERDICTS: tuple[Verdict, ...] = ("kept", "mapped", "dropped", "refused")
 
+LIMITS = "torque limits"
+"""What torque limits are called among findings."""
+
 
 class Part(NamedTuple):
     """What became of some parts of a published arm, all for the same reason."""
@@ -40,6 +43,11 @@ class RefusedArmError(ConfigError):
     def flags(self) -> tuple[str, ...]:
         """Flags that take all that was refused, as far as flags can: ``("--fix", "left_finger")``."""
         return tuple(word for pair in dict.fromkeys(part.flags for part in self.findings) for word in pair)
+
+    @property
+    def without_limit(self) -> tuple[str, ...]:
+        """Joints whose torque limit nothing states, in the arm's order."""
+        return next((part.places for part in self.findings if part[:2] == ("refused", LIMITS)), ())
 
 
 _OF_BODIES = ("branches", "inertia", "gravity", "free joint", "ball joint")

@@ -18,22 +18,47 @@ from torquebench.robot.importing.plain import tool_of
 from torquebench.robot.importing.proof import LIMIT, STATES, Proof, prove
 from torquebench.robot.importing.source import listening
 
+IMPORTED = "Imported from `"
+"""How the second paragraph of an arm's README begins, which tells a folder that an import wrote."""
 
-def write_folder(arm: ImportedArm, out: Path, command: str) -> dict[str, int]:
+
+def obstacle(out: Path, replace: bool) -> str:
+    """Return why an arm cannot be written to a folder; nothing where it can.
+
+    Args:
+        out: The folder.
+        replace: Whether an arm that was imported there before may be replaced, if the folder has nothing else.
+    """
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return ""
+    page = out / "README.md"
+    text = page.read_text(encoding="utf-8", errors="replace") if page.is_file() and not out.is_symlink() else ""
+    name = text.partition("\n")[0].removeprefix("# ")
+    if not text.startswith(f"# {name}\n\n{IMPORTED}"):
+        return f"{out} is not empty: give another folder with --out; nothing in it says that an import wrote it"
+    if not replace:
+        return f"{out} is not empty: --force replaces the arm imported there, --out DIR keeps it"
+    own = {"README.md", "scene.xml", f"{name}.xml"} | ({"meshes"} if "| `meshes/` |" in text else set())
+    others = sorted(path.name for path in out.iterdir() if path.name not in own)
+    return f"{out} has what no import wrote: {', '.join(others)}; move it, or give another folder" if others else ""
+
+
+def write_folder(arm: ImportedArm, out: Path, command: str, replace: bool = False) -> dict[str, int]:
     """Write an arm's folder, whole or not at all, and return its files with their sizes.
 
     Args:
         arm: The arm.
         out: The folder; it must not be there, or be empty.
         command: The command that imports the arm again, for its README.
+        replace: Whether an arm that was imported there before is replaced.
 
     Raises:
-        ModelError: the folder is not empty.
+        ModelError: the folder is not empty, and not to be replaced.
         UnprovedArmError: the arm differs from the published file as MuJoCo reads it.
         OSError: it cannot be written.
     """
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise ModelError(f"{out} is not empty: a folder of an arm is written once")
+    if why := obstacle(out, replace):
+        raise ModelError(why)
     whole = proof_of_file(arm)
     looks, why = dict[str, bytes](), ""
     try:
@@ -48,9 +73,18 @@ def write_folder(arm: ImportedArm, out: Path, command: str) -> dict[str, int]:
     for name, content in files.items():
         (unfinished / name).parent.mkdir(parents=True, exist_ok=True)
         (unfinished / name).write_bytes(content)
-    if out.is_dir():
-        out.rmdir()
-    os.replace(unfinished, out)
+    if out.is_dir() and any(out.iterdir()):
+        old = out.with_name(f".{out.name}.replaced")
+        shutil.rmtree(old, ignore_errors=True)
+        os.replace(out, old)
+        try:
+            os.replace(unfinished, out)
+        except OSError:
+            os.replace(old, out)
+            raise
+        shutil.rmtree(old)
+    else:
+        os.replace(unfinished, out)
     return {name: len(content) for name, content in files.items()}
 
 
@@ -100,7 +134,7 @@ def page(arm: ImportedArm, whole: Proof | None, command: str, files: Iterable[st
     lines = [
         f"# {arm.name}",
         "",
-        f"Imported from `{path.name}` (SHA-256 {digest}); licence and origin are those of that file.",
+        f"{IMPORTED}{path.name}` (SHA-256 {digest}); licence and origin are those of that file.",
         "",
         f"    {command}",
         "",

@@ -12,7 +12,7 @@ import numpy as np
 from torquebench.errors import did_you_mean
 from torquebench.kernel import Array
 from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero, name_of
-from torquebench.robot.importing.findings import Part
+from torquebench.robot.importing.findings import LIMITS, Part
 from torquebench.robot.mjcf_links import ON_JOINT, SPEEDS, joint_name, speed_limits
 
 _OBJ, _OFF, _TRN, _EQ = mujoco.mjtObj, mujoco.mjtDisableBit, mujoco.mjtTrn, mujoco.mjtEq
@@ -345,17 +345,21 @@ def _torque_limits(chain: Chain, options: Options, names: Sequence[str]) -> tupl
     if np.any(wrong):
         add(Part("refused", "--torque-limits", _where(names, wrong), "wanted finite numbers above zero"))
     if np.any(asked):
-        add(Part("mapped", "--torque-limits", _where(names, asked), "in place of the file's"))
+        stated = asked & ~np.isnan(limits)
+        if np.any(stated):
+            add(Part("mapped", "--torque-limits", _where(names, stated), "in place of the file's"))
+        if np.any(only := asked & np.isnan(limits)):
+            add(Part("mapped", "--torque-limits", _where(names, only), "given: the file states none"))
     limits = np.where(asked, table, limits)
     if not np.all(np.isnan(limits)):
         some = ~np.isnan(limits)
         slides = [int(m.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE) for j in chain.joints]
         unit = "N" if all(slides) else "N m, N for slides" if any(slides) else "N m"
         text = " ".join(f"{x:g}" for x in limits[some]) + f" {unit}"
-        add(Part("mapped", "torque limits", _where(names, some), text))
+        add(Part("mapped", LIMITS, _where(names, some), text))
     if np.any(np.isnan(limits)):
         text = f"the file states none; --torque-limits takes {n} numbers [N m], or NAME=NUMBER of these joints alone"
-        add(Part("refused", "torque limits", _where(names, np.isnan(limits)), text))
+        add(Part("refused", LIMITS, _where(names, np.isnan(limits)), text))
     return limits, asked
 
 
