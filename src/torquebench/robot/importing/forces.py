@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -136,7 +136,7 @@ def _speeds(chain: Chain, names: Sequence[str], stated: Mapping[str, float]) -> 
     return speeds
 
 
-def _where(names: Sequence[str], here: Array) -> tuple[str, ...]:
+def _where(names: Sequence[str], here: Iterable[Any]) -> tuple[str, ...]:
     return tuple(name for name, there in zip(names, here, strict=True) if there)
 
 
