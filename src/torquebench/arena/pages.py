@@ -193,7 +193,7 @@ def budget(record: Record) -> str:
 
 
 def rules(record: Record) -> list[str]:
-    """Return what the ranking goes by."""
+    """Return the rules of the ranking, a sentence or two each."""
     levels = ", ".join(f"{level:g} %" for level in record.levels)
     return [
         f"Laws are compared at equal chattering, {levels} of the torque limit: of each tuning's front those gains are "

@@ -21,7 +21,7 @@ TOLERANCE = 1.25
 
 
 class Scores(NamedTuple):
-    """What an entry has to show at one level of chattering on one chain."""
+    """Metric and failures of an entry at one level of chattering on one chain."""
 
     values: Array
     """A positive metric, (tunings, conditions, draws); NaN where the run failed."""
@@ -45,7 +45,7 @@ class Ratio(NamedTuple):
     high: float
     """Ends of its interval, in which the spread of draws and that of tunings are added as independent ones."""
     tuning: float
-    """What the spread of tunings alone makes of the interval: its half-width as a factor [1]."""
+    """Half-width of the interval by the spread of tunings alone, as a factor [1]."""
     pairs: int
     """Draws in which all runs of both completed."""
 
@@ -114,7 +114,7 @@ class Standing(NamedTuple):
     rank: int | None
     """1 + how many entries are better; None of one that is not ranked."""
     last: int | None
-    """How many are not worse: the last rank that it may have."""
+    """Last rank that it may have: the number of entries that are not worse."""
     value: float
     """Geometric mean of the metric; NaN without a draw that completed."""
     low: float
@@ -166,7 +166,7 @@ def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[float, floa
 
 
 def best_at(points: Sequence[tuple[float, float]], level: float) -> int | None:
-    """Return which point has the least error at no more chattering than a level; None where there is none.
+    """Return the number of the point with the least error at no more chattering than a level; None without one.
 
     Args:
         points: Chattering and error of each; NaN of one that failed.

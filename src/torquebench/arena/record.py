@@ -1,4 +1,4 @@
-"""What an arena leaves: ``arena.json``, from which everything is ranked again without another run."""
+"""The record of an arena, ``arena.json``, from which everything is ranked again without another run."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Judged:
     gains: dict[str, float | tuple[float, ...]]
     chattering: float | None
     error: float | None
-    """What the tuning saw of it: geometric means over training conditions and draws; None where a run failed."""
+    """Geometric means over training conditions and draws, as the tuning saw them; None where a run failed."""
     values: Values
 
 
@@ -73,7 +73,7 @@ class Row:
 
     @property
     def name(self) -> str:
-        """How the row is called: ``CHAIN/ENTRY``."""
+        """Name of the row: ``CHAIN/ENTRY``."""
         return f"{self.chain}/{self.entry}"
 
     @property
