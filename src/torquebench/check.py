@@ -486,11 +486,10 @@ def check_cost(law: Law, report: Report) -> str:
 
 
 def cost_text(cost: Cost) -> str:
-    """Return what a call costs, in plain digits; that it is unreliable where the rounds of timing differ."""
+    """Return what a call costs, in plain digits; that the machine is busy where the rounds of timing differ."""
     pairs = [("interpreted", cost.python), ("compiled", cost.native)]
-    costs = [f"{name} {plain(x)} us, {plain(100.0 * x / PERIOD)} % of 1 ms" for name, x in pairs if x is not None]
-    doubt = "" if cost.steady else " (unreliable: other work shares the machine)"
-    return f"a call on six joints: {', '.join(costs)}{doubt}"
+    costs = [f"{name} {plain(x)} us ({plain(100.0 * x / PERIOD)} % of 1 ms)" for name, x in pairs if x is not None]
+    return f"a call on six joints: {', '.join(costs)}{'' if cost.steady else '; busy machine'}"
 
 
 def plain(x: float) -> str:
