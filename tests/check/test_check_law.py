@@ -177,9 +177,24 @@ def test_a_fault_under_one_choice_of_options_only_is_caught(tmp_path: Path) -> N
     assert "finite" in failed(report)
 
 
-@pytest.mark.parametrize("name", [n for n in law_names()])
-def test_the_packages_laws_pass(name: str) -> None:
+AT_ONCE = (
+    "adrc",
+    "disturbance-observer",
+    "fuzzy-linear-band-smc",
+    "linear-band-smc",
+    "pd-gravity",
+    "sliding-pi",
+    "smc",
+)
+"""Laws that between them have options, fuzzy systems, a model, memory and none; the others are tried with -m slow."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in AT_ONCE)) for name in law_names()]
+)
+def test_the_packages_laws_pass(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every registered law holds the contract on both paths, with every value of its options."""
+    monkeypatch.setattr(check_cases, "COMBINATIONS", 6)  # of more, one option at a time is changed
     report = check_law(name)
     assert report.held, str(report)
     assert [check.verdict for check in report.checks if check.name == "paths"] == [PASS]
