@@ -121,7 +121,7 @@ def law_torques(name: str) -> str:
 
 
 def interpret(calls: LawCalls) -> int:
-    """Call a law at each instant of a job, as `LawCalls.compiled` does, and return COMPLETED or a status that was not."""
+    """Call a law at each instant of a job, as `LawCalls.compiled` does; return COMPLETED, or a status that was not."""
     setup, job = calls.setup, calls.setup.job
     call, worst = Call(setup.law, setup.gains, setup.belief, setup.memory), COMPLETED
     for k in range(len(job.q_ref)):
