@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from torquebench import comparison
 from torquebench.comparison import parse_sides
-from torquebench.diagnosis import Diagnosis, diagnose
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
 from torquebench.experiment.config import check_experiment
@@ -34,6 +33,8 @@ from torquebench.sim.trajectory import Outcome, Trajectory
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from torquebench.diagnosis import Diagnosis
 
 Source = str | Path | Mapping[str, Any]
 """A config: its file, the name of a shipped one such as ``fig9-chattering``, or its keys as a mapping."""
@@ -388,6 +389,8 @@ class Result:
         Raises:
             ConfigError: there is no such controller.
         """
+        from torquebench.diagnosis import diagnose
+
         return diagnose(self.experiment, controller, progress)
 
     def save(self, folder: str | Path | None = None, *, progress: Progress | None = None) -> Path:

@@ -1,4 +1,7 @@
-"""Statistics of laws compared draw by draw: geometric-mean ratios, shares and tails with intervals."""
+"""Statistics of laws compared draw by draw: geometric-mean ratios, shares and tails with intervals.
+
+`scipy.special` takes longer to import than numpy: it is, where an interval is asked for.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import special
 
 from torquebench.errors import ResultError
 
@@ -50,6 +52,8 @@ def mean_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[fl
         values: At least one.
         confidence: Probability content of the interval [1].
     """
+    from scipy import special
+
     n = len(values)
     if n == 1:
         return float(values[0]), 0.0
@@ -64,6 +68,8 @@ def mean_intervals(values: Array, confidence: float = 0.95) -> tuple[NDArray[np.
         values: The samples, (..., N); NaN is no value. A sample of none has the mean NaN; of one, the half-width NaN.
         confidence: Probability content of the intervals [1].
     """
+    from scipy import special
+
     known = np.isfinite(values)
     count = np.sum(known, axis=-1)
     size = np.where(count > 0, count, np.nan)
@@ -236,6 +242,8 @@ def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float,
         values: The sample, (n,); NaN is no value, and of none all three are NaN.
         confidence: Probability content of the interval [1].
     """
+    from scipy import special
+
     known = np.sort(np.asarray(values, dtype=np.float64))
     known = known[~np.isnan(known)]
     n = len(known)
@@ -272,6 +280,8 @@ def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> Sh
     Raises:
         ResultError: there is no trial, or a number of successes that cannot be.
     """
+    from scipy import special
+
     if not 0 <= successes <= trials or trials == 0:
         raise ResultError(f"{successes} of {trials} is not a share")
     tail = 0.5 * (1.0 - confidence)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import threading
-import webbrowser
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -111,5 +110,7 @@ def _serve_page(page: bytes, files: Mapping[str, Path], chosen: str, port: int, 
             sys.stdout.flush()
         has_display = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
         if open_browser and has_display:
+            import webbrowser
+
             webbrowser.open(address)
         threading.Event().wait()
