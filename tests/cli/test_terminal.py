@@ -6,11 +6,13 @@ import io
 import os
 import re
 import sys
+import threading
 
 import pytest
 
 from torquebench.cli import terminal
-from torquebench.cli.terminal import bad, coloured, following, good, progress_bar, say, speaking, table, warn
+from torquebench.cli.app import command
+from torquebench.cli.terminal import bad, coloured, complain, following, good, progress_bar, say, speaking, table, warn
 
 HEADER = ["controller", "law", "RMSE [mrad]", "HF [%]", "outcome"]
 ROWS = [["conventional", "smc", "0.5298", "30.15", "completed"], ["band", "linear-band-smc", "0.05", "0.1", "diverged"]]
@@ -171,3 +173,37 @@ def test_progress_inside_progress(monkeypatch):
     assert any(line.startswith("the whole") for line in lines)
     assert any(line.startswith("drawing") and "33%" in line and "1 figures" in line for line in lines)
     assert any(line.rstrip() == "a warning" for line in lines)
+
+
+@pytest.mark.parametrize(("quiet", "seen"), [(False, True), (True, False)])
+def test_a_command_that_shows_nothing_is_seen_to_work(monkeypatch, quiet, seen):
+    """On a terminal a line tells that it works, and for how long; it is gone before the next line is written."""
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(terminal.Beat, "PATIENCE", 0.02)
+    silent, spoken = threading.Event(), threading.Event()
+
+    @command("slow", example="")
+    def slow():
+        silent.wait(0.2)
+        complain("a line")
+        with progress_bar(1, "step", "a bar"):
+            spoken.wait(0.1)
+
+    with speaking(quiet=False, as_json=False):
+        slow.main(["--quiet"] if quiet else [], prog_name="slow", standalone_mode=False)
+    before, _, after = stream.getvalue().partition("a line\n")
+    assert ("torquebench slow: working, 0 s" in before) == seen
+    assert before.endswith("\x1b[K") == seen
+    assert "working" not in after.partition("a bar")[2]
+
+
+def test_nothing_beats_where_nobody_looks(monkeypatch):
+    """A file, a pipe, and a terminal that cannot take a line back get nothing."""
+    monkeypatch.setattr(terminal.Beat, "PATIENCE", 0.02)
+    for stream, kind in ((io.StringIO(), "xterm"), (Terminal(), "dumb")):
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setenv("TERM", kind)
+        with terminal.beating("torquebench slow"):
+            threading.Event().wait(0.1)
+        assert stream.getvalue() == ""

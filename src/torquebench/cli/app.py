@@ -25,7 +25,7 @@ from click.shell_completion import shell_complete
 import torquebench
 from torquebench.begun import BEGUN
 from torquebench.cli.parameters import Option, mistakes, refuse, suggest
-from torquebench.cli.terminal import Voice, complain, emit, speaking, voice, warn
+from torquebench.cli.terminal import Voice, beating, complain, emit, speaking, voice, warn
 from torquebench.errors import UNCHECKED, ConfigError, Problem, TorquebenchError, nearest
 from torquebench.plain import plain
 from torquebench.shipped import config_keys
@@ -119,8 +119,9 @@ class Command(click.Command):
         return rest
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run it; with --json whatever a plug-in prints is no part of the document."""
-        with contextlib.redirect_stdout(sys.stderr) if voice().as_json else contextlib.nullcontext():
+        """Run it, seen to work on a terminal; with --json whatever a plug-in prints is no part of the document."""
+        elsewhere = contextlib.redirect_stdout(sys.stderr) if voice().as_json else contextlib.nullcontext()
+        with beating(f"{PROGRAM} {ctx.info_name}"), elsewhere:
             return super().invoke(ctx)
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
