@@ -246,7 +246,7 @@ class Beat:
     It is shown once nothing was written for `PATIENCE`, and taken back before anything is.
     """
 
-    PATIENCE = 0.6
+    PATIENCE = 0.4
     """How long the terminal may stay as it is [s]."""
 
     def __init__(self) -> None:
