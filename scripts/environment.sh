@@ -1,5 +1,5 @@
 # Sourced by the scripts beside it: makes ./.venv from a lock file when it is missing or stale.
-# Usage: . scripts/environment.sh LOCKFILE   (sets $root, $python and install, which puts packages into ./.venv)
+# Usage: . scripts/environment.sh LOCKFILE   (sets $root, $python, $made if it did, and install)
 
 root=$(CDPATH= cd -- "$(dirname -- "$(readlink -f -- "$0")")/.." && pwd)
 python="$root/.venv/bin/python"
@@ -83,6 +83,8 @@ make_environment() {
         return 1
     fi
     printf '%s' "$wanted" >"$stamp"
+    made=yes
 }
 
+made=
 make_environment "$1" || { say "torquebench: the environment could not be set up"; exit 3; }

@@ -42,16 +42,17 @@ def clone(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     return run
 
 
-def test_a_clone_is_set_up_once_in_three_lines(clone: Callable[..., subprocess.CompletedProcess[str]]) -> None:
+def test_a_clone_is_set_up_once_in_four_lines(clone: Callable[..., subprocess.CompletedProcess[str]]) -> None:
     """Each step is a line with what it takes and took; the installer's own lines are not shown; then all is silent."""
     first, second = clone("laws"), clone("laws")
     assert (first.returncode, first.stdout.splitlines()[-1]) == (0, "ran -m torquebench laws")
     lines = first.stderr.splitlines()
-    assert len(lines) == 3
+    assert len(lines) == 4
     assert "noise" not in first.stderr
-    for line, step in zip(lines[1:], ("1/2 packages (about 230 MB", "2/2 torquebench itself"), strict=True):
+    for line, step in zip(lines[1:3], ("1/2 packages (about 230 MB", "2/2 torquebench itself"), strict=True):
         assert line.startswith(step)
         assert line.endswith(" s")
+    assert "scripts/torquebench" in lines[3]
     assert (second.returncode, second.stdout, second.stderr) == (0, "ran -m torquebench laws\n", "")
 
 
