@@ -53,12 +53,16 @@ install() {
         uv pip install --quiet --python "$python" "$@" || uv pip install --quiet --python "$python" --offline "$@" 2>/dev/null
     else
         set -- --quiet --disable-pip-version-check --no-compile "$@"
-        if has_pip "$python"; then
-            PIP_USER=0 "$python" -m pip install "$@"
-        else
-            PIP_USER=0 "$base" -m pip --python "$python" install "$@"
-        fi
+        pip install "$@" && return 0
+        # without a network pip asks its cache for files, but nobody for their names
+        wheels="$root/.venv/wheels"
+        "$python" "$root/scripts/cached_wheels.py" "$(pip cache dir)" "$root/requirements-dev.lock" "$wheels" &&
+            pip install --no-index --find-links "$wheels" "$@"
     fi
+}
+
+pip() {
+    if has_pip "$python"; then PIP_USER=0 "$python" -m pip "$@"; else PIP_USER=0 "$base" -m pip --python "$python" "$@"; fi
 }
 
 # What install needs: the Python outside of ./.venv, where there is no uv.

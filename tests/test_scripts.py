@@ -1,9 +1,11 @@
 """The scripts that set up a clone: what they say, what they show when something fails, and that they do it once."""
 
+import hashlib
 import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -76,3 +78,25 @@ def test_the_command_that_installs_an_extra(monkeypatch: pytest.MonkeyPatch, tmp
     assert how_to_install("tune") == "pip install 'torquebench[tune]'"
     monkeypatch.setattr(sys, "prefix", str(tmp_path / ".venv"))
     assert how_to_install("tune") == "scripts/extras tune"
+
+
+def test_pip_without_a_network_gets_what_its_cache_has(tmp_path: Path) -> None:
+    """A wheel that the lock names by its sha256 is found, whole, under the name that pip reads; others are not."""
+    cache, lock, made = tmp_path / "cache" / "http-v2" / "a", tmp_path / "lock", tmp_path / "wheels"
+    cache.mkdir(parents=True)
+    for body in ("wanted", "other"):
+        with zipfile.ZipFile(cache / f"{body}.body", "w") as wheel:
+            wheel.writestr(
+                f"{body}-1.0.dist-info/WHEEL", "Tag: cp311-cp311-manylinux_2_17_x86_64\nTag: cp311-cp311-linux\n"
+            )
+    (cache / "page.body").write_text("<html>")
+    digest = hashlib.sha256((cache / "wanted.body").read_bytes()).hexdigest()
+    lock.write_text(f"wanted==1.0 \\\n    --hash=sha256:{digest}\n")
+    program = [sys.executable, str(data_root() / "scripts" / "cached_wheels.py"), str(tmp_path / "cache"), str(lock)]
+    for _ in range(2):
+        assert subprocess.run([*program, str(made)], check=False).returncode == 0
+    (link,) = made.iterdir()
+    assert link.name == "wanted-1.0-cp311-cp311-manylinux_2_17_x86_64.linux.whl"
+    assert link.read_bytes() == (cache / "wanted.body").read_bytes()
+    lock.write_text("")
+    assert subprocess.run([*program, str(made)], check=False).returncode == 1
