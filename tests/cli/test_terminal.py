@@ -11,7 +11,7 @@ import threading
 import pytest
 
 from torquebench.cli import terminal
-from torquebench.cli.app import command
+from torquebench.cli.app import Commands, command, main
 from torquebench.cli.terminal import bad, coloured, complain, following, good, progress_bar, say, speaking, table, warn
 
 HEADER = ["controller", "law", "RMSE [mrad]", "HF [%]", "outcome"]
@@ -190,8 +190,8 @@ def test_a_command_that_shows_nothing_is_seen_to_work(monkeypatch, quiet, seen):
         with progress_bar(1, "step", "a bar"):
             spoken.wait(0.1)
 
-    with speaking(quiet=False, as_json=False):
-        slow.main(["--quiet"] if quiet else [], prog_name="slow", standalone_mode=False)
+    monkeypatch.setattr(Commands, "get_command", lambda *_: slow)
+    assert main(["slow", "--quiet"] if quiet else ["slow"]) == 0
     before, _, after = stream.getvalue().partition("a line\n")
     assert ("torquebench slow: working, 0 s" in before) == seen
     assert before.endswith("\x1b[K") == seen

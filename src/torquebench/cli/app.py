@@ -119,9 +119,8 @@ class Command(click.Command):
         return rest
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run it, seen to work on a terminal; with --json whatever a plug-in prints is no part of the document."""
-        elsewhere = contextlib.redirect_stdout(sys.stderr) if voice().as_json else contextlib.nullcontext()
-        with beating(f"{PROGRAM} {ctx.info_name}"), elsewhere:
+        """Run it; with --json whatever a plug-in prints is no part of the document."""
+        with contextlib.redirect_stdout(sys.stderr) if voice().as_json else contextlib.nullcontext():
             return super().invoke(ctx)
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -303,9 +302,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: list[str]) -> int:
-    """Run a line and return its exit status."""
+    """Run a line, seen to work on a terminal, and return its exit status."""
+    name = next((word for word in words if not word.startswith("-")), "")
     try:
-        with without_opengl() as wish, terminable():
+        with without_opengl() as wish, terminable(), beating(f"{PROGRAM} {name}".rstrip()):
             context = app.make_context(PROGRAM, words, obj=wish)
             with context, logged():
                 return int(app.invoke(context) or 0)

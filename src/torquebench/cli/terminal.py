@@ -283,7 +283,8 @@ class Beat:
             while not ended.wait(self.PATIENCE / 3.0):
                 with self._lock:
                     now = time.monotonic()
-                    if not (self.others or ended.is_set()) and (self._shown or now - self._last > self.PATIENCE):
+                    idle = not (self.others or ended.is_set() or voice().quiet)
+                    if idle and (self._shown or now - self._last > self.PATIENCE):
                         self._shown = True
                         self._write(f"\x1b[K{what}: working, {now - begun:.0f} s\r")
 
