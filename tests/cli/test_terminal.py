@@ -83,6 +83,17 @@ def test_prose_is_broken_between_words(screen):
     assert all(line.startswith("        ") for line in lines[1:])
 
 
+def test_only_prose_is_broken(screen):
+    """Where the last column takes what the others leave, a cell of another one and the rule stay in one line."""
+    screen(80)
+    row = ["pid", "9.5", "3.33 [3.32, 3.35], 3 of 40", "lam 18.32, kv 44.23, ki 5955, and more of it"]
+    text = visible(table(["law", "untuned [mrad]", "test", "gains"], [row], prose=True))
+    _, rule, *lines = text.splitlines()
+    assert set(rule) == {"-", " "}
+    assert "3.33 [3.32, 3.35], 3 of 40" in lines[0]
+    assert len(lines) > 1
+
+
 def test_without_a_terminal_a_table_is_as_wide_as_it_is(monkeypatch):
     """What a script reads does not depend on a window."""
     monkeypatch.setattr(sys, "stdout", io.StringIO())

@@ -199,13 +199,14 @@ def _part(
     from rich.table import Table
     from rich.text import Text
 
-    grid = Table.grid(padding=(0, 2))
-    for i in columns:
-        grid.add_column(justify="left" if i < left else "right", overflow="fold")
     lines = [[cell if isinstance(cell := row[i], Text) else Text(str(cell)) for i in columns] for row in rows]
-    rest = None if limit is None else limit - sum(max(len(x[k]) for x in lines) + 2 for k in range(len(columns) - 1))
     rules = ["-" * max(len(header[i]), *(len(x[k]) for x in lines), 0) for k, i in enumerate(columns)]
-    if rest is not None and rest > 0:
+    rest = 0 if limit is None else limit - sum(len(rule) + 2 for rule in rules[:-1])
+    grid = Table.grid(padding=(0, 2))
+    for i in columns:  # where the last one has room, the others are not broken for it
+        whole = rest > 0 and i != columns[-1]
+        grid.add_column(justify="left" if i < left else "right", overflow="fold", no_wrap=whole)
+    if rest > 0:
         rules[-1] = rules[-1][:rest]
     grid.add_row(*(Text(header[i], "bold") for i in columns))
     grid.add_row(*(Text(rule, "dim") for rule in rules))
