@@ -6,6 +6,7 @@ import functools
 import json
 import os
 import re
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,12 @@ def data_root() -> Path:
     """
     chosen = os.environ.get("TORQUEBENCH_DATA")
     return Path(chosen) if chosen else _own_data()
+
+
+def how_to_install(extra: str) -> str:
+    """Return the command that installs an extra: the script of the checkout whose ``.venv`` runs this, else pip."""
+    in_checkout = Path(sys.prefix) == _own_data() / ".venv" and (_own_data() / "scripts" / "extras").is_file()
+    return f"scripts/extras {extra}" if in_checkout else f"pip install 'torquebench[{extra}]'"
 
 
 @functools.cache

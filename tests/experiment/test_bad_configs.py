@@ -288,3 +288,12 @@ def test_nothing_more_is_announced_where_all_was_checked() -> None:
     with pytest.raises(ConfigError) as caught:
         parse_experiment(edited("metrics_from: 1.25", "metrics_from: 100", GOOD), "bad.yaml")
     assert not caught.value.unchecked
+
+
+def test_a_missing_section_is_told_with_what_it_must_hold() -> None:
+    """Who leaves out `run` reads which of its keys are wanted: the duration alone."""
+    (problem,) = problems_of(
+        "name: short\nplant: {model: two-link}\ncontrollers: [{name: a, law: pd, gains: auto}]\n"
+        "reference: {kind: sine, amplitude: 0.1, frequency_hz: 1.0}\n"
+    )
+    assert str(problem).startswith("bad.yaml:1:1: run: missing, wanted {duration: ..} (")

@@ -110,9 +110,16 @@ class Group(Node):
                 found[name] = BROKEN
                 if name not in meant and getattr(raw, "is_whole", True):
                     what = f"gain '{name}' is missing" if self.noun == "gain" else "missing"
-                    here.add(what, (name,), at="key", wanted=a_value(declared.key))
+                    here.add(what, (name,), at="key", wanted=self._asked(declared))
         here.document.groups[here.path] = self, found
         return found
+
+    def _asked(self, declared: Declared) -> str:
+        """Return what is wanted of who leaves out a key: a value, or a mapping with the keys that it must have."""
+        node = self.nodes[declared.name]
+        least = [one.name for one in node.fields.values() if one.required] if isinstance(node, Group) else []
+        keys = ", ".join(f"{name}: .." for name in least)
+        return a_value(declared.key).replace("a value", f"{{{keys}}}" if least else "a value", 1)
 
     def _unknown(self, key: str, raw: Any, here: Here) -> str:
         """Record that a key is none of the group's, and return the one that it was meant to be, if any."""
