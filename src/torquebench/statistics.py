@@ -34,7 +34,13 @@ class Ratio(NamedTuple):
 
     @classmethod
     def of_logs(cls, mean: float, half: float, pairs: int, failed: tuple[int, int], left_out: int) -> Ratio:
-        """Return the ratio of a mean of ln(a/b) and the half-width of its interval; too large for a number is inf."""
+        """Return the ratio of a mean of ln(a/b); what is too large for a number is infinite.
+
+        Args:
+            mean: The mean.
+            half: Half-width of its interval.
+            pairs, failed, left_out: As they are called here.
+        """
         low, high = (math.exp(x) if x < 700.0 else math.inf for x in (mean - half, mean + half))
         return cls(math.exp(mean) if mean < 700.0 else math.inf, low, high, pairs, failed, left_out)
 
