@@ -224,7 +224,7 @@ def draw(law: str, runs: Mapping[str, Any], limit: float) -> bytes:
             panels[0, column].set_title(f"{chain}: {CHAINS[chain]}{ended}", fontsize=9)
             panels[1, column].set(xlabel="time [s]", xlim=(0.0, run.t[-1] if run.completed else None))
         torque = np.abs(np.concatenate([run.tau[:, JOINT] for run in runs.values()])).max()
-        for axes in panels[1] if torque > 0.9 * limit else ():
+        for axes in panels[1] if torque > 0.6 * limit else ():
             axes.hlines([-limit, limit], *axes.get_xlim(), color="0.4", ls=":", lw=1.0)
         panels[0, 0].set_ylabel(f"error, joint {JOINT + 1} [mrad]")
         panels[1, 0].set_ylabel(f"torque, joint {JOINT + 1} [N m]")
