@@ -61,6 +61,11 @@ class Law:
         """Whether it is one of the package's own laws."""
         return str(getattr(self.function, "__module__", "")).startswith("torquebench.laws.")
 
+    @property
+    def terms(self) -> frozenset[str]:
+        """Terms of the arm's dynamics that its source calls, with some of its options at least."""
+        return frozenset(_terms_called(getattr(self.function, "py_func", self.function), set()))
+
     def has_model(self, options: Mapping[str, str | bool]) -> bool:
         """Return whether the law cancels the arm's dynamics with its model, for `choose_gains`.
 
@@ -78,7 +83,7 @@ class Law:
             return chosen[str(option)] in values
         if "equivalent_control" in chosen:
             return bool(chosen["equivalent_control"])
-        called = _terms_called(getattr(self.function, "py_func", self.function), set())
+        called = self.terms
         return "inverse_dynamics" in called or ("mass_matrix" in called and len(called) > 1)
 
     def new_memory(self, n: int) -> Any:
