@@ -39,9 +39,10 @@ class PythonRun:
         self._loop, self._job = on_numbers(closed_loop), python_numbers(setup.job)
         self._see()
 
-    def attach(self) -> None:
-        """Have the plant go on with its payload."""
-        self.setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
+    def change(self) -> None:
+        """Have the plant go on as the next of its arms."""
+        self.setup.plant.change()  # type: ignore[attr-defined]  # only of a plant that changes
+        self._see()
 
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1."""

@@ -24,7 +24,7 @@ from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import PythonRun
 from torquebench.sim.job import Setup, is_fixed, set_up
 from torquebench.sim.native import QUICKER, NativeRun, interpreted_before, obstacle, reason_to_interpret
-from torquebench.sim.plants import NativePlant, Plant, attached_at
+from torquebench.sim.plants import NativePlant, Plant, instants_of_change
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory, trajectory_of
 from torquebench.timing import substeps_per_period
@@ -156,7 +156,7 @@ class Session:
         desired = _each_joint(trial.reference, n)
         start = np.zeros(n) if trial.initial_q is None else np.array(trial.initial_q, dtype=np.float64)
         self._check(n, n_steps, trial, desired, start)
-        attach = attached_at(plant, control_period, n_steps)
+        changes = instants_of_change(plant, control_period, n_steps)
         reason = self._reason(plant, controller.law, path, n_steps * _burden(plant, substeps))
         if path == "native" and reason:
             raise ControllerError(f"controller '{controller.name}' cannot run on the native path: {reason}")
@@ -169,9 +169,9 @@ class Session:
             run = self._compiled(plant, trial, desired, substeps, native)
         status, done, at_once = COMPLETED, 0, max(1, run.longest // substeps)
         while done < n_steps and status == COMPLETED:
-            if done == attach > 0:
-                run.attach()
-            last = min(done + at_once, attach if done < attach else n_steps)
+            if done in changes:
+                run.change()
+            last = min(done + at_once, next((k for k in changes if k > done), n_steps))
             status = run(done, last)
             done = last
             if progress is not None and status == COMPLETED:
