@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import runpy
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -9,15 +12,20 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from tests.arms import two_link
+from tests.user_files import load
+from torquebench.dialect import complaints, read_file
 from torquebench.errors import ResultError
 from torquebench.experiment.build import build
 from torquebench.gym import ERROR, FAILED, ID, TorqueEnv
 from torquebench.kernel.twin import python_numbers
+from torquebench.laws import find_law
 from torquebench.references import Reference
 from torquebench.results import run_experiment
 from torquebench.robot.flat_model import own_copy
 from torquebench.sim.interpreted import Call
 
+ROOT = Path(__file__).parents[1]
 SHORT = {"run.duration": 0.6, "run.metrics_from": 0.1}
 RUNS: dict[str, dict[str, Any]] = {
     "exact": {},
@@ -127,3 +135,38 @@ def test_a_torque_that_is_none_ends_it() -> None:
     assert (failed, ended, info["outcome"]) == (True, False, "BAD_TORQUE")
     assert reward == -FAILED * 599
     assert env.trajectory().failed_at == 1
+
+
+def test_a_trained_net_is_written_out_as_a_law(tmp_path: Path) -> None:
+    """The file that the training script writes declares a law in the dialect, and nothing else, with the net's torque.
+
+    Weights stand there with six digits: 1e-5 of the torque.
+    """
+    script, rng = runpy.run_path(str(ROOT / "examples" / "train_policy.py")), np.random.default_rng(2)
+    weights, arm = rng.normal(size=script["SIZE"]), two_link()
+    text = script["law_file"](weights, "paper/sine")
+    committed = (ROOT / "examples" / "learned_policy.py").read_text(encoding="utf-8")
+    numbers = r"[-+]?\s*\d[\d.]*(e-?\d+)?"
+    assert re.sub(r"[-+\s]", "", re.sub(numbers, "", text)) == re.sub(r"[-+\s]", "", re.sub(numbers, "", committed))
+    assert read_file(text) == read_file(committed) == []
+    load(tmp_path, text.replace("learned-policy", "learned-in-a-test"))
+    law = find_law("learned-in-a-test")
+    assert complaints(law) == ()
+    q, qd, q_ref, qd_ref, integral = rng.normal(scale=0.1, size=(5, 2))
+    memory, tau = law.new_memory(2), np.zeros(2)
+    memory.integral[:] = integral
+    reference = Reference(q_ref, qd_ref, np.zeros(2))
+    law.function(law.pack_gains(2, {"lam": 15}, {}), arm.flat, 0.0, q, qd, reference, memory, tau)
+    first, last = weights[:12].reshape(4, 3), weights[12:]
+    inputs = np.stack([15.0 * (q_ref - q), qd_ref - qd, 225.0 * integral])
+    assert tau == pytest.approx(15.0 * arm.flat.inertia_scale * (last @ np.tanh(first @ inputs)), rel=1e-5)
+
+
+def test_the_page_s_example_runs() -> None:
+    """docs/learned-policies.md does what it shows."""
+    page = (ROOT / "docs" / "learned-policies.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(compile(block, "docs/learned-policies.md", "exec"), names)
+    assert names["envs"].reset(seed=0)[0].shape == (8, 31)
+    names["envs"].close()
