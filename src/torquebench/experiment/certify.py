@@ -261,9 +261,9 @@ def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
 def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Overdriven, ...]:
     """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s.
 
-    All of that is said of rigid joints, so there is nothing to say where the plant's joints give.
+    All of that is said of rigid joints that move: there is nothing to say where the plant's joints give, or one locks.
     """
-    if experiment.plant.transmission is not None:
+    if experiment.plant.transmission is not None or experiment.plant.lock is not None:
         return ()
     truth, found = truth_of(experiment), list[Flag | Coarse | Overdriven]()
     acting = resistance(experiment, truth, loop.reference) + (0.0 if loop.disturbance is None else loop.disturbance)
@@ -292,7 +292,7 @@ def certificate_of(
     run: Trajectory,
     truth: RobotModel | Phases | None = None,
 ) -> Certificate | None:
-    """Return the certificate of one run; None where it did not complete, joints give, or its law has none.
+    """Return the certificate of one run; None where it did not complete, joints give or lock, or its law has none.
 
     Args:
         experiment: What was run.
@@ -302,7 +302,8 @@ def certificate_of(
         truth: The arm, where it is at hand; see `truth_of`.
     """
     law = sliding_law(keys, loop, experiment.n)
-    if law is None or not run.completed or experiment.plant.transmission is not None:
+    plant = experiment.plant
+    if law is None or not run.completed or plant.transmission is not None or plant.lock is not None:
         return None
     period = experiment.run.control_period
     return certify(run, truth or truth_of(experiment), law, period, experiment.chain.reaction(period))

@@ -142,7 +142,7 @@ class ExperimentResult:
 
     @cached_property
     def scenario(self) -> dict[str, Any]:
-        """What was drawn for model and plant, and the step at which the payload was taken up."""
+        """What was drawn for model and plant, and the steps at which the payload was taken up and a joint locked."""
         experiment, flat, facts = self.experiment, self.loop.model.flat, dict[str, Any]()
         if experiment.model.mismatch is not None:
             if len(flat.constants):
@@ -154,6 +154,8 @@ class ExperimentResult:
             facts["plant_factors"] = {name: factors[:, i].tolist() for i, name in enumerate(FACTORS)}
         if experiment.plant.payload is not None:
             facts["payload_step"] = whole_steps(experiment.plant.payload.at, experiment.run.control_period)
+        if experiment.plant.lock is not None:
+            facts["lock_step"] = whole_steps(experiment.plant.lock.at, experiment.run.control_period)
         return facts
 
     def to_json(self) -> dict[str, Any]:
