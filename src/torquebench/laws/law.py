@@ -78,7 +78,7 @@ class Law:
             return chosen[str(option)] in values
         if "equivalent_control" in chosen:
             return bool(chosen["equivalent_control"])
-        called = _terms_called(getattr(self.function, "py_func", self.function), set())
+        called = terms_called(self.function)
         return "inverse_dynamics" in called or ("mass_matrix" in called and len(called) > 1)
 
     def new_memory(self, n: int) -> Any:
@@ -209,9 +209,17 @@ HasModel = bool | tuple[str | bool, ...] | None
 _TERMS = {term.__name__: term for term in (mass_matrix, gravity, bias_forces, inverse_dynamics)}
 
 
-def _terms_called(function: Any, seen: set[Any]) -> set[str]:
-    """Return the terms of the dynamics that a function's source names, itself or in functions that it names."""
-    found = set[str]()
+def terms_called(function: Any, seen: set[Any] | None = None) -> set[str]:
+    """Return the terms of the dynamics that a function's source names, itself or in functions that it names.
+
+    A law that runs in a process of its own has had that process look: they are its ``terms``.
+
+    Args:
+        function: A law or a kernel.
+        seen: Functions that were looked at already; changed.
+    """
+    function, seen = getattr(function, "py_func", function), set() if seen is None else seen
+    found = set[str](getattr(function, "terms", ()))
     if not isinstance(function, FunctionType) or function in seen:
         return found
     seen.add(function)
@@ -220,7 +228,7 @@ def _terms_called(function: Any, seen: set[Any]) -> set[str]:
     used += [getattr(x, name, None) for x in used if isinstance(x, ModuleType) for name in names]
     for value in used:
         term = next((name for name, term in _TERMS.items() if term is value), None)
-        found |= {term} if term else _terms_called(getattr(value, "py_func", value), seen)
+        found |= {term} if term else terms_called(value, seen)
     return found
 
 

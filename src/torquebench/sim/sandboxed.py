@@ -37,7 +37,7 @@ from torquebench.fuzzy import DEFAULT, Fis, builtin_system, infer, prepare
 from torquebench.kernel import clip, sat, sign
 from torquebench.kernel.struct import field_names
 from torquebench.laws import FixedRules, Gain, Law, Option, Rules, find_law
-from torquebench.laws.law import LAWS
+from torquebench.laws.law import LAWS, terms_called
 from torquebench.laws.plugin import SourceLoader
 from torquebench.references import Reference
 from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
@@ -313,7 +313,15 @@ def described(law: Law) -> dict[str, Any]:
         note: Gain | Option | Rules | FixedRules = kinds[kind][name]
         gains.append((name, {"kind": kind} | {k: v for k, v in note._asdict().items() if k not in ("auto", "inputs")}))
     memory = None if law.memory_type is None else list(law.memory_type._fields)
-    return {"name": law.name, "doc": str(law.function.__doc__ or ""), "gains": gains, "memory": memory}
+    return {
+        "name": law.name,
+        "doc": str(law.function.__doc__ or ""),
+        "gains": gains,
+        "memory": memory,
+        "rigid_only": law.rigid_only,
+        "has_model": law.declared_model,
+        "terms": sorted(terms_called(law.function)),
+    }
 
 
 def answer(name: str, file: str, text: str, n: int, arrays: dict[str, Any]) -> None:
