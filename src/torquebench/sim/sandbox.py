@@ -369,8 +369,8 @@ def _register(one: Declared, text: str, file: str, module: str) -> str:
     made: Any = NamedTuple  # a function to make classes with, of which mypy knows literal calls only
     memory = None if one.memory is None else made("Memory", [(x, Array) for x in one.memory])
     has_model = tuple(one.has_model) if isinstance(one.has_model, list) else one.has_model
-    told = {"rigid_only": one.rigid_only is True, "has_model": has_model}
-    controller(one.name, gains=made("Gains", fields), memory=memory, **told)(
+    gains, rigid_only = made("Gains", fields), one.rigid_only is True
+    controller(one.name, gains=gains, memory=memory, rigid_only=rigid_only, has_model=has_model)(
         SandboxedLaw(text, file, one.name, module, one.doc, one.terms)
     )
     return one.name
