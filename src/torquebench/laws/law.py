@@ -168,8 +168,20 @@ class Law:
         Raises:
             ControllerError: a gain that is not given has no rule.
         """
-        chosen = {name: option.values[0] for name, option in self.options.items()} | dict(options or {})
         given = dict(given or {})
+        found = {**choose(self.fit(model, control_period, chain, options, given)), **given}
+        return {name: found[name] for name in self.gains if name in found}
+
+    def fit(
+        self,
+        model: RobotModel,
+        control_period: float,
+        chain: Chain,
+        options: Mapping[str, str | bool] | None,
+        given: Mapping[str, Any],
+    ) -> Fit:
+        """Return the law on an arm as the rules of its gains see it; arguments and errors as for `choose_gains`."""
+        chosen = {name: option.values[0] for name, option in self.options.items()} | dict(options or {})
         acting = {name: gain for name, gain in self.gains.items() if name in given or gain.acts(chosen)}
         problems = [text for name in acting if name not in given and (text := self.no_rule(name))]
         if problems:
@@ -177,8 +189,7 @@ class Law:
         rules = {name: gain.rule for name, gain in acting.items() if gain.rule is not None}
         known = {name: np.full(model.n, value, dtype=np.float64) for name, value in given.items()}
         reaction = chain.reaction(control_period)
-        found = choose(Fit(limits_of(model), reaction, control_period, rules, self.has_model(chosen), known))
-        return {name: given[name] if name in given else found[name] for name in acting}
+        return Fit(limits_of(model), reaction, control_period, rules, self.has_model(chosen), known)
 
     def misfit(self, structure: str) -> str:
         """Return why the law cannot have a model of this structure; nothing where it can."""
