@@ -244,6 +244,8 @@ def _show_arm(source: str | Path, name: str) -> int:
         sources += [["" if i else title, text] for i, text in enumerate(texts)]
     say(table(header, rows))
     say("\n" + table(["number", "where it is from"], sources, left=2, prose=True))
+    for text in facts.remarks:
+        say(f"\n{text}")
     begin = "".join(f"\nrun: {{initial_q: key:{key}}}" for key in facts.keyframes[:1])
     say(f"\nIn a config:\n\nplant: {{model: {name}}}{begin}", fold=False)
     return 0

@@ -11,7 +11,7 @@ from torquebench.certificates import Certificate
 from torquebench.chain import rate_remarks
 from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
-from torquebench.experiment.arm import range_remarks, speed_remarks
+from torquebench.experiment.arm import limit_remarks, range_remarks, speed_remarks
 from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags, planned
 from torquebench.experiment.describe import conditions_text
@@ -100,8 +100,12 @@ class ExperimentResult:
 
     @cached_property
     def out_of_range(self) -> tuple[str, ...]:
-        """A line for each controller in whose run joints leave the range, or the speed, that the arm's file allows."""
-        return (*range_remarks(self.experiment, self.runs), *speed_remarks(self.experiment, self.runs))
+        """A line for each controller that leaves the range or speed of the arm's file, and one for idle motors."""
+        return (
+            *range_remarks(self.experiment, self.runs),
+            *speed_remarks(self.experiment, self.runs),
+            *limit_remarks(self.runs, self.joints.tau_max),
+        )
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:
