@@ -187,6 +187,7 @@ def compare(
             )
     counted = [row for row in rows if row.verdict != "undecided"]
     idle = f"; {len(rows) - len(counted)} undecided" * (len(counted) < len(rows))
+    idle += "; what differs is in none of these rows" * (not agree and all(row.agrees for row in rows))
     within = f"{sum(r.agrees for r in counted)} of {len(counted)} within their limits{idle}"
     say(f"{'agree' if agree else 'DIFFER'}: {within}")
     if agree:
