@@ -127,6 +127,8 @@ def draws_needed(found: Ratio, ratio: float, confidence: float = 0.95, power: fl
     """
     if found.pairs < 2 or not found.ratio < found.high < math.inf or ratio == 1.0:
         return None
+    from scipy import special
+
     per_draw = math.log(found.high / found.ratio) * math.sqrt(found.pairs)
     spread = per_draw / float(special.stdtrit(found.pairs - 1, 0.5 + 0.5 * confidence)) / abs(math.log(ratio))
     quantiles = 0.5 + 0.5 * confidence, power
@@ -157,6 +159,8 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> Outcomes:
     Args:
         first, second: Of each pair whether it failed, or what share or number of its runs did, (N,) each.
     """
+    from scipy import special
+
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     m, n = int(np.sum(a > b)), int(np.sum(b > a))
     return Outcomes(m, n, len(a), min(1.0, 2.0 * float(special.bdtr(min(m, n), m + n, 0.5))))
