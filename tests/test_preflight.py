@@ -13,7 +13,8 @@ import pytest
 from scipy.signal import lfilter
 
 from torquebench.chain import CHAINS
-from torquebench.diagnosis.parts import strengths, with_share
+from torquebench.diagnosis.margins import margins_of
+from torquebench.diagnosis.parts import as_yaml, strengths, with_share
 from torquebench.diagnosis.poles import Pole
 from torquebench.errors import ConfigError
 from torquebench.kernel import Array
@@ -348,6 +349,39 @@ def test_a_wrong_sign_does_not_end_the_search_for_a_share(monkeypatch: pytest.Mo
     monkeypatch.setattr(Pilot, "_share", lambda self, *given: 0.5)
     report = Pilot(experiment, 0.0).report(experiment.controllers[0], lambda what: None)
     assert (report.findings[0], report.share) == (wrong_sign, 0.5)
+
+
+def on_two_link(law: str, delay: float = 0.002, **gains: Any) -> tuple[Pilot, Any]:
+    """Return what flies a law on the two-joint arm at 1 ms with a delay, and its controller."""
+    experiment = experiment_of(law, "two-link", "ideal", gains)
+    chain = dataclasses.replace(experiment.chain, name="custom", command_delay=delay)
+    experiment = dataclasses.replace(experiment, chain=chain)
+    return Pilot(experiment, 1.0), experiment.controllers[0]
+
+
+def test_margins_are_the_least_over_positions_and_loads() -> None:
+    """A load makes arms slower, a position may make them lighter: the worst is told, with where it is."""
+    pilot, keys = on_two_link("pd-gravity", lam=10.0, kv=60.0)
+    margins, where = pilot.margins(keys)
+    each = [margins_of(*linear) for _, linear in pilot.linear(keys)]
+    assert margins is not None
+    assert margins.phase == min(one.phase for one in each if one is not None and one.phase is not None)
+    assert where.endswith(" kg")
+
+
+def test_a_wider_layer_that_passes_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The narrowest of those tried, as a config has it, with the margins of the loop that has it."""
+    pilot, keys = on_two_link("smc", lam=5.0, k=0.3)
+    wider = list(pilot.wider(keys))
+    width = wider[1].gains["phi"]
+    chatter = Finding("chatters", "hold", "shoulder", 0.5, 5.0, 1.0, "% of tau_max", True)
+    monkeypatch.setattr(Pilot, "_passes", lambda self, one, *given: one.gains.get("phi") == width)
+    report = Report("smc", (), (chatter,), (), None)
+    cured = pilot._cured(report, keys, [], lambda what: None)
+    assert cured.layer in (f"phi: {as_yaml(width)}", f"switching: saturation, phi: {as_yaml(width)}")
+    assert cured.layer_left is not None
+    assert cured.layer_left.to_json() == pilot.margins(wider[1])[0].to_json()
+    assert cured.share is None
 
 
 def test_what_does_not_fade_swings() -> None:

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from torquebench.diagnosis.margins import (
+    ENOUGH,
     Margins,
     Slopes,
     backwards,
-    leaves_gravity,
     margins_of,
     resonances,
     slopes_of,
@@ -23,6 +23,7 @@ from torquebench.diagnosis.margins import (
     true_arm,
     weight_along,
 )
+from torquebench.diagnosis.owners import OWNERS, Owner, robot_of
 from torquebench.diagnosis.parts import Part, Variant, as_yaml, layers, parts_of, strengths, three_digits, with_share
 from torquebench.diagnosis.seen import KINDS, Kind, Seen, grows, slips, swings
 from torquebench.diagnosis.settings import settings_between
@@ -63,8 +64,6 @@ SOFTER = (0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 """Shares of the gains that are tried against shaking [1]."""
 STIFFER = (2.0, 4.0, 8.0)
 """Times the gains that are tried against errors [1]."""
-ENOUGH = 30.0
-"""Phase margin that a cure is to leave, if one of those tried does [deg]."""
 
 
 class Remedy(NamedTuple):
@@ -100,6 +99,15 @@ class Cause:
     detail: str = ""
     """Number by which it does it."""
     remedy: Remedy = Remedy()  # noqa: RUF009  a tuple
+    owner: Owner = "law"
+    """Who can change it."""
+    origin: str = ""
+    """Where its number is from, if that is known."""
+
+    @property
+    def whose(self) -> str:
+        """Who can change it and where its number is from, in words."""
+        return f"{OWNERS[self.owner]}{f', {self.origin}' * bool(self.origin)}"
 
 
 @dataclass(frozen=True)
@@ -246,7 +254,7 @@ class _Search:
         self.span = np.maximum(span, LEAST_MOTION)
         self.slopes = slopes_of(self.experiment, self.loop)
         self.weight = weight_along(self.experiment, self.loop)
-        self.parts = parts_of(self.experiment, leaves_gravity(self.slopes, self.weight))
+        self.parts = parts_of(self.experiment, self.slopes, self.weight)
         self._expected = 2 * len(self.parts) + 2
         self.run: Trajectory
         self.whole = self.look("as it is", self.experiment, keep=True)
@@ -450,7 +458,8 @@ class _Search:
                 if "integral" in without and part.key == "friction" and self.whole.slips[joint] > 0.0:
                     only = without["integral"].slips[joint] == 0.0
                     title = f"{title.rstrip(',')}, and the law's integral," if only else title
-                rated.append(Cause(part.key, title, kind, max(lost, brought), *texts))
+                effect = max(lost, brought)
+                rated.append(Cause(part.key, title, kind, effect, *texts, owner=part.owner, origin=part.origin))
             own = [c for c in rated if c.effect >= (PERIOD_SHARE if c.key == "control_period" else SHARE)]
             rest = _share(ideal, 0.0, whole)
             by_law = Cause("law", self._blame(kind), kind, rest, "", self.ideal.text(kind, joint))
@@ -590,8 +599,8 @@ class _Search:
         part = next((part for part in self.parts if part.key == cause.key), None)
         if part is None:
             return Remedy()
-        if part.of_robot:
-            return Remedy(f"the {self.experiment.chain.name} has it: change the law", cures=False)
+        if part.owner == "robot":
+            return Remedy(f"the {robot_of(self.experiment)} has it: change the law", cures=False)
         found, _ = self._first(cause.symptom, f"less of {part.key}", part.cures(self.experiment), left)
         if found.text:
             return found

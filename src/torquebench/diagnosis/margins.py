@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from torquebench.certificates import Phases
 from torquebench.chain import Chain, response
+from torquebench.diagnosis.owners import OWNERS, Owner, owner_of
 from torquebench.experiment.build import Loop
 from torquebench.experiment.certify import truth_of
 from torquebench.experiment.schema import Experiment
@@ -36,6 +37,8 @@ TINY = 1e-9
 """Change of velocity so small that only a law that switches answers it [rad/s]."""
 JUMP = 1e-3
 """Share of the torque limit that such an answer must have [1]."""
+ENOUGH, AMPLE = 30.0, 60.0
+"""Phase margin that a loop is to have [deg]: Astrom and Murray, Feedback Systems, in "Stability Margins"."""
 SMALL = 0.02
 """Share of gravity's torque that a law without gravity may give at no error [1]."""
 
@@ -88,6 +91,36 @@ class Margins:
     """Gain margin: times the gain that brings it to that limit [1]."""
     lost: Mapping[str, float]
     """Part of the chain, hold of the control period included -> phase lost to it at the crossover [degrees]."""
+    owners: Mapping[str, Owner] = field(default_factory=dict)
+    """Whose each of these is."""
+
+    @property
+    def costs(self) -> str:
+        """What costs phase at the crossover, the most first, and whose it is; empty where nothing does."""
+        most = sorted(self.lost, key=lambda name: -self.lost[name])
+        words = (f"{name.replace('_', ' ')} {self.lost[name]:.0f} deg ({OWNERS[self.owners[name]]})" for name in most)
+        return f"phase lost there to {', '.join(words)}" if most else ""
+
+    @property
+    def swell(self) -> float | None:
+        """Times a disturbance at the crossover is as large as without the law, 1 / (2 sin(phase/2)) [1].
+
+        That is |1 / (1 + L)| where |L| = 1; None where the loop does not cross, or is unstable.
+        """
+        return 0.5 / math.sin(math.radians(self.phase / 2.0)) if self.phase is not None and self.phase > 0.0 else None
+
+    @property
+    def rule(self) -> str:
+        """What a phase margin means by the rule of `ENOUGH` to `AMPLE`; empty where the loop does not cross."""
+        usual = f"{ENOUGH:.0f} to {AMPLE:.0f} deg are usual (Astrom and Murray)"
+        if self.crossover is None or self.phase is None:
+            return ""
+        if self.swell is None:
+            return f"that is unstable, an error grows by itself; {usual}"
+        if self.phase < ENOUGH:
+            grown = f"what shakes it near {self.crossover:.3g} Hz becomes {self.swell:.2g} times as large"
+            return f"that is little, it rings: {grown}; {usual}"
+        return f"that is {'as usual' if self.phase <= AMPLE else 'ample'}; {usual}"
 
     def words(self, joints: Sequence[str]) -> str:
         """Return crossover, phase and delay margin in words; `joints` are the joints' names."""
@@ -107,7 +140,9 @@ class Margins:
             "delay_margin_s": self.delay,
             "oscillation_hz": self.oscillation,
             "gain_margin": self.factor,
+            "rule": self.rule,
             "phase_lost_deg": dict(self.lost),
+            "phase_lost_to": dict(self.owners),
         }
 
 
@@ -316,7 +351,8 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
         for name, (lesser, terms) in variants.items()
     }
     lost["hold"] = 180.0 * worst.crossover * period
-    return replace(worst, lost={name: x for name, x in lost.items() if abs(x) >= 0.05})
+    lost = {name: x for name, x in lost.items() if abs(x) >= 0.05}
+    return replace(worst, lost=lost, owners={name: owner_of(experiment, name) for name in lost})
 
 
 def _lesser(chain: Chain) -> dict[str, Chain]:
