@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from torquebench.chain import CHAINS
 from torquebench.diagnosis.margins import margins_of
 from torquebench.diagnosis.parts import as_yaml, strengths, with_share
-from torquebench.diagnosis.poles import Pole
+from torquebench.diagnosis.poles import Pole, poles_of
 from torquebench.errors import ConfigError
 from torquebench.kernel import Array
 from torquebench.laws.plugin import load_plugin
@@ -380,7 +380,9 @@ def test_a_wider_layer_that_passes_is_said(monkeypatch: pytest.MonkeyPatch) -> N
     cured = pilot._cured(report, keys, [], lambda what: None)
     assert cured.layer in (f"phi: {as_yaml(width)}", f"switching: saturation, phi: {as_yaml(width)}")
     assert cured.layer_left is not None
-    assert cured.layer_left.to_json() == pilot.margins(wider[1])[0].to_json()
+    told = pilot.margins(wider[1])[0]
+    assert told is not None
+    assert cured.layer_left.to_json() == told.to_json()
     assert cured.share is None
 
 
@@ -402,3 +404,18 @@ def test_unknown_gains_are_refused() -> None:
     """A gain that the law does not have is bad input."""
     with pytest.raises(ConfigError, match="kq"):
         experiment_of("joint-impedance", "fr3", "fr3", {"kq": 1.0})
+
+
+def test_a_delay_beyond_what_the_loop_bears_makes_a_pole_grow() -> None:
+    """Both joints of an arm whose links pull at each other, each with the same delay: poles and margins agree.
+
+    To a period: what is borne is told as if time went on between instants.
+    """
+    pilot, keys = on_two_link("pd-gravity", lam=10.0, kv=60.0)
+    margins, _ = pilot.margins(keys)
+    assert margins is not None
+    assert margins.delay is not None
+    whole = round(margins.delay / 0.001)
+    for more, grows in ((whole - 1, False), (whole + 1, True)):
+        late, _ = on_two_link("pd-gravity", 0.002 + 0.001 * more, lam=10.0, kv=60.0)
+        assert (max(poles_of(*linear)[0].rate for _, linear in late.linear(keys)) > 1e-6) == grows

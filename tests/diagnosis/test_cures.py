@@ -174,12 +174,13 @@ def test_a_cure_does_when_it_is_pasted(link: Any, number: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("phases", "taken"), [((12.0, 25.0, 35.0, 50.0), 2), ((12.0, 25.0), 0), ((40.0, 50.0), 0), ((None, 35.0), 0)]
+    ("phases", "taken"),
+    [((12.0, 25.0, 35.0, 50.0), 2), ((12.0, 25.0, 20.0), 1), ((40.0, 50.0), 0), ((None, 35.0), 0), ((-5.0, 9.0), 1)],
 )
 def test_a_cure_that_leaves_30_deg_is_preferred(
     link: Any, monkeypatch: pytest.MonkeyPatch, phases: tuple[float | None, ...], taken: int
 ) -> None:
-    """Of changes that all cure it is the first that leaves as much, or of which none is known; else the first."""
+    """Of changes that calm it is the first that leaves as much, or of which none is known; else the one with most."""
     given = link(impedance(100.0, 10.0), {})
     search = _Search(given, given.controllers[0], None)
     variants = [Variant(replace(given, name=f"v{k}"), f"v{k}") for k in range(len(phases))]

@@ -139,19 +139,19 @@ class Diagnosis:
     @property
     def sentence(self) -> str:
         """What is wrong, what does it, and what is left without it."""
+        margins, unstable = self.margins, ""
+        if self.unstable and margins is not None:
+            unstable = f"its loop is unstable at {self.joints[margins.joint]}: phase margin {margins.phase:.0f} deg"
         if not self.symptoms:
-            margins = self.margins
-            if self.unstable and margins is not None:
-                return (
-                    f"'{self.controller}' shows nothing yet, but its loop is unstable at {self.joints[margins.joint]}: "
-                    f"phase margin {margins.phase:.0f} deg."
-                )
+            if unstable:
+                return f"'{self.controller}' shows nothing yet, but {unstable}."
             return f"'{self.controller}' does not shake, follows, and stays within its torque limits."
         kind = self.symptoms[0]
         first = next((cause for cause in self.causes if cause.symptom == kind), None)
         begin = self._symptom(kind)
         if first is None:
-            return f"{begin}; nothing that can be taken away by itself does it."
+            sum_of = f"; {unstable}, {margins.costs}" if margins is not None and unstable else ""
+            return f"{begin}; nothing that can be taken away by itself does it{sum_of}."
         if not first.without:
             return f"{begin}; {first.title} does it: with no other imperfection {first.alone}."
         return f"{begin}; {first.title} does it: without it {first.without}."
@@ -562,7 +562,8 @@ class _Search:
     ) -> tuple[Remedy, Seen | None]:
         """Return the first change that cures, else the first that leaves `MILD` of it, else what leaves least of it.
 
-        One that leaves less than `ENOUGH` of a phase margin gives way to the next that cures and leaves as much.
+        One that leaves less than `ENOUGH` of a phase margin gives way to the next that cures and leaves more. One that
+        leaves none would shake later, and does not cure.
 
         Args:
             kind: The symptom.
@@ -572,22 +573,21 @@ class _Search:
         """
         best: Remedy = Remedy()
         best_seen: Seen | None = None
+        most = -math.inf
         joint = self.whole.joint(kind)
         for variant in variants:
             found = bool(best.text) and best.cures
-            if self.by_integral or found:
-                margins = self._margins(variant.experiment)
-                phase = math.inf if margins is None or margins.phase is None else margins.phase
-                if phase <= 0.0 or (found and phase < ENOUGH):
-                    continue
+            margins = self._margins(variant.experiment)
+            phase = math.inf if margins is None or margins.phase is None else margins.phase
+            if (self.by_integral and phase <= 0.0) or (found and phase <= most):
+                continue
             seen = self.look(what, variant.experiment)
-            cures, size = self._cured(kind, seen, left), seen.size(kind, joint)
+            cures, size = phase > 0.0 and self._cured(kind, seen, left), seen.size(kind, joint)
             whole, least = self.whole.size(kind, joint), best_seen.size(kind, joint) if best_seen else math.inf
             helps = kind != "fails" and self._spares(kind, seen) and size <= HALF * whole
             if cures or (not found and helps and MILD * whole < least and size < least):
-                best = self._tried(kind, variant, seen, cures, self._margins(variant.experiment))
-                best_seen = seen
-            if cures and (best.phase is None or best.phase >= ENOUGH):
+                best, best_seen, most = self._tried(kind, variant, seen, cures, margins), seen, phase
+            if cures and phase >= ENOUGH:
                 break
         return best, best_seen
 

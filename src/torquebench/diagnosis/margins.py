@@ -67,16 +67,19 @@ class Slopes:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of the loop of one joint, the others left free, where they are least along the motion."""
+    """Margins of the loop of all joints where they are least along the motion: of one eigenvalue of its open loop.
+
+    Phase that all joints lose at once, as a chain's delays take it, brings the loop to its limit at that margin.
+    """
 
     joint: int
-    """Number of the joint, from 0."""
+    """Number of the joint that takes most part in it, from 0."""
     time: float
     """Instant of the motion [s]."""
     frequency: Array
     """Frequencies, (f,) [Hz]."""
     gain: Complex = field(repr=False)
-    """Frequency response of the open loop, (f,)."""
+    """That eigenvalue of the open loop's frequency response, (f,)."""
     angle: Array = field(repr=False)
     """Its phase, unwrapped, (f,) [degrees]."""
     crossover: float | None
@@ -84,7 +87,7 @@ class Margins:
     phase: float | None
     """Phase margin there [degrees]."""
     delay: float | None
-    """Further delay that the loop bears [s]; None where it bears none."""
+    """Further delay of all joints at once that the arm bears, of all eigenvalues the least [s]; None for none."""
     oscillation: float | None
     """Lowest frequency at which its phase is -180 degrees [Hz]: a loop at its limit oscillates there."""
     factor: float | None
@@ -119,7 +122,7 @@ class Margins:
             return f"that is unstable, an error grows by itself; {usual}"
         if self.phase < ENOUGH:
             grown = f"what shakes it near {self.crossover:.3g} Hz becomes {self.swell:.2g} times as large"
-            return f"that is little, it rings: {grown}; {usual}"
+            return f"that is little: {grown}; {usual}"
         return f"that is {'as usual' if self.phase <= AMPLE else 'ample'}; {usual}"
 
     def words(self, joints: Sequence[str]) -> str:
@@ -128,7 +131,7 @@ class Margins:
             return "no loop crosses"
         delay = "no further delay" if self.delay is None else f"a further delay of {1e3 * self.delay:.3g} ms"
         loop = f"loop of {joints[self.joint]}: crossover {self.crossover:.3g} Hz"
-        return f"{loop}, phase margin {self.phase:.0f} deg, bears {delay}"
+        return f"{loop}, phase margin {self.phase:.0f} deg; the arm bears {delay}"
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, without the curves."""
@@ -300,20 +303,26 @@ def resonances(experiment: Experiment, loop: Loop) -> Array:
         return np.full(experiment.n, np.nan)
     root = np.sqrt(joints.stiffness)
     values, ways = np.linalg.eigh(root[:, None] * (np.diag(1.0 / joints.inertia) + np.linalg.inv(M)) * root)
-    found, left = np.zeros(experiment.n), np.abs(ways)
-    for _ in range(experiment.n):  # each mode to a joint of its own
-        joint, mode = np.unravel_index(np.argmax(left), left.shape)
-        found[joint] = math.sqrt(values[mode]) / (2.0 * math.pi)
-        left[joint], left[:, mode] = -1.0, -1.0
-    return found
+    return np.asarray(np.sqrt(values[_paired(np.abs(ways))]) / (2.0 * math.pi))
+
+
+def _paired(sizes: Array) -> list[int]:
+    """Return to each row a column of its own, the largest of all numbers first, (n,)."""
+    found, left = np.argmax(sizes, axis=1), np.array(sizes)
+    if len(set(found.tolist())) < len(found):
+        for _ in found:
+            row, column = np.unravel_index(np.argmax(left), left.shape)
+            found[row] = column
+            left[row], left[:, column] = -1.0, -1.0
+    return [int(column) for column in found]
 
 
 def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | None:
-    """Return the margins of the joint, and at the instant, where the phase margin is least; None where none crosses.
+    """Return the margins of the loop where the phase margin is least along the motion; None where none crosses.
 
     With P = (M s^2 + D s + G)^-1, or from motor to sensor through the springs of the joints, and what the chain makes
-    of the law, C = H_tau ((K + I/s) H_q + (s B + J) H_qd), the open loop of joint i is (C P)_ii: the other joints are
-    left free, as they are above their own crossovers.
+    of the law, C = H_tau ((K + I/s) H_q + (s B + J) H_qd), the open loop of all joints is C P. Each of its eigenvalues
+    is looked at as a single loop is (generalised Nyquist criterion): what one joint does moves the others.
 
     Args:
         experiment: With one controller.
@@ -330,29 +339,36 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
     seen = response(chain, 2.0 * math.pi * frequency, period)
     late = seen.torque * seen.position
     worst: Margins | None = None
+    least = math.inf
     for m, k in enumerate(instants_of(experiment)):
         terms = terms_at(experiment, loop, slopes, m, k)
-        loops = _open_loops(chain, period, frequency, terms)
+        loci, ways = _loci(chain, period, frequency, terms)
         for i in range(n):
-            one = _margins(i, k * period, frequency, loops[:, i], late, 0.7 * float(np.min(found)))
+            one = _margins(i, k * period, frequency, loci[:, i], late, 0.7 * float(np.min(found)))
+            least = min(least, one.delay or math.inf)
             if one.phase is not None and (worst is None or worst.phase is None or one.phase < worst.phase):
-                worst, kept = one, terms
-    if worst is None or worst.crossover is None:
+                worst, kept, kept_ways = one, terms, ways
+    if worst is None or worst.crossover is None or worst.phase is None:
         return worst
+    V = kept_ways[np.searchsorted(frequency, worst.crossover) - 1]
+    joint = int(np.argmax(np.abs(V[:, worst.joint] * np.linalg.pinv(V)[worst.joint])))
     up_to = np.geomspace(LOWEST_HZ, worst.crossover, LINES)
-    whole = _open_loops(chain, period, up_to, kept)[:, worst.joint]
+    loci, ways = _loci(chain, period, up_to, kept)
+    own = int(np.argmin(np.abs(loci[-1] - np.exp(1j * math.radians(worst.phase - 180.0)))))
     variants = {name: (lesser, kept) for name, lesser in _lesser(chain).items()}
     if np.any(kept.I) or np.any(kept.J):
         variants["integral"] = chain, kept._replace(I=np.zeros((n, n)), J=np.zeros((n, n)))
-    lost = {
-        name: float(
-            np.degrees(np.unwrap(np.angle(_open_loops(lesser, period, up_to, terms)[:, worst.joint] / whole))[-1])
-        )
-        for name, (lesser, terms) in variants.items()
-    }
+    lost = dict[str, float]()
+    for name, (lesser, terms) in variants.items():
+        others, turned = _loci(lesser, period, up_to, terms)
+        same = int(np.argmax(np.abs(turned[-1].conj().T @ ways[-1, :, own])))
+        lost[name] = float(np.degrees(np.unwrap(np.angle(others[:, same] / loci[:, own]))[-1]))
     lost["hold"] = 180.0 * worst.crossover * period
     lost = {name: x for name, x in lost.items() if abs(x) >= 0.05}
-    return replace(worst, lost=lost, owners={name: owner_of(experiment, name) for name in lost})
+    delay = least if worst.phase > 0.0 else None
+    return replace(
+        worst, joint=joint, delay=delay, lost=lost, owners={name: owner_of(experiment, name) for name in lost}
+    )
 
 
 def _lesser(chain: Chain) -> dict[str, Chain]:
@@ -373,8 +389,8 @@ def _lesser(chain: Chain) -> dict[str, Chain]:
     return {name: replace(chain, **keys) for name, keys in bare.items()}  # type: ignore[arg-type]
 
 
-def _open_loops(chain: Chain, period: float, frequency: Array, terms: Terms) -> Complex:
-    """Return the open loop of each joint with the others left free, (f, n).
+def _loci(chain: Chain, period: float, frequency: Array, terms: Terms) -> tuple[Complex, Complex]:
+    """Return eigenvalues of the open loop and their vectors, each followed along the frequencies, (f, n), (f, n, n).
 
     Args:
         chain: Sensors and actuators.
@@ -398,12 +414,16 @@ def _open_loops(chain: Chain, period: float, frequency: Array, terms: Terms) -> 
         (terms.K + terms.I * summed) * seen.position[:, None, None]
         + s * (terms.B + terms.J * summed) * seen.velocity[:, None, None]
     )
-    own: Complex = np.diagonal(C @ P, axis1=1, axis2=2)
-    return own
+    values, ways = np.linalg.eig(C @ P)
+    alike, order = np.abs(np.swapaxes(ways[:-1].conj(), 1, 2) @ ways[1:]), list(range(len(M)))
+    for k, sizes in enumerate(alike, 1):
+        order = _paired(sizes[order])
+        values[k], ways[k] = values[k, order], ways[k][:, order]
+    return values, ways
 
 
 def _margins(joint: int, time: float, frequency: Array, gain: Complex, late: Complex, rigid_to: float) -> Margins:
-    """Return the margins of one open loop.
+    """Return the margins of one eigenvalue of the open loop; its number stands for the joint.
 
     Args:
         joint, time: As of `Margins`.

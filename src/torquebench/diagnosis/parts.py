@@ -395,7 +395,7 @@ def _arm(experiment: Experiment, slopes: Slopes) -> Iterator[Part]:
             own = {"kp": three_digits(tuple(K.tolist())), "kd": three_digits(tuple(B.tolist())), "speed": CRAWL}
             made = {**own, "viscous": 0.0, "coulomb": 0.0, **known}
             text = f"law gravity-friction, PD as now, with the sliding friction's {_words_of(known)}"
-            yield Variant(with_law(experiment, "gravity-friction", made, {"friction_at": "desired"}), text)
+            yield Variant(_with_law(experiment, "gravity-friction", made, {"friction_at": "desired"}), text)
 
         cure = "less friction, or larger gains"
         if known:
@@ -490,7 +490,7 @@ def _integral(experiment: Experiment) -> Iterator[Part]:
     yield Part("integral", title, lambda x: less(x, 0.0).experiment, same_loop, shares(less))
 
 
-def with_law(experiment: Experiment, law: str, gains: Mapping[str, Vector], options: Mapping[str, Any]) -> Experiment:
+def _with_law(experiment: Experiment, law: str, gains: Mapping[str, Vector], options: Mapping[str, Any]) -> Experiment:
     """Return an experiment whose only controller keeps its name and becomes another law."""
     (keys,) = experiment.controllers
     made = replace(keys, law=law, gains=dict(gains), options=dict(options), fuzzy=None)
@@ -510,7 +510,7 @@ def _holding(experiment: Experiment) -> Iterator[Variant]:
     ):
         if set(names) <= set(keys.gains):
             same = {name: keys.gains[name] for name in names}
-            yield Variant(with_law(experiment, law, same, options), f"law {law}, with the same {' and '.join(names)}")
+            yield Variant(_with_law(experiment, law, same, options), f"law {law}, with the same {' and '.join(names)}")
 
 
 def _loop(experiment: Experiment, lacks_gravity: bool) -> Iterator[Part]:

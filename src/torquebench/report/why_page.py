@@ -37,7 +37,7 @@ def why_page(found: Diagnosis, try_it: str = "") -> bytes:
     if margins is not None and margins.crossover is not None:
         facts = [
             ("crossover", f"{number(margins.crossover)} Hz"),
-            ("phase margin", f"{number(margins.phase or 0.0)} deg: {margins.rule}"),
+            ("phase margin", f"{number(margins.phase or 0.0)} deg"),
             ("delay margin", "none" if margins.delay is None else f"{number(1e3 * margins.delay)} ms"),
         ]
         for name, x in sorted(margins.lost.items(), key=lambda one: -one[1]):
