@@ -457,6 +457,10 @@ class Origin(NamedTuple):
     link: str = ""
     """Address of the document."""
 
+    def __str__(self) -> str:
+        """Return both in a line."""
+        return f"{self.source} {self.link}".rstrip()
+
 
 class About(NamedTuple):
     """What a named chain stands for."""

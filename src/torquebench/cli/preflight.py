@@ -162,7 +162,8 @@ def _text(report: Report, robot: str, joints: Sequence[str]) -> str:
         where = f", {one.joint}" if one.joint and one.value else ""
         lines.append(f"  {one.reason:<{WIDTH}}  {bar:<{BAR + 1}}  {size} of {one.limit:.4g} {one.unit}{where}")
     if report.margins is not None:
-        lines += ["", f"  {report.margins.words(joints)} ({report.where})"]
+        told = f"{report.margins.words(joints)} ({report.where})", report.margins.rule, report.margins.costs
+        lines += ["", *(f"  {line}" for line in told if line)]
     if report.passed:
         return "\n".join(lines)
     first: dict[str, Finding] = {}
