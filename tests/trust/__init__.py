@@ -29,7 +29,7 @@ def run(size: str, only: Sequence[str], seed: int, tell: Callable[[str, int, int
     """Attack every promise and return the rows of the table, as values that JSON can hold.
 
     Args:
-        size: ``ci`` or ``release``: how many tries of each row.
+        size: ``ci``, ``nightly`` or ``release``: how many tries of each row.
         only: Names of the rows to run; empty for all.
         seed: Of every random choice; each row has its own sequence.
         tell: Told the row's name, and how many tries of how many are done in all.

@@ -66,9 +66,9 @@ FAULTS = {
 """What a law does -> outcomes that are right."""
 
 
-@row("faults", "A law's fault is its own outcome, at its instant; the other law's numbers stay.", ci=12, release=1000)
+@row("faults", "A law's fault is its own outcome, at its instant; other laws' numbers stay.", ci=12, release=1000)
 def attack_with_laws(shop: Workshop, tries: int) -> Iterator[str]:
-    """Exceptions, exits, wrong shapes and types, torques that are not finite, writes to inputs, threads, at any instant."""
+    """Exceptions, exits, wrong shapes and types, infinite torques, writes to inputs, threads, at any instant."""
     whole = json.loads((shop.run / "metrics.json").read_text())["controllers"]["pd"]
     faults = list(FAULTS.items())
     shop.random.shuffle(faults)

@@ -23,7 +23,7 @@ class Row:
     how: str
     """How it is attacked, in words."""
     sizes: dict[str, int]
-    """Tries of the size ``ci`` and of ``release``."""
+    """Tries of the sizes ``ci``, ``nightly`` (a tenth of a release) and ``release``."""
     attack: Attack
 
 
@@ -58,7 +58,7 @@ def row(name: str, promise: str, ci: int, release: int) -> Callable[[Attack], At
 
     def declare(attack: Attack) -> Attack:
         how = (attack.__doc__ or "").strip().splitlines()[0].rstrip(".")
-        ROWS[name] = Row(name, promise, how, {"ci": ci, "release": release}, attack)
+        ROWS[name] = Row(name, promise, how, {"ci": ci, "nightly": max(ci, release // 10), "release": release}, attack)
         return attack
 
     return declare
