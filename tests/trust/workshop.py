@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import IO
 
@@ -38,6 +39,8 @@ PRELOADED = ["numpy", "mujoco", "torquebench.cli.app", "torquebench.cli.run", "t
 PRELOADED += ["torquebench.cli.report", "torquebench.sim.simulate", "torquebench.experiment.store"]
 MEMORY = 8 << 30
 """Address space of a process [bytes]."""
+STARTED = "\n"
+"""What a process writes before the line is run."""
 POLL = 0.01
 """Time between two looks at a process [s]."""
 
@@ -82,6 +85,9 @@ class Workshop:
         self.config.write_text(EXPERIMENT, encoding="utf-8")
         self.sweep_config = folder / "short-sweep.yaml"
         self.sweep_config.write_text(EXPERIMENT + SWEEP, encoding="utf-8")
+        sys.warnoptions.append("ignore:resource_tracker")  # killed sweeps leave semaphores, which it tells at the end
+        resource_tracker.ensure_running()
+        sys.warnoptions.pop()
         self.context = multiprocessing.get_context("forkserver")
         self.context.set_forkserver_preload(PRELOADED)
 
@@ -98,7 +104,7 @@ class Workshop:
         Args:
             *words: The line, without ``torquebench``.
             limit: Seconds after which the process is killed.
-            after: When to send a signal [s]; None for never.
+            after: When to send a signal, from the instant at which the line begins to run [s]; None for never.
             with_signal: That signal.
             environment: Variables on top of this process's.
         """
@@ -106,10 +112,12 @@ class Workshop:
             line, begin = [str(word) for word in words], time.monotonic()
             process = self.context.Process(target=_run, args=(line, _Handle(output), dict(environment or {})))
             process.start()
-            sent = hung = False
+            sent = hung = started = False
             while process.is_alive():
                 process.join(POLL)
-                passed = time.monotonic() - begin
+                if not started and os.fstat(output.fileno()).st_size:
+                    started, begin = True, time.monotonic()
+                passed = time.monotonic() - begin if started else 0.0
                 if after is not None and passed > after and not sent and process.pid is not None:
                     os.kill(process.pid, with_signal)
                     sent = True
@@ -117,7 +125,7 @@ class Workshop:
                     process.kill()
                     hung = True
             output.seek(0)
-            text = output.read().decode("utf-8", "replace")
+            text = output.read().decode("utf-8", "replace").removeprefix(STARTED)
             status = process.exitcode if process.exitcode is not None else -1
             return Done(status, text, time.monotonic() - begin, hung)
 
@@ -185,7 +193,6 @@ class _Handle:
 
 def _run(line: list[str], output: _Handle, environment: Mapping[str, str]) -> None:
     """Run a line as a program of its own would; in the forked process."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for stream in (1, 2):
         os.dup2(output.number, stream)
@@ -197,6 +204,8 @@ def _run(line: list[str], output: _Handle, environment: Mapping[str, str]) -> No
     sys.argv = ["torquebench", *line]
     from torquebench.cli.app import main
 
+    os.write(1, STARTED.encode())
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # until here it was ignored
     try:
         status = main(line)
     except SystemExit as ended:
