@@ -8,7 +8,9 @@ import os
 import re
 import sys
 from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from torquebench.errors import ConfigError, Problem, nearest, nearest_path
@@ -39,6 +41,21 @@ def _own_data() -> Path:
     if (checkout / "pyproject.toml").is_file() and (checkout / "models").is_dir():
         return checkout
     return Path(__file__).resolve().parent / "_data"
+
+
+def from_checkout(folder: str) -> ModuleType:
+    """Return a package of the checkout that no wheel has, such as ``benchmarks`` or ``tests/trust``.
+
+    Raises:
+        ConfigError: there is none, as where torquebench was installed from a wheel.
+    """
+    place = data_root() / folder
+    if not (place / "__init__.py").is_file():
+        why = f"no folder {place}: it comes with the repository and the sdist, not with a wheel; run it in a checkout"
+        raise ConfigError([Problem(place.name, "", why)])
+    if str(place.parent) not in sys.path:
+        sys.path.insert(0, str(place.parent))
+    return import_module(place.name)
 
 
 def model_names() -> tuple[str, ...]:

@@ -58,6 +58,7 @@ COMMANDS = {
         "fuzzy": "fuzzy",
         "doctor": "doctor",
         "bench": "bench",
+        "trust": "trust",
     },
     "Discover": {"laws": "discover", "chains": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
