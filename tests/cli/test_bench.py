@@ -12,13 +12,25 @@ from benchmarks import loops
 from benchmarks.loops import HEADLINE
 from benchmarks.timing import Row
 from torquebench import MujocoPlant, load_trajectory
+from torquebench.cli import bench
 from torquebench.cli.app import main
 from torquebench.cli.bench import as_markdown
 from torquebench.robot.library import data_root
 
 
-def test_the_command_measures_every_case(capsys: pytest.CaptureFixture[str]) -> None:
-    """Rows with name, value, unit, against, ratio, threads; the headline with one thread and two; ratios add up."""
+@pytest.mark.parametrize(
+    "short", [pytest.param(True, id="small"), pytest.param(False, id="large", marks=pytest.mark.slow)]
+)
+def test_the_command_measures_every_case(
+    short: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows with name, value, unit, against, ratio, threads; the headline with one thread and two; ratios add up.
+
+    The small size has loops of half a second, which do not meet every rule.
+    """
+    if short:
+        monkeypatch.setattr(bench, "QUICK", (0.5, 1))
+        monkeypatch.setattr(loops, "check_rules", loops.check)
     assert main(["bench", "--quick", "--rounds", "1", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert all({"name", "value", "unit", "against", "ratio", "threads"} <= row.keys() for row in rows)
