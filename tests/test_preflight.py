@@ -13,8 +13,9 @@ import pytest
 from scipy.signal import lfilter
 
 from torquebench.chain import CHAINS
-from torquebench.diagnosis.parts import strengths, with_share
-from torquebench.diagnosis.poles import Pole
+from torquebench.diagnosis.margins import margins_of
+from torquebench.diagnosis.parts import as_yaml, strengths, with_share
+from torquebench.diagnosis.poles import Pole, poles_of
 from torquebench.errors import ConfigError
 from torquebench.kernel import Array
 from torquebench.laws.plugin import load_plugin
@@ -350,6 +351,41 @@ def test_a_wrong_sign_does_not_end_the_search_for_a_share(monkeypatch: pytest.Mo
     assert (report.findings[0], report.share) == (wrong_sign, 0.5)
 
 
+def on_two_link(law: str, delay: float = 0.002, **gains: Any) -> tuple[Pilot, Any]:
+    """Return what flies a law on the two-joint arm at 1 ms with a delay, and its controller."""
+    experiment = experiment_of(law, "two-link", "ideal", gains)
+    chain = dataclasses.replace(experiment.chain, name="custom", command_delay=delay)
+    experiment = dataclasses.replace(experiment, chain=chain)
+    return Pilot(experiment, 1.0), experiment.controllers[0]
+
+
+def test_margins_are_the_least_over_positions_and_loads() -> None:
+    """A load makes arms slower, a position may make them lighter: the worst is told, with where it is."""
+    pilot, keys = on_two_link("pd-gravity", lam=10.0, kv=60.0)
+    margins, where = pilot.margins(keys)
+    each = [margins_of(*linear) for _, linear in pilot.linear(keys)]
+    assert margins is not None
+    assert margins.phase == min(one.phase for one in each if one is not None and one.phase is not None)
+    assert where.endswith(" kg")
+
+
+def test_a_wider_layer_that_passes_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The narrowest of those tried, as a config has it, with the margins of the loop that has it."""
+    pilot, keys = on_two_link("smc", lam=5.0, k=0.3)
+    wider = list(pilot.wider(keys))
+    width = wider[1].gains["phi"]
+    chatter = Finding("chatters", "hold", "shoulder", 0.5, 5.0, 1.0, "% of tau_max", True)
+    monkeypatch.setattr(Pilot, "_passes", lambda self, one, *given: one.gains.get("phi") == width)
+    report = Report("smc", (), (chatter,), (), None)
+    cured = pilot._cured(report, keys, [], lambda what: None)
+    assert cured.layer in (f"phi: {as_yaml(width)}", f"switching: saturation, phi: {as_yaml(width)}")
+    assert cured.layer_left is not None
+    told = pilot.margins(wider[1])[0]
+    assert told is not None
+    assert cured.layer_left.to_json() == told.to_json()
+    assert cured.share is None
+
+
 def test_what_does_not_fade_swings() -> None:
     """After a small step 2 mrad at 4 Hz go on; the same that fades in 0.2 s does not, nor does a slow drift."""
     t = np.arange(2000) * 1e-3
@@ -368,3 +404,18 @@ def test_unknown_gains_are_refused() -> None:
     """A gain that the law does not have is bad input."""
     with pytest.raises(ConfigError, match="kq"):
         experiment_of("joint-impedance", "fr3", "fr3", {"kq": 1.0})
+
+
+def test_a_delay_beyond_what_the_loop_bears_makes_a_pole_grow() -> None:
+    """Both joints of an arm whose links pull at each other, each with the same delay: poles and margins agree.
+
+    To a period: what is borne is told as if time went on between instants.
+    """
+    pilot, keys = on_two_link("pd-gravity", lam=10.0, kv=60.0)
+    margins, _ = pilot.margins(keys)
+    assert margins is not None
+    assert margins.delay is not None
+    whole = round(margins.delay / 0.001)
+    for more, grows in ((whole - 1, False), (whole + 1, True)):
+        late, _ = on_two_link("pd-gravity", 0.002 + 0.001 * more, lam=10.0, kv=60.0)
+        assert (max(poles_of(*linear)[0].rate for _, linear in late.linear(keys)) > 1e-6) == grows

@@ -325,13 +325,17 @@ class Pilot:
             yield flight, (experiment, loop, slopes_of(experiment, loop, by))
 
     def margins(self, keys: Controller) -> tuple[Margins | None, str]:
-        """Return the margins of the loop about rest where the phase margin is least, and where that is."""
+        """Return the margins about rest where the phase margin is least, with the least delay, and where that is."""
         found = list[tuple[float, Margins, str]]()
         for flight, linear in self.linear(keys):
             margins = margins_of(*linear)
             if margins is not None and margins.phase is not None:
                 found.append((margins.phase, margins, f"{flight.pose}, {flight.payload:g} kg"))
-        return min(found, key=lambda one: one[0])[1:] if found else (None, "")
+        if not found:
+            return None, ""
+        _, worst, where = min(found, key=lambda one: one[0])
+        delay = min((one.delay for _, one, _ in found if one.delay is not None), default=None)
+        return dataclasses.replace(worst, delay=None if worst.delay is None else delay), where
 
     def wider(self, keys: Controller) -> Iterator[Controller]:
         """Yield a controller with wider and wider layers; see `layers`."""

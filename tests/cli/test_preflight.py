@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from torquebench.preflight import Report
+
 PLUGIN = '''"""A user's law."""
 
 from typing import NamedTuple
@@ -40,6 +42,9 @@ def test_a_law_that_passes(command):
     assert out.count("o o o o") == 4
     assert " x " not in out.replace("; x: something", "")
     assert "of 1000 N m/s" in out
+    assert "deg are usual" in out
+    assert "(the robot's)" in out
+    assert "(yours)" in out
 
 
 def test_a_law_that_is_refused(command):
@@ -69,6 +74,27 @@ def test_a_config(command, tmp_path, monkeypatch):
     _, _, err = command("preflight", "mine.yaml", "--robot", "two-link", "--chain", "dynamixel")
     assert "the robot's control period is 5 ms" in err
     assert list(tmp_path.iterdir()) == [tmp_path / "mine.yaml"]
+
+
+def test_a_law_of_a_plugin(command, tmp_path, monkeypatch, registries):
+    """A law that --plugin registers is taken by its name, with the gains that are given; another name is refused."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(PLUGIN)
+    flown = []
+
+    def fly(experiment, payload, progress):
+        flown.append((experiment.controllers[0], payload))
+        return [Report("own-law", ("hold, from home, 0 kg",), (), ("k",), 1.0)]
+
+    monkeypatch.setattr("torquebench.preflight.preflight", fly)
+    given = "--plugin", "own.py", "--robot", "two-link", "--chain", "fast"
+    status, out, _ = command("preflight", "own-law", *given, "--gain", "k=60,20", "--payload", "0.5")
+    assert (status, out.partition(":")[0]) == (0, "own-law on two-link")
+    ((keys, payload),) = flown
+    assert (keys.law, keys.gains, payload) == ("own-law", {"k": (60.0, 20.0)}, 0.5)
+    status, _, err = command("preflight", "own-lav", *given)
+    assert (status, len(flown)) == (2, 1)
+    assert "did you mean 'own-law'" in err
 
 
 @pytest.mark.slow

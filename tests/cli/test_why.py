@@ -6,6 +6,8 @@ import html
 import json
 import shlex
 
+from torquebench.report.why_page import free_page
+
 CONFIG = """\
 name: late
 plant: {engine: analytic, model: two-link}
@@ -33,6 +35,11 @@ def test_a_run_that_shakes_says_where_to_ask(command, tmp_path, monkeypatch):
     page = (tmp_path / "a run" / "why.html").read_text()
     assert "the command delay of 20 ms" in page
     assert "controllers.stiff.gains.kv &lt;=" in page
+    for text in (out, page):
+        assert "30 to 60 deg are usual" in text
+    assert "command delay" in out
+    assert "(yours)" in out
+    assert "deg, yours" in page
     status, out, _ = command("report", "a run")
     assert status == 0, "the run is still whole"
 
@@ -66,6 +73,14 @@ def test_a_cure_can_be_copied(command, tmp_path, monkeypatch):
     status, out, _ = command(verb, config, *words, "--out", "cured", "--no-figures")
     assert status == 0
     assert "torquebench why" not in out
+
+
+def test_an_answer_that_differs_has_a_page_of_its_own(tmp_path):
+    """The first is why.html; the same again changes nothing; others are numbered, and each is found again."""
+    for page, name in ((b"a", "why"), (b"a", "why"), (b"b", "why-2"), (b"c", "why-3"), (b"b", "why-2"), (b"a", "why")):
+        path = free_page(tmp_path, page)
+        assert path == tmp_path / f"{name}.html"
+        path.write_bytes(page)
 
 
 def test_settings_of_a_run_are_refused(command, run):

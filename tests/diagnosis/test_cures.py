@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.diagnosis.test_causes import NOISE, PLANT, experiment, pd, sliding
-from torquebench.diagnosis import Remedy, diagnose
+from torquebench.diagnosis import Margins, Remedy, diagnose
+from torquebench.diagnosis.diagnose import _Search
 from torquebench.diagnosis.margins import backwards, slopes_of
-from torquebench.diagnosis.parts import with_chain
+from torquebench.diagnosis.parts import Variant, with_chain
 from torquebench.diagnosis.seen import KINDS
 from torquebench.diagnosis.settings import settings_between
 from torquebench.experiment.build import build
@@ -136,6 +139,7 @@ def test_a_forced_response_is_told_from_a_limit_cycle(link: Any) -> None:
 def cases(link: Any) -> list[Experiment]:
     """Return experiments of which each has a cure with a number."""
     coarse = {"quantisation": 0.0015, "velocity": "differentiated", "velocity_filter": 300.0}
+    pid = {"name": "c", "law": "computed-torque", "gains": {"lam": 5.0, "kv": 10.0, "ki": 20.0}}
     return [
         link(impedance(100.0, 10.0), {}, chain={**NOISE, "command_delay": 0.002}),
         link(impedance(100.0, 10.0), {}, chain=coarse),
@@ -144,23 +148,53 @@ def cases(link: Any) -> list[Experiment]:
         experiment(pd(100), run={"control_period": 0.02}),
         experiment(sliding(0.3, equivalent_control=True)),
         experiment(pd(12, lam=2.0), plant={**PLANT, "payload": {"mass": 5.0}}),
+        link(pid, {"amplitude": [0.3], "frequency_hz": 0.2}, plant={"friction": {"coulomb": 3.0, "speed": 0.02}}),
+        link({**pid, "law": "pid", "gains": {"lam": 5.0, "kv": 10.0, "ki": 1.0}}, {}),
+        link({"name": "c", "law": "position-servo", "gains": {"kp": 20.0, "kd": 4.0, "ki": 1.0}}, {}),
     ]
 
 
-@pytest.mark.parametrize("number", range(7))
+@pytest.mark.parametrize("number", [pytest.param(k, marks=[pytest.mark.slow] * (k in (0, 3, 6, 8))) for k in range(10)])
 def test_a_cure_does_when_it_is_pasted(link: Any, number: int) -> None:
     """With its settings the symptom is half as large at most, nothing is new, and no other symptom 10 % larger."""
     given = cases(link)[number]
     found = diagnose(given)
     tried = [one for one in (found.remedy, *found.cures, *(c.remedy for c in found.causes)) if one.settings]
     assert tried, found.sentence
+    law = {7: "gravity-friction", 8: "pd-gravity", 9: "joint-impedance"}.get(number)
+    assert law is None or f"controllers.c.law={law}" in found.causes[0].remedy.settings
     (kind, *_), seen = found.symptoms, found.seen
     for one in tried[:2]:
-        cured = diagnose(Experiment.from_dict(given.to_dict(), one.settings)).seen
+        pasted = Experiment.from_dict(given.to_dict(), one.settings)
+        cured = _Search(pasted, pasted.controllers[0], None).whole
         joint = seen.joint(kind)
         assert not cured.has(kind) or cured.size(kind, joint) <= 0.5 * seen.size(kind, joint), one
         for other in set(KINDS) - {kind}:
             assert not cured.has(other) or cured.size(other) <= 1.1 * seen.size(other), one
+
+
+@pytest.mark.parametrize(
+    ("phases", "taken"),
+    [((12.0, 25.0, 35.0, 50.0), 2), ((12.0, 25.0, 20.0), 1), ((40.0, 50.0), 0), ((None, 35.0), 0), ((-5.0, 9.0), 1)],
+)
+def test_a_cure_that_leaves_30_deg_is_preferred(
+    link: Any, monkeypatch: pytest.MonkeyPatch, phases: tuple[float | None, ...], taken: int
+) -> None:
+    """Of changes that calm it is the first that leaves as much, or of which none is known; else the one with most."""
+    given = link(impedance(100.0, 10.0), {})
+    search = _Search(given, given.controllers[0], None)
+    variants = [Variant(replace(given, name=f"v{k}"), f"v{k}") for k in range(len(phases))]
+
+    def margins(self: _Search, changed: Experiment) -> Margins | None:
+        phase = phases[int(changed.name[1:])]
+        none: Any = np.zeros(1)
+        return None if phase is None else Margins(0, 0.0, none, none, none, 1.0, phase, 1e-3, None, None, {})
+
+    monkeypatch.setattr(_Search, "look", lambda self, *what: self.whole)
+    monkeypatch.setattr(_Search, "_cured", lambda self, *what: True)
+    monkeypatch.setattr(_Search, "_margins", margins)
+    best, _ = search._first("shakes", "a change", variants)
+    assert (best.text.split()[0], best.phase) == (f"v{taken}", phases[taken])
 
 
 @pytest.mark.parametrize("chain", ["ideal", "slow-delay", {"encoder_noise": 1e-3, "velocity": "differentiated"}])

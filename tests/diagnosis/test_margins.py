@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.test_causes import PLANT, SINE, experiment, pd
 from torquebench.diagnosis.margins import margins_of, resonances, slopes_of, torque_noise
+from torquebench.diagnosis.owners import owner_of
 from torquebench.experiment.build import build
 from torquebench.robot import load_model
 
@@ -55,6 +57,55 @@ def test_phase_lost_to_an_integral() -> None:
     expected = math.degrees(np.angle(pd_only / (pd_only + ki * T / (np.exp(s * T) - 1.0))))
     assert expected > 2.0
     assert found.lost["integral"] == pytest.approx(expected, abs=0.2)
+
+
+@pytest.mark.parametrize(("kv", "said"), [(30, "as usual"), (48, "is little"), (80, "unstable")])
+def test_what_a_margin_means(kv: float, said: str) -> None:
+    """A disturbance at the crossover is |1/(1 + L)| times as large, L the open loop there; a word says what that is."""
+    built = experiment(pd(kv), chain=CHAIN)
+    loop = build(built)
+    found = margins_of(built, loop, slopes_of(built, loop))
+    assert found is not None
+    assert found.crossover is not None
+    assert said in found.rule
+    if said == "unstable":
+        assert found.swell is None
+        return
+    real, imaginary = (np.interp(found.crossover, found.frequency, part) for part in (found.gain.real, found.gain.imag))
+    # between lines 1.6 % apart
+    assert found.swell == pytest.approx(1.0 / abs(1.0 + complex(real, imaginary)), rel=1e-3)
+
+
+UR: dict[str, Any] = {
+    "plant": {"engine": "mujoco", "model": "ur5e"},
+    "run": {"control_period": 0.002, "initial_q": "home"},
+}
+
+
+def test_whose_each_part_is() -> None:
+    """The robot's is what its chain has; what differs from it, the velocity, and a longer period are the user's own."""
+    reference = {"kind": "sine", "amplitude": 0.1, "frequency_hz": 0.5}
+
+    def owners(chain: Any, **changes: Any) -> dict[str, str]:
+        run = {**UR["run"], "duration": 2.0, **changes}
+        built = experiment(pd(20), plant=UR["plant"], reference=reference, chain=chain, run=run)
+        return {key: owner_of(built, key) for key in ("command_delay", "current_loop", "velocity", "hold", "friction")}
+
+    whole = {
+        "command_delay": "robot",
+        "current_loop": "robot",
+        "velocity": "config",
+        "hold": "robot",
+        "friction": "arm",
+    }
+    assert owners("ur5e") == whole
+    assert owners({"from": "ur5e", "command_delay": 0.004}) == {**whole, "command_delay": "config"}
+    assert owners({"from": "ur5e", "command_delay": 0.004}, control_period=0.004) == {
+        **whole,
+        "command_delay": "config",
+        "hold": "config",
+    }
+    assert set(owners("fast").values()) == {"config", "arm"}
 
 
 SPRINGS = {"stiffness": [14930.0, 1415.0], "inertia": [1.11, 0.105]}

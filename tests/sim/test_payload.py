@@ -265,7 +265,7 @@ def test_failures_are_at_their_own_step(engine: str, path: Any) -> None:
     """A law that fails, and a push that no arm stands, just before, at and after the load: that very step."""
     plant = plants(Payload(2.0, 0.05))[engine]
     for at, joint in FAULTS:
-        controller = faulty_laws.controller(faulty_laws.not_a_number, 6, 0.001 * at, joint)
+        controller = faulty_laws.controller(faulty_laws.NOT_A_NUMBER, 6, 0.001 * at, joint)
         push = np.zeros((100, 6))
         push[at, joint] = 1e300
         for law, disturbance, outcome in ((controller, None, Outcome.BAD_TORQUE), (LAW, push, Outcome.DIVERGED)):

@@ -75,9 +75,14 @@ def preflight(
     else:
         experiments = [load_experiment(Path(law), [f"plant.model={robot}", f"chain={chain}"], outside=True)]
     reports = []
-    with progress_bar(0, "motion", "starting") as bar:
+    with progress_bar(0, "trial", "starting (compiles on first use)") as bar:
+
+        def told(what: str) -> None:
+            bar.describe(what)
+            bar.update(1)
+
         for experiment in experiments:
-            reports += fly(experiment, payload, bar.describe)
+            reports += fly(experiment, payload, told)
     passed = all(report.passed for report in reports)
     tell(
         passed=passed,
@@ -157,7 +162,8 @@ def _text(report: Report, robot: str, joints: Sequence[str]) -> str:
         where = f", {one.joint}" if one.joint and one.value else ""
         lines.append(f"  {one.reason:<{WIDTH}}  {bar:<{BAR + 1}}  {size} of {one.limit:.4g} {one.unit}{where}")
     if report.margins is not None:
-        lines += ["", f"  {report.margins.words(joints)} ({report.where})"]
+        told = f"{report.margins.words(joints)} ({report.where})", report.margins.rule, report.margins.costs
+        lines += ["", *(f"  {line}" for line in told if line)]
     if report.passed:
         return "\n".join(lines)
     first: dict[str, Finding] = {}

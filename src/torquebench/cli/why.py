@@ -119,12 +119,12 @@ def show(found: Diagnosis, try_it: str) -> None:
         )
         say()
         for cause in found.causes:
-            if cause.detail:
-                say(f"{cause.key}: {cause.detail}")
-    for line in found.cures:
-        say(f"in the law: {line.text}")
+            say(f"{cause.key}: {'; '.join(filter(None, (cause.detail, cause.whose)))}")
+    for one in found.cures:
+        say(f"in the law: {one.text}")
     if found.margins is not None and found.margins.crossover is not None:
-        say(found.margins.words(found.joints))
+        for line in filter(None, (found.margins.words(found.joints), found.margins.rule, found.margins.costs)):
+            say(line)
     say(f"{found.runs} closed loops run")
 
 

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from torquebench.diagnosis.margins import (
+    ENOUGH,
     Margins,
     Slopes,
     backwards,
-    leaves_gravity,
     margins_of,
     resonances,
     slopes_of,
@@ -23,6 +23,7 @@ from torquebench.diagnosis.margins import (
     true_arm,
     weight_along,
 )
+from torquebench.diagnosis.owners import OWNERS, Owner, robot_of
 from torquebench.diagnosis.parts import Part, Variant, as_yaml, layers, parts_of, strengths, three_digits, with_share
 from torquebench.diagnosis.seen import KINDS, Kind, Seen, grows, slips, swings
 from torquebench.diagnosis.settings import settings_between
@@ -63,8 +64,6 @@ SOFTER = (0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 """Shares of the gains that are tried against shaking [1]."""
 STIFFER = (2.0, 4.0, 8.0)
 """Times the gains that are tried against errors [1]."""
-ENOUGH = 30.0
-"""Phase margin that a cure is to leave, if one of those tried does [deg]."""
 
 
 class Remedy(NamedTuple):
@@ -100,6 +99,15 @@ class Cause:
     detail: str = ""
     """Number by which it does it."""
     remedy: Remedy = Remedy()  # noqa: RUF009  a tuple
+    owner: Owner = "law"
+    """Who can change it."""
+    origin: str = ""
+    """Where its number is from, if that is known."""
+
+    @property
+    def whose(self) -> str:
+        """Who can change it and where its number is from, in words."""
+        return f"{OWNERS[self.owner]}{f', {self.origin}' * bool(self.origin)}"
 
 
 @dataclass(frozen=True)
@@ -131,19 +139,19 @@ class Diagnosis:
     @property
     def sentence(self) -> str:
         """What is wrong, what does it, and what is left without it."""
+        margins, unstable = self.margins, ""
+        if self.unstable and margins is not None:
+            unstable = f"its loop is unstable at {self.joints[margins.joint]}: phase margin {margins.phase:.0f} deg"
         if not self.symptoms:
-            margins = self.margins
-            if self.unstable and margins is not None:
-                return (
-                    f"'{self.controller}' shows nothing yet, but its loop is unstable at {self.joints[margins.joint]}: "
-                    f"phase margin {margins.phase:.0f} deg."
-                )
+            if unstable:
+                return f"'{self.controller}' shows nothing yet, but {unstable}."
             return f"'{self.controller}' does not shake, follows, and stays within its torque limits."
         kind = self.symptoms[0]
         first = next((cause for cause in self.causes if cause.symptom == kind), None)
         begin = self._symptom(kind)
         if first is None:
-            return f"{begin}; nothing that can be taken away by itself does it."
+            sum_of = f"; {unstable}, {margins.costs}" if margins is not None and unstable else ""
+            return f"{begin}; nothing that can be taken away by itself does it{sum_of}."
         if not first.without:
             return f"{begin}; {first.title} does it: with no other imperfection {first.alone}."
         return f"{begin}; {first.title} does it: without it {first.without}."
@@ -246,7 +254,7 @@ class _Search:
         self.span = np.maximum(span, LEAST_MOTION)
         self.slopes = slopes_of(self.experiment, self.loop)
         self.weight = weight_along(self.experiment, self.loop)
-        self.parts = parts_of(self.experiment, leaves_gravity(self.slopes, self.weight))
+        self.parts = parts_of(self.experiment, self.slopes, self.weight)
         self._expected = 2 * len(self.parts) + 2
         self.run: Trajectory
         self.whole = self.look("as it is", self.experiment, keep=True)
@@ -450,7 +458,8 @@ class _Search:
                 if "integral" in without and part.key == "friction" and self.whole.slips[joint] > 0.0:
                     only = without["integral"].slips[joint] == 0.0
                     title = f"{title.rstrip(',')}, and the law's integral," if only else title
-                rated.append(Cause(part.key, title, kind, max(lost, brought), *texts))
+                effect = max(lost, brought)
+                rated.append(Cause(part.key, title, kind, effect, *texts, owner=part.owner, origin=part.origin))
             own = [c for c in rated if c.effect >= (PERIOD_SHARE if c.key == "control_period" else SHARE)]
             rest = _share(ideal, 0.0, whole)
             by_law = Cause("law", self._blame(kind), kind, rest, "", self.ideal.text(kind, joint))
@@ -553,7 +562,8 @@ class _Search:
     ) -> tuple[Remedy, Seen | None]:
         """Return the first change that cures, else the first that leaves `MILD` of it, else what leaves least of it.
 
-        One that leaves less than `ENOUGH` of a phase margin gives way to the next that cures and leaves as much.
+        One that leaves less than `ENOUGH` of a phase margin gives way to the next that cures and leaves more. One that
+        leaves none would shake later, and does not cure.
 
         Args:
             kind: The symptom.
@@ -563,22 +573,21 @@ class _Search:
         """
         best: Remedy = Remedy()
         best_seen: Seen | None = None
+        most = -math.inf
         joint = self.whole.joint(kind)
         for variant in variants:
             found = bool(best.text) and best.cures
-            if self.by_integral or found:
-                margins = self._margins(variant.experiment)
-                phase = math.inf if margins is None or margins.phase is None else margins.phase
-                if phase <= 0.0 or (found and phase < ENOUGH):
-                    continue
+            margins = self._margins(variant.experiment)
+            phase = math.inf if margins is None or margins.phase is None else margins.phase
+            if (self.by_integral and phase <= 0.0) or (found and phase <= most):
+                continue
             seen = self.look(what, variant.experiment)
-            cures, size = self._cured(kind, seen, left), seen.size(kind, joint)
+            cures, size = phase > 0.0 and self._cured(kind, seen, left), seen.size(kind, joint)
             whole, least = self.whole.size(kind, joint), best_seen.size(kind, joint) if best_seen else math.inf
             helps = kind != "fails" and self._spares(kind, seen) and size <= HALF * whole
             if cures or (not found and helps and MILD * whole < least and size < least):
-                best = self._tried(kind, variant, seen, cures, self._margins(variant.experiment))
-                best_seen = seen
-            if cures and (best.phase is None or best.phase >= ENOUGH):
+                best, best_seen, most = self._tried(kind, variant, seen, cures, margins), seen, phase
+            if cures and phase >= ENOUGH:
                 break
         return best, best_seen
 
@@ -590,8 +599,8 @@ class _Search:
         part = next((part for part in self.parts if part.key == cause.key), None)
         if part is None:
             return Remedy()
-        if part.of_robot:
-            return Remedy(f"the {self.experiment.chain.name} has it: change the law", cures=False)
+        if part.owner == "robot":
+            return Remedy(f"the {robot_of(self.experiment)} has it: change the law", cures=False)
         found, _ = self._first(cause.symptom, f"less of {part.key}", part.cures(self.experiment), left)
         if found.text:
             return found

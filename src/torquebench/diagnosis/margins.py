@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from torquebench.certificates import Phases
 from torquebench.chain import Chain, response
+from torquebench.diagnosis.owners import OWNERS, Owner, owner_of
 from torquebench.experiment.build import Loop
 from torquebench.experiment.certify import truth_of
 from torquebench.experiment.schema import Experiment
@@ -36,6 +37,8 @@ TINY = 1e-9
 """Change of velocity so small that only a law that switches answers it [rad/s]."""
 JUMP = 1e-3
 """Share of the torque limit that such an answer must have [1]."""
+ENOUGH, AMPLE = 30.0, 60.0
+"""Phase margin that a loop is to have [deg]: Astrom and Murray, Feedback Systems, in "Stability Margins"."""
 SMALL = 0.02
 """Share of gravity's torque that a law without gravity may give at no error [1]."""
 
@@ -64,16 +67,19 @@ class Slopes:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of the loop of one joint, the others left free, where they are least along the motion."""
+    """Margins of the loop of all joints where they are least along the motion: of one eigenvalue of its open loop.
+
+    Phase that all joints lose at once, as a chain's delays take it, brings the loop to its limit at that margin.
+    """
 
     joint: int
-    """Number of the joint, from 0."""
+    """Number of the joint that takes most part in it, from 0."""
     time: float
     """Instant of the motion [s]."""
     frequency: Array
     """Frequencies, (f,) [Hz]."""
     gain: Complex = field(repr=False)
-    """Frequency response of the open loop, (f,)."""
+    """That eigenvalue of the open loop's frequency response, (f,)."""
     angle: Array = field(repr=False)
     """Its phase, unwrapped, (f,) [degrees]."""
     crossover: float | None
@@ -81,13 +87,43 @@ class Margins:
     phase: float | None
     """Phase margin there [degrees]."""
     delay: float | None
-    """Further delay that the loop bears [s]; None where it bears none."""
+    """Further delay of all joints at once that the arm bears, of all eigenvalues the least [s]; None for none."""
     oscillation: float | None
     """Lowest frequency at which its phase is -180 degrees [Hz]: a loop at its limit oscillates there."""
     factor: float | None
     """Gain margin: times the gain that brings it to that limit [1]."""
     lost: Mapping[str, float]
     """Part of the chain, hold of the control period included -> phase lost to it at the crossover [degrees]."""
+    owners: Mapping[str, Owner] = field(default_factory=dict)
+    """Whose each of these is."""
+
+    @property
+    def costs(self) -> str:
+        """What costs phase at the crossover, the most first, and whose it is; empty where nothing does."""
+        most = sorted(self.lost, key=lambda name: -self.lost[name])
+        words = (f"{name.replace('_', ' ')} {self.lost[name]:.0f} deg ({OWNERS[self.owners[name]]})" for name in most)
+        return f"phase lost there to {', '.join(words)}" if most else ""
+
+    @property
+    def swell(self) -> float | None:
+        """Times a disturbance at the crossover is as large as without the law, 1 / (2 sin(phase/2)) [1].
+
+        That is |1 / (1 + L)| where |L| = 1; None where the loop does not cross, or is unstable.
+        """
+        return 0.5 / math.sin(math.radians(self.phase / 2.0)) if self.phase is not None and self.phase > 0.0 else None
+
+    @property
+    def rule(self) -> str:
+        """What a phase margin means by the rule of `ENOUGH` to `AMPLE`; empty where the loop does not cross."""
+        usual = f"{ENOUGH:.0f} to {AMPLE:.0f} deg are usual (Astrom and Murray)"
+        if self.crossover is None or self.phase is None:
+            return ""
+        if self.swell is None:
+            return f"that is unstable, an error grows by itself; {usual}"
+        if self.phase < ENOUGH:
+            grown = f"what shakes it near {self.crossover:.3g} Hz becomes {self.swell:.2g} times as large"
+            return f"that is little: {grown}; {usual}"
+        return f"that is {'as usual' if self.phase <= AMPLE else 'ample'}; {usual}"
 
     def words(self, joints: Sequence[str]) -> str:
         """Return crossover, phase and delay margin in words; `joints` are the joints' names."""
@@ -95,7 +131,7 @@ class Margins:
             return "no loop crosses"
         delay = "no further delay" if self.delay is None else f"a further delay of {1e3 * self.delay:.3g} ms"
         loop = f"loop of {joints[self.joint]}: crossover {self.crossover:.3g} Hz"
-        return f"{loop}, phase margin {self.phase:.0f} deg, bears {delay}"
+        return f"{loop}, phase margin {self.phase:.0f} deg; the arm bears {delay}"
 
     def to_json(self) -> dict[str, object]:
         """Return the numbers, without the curves."""
@@ -107,7 +143,9 @@ class Margins:
             "delay_margin_s": self.delay,
             "oscillation_hz": self.oscillation,
             "gain_margin": self.factor,
+            "rule": self.rule,
             "phase_lost_deg": dict(self.lost),
+            "phase_lost_to": dict(self.owners),
         }
 
 
@@ -265,20 +303,26 @@ def resonances(experiment: Experiment, loop: Loop) -> Array:
         return np.full(experiment.n, np.nan)
     root = np.sqrt(joints.stiffness)
     values, ways = np.linalg.eigh(root[:, None] * (np.diag(1.0 / joints.inertia) + np.linalg.inv(M)) * root)
-    found, left = np.zeros(experiment.n), np.abs(ways)
-    for _ in range(experiment.n):  # each mode to a joint of its own
-        joint, mode = np.unravel_index(np.argmax(left), left.shape)
-        found[joint] = math.sqrt(values[mode]) / (2.0 * math.pi)
-        left[joint], left[:, mode] = -1.0, -1.0
-    return found
+    return np.asarray(np.sqrt(values[_paired(np.abs(ways))]) / (2.0 * math.pi))
+
+
+def _paired(sizes: Array) -> list[int]:
+    """Return to each row a column of its own, the largest of all numbers first, (n,)."""
+    found, left = np.argmax(sizes, axis=1), np.array(sizes)
+    if len(set(found.tolist())) < len(found):
+        for _ in found:
+            row, column = np.unravel_index(np.argmax(left), left.shape)
+            found[row] = column
+            left[row], left[:, column] = -1.0, -1.0
+    return [int(column) for column in found]
 
 
 def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | None:
-    """Return the margins of the joint, and at the instant, where the phase margin is least; None where none crosses.
+    """Return the margins of the loop where the phase margin is least along the motion; None where none crosses.
 
     With P = (M s^2 + D s + G)^-1, or from motor to sensor through the springs of the joints, and what the chain makes
-    of the law, C = H_tau ((K + I/s) H_q + (s B + J) H_qd), the open loop of joint i is (C P)_ii: the other joints are
-    left free, as they are above their own crossovers.
+    of the law, C = H_tau ((K + I/s) H_q + (s B + J) H_qd), the open loop of all joints is C P. Each of its eigenvalues
+    is looked at as a single loop is (generalised Nyquist criterion): what one joint does moves the others.
 
     Args:
         experiment: With one controller.
@@ -295,28 +339,36 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
     seen = response(chain, 2.0 * math.pi * frequency, period)
     late = seen.torque * seen.position
     worst: Margins | None = None
+    least = math.inf
     for m, k in enumerate(instants_of(experiment)):
         terms = terms_at(experiment, loop, slopes, m, k)
-        loops = _open_loops(chain, period, frequency, terms)
+        loci, ways = _loci(chain, period, frequency, terms)
         for i in range(n):
-            one = _margins(i, k * period, frequency, loops[:, i], late, 0.7 * float(np.min(found)))
+            one = _margins(i, k * period, frequency, loci[:, i], late, 0.7 * float(np.min(found)))
+            least = min(least, one.delay or math.inf)
             if one.phase is not None and (worst is None or worst.phase is None or one.phase < worst.phase):
-                worst, kept = one, terms
-    if worst is None or worst.crossover is None:
+                worst, kept, kept_ways = one, terms, ways
+    if worst is None or worst.crossover is None or worst.phase is None:
         return worst
+    V = kept_ways[np.searchsorted(frequency, worst.crossover) - 1]
+    joint = int(np.argmax(np.abs(V[:, worst.joint] * np.linalg.pinv(V)[worst.joint])))
     up_to = np.geomspace(LOWEST_HZ, worst.crossover, LINES)
-    whole = _open_loops(chain, period, up_to, kept)[:, worst.joint]
+    loci, ways = _loci(chain, period, up_to, kept)
+    own = int(np.argmin(np.abs(loci[-1] - np.exp(1j * math.radians(worst.phase - 180.0)))))
     variants = {name: (lesser, kept) for name, lesser in _lesser(chain).items()}
     if np.any(kept.I) or np.any(kept.J):
         variants["integral"] = chain, kept._replace(I=np.zeros((n, n)), J=np.zeros((n, n)))
-    lost = {
-        name: float(
-            np.degrees(np.unwrap(np.angle(_open_loops(lesser, period, up_to, terms)[:, worst.joint] / whole))[-1])
-        )
-        for name, (lesser, terms) in variants.items()
-    }
+    lost = dict[str, float]()
+    for name, (lesser, terms) in variants.items():
+        others, turned = _loci(lesser, period, up_to, terms)
+        same = int(np.argmax(np.abs(turned[-1].conj().T @ ways[-1, :, own])))
+        lost[name] = float(np.degrees(np.unwrap(np.angle(others[:, same] / loci[:, own]))[-1]))
     lost["hold"] = 180.0 * worst.crossover * period
-    return replace(worst, lost={name: x for name, x in lost.items() if abs(x) >= 0.05})
+    lost = {name: x for name, x in lost.items() if abs(x) >= 0.05}
+    delay = least if worst.phase > 0.0 else None
+    return replace(
+        worst, joint=joint, delay=delay, lost=lost, owners={name: owner_of(experiment, name) for name in lost}
+    )
 
 
 def _lesser(chain: Chain) -> dict[str, Chain]:
@@ -337,8 +389,8 @@ def _lesser(chain: Chain) -> dict[str, Chain]:
     return {name: replace(chain, **keys) for name, keys in bare.items()}  # type: ignore[arg-type]
 
 
-def _open_loops(chain: Chain, period: float, frequency: Array, terms: Terms) -> Complex:
-    """Return the open loop of each joint with the others left free, (f, n).
+def _loci(chain: Chain, period: float, frequency: Array, terms: Terms) -> tuple[Complex, Complex]:
+    """Return eigenvalues of the open loop and their vectors, each followed along the frequencies, (f, n), (f, n, n).
 
     Args:
         chain: Sensors and actuators.
@@ -362,12 +414,16 @@ def _open_loops(chain: Chain, period: float, frequency: Array, terms: Terms) -> 
         (terms.K + terms.I * summed) * seen.position[:, None, None]
         + s * (terms.B + terms.J * summed) * seen.velocity[:, None, None]
     )
-    own: Complex = np.diagonal(C @ P, axis1=1, axis2=2)
-    return own
+    values, ways = np.linalg.eig(C @ P)
+    alike, order = np.abs(np.swapaxes(ways[:-1].conj(), 1, 2) @ ways[1:]), list(range(len(M)))
+    for k, sizes in enumerate(alike, 1):
+        order = _paired(sizes[order])
+        values[k], ways[k] = values[k, order], ways[k][:, order]
+    return values, ways
 
 
 def _margins(joint: int, time: float, frequency: Array, gain: Complex, late: Complex, rigid_to: float) -> Margins:
-    """Return the margins of one open loop.
+    """Return the margins of one eigenvalue of the open loop; its number stands for the joint.
 
     Args:
         joint, time: As of `Margins`.

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench.chain import ABOUT, ROBOT_CHAINS, Chain
-from torquebench.diagnosis.margins import true_arm
+from torquebench.chain import ABOUT, Chain
+from torquebench.diagnosis.margins import Slopes, leaves_gravity, true_arm
+from torquebench.diagnosis.owners import Owner, owner_of, robot_of
 from torquebench.experiment.build import Loop
 from torquebench.experiment.controllers import Controller
 from torquebench.experiment.schema import Experiment
+from torquebench.kernel import Array
 from torquebench.keys import Vector, as_vector
 from torquebench.laws import Gain, find_law
-from torquebench.sim.friction import FRICTIONS
+from torquebench.sim.friction import FRICTION_ORIGINS, FRICTIONS
 from torquebench.sim.joints import Transmission
 from torquebench.tuning import (
+    CRAWL,
     acceleration_rate,
     damping,
     fuzzy_torque,
@@ -164,31 +167,42 @@ class Part:
     """Cure in words, where nothing that was tried cures."""
     calms: str = ""
     """Cure in words where it shakes the arm, if that is another."""
-    of_robot: bool = False
-    """Whether a robot's maker has put it there, so that only the law can answer it."""
+    owner: Owner = "config"
+    """Who can change it; what is the robot's only the law can answer."""
+    origin: str = ""
+    """Where its number is from, of a robot's chain or a friction with a name."""
 
 
-def parts_of(experiment: Experiment, lacks_gravity: bool) -> list[Part]:
+def parts_of(experiment: Experiment, slopes: Slopes, weight: Array) -> list[Part]:
     """Return every imperfection of an experiment, its control period and torque limits included.
 
     Args:
         experiment: The experiment.
-        lacks_gravity: Whether the law leaves gravity to its error.
+        slopes: The law's derivatives.
+        weight: Gravity's torque along the motion, (m, n) [N m].
     """
-    chain, period = experiment.chain, experiment.run.control_period
     found = [
-        *_sensors(chain),
-        *_drives(chain, period),
-        *_arm(experiment),
+        *_sensors(experiment.chain),
+        *_drives(experiment.chain),
+        *_arm(experiment, slopes),
         *_integral(experiment),
-        *_loop(experiment, lacks_gravity),
+        *_loop(experiment, leaves_gravity(slopes, weight)),
     ]
-    if chain.name not in ROBOT_CHAINS:
-        return found
-    of_robot = {key for key in ABOUT[chain.name].origins if key not in ("velocity", "velocity_filter")}
-    if period > (ABOUT[chain.name].control_period or 0.0) * (1.0 + 1e-9):
-        of_robot.discard("control_period")
-    return [replace(part, of_robot=part.key in of_robot) for part in found]
+    owned = [replace(part, owner=owner_of(experiment, part.key)) for part in found]
+    return [replace(part, origin=_origin(experiment, part)) for part in owned]
+
+
+def _origin(experiment: Experiment, part: Part) -> str:
+    """Return where a part's number is from, if that is known."""
+    robot, friction = robot_of(experiment), experiment.plant.friction
+    if part.owner == "robot" and robot is not None:
+        return f"chain {robot}: {ABOUT[robot].origins[part.key]}"
+    if part.key == "torque_limit" or (part.key == "friction" and friction is None):
+        return "the arm's file"
+    if part.key == "friction" and friction is not None:
+        known = (name for name, one in FRICTIONS.items() if one.coulomb == friction.coulomb and np.any(one.coulomb))
+        return next((f"friction {name}: {FRICTION_ORIGINS[name]}" for name in known), "")
+    return ""
 
 
 def with_chain(experiment: Experiment, **keys: Any) -> Experiment:
@@ -276,7 +290,7 @@ def filtered(then: Callable[[Experiment], Iterator[Variant]]) -> Callable[[Exper
     return variants
 
 
-def _drives(chain: Chain, control_period: float) -> Iterator[Part]:
+def _drives(chain: Chain) -> Iterator[Part]:
     if chain.command_filter is not None:
         corner = chain.command_filter
 
@@ -370,7 +384,7 @@ def _delay(key: str, title: str) -> Part:
     return Part(key, title, lambda experiment: with_chain(experiment, **{key: 0.0}), same_loop, shares(smaller))
 
 
-def _arm(experiment: Experiment) -> Iterator[Part]:
+def _arm(experiment: Experiment, slopes: Slopes) -> Iterator[Part]:
     plant = experiment.plant
 
     def other(key: str, value: Any) -> Callable[[Experiment], Experiment]:
@@ -380,16 +394,22 @@ def _arm(experiment: Experiment) -> Iterator[Part]:
     if friction is not None and friction != FRICTIONS["none"]:
         dry = max((friction.coulomb, friction.breakaway), key=np.max)
         title = f"friction, {'Coulomb' if dry is friction.coulomb else 'break-away'} {as_yaml(dry)} N m,"
-        known = "".join(
-            f", {name}: {as_yaml(torque)}"
-            for name, torque in (("coulomb", friction.coulomb), ("viscous", friction.viscous))
-            if np.any(torque)
-        )
-        cure = (
-            f"add up to {as_yaml(dry)} N m against it to the law, with the sign of the desired velocity, as law "
-            f"gravity-friction does{known.replace(', ', ' with ', 1)}"
-        )
-        yield Part("friction", title, other("friction", FRICTIONS["none"]), remedy=cure)
+        sliding = {"coulomb": friction.coulomb, "viscous": friction.viscous}
+        known = {name: three_digits(torque) for name, torque in sliding.items() if np.any(torque)}
+
+        def compensated(experiment: Experiment) -> Iterator[Variant]:
+            K, B = (np.max(np.diagonal(x, axis1=1, axis2=2), axis=0) for x in (slopes.stiffness, slopes.damping))
+            if not known or slopes.jumps or min(*K, *B) <= 0.0:
+                return
+            own = {"kp": three_digits(tuple(K.tolist())), "kd": three_digits(tuple(B.tolist())), "speed": CRAWL}
+            made = {**own, "viscous": 0.0, "coulomb": 0.0, **known}
+            text = f"law gravity-friction, PD as now, with the sliding friction's {_words_of(known)}"
+            yield Variant(_with_law(experiment, "gravity-friction", made, {"friction_at": "desired"}), text)
+
+        cure = "less friction, or larger gains"
+        if known:
+            cure = f"add {_words_of(known)} to the law, with the sign of the desired velocity, as gravity-friction does"
+        yield Part("friction", title, other("friction", FRICTIONS["none"]), same_loop, compensated, (), cure)
     if plant.transmission is not None:
         yield from _between(plant.transmission)
     if plant.load is not None:
@@ -481,6 +501,29 @@ def _integral(experiment: Experiment) -> Iterator[Part]:
     yield Part("integral", title, lambda x: less(x, 0.0).experiment, same_loop, shares(less))
 
 
+def _with_law(experiment: Experiment, law: str, gains: Mapping[str, Vector], options: Mapping[str, Any]) -> Experiment:
+    """Return an experiment whose only controller keeps its name and becomes another law."""
+    (keys,) = experiment.controllers
+    made = replace(keys, law=law, gains=dict(gains), options=dict(options), fuzzy=None)
+    return replace(experiment, controllers=(made,))
+
+
+def _words_of(known: Mapping[str, Vector]) -> str:
+    return ", ".join(f"{name} {as_yaml(torque)}" for name, torque in known.items())
+
+
+def _holding(experiment: Experiment) -> Iterator[Variant]:
+    """Yield a PD law with the same gains that holds the arm, for a law that has some."""
+    (keys,) = experiment.controllers
+    for law, names, options in (
+        ("pd-gravity", ("lam", "kv"), {}),
+        ("joint-impedance", ("kp", "kd"), {"damping": "velocity-error"}),
+    ):
+        if set(names) <= set(keys.gains):
+            same = {name: keys.gains[name] for name in names}
+            yield Variant(_with_law(experiment, law, same, options), f"law {law}, with the same {' and '.join(names)}")
+
+
 def _loop(experiment: Experiment, lacks_gravity: bool) -> Iterator[Part]:
     if lacks_gravity:
         arm = true_arm(experiment)
@@ -491,7 +534,7 @@ def _loop(experiment: Experiment, lacks_gravity: bool) -> Iterator[Part]:
             return loop._replace(disturbance=acting)
 
         cure = "a law with gravity compensation, such as pd-gravity"
-        yield Part("gravity", "gravity, which the law leaves to its error,", lambda x: x, held, remedy=cure)
+        yield Part("gravity", "gravity, which the law leaves to its error,", lambda x: x, held, _holding, (), cure)
 
     def free(loop: Loop) -> Loop:
         loop.plant.tau_max = FREE * np.asarray(loop.plant.tau_max)

@@ -24,7 +24,7 @@ def settings_between(before: Experiment, after: Experiment) -> tuple[str, ...]:
 def _changes(path: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
     for key, value in new.items():
         at, was = f"{path}{key}", old.get(key)
-        if isinstance(value, Mapping) and isinstance(was, Mapping):
+        if isinstance(value, Mapping) and isinstance(was, Mapping) and set(was) <= set(value):  # else it is another law
             yield from _changes(f"{at}.", was, value)
         elif value != was:
             yield f"{at}={_flow(value)}"

@@ -20,9 +20,7 @@ from torquebench.experiment.yaml_tree import (
     Map,
     Place,
     Seq,
-    copied,
     parse_value,
-    shortened,
     tree_of,
     value_at,
 )
@@ -81,60 +79,38 @@ def write_presets(root: Map, report: Report) -> None:
         root: A config, changed in place.
         report: Receives mistakes.
     """
-    _write(root, MOTION, (MOTION,), report)
-    for path in NAMED:
-        _write_named(root, path, report)
     controllers = root.get("controllers")
-    for i, item in enumerate(controllers if isinstance(controllers, Seq) else ()):
-        if isinstance(item, Map):
-            _write(item, GAINS, ("controllers", i, GAINS), report)
-
-
-def _write_named(root: Map, path: KeyPath, report: Report) -> None:
-    """Put keys in place of the name in a mapping such as ``chain: {from: ur5e, jitter: 1 ms}``."""
-    owner, key = value_at(root, path[:-1], None), str(path[-1])
-    value = owner.get(key) if isinstance(owner, Map) else None
-    if not isinstance(value, Map) or FROM not in value:
-        return
-    name, place = value[FROM], value.places[FROM][1]
-    keys = keys_of_name(path, name, place) if isinstance(name, str) else None
-    if keys is None:
-        near = (nearest(name, tuple(NAMED[path])) if isinstance(name, str) else None) or ""
-        report((*path, FROM), place=place, got=shown(name), nearest=near, wanted=f"one of {', '.join(NAMED[path])}")
-        owner[key] = BROKEN
-        return
-    owner.put(key, joined(without(value, FROM), keys), *owner.places[key])
+    each = range(len(controllers)) if isinstance(controllers, Seq) else ()
+    for path in ((MOTION,), *NAMED, *(("controllers", i, GAINS) for i in each)):
+        owner = value_at(root, path[:-1], None)
+        if isinstance(owner, Map):
+            _write(owner, str(path[-1]), path, report)
 
 
 def _write(owner: Map, key: str, path: KeyPath, report: Report) -> None:
-    """Put keys in place of the preset that a value names, alone or in a mapping with more keys."""
+    """Put keys in place of a preset's name: alone, or, also of what is `NAMED`, in a mapping with keys of its own."""
     value = owner.get(key)
-    name = value.get(FROM) if isinstance(value, Map) else value
-    if not isinstance(name, str):
+    if isinstance(value, Map) and FROM in value:
+        name, place, at, own = value[FROM], value.places[FROM][1], (*path, FROM), without(value, FROM)
+    elif isinstance(value, str) and path not in NAMED:
+        name, place, at, own = value, owner.places[key][1], path, Map()
+    else:
         return
-    key_place, place = owner.places[key]
     if name == AUTO and key == GAINS:
-        if not isinstance(value, Map):
-            owner.put(key, preset_of(AUTO, place), key_place, place)
+        if value == AUTO:
+            owner.put(key, preset_of(AUTO, place), *owner.places[key])
         return
-    if isinstance(value, Map):
-        path, place = (*path, FROM), value.places[FROM][1]
-    keys = presets(key).get(name)
-    if keys is None:
-        names = [AUTO] * (key == GAINS) + [*presets(key)]
-        near = nearest(name, names) or ""
-        wanted = "" if near else f"a mapping, or one of {', '.join(names)}"
-        report(path, place=place, got=f"the text {shortened(name)}", nearest=near, wanted=wanted)
+    known = [*NAMED[path]] if path in NAMED else [AUTO] * (key == GAINS) + [*presets(key)]
+    if not isinstance(name, str) or name not in known:
+        near = (nearest(name, known) if isinstance(name, str) else None) or ""
+        wanted = f"{'' if path in NAMED else 'a mapping, or '}one of {', '.join(known)}"
+        report(at, place=place, got=shown(name), nearest=near, wanted="" if near else wanted)
         owner[key] = BROKEN
         return
-    acts = _acting(owner) if key == GAINS else keys
-    written = Map()
-    for inner, item in keys.items():
-        if inner in acts:
-            own = Seq(item, [place] * len(item)) if isinstance(item, Seq) else copied(item)
-            written.put(inner, own, place, place)
-    own_keys = without(value, FROM) if isinstance(value, Map) else Map()
-    owner.put(key, joined(own_keys, written), key_place, owner.places[key][1])
+    keys = keys_of_name(path, name, place) if path in NAMED else tree_of(presets(key)[name], place)
+    if key == GAINS:
+        keys = without(keys, *(set(keys) - set(_acting(owner))))
+    owner.put(key, joined(own, keys), *owner.places[key])
 
 
 def _acting(controller: Map) -> Collection[str]:

@@ -11,11 +11,12 @@ from torquebench.certificates import Certificate
 from torquebench.chain import rate_remarks
 from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
-from torquebench.experiment.arm import range_remarks, speed_remarks
+from torquebench.experiment.arm import limit_remarks, range_remarks, speed_remarks
 from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags, planned
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
+from torquebench.experiment.explain import explained
 from torquebench.experiment.schema import Controller as ControllerKeys
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import machine, model_checksums, versions
@@ -95,13 +96,23 @@ class ExperimentResult:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """What controllers or arm could not do before the run, what the arm's file lost, and joints out of range."""
-        return (*foreseen(self.experiment, self.loop), *self.out_of_range)
+        """What controllers or arm could not do before the run, what the arm's file lost, and what went wrong in it."""
+        return (*foreseen(self.experiment, self.loop), *self.out_of_range, *self.explained)
+
+    @cached_property
+    def explained(self) -> tuple[str, ...]:
+        """A line for each controller that fails, errs by more than its motion, .., with the causes; see `explained`."""
+        certified = {} if self.arm_changed else self.certified
+        return tuple(explained(self.experiment, self.loop, self.runs, self.metrics, certified))
 
     @cached_property
     def out_of_range(self) -> tuple[str, ...]:
-        """A line for each controller in whose run joints leave the range, or the speed, that the arm's file allows."""
-        return (*range_remarks(self.experiment, self.runs), *speed_remarks(self.experiment, self.runs))
+        """A line for each controller that leaves the range or speed of the arm's file, and one for idle motors."""
+        return (
+            *range_remarks(self.experiment, self.runs),
+            *speed_remarks(self.experiment, self.runs),
+            *limit_remarks(self.runs, self.joints.tau_max),
+        )
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:

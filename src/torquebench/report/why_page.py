@@ -6,6 +6,7 @@ import itertools
 from pathlib import Path
 
 from torquebench.diagnosis import Diagnosis
+from torquebench.diagnosis.owners import OWNERS
 from torquebench.report.figures.diagnosis import diagnosis_figure
 from torquebench.report.figures.files import figure_bytes
 from torquebench.report.render import Picture, render
@@ -39,7 +40,9 @@ def why_page(found: Diagnosis, try_it: str = "") -> bytes:
             ("phase margin", f"{number(margins.phase or 0.0)} deg"),
             ("delay margin", "none" if margins.delay is None else f"{number(1e3 * margins.delay)} ms"),
         ]
-        facts += [(f"phase lost to {name.replace('_', ' ')}", f"{number(x)} deg") for name, x in margins.lost.items()]
+        for name, x in sorted(margins.lost.items(), key=lambda one: -one[1]):
+            whose = OWNERS[margins.owners[name]]
+            facts.append((f"phase lost to {name.replace('_', ' ')}", f"{number(x)} deg, {whose}"))
     return render(
         "why",
         figures=pictures,

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import numpy as np
 
+from torquebench.chain import Origin
+from torquebench.chain.robots import TOOLBOX
 from torquebench.errors import Fault
 from torquebench.kernel import Array, kernel, sat
 from torquebench.kernel.struct import Structure
@@ -405,6 +407,15 @@ FRICTIONS.register(
         bristle_damping=tuple((5.0 * _COULOMB).tolist()),
     ),
 )
+
+FRICTION_ORIGINS = {
+    "puma560": Origin(
+        "Corke and Armstrong-Helouvry (ICRA 1994), from motors to joints: viscous B G^2, the mean of both Coulomb Tc G",
+        TOOLBOX,
+    ),
+    "puma560-sticking": Origin("that of puma560; assumed: break-away of 1.5 times Coulomb friction, and its bristles"),
+}
+"""Friction with a name -> where its numbers are from."""
 
 
 def acting(
