@@ -82,8 +82,8 @@ class TorqueEnv(gymnasium.Env[npt.NDArray[np.float64], npt.NDArray[Any]]):
         n, self.tau_max = self.experiment.n, self._builder(self.experiment).plant.tau_max.copy()
         self.observation_space = spaces.Box(-np.inf, np.inf, (5 * n + 1,), np.float64)
         self._unit = self.tau_max if scaled else np.ones(n)
-        most = self.tau_max / self._unit
-        kind = np.float32 if scaled else np.float64
+        most: Any = self.tau_max / self._unit
+        kind: Any = np.float32 if scaled else np.float64
         self.action_space = spaces.Box(-most.astype(kind), most.astype(kind), (n,), kind)
 
     def reset(
@@ -147,4 +147,4 @@ def observation(loop: Stepwise) -> npt.NDArray[np.float64]:
     return np.concatenate([*seen, [k * job.control_period]])
 
 
-gymnasium.register(ID, entry_point=TorqueEnv, disable_env_checker=True)
+gymnasium.register(ID, entry_point=f"{__name__}:{TorqueEnv.__name__}", disable_env_checker=True)

@@ -147,7 +147,7 @@ def test_one_use_of_chance_does_not_shift_another() -> None:
     alone = {name: build(parse(BASE, *SCENARIOS[name])) for name in ("mismatch", "perturbed plant", "noise")}
     together = build(parse(BASE, *SCENARIOS["everything"], "chain=slow"))
     assert np.array_equal(together.model.flat.constants, alone["mismatch"].model.flat.constants)
-    assert np.array_equal(together.plant._empty.model.mass, alone["perturbed plant"].plant._arm.model.mass)  # type: ignore[attr-defined]
+    assert np.array_equal(together.plant._arms[0].model.mass, alone["perturbed plant"].plant._arm.model.mass)  # type: ignore[attr-defined]
     assert together.disturbance is not None
     assert np.array_equal(together.disturbance, np.asarray(alone["noise"].disturbance))
     noise = build(parse(BASE, "chain=slow")).drawn.position

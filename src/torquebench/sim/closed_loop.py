@@ -134,7 +134,7 @@ def closed_loop(
     last: int,
     law: Callable[[Job, int], int],
     step: Callable[[Job, int, int], None],
-    sensed: int = 0,
+    sensed: int,
 ) -> int:
     """Run control instants `first` .. `last` - 1 and return how that ended; ``job.at[0]`` is the instant reached.
 

@@ -138,7 +138,7 @@ def step_of(job: Job, substeps: int, varying: int) -> None:
 
 
 def _run(address: int, first: int, last: int) -> int:
-    return compiled_closed_loop(job_at(address), first, last, law_of, step_of)
+    return compiled_closed_loop(job_at(address), first, last, law_of, step_of, 0)
 
 
 LOOP = NativeFunction(RUN_SIGNATURE, _run)
