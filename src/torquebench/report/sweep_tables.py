@@ -69,11 +69,11 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
 
 
 def _who_fails_more(summary: Summary) -> str:
-    """Return in how many draws each law fails more than the reference, and whether by more than chance."""
+    """Return in how many draws each law fails more than the reference, and whether by chance; one draw says nothing."""
     told = [
         f"{law.controller} in {law.outcomes.first} and {law.outcomes.second} (p = {law.outcomes.p:.2g})"
         for law in summary.overall
-        if law.outcomes.pairs > 1 and law.outcomes.first != law.outcomes.second
+        if law.outcomes.first + law.outcomes.second > 1
     ]
     draws = summary.overall[0].outcomes.pairs
     text = f" Draws of {draws} with more failures than {summary.reference}, and with fewer, exact McNemar test: "
