@@ -18,13 +18,11 @@ from torquebench.experiment.falsify_section import LIMITS, parts_of_claim
 from torquebench.metrics import METRICS
 from torquebench.plain import plain
 from torquebench.results import load_result
-from torquebench.statistics import Outcomes, Ratio, draws_needed, mcnemar, paired_ratio
+from torquebench.statistics import SMALL, Outcomes, Ratio, draws_needed, mcnemar, paired_ratio
 from torquebench.sweep.folder import PLAN
 from torquebench.sweep.table import completed, grid_keys, metric_keys, metric_values, row_values, rows_by
 from torquebench.sweeps import load_sweep
 
-SMALL = 1.05
-"""Change for which the number of draws that would show it is told, where no limit names one [1]."""
 EXAMPLE = "a metric and a ratio of B to A, such as rmse > 1.05"
 
 

@@ -108,11 +108,13 @@ def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidenc
     return Ratio.of_logs(mean, half, len(logs), failed, len(a) - len(logs))
 
 
+SMALL = 1.05
+"""Change for which the number of draws that would show it is told where no other is asked for [1]."""
 POWER = 0.8
 """Probability with which a change is to be seen where the number of draws for it is told [1]."""
 
 
-def draws_needed(found: Ratio, ratio: float, confidence: float = 0.95, power: float = POWER) -> int | None:
+def draws_needed(found: Ratio, ratio: float = SMALL, confidence: float = 0.95, power: float = POWER) -> int | None:
     """Return how many draws show a change by a ratio, from the spread of the draws that there are.
 
     The least n with (t_(n-1, (1 + confidence)/2) + t_(n-1, power)) s / n^1/2 <= |ln ratio|, s the standard deviation of

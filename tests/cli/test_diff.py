@@ -12,7 +12,7 @@ from scipy import stats
 from tests.cli.conftest import QUICK
 from torquebench import diff, run_sweep
 from torquebench.cli.app import main
-from torquebench.diffs import SMALL, Limit, _compared, read_limit
+from torquebench.diffs import Limit, _compared, read_limit
 from torquebench.errors import ConfigError
 from torquebench.statistics import draws_needed
 
@@ -83,7 +83,7 @@ def test_the_interval_decides_over_draws():
     assert (ratio.low, ratio.high) == pytest.approx((low, high), rel=1e-12)
     assert found.changes[0].b == pytest.approx(stats.gmean(b), rel=1e-12)
     assert _compared(*sides, [Limit("rmse", ">", 1.2)]).changes[0].needed == draws_needed(ratio, 1.2)
-    assert _compared(*sides, []).changes[0].needed == draws_needed(ratio, SMALL)
+    assert _compared(*sides, []).changes[0].needed == draws_needed(ratio)
 
 
 def test_what_fails_in_b_alone_passes_any_limit_and_is_no_ratio():

@@ -19,11 +19,13 @@ from torquebench.report.sweep_tables import (
     dot_rows,
     failures_table,
     influences,
+    ratio_text,
     round_below,
     silent_text,
     told_choices,
 )
 from torquebench.report.tables import headlines
+from torquebench.statistics import draws_needed, paired_ratio
 from torquebench.sweep.best import best_choices
 from torquebench.sweep.effects import Effect, Effects
 from torquebench.sweep.sensitivity import Sensitivity
@@ -228,3 +230,11 @@ def test_what_never_completes_has_no_figure(broken: str) -> None:
     assert f"{runs} of 24 runs failed" in text_of(page)
     assert b"0 of 12" in page
     assert ("rmse" in [metric["key"] for metric in data_of(page)["metrics"]]) == (broken == "b")
+
+
+def test_a_ratio_that_is_undecided_says_how_many_draws_it_takes() -> None:
+    """Where the interval holds 1, and only there; a ratio that repeats in every draw needs none."""
+    undecided, same = (paired_ratio([x, 1.0, 1 / x, y], [1.0] * 4) for x, y in ((1.2, 1.1), (1.0, 1.0)))
+    assert ratio_text(undecided).endswith(f", {draws_needed(undecided)} draws show 5 %")
+    assert "show" not in ratio_text(same)
+    assert "show" not in ratio_text(paired_ratio([2.0, 2.1, 1.9], [1.0] * 3))

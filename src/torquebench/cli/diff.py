@@ -39,10 +39,10 @@ def diff(a: Path, b: Path, limits: Sequence[str], junit: Path | None, plugin: Se
     95 % interval of the paired ratio over draws. A limit is passed when the whole interval is beyond it; then, and
     where with a limit named a run fails in B only or is missing there, the exit status is 1.
     """
-    from torquebench.diffs import SMALL, shown
     from torquebench.diffs import diff as compare
+    from torquebench.diffs import shown
     from torquebench.experiment.store import atomic_write
-    from torquebench.statistics import POWER
+    from torquebench.statistics import POWER, SMALL
 
     try:
         found = compare(a, b, limits, plugin)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from torquebench.experiment.sweep_section import in_words
 from torquebench.metrics import METRICS
 from torquebench.report.tables import Cells
-from torquebench.statistics import Ratio
+from torquebench.statistics import SMALL, Ratio, draws_needed
 from torquebench.sweep.best import Choice, best_choices, conditions, short_names
 from torquebench.sweep.border import Level, level_of
 from torquebench.sweep.effects import Effect, Effects
@@ -69,11 +69,11 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
 
 
 def _who_fails_more(summary: Summary) -> str:
-    """Return in how many draws each law fails more than the reference, and whether by more than chance."""
+    """Return in how many draws each law fails more than the reference, and whether by chance; one draw says nothing."""
     told = [
         f"{law.controller} in {law.outcomes.first} and {law.outcomes.second} (p = {law.outcomes.p:.2g})"
         for law in summary.overall
-        if law.outcomes.pairs > 1 and law.outcomes.first != law.outcomes.second
+        if law.outcomes.first + law.outcomes.second > 1
     ]
     draws = summary.overall[0].outcomes.pairs
     text = f" Draws of {draws} with more failures than {summary.reference}, and with fewer, exact McNemar test: "
@@ -271,12 +271,17 @@ def _bar_of(x: float, least: float, most: float) -> str:
 
 
 def ratio_text(ratio: Ratio | None) -> str:
-    """Format a ratio with its interval, if draws differ, and the number of draws that were left out."""
+    """Format a ratio with its interval, if draws differ, and the number of draws that were left out.
+
+    Where the interval holds 1, it says how many draws would show a change by `SMALL`.
+    """
     if ratio is None:
         return "-"
     interval = f" [{ratio.low:.3g}, {ratio.high:.3g}]" if math.isfinite(ratio.low) else ""
     missing = f", {ratio.left_out} left out" if ratio.left_out else ""
-    return f"{ratio.ratio:.3g}{interval}{missing}"
+    needed = None if ratio.below or ratio.above else draws_needed(ratio)
+    more = f", {needed:,} draws show {100.0 * (SMALL - 1.0):.3g} %" if needed and needed > ratio.pairs else ""
+    return f"{ratio.ratio:.3g}{interval}{missing}{more}"
 
 
 def failures_table(summary: Summary) -> Cells:
