@@ -103,9 +103,7 @@ def test_what_is_outside_the_dialect_comes_before_any_loop(tmp_path, command, mo
 def test_costs_have_no_exponent():
     """From a nanosecond to a second; a cost whose rounds differ says that the machine is busy."""
     text = check.cost_text(check.Cost(123456.0, 0.00123))
-    assert text == (
-        "a call on six joints: interpreted 123,456 us (12,346 % of 1 ms), compiled 0.0012 us (0.00012 %)"
-    )
+    assert text == ("a call on six joints: interpreted 123,456 us (12,346 % of 1 ms), compiled 0.0012 us (0.00012 %)")
     assert "busy machine" in check.cost_text(check.Cost(1.0, None, False))
 
 

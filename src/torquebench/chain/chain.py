@@ -476,7 +476,10 @@ def chain(
 
 
 def rate_remarks(found: Chain, control_period: float) -> list[str]:
-    """Return a line where a robot's chain runs at a control period that is not the robot's [s]."""
+    """Return what of a chain may not be meant: a robot's at another control period [s], noise that no velocity has."""
+    if found.encoder_noise > 0.0 and found.velocity == "exact":
+        noise = f"chain.encoder_noise of {1e3 * found.encoder_noise:g} mrad is in the measured position alone"
+        return [f"{noise}: chain.velocity is exact, wanted differentiated or kalman for the velocity to have it"]
     own = ABOUT[found.name].control_period if found.name in ABOUT else None
     if own is None or math.isclose(own, control_period, rel_tol=1e-9):
         return []

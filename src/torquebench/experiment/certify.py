@@ -56,6 +56,11 @@ class Flag:
     unit: str = "N m"
     """N for a joint that slides."""
 
+    @property
+    def cause(self) -> str:
+        """What it explains of a run."""
+        return f"K = {self.gain:.4g} {self.unit} of {self.joint} is below what its motion needs, {self.needed:.4g}"
+
     def __str__(self) -> str:
         return (
             f"controller '{self.controller}' cannot meet its reaching condition (123) on its reference: "
@@ -88,6 +93,13 @@ class Coarse:
     unit: str = "N m"
     """N for a joint that slides."""
 
+    @property
+    def cause(self) -> str:
+        """What it explains of a run."""
+        thin = "its layer is thinner than a step of travel: " if self.has_layer else "K is too large for the period: "
+        speed = "m/s" if self.unit == "N" else "rad/s"
+        return f"{thin}K moves s of {self.joint} by {self.step:.3g} {speed} in one, {self.most:.3g} can be held"
+
     def __str__(self) -> str:
         speed = "m/s" if self.unit == "N" else "rad/s"
         end = "comes to rest in its layer" if self.has_layer else "errs by less than a tenth of its motion"
@@ -114,6 +126,11 @@ class Overdriven:
     """What Kd moves s by in it, in s: period x rho(M^-1 Kd) [1]."""
     unit: str = "N m s/rad"
     """N s/m for a joint that slides."""
+
+    @property
+    def cause(self) -> str:
+        """What it explains of a run."""
+        return f"Kd moves s of {self.joint} by {self.times:.3g} s in a control period, and s grows from {UNSTABLE:g} on"
 
     def __str__(self) -> str:
         return (

@@ -16,6 +16,7 @@ from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags, planned
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
+from torquebench.experiment.explain import explained
 from torquebench.experiment.schema import Controller as ControllerKeys
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import machine, model_checksums, versions
@@ -95,8 +96,14 @@ class ExperimentResult:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """What controllers or arm could not do before the run, what the arm's file lost, and joints out of range."""
-        return (*foreseen(self.experiment, self.loop), *self.out_of_range)
+        """What controllers or arm could not do before the run, what the arm's file lost, and what went wrong in it."""
+        return (*foreseen(self.experiment, self.loop), *self.out_of_range, *self.explained)
+
+    @cached_property
+    def explained(self) -> tuple[str, ...]:
+        """A line for each controller that fails, errs by more than its motion, .., with the causes; see `explained`."""
+        certified = {} if self.arm_changed else self.certified
+        return tuple(explained(self.experiment, self.loop, self.runs, self.metrics, certified))
 
     @cached_property
     def out_of_range(self) -> tuple[str, ...]:
