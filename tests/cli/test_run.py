@@ -370,6 +370,19 @@ def endless(gains, model, t, q, qd, ref, memory, tau):
 '''
 
 
+def test_a_thread_that_a_law_started_and_that_never_ends_does_not_keep_the_process(quick):
+    """The command ends with its own status some seconds after its work, and names the thread."""
+    law = quick.parent / "starts_thread.py"
+    law.write_text(
+        ENDLESS_LAW + "\nimport threading, time\n"
+        "threading.Thread(target=lambda: [time.sleep(0.1) for _ in iter(int, 1)], name='busy').start()\n"
+    )
+    line = [sys.executable, "-m", "torquebench", "run", "quick.yaml", "--plugin", str(law), "--show-config"]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60, cwd=quick.parent)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.endswith("the process is ended although threads still run: 'busy'\n")
+
+
 @pytest.mark.parametrize(
     ("number", "status", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
