@@ -518,7 +518,9 @@ def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, 
     for name in ("sign", "layer"):
         assert result.metrics[name].max_error.value > 4.0
     assert result.metrics["gentle"].max_error.value < 1e-5
-    assert manifest_of(result)["flags"] == [str(one) for one in found]
+    assert manifest_of(result)["flags"] == [*map(str, found), *result.explained]
+    assert [line.split("'")[1] for line in result.explained] == ["sign", "layer", "fast"]  # and not the gentle one
+    assert all(one.cause in line for one, line in zip(found, result.explained, strict=True))
     for name in ("sign", "layer"):  # s stays within a layer that is an error of 8.4 rad: nothing is shown
         facts, phi = result.certified[name], 0.3 if name == "layer" else None
         one = {"joint": 1, "layer": pytest.approx(84.0), "phi": phi, "error": pytest.approx(8.4)}
