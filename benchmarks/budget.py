@@ -2,8 +2,9 @@
 
 ``python benchmarks/budget.py`` compares them with ``benchmarks/budget.json`` and exits 1 with the names of the parts
 that take more than `TOO_MUCH` times what they took; ``--write`` writes that file. Seconds are never compared: each part
-runs between two runs of one yardstick, and what counts is its CPU time over theirs. A part that seems too slow is run
-again, up to `TRIES` times, and fails only if most of its ratios are too high.
+runs between two runs of one yardstick, and what counts is its CPU time over theirs. What compiles is run once before,
+uncounted. Parts that seem too slow are run again in further rounds, `TRIES` in all, and fail only if most of their
+ratios are too high: a neighbour that is loud for a minute spoils one round, not all tries of a part.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 BUDGET = ROOT / "benchmarks" / "budget.json"
@@ -53,11 +55,13 @@ class Part:
     environment: tuple[tuple[str, str], ...] = ()
     statuses: tuple[int, ...] = (0,)
     """Exit statuses that are no failure."""
+    compiles: bool = False
+    """Whether its first run on a machine compiles, which is not counted."""
 
 
-def command(*words: str, statuses: tuple[int, ...] = (0,)) -> Part:
+def command(*words: str, **more: Any) -> Part:
     """Return the part that is a command of torquebench."""
-    return Part(("-m", "torquebench", *words), statuses=statuses)
+    return Part(("-m", "torquebench", *words), **more)
 
 
 LINE = "torquebench run paper/fig9-ch"
@@ -73,8 +77,10 @@ PARTS = {
     "run": command("run", FIG9, "--out", "{out}"),
     "page of a run": command("report", "{run}"),
     "one figure": command("figures", "{run}", "--only", "torque"),
-    "check": command("check", "{law}"),
-    "sweep": command("sweep", "sweep", "--set", "sweep.draws=1", "--set", "run.duration=1.5", "-o", "{out}"),
+    "check": command("check", "{law}", compiles=True),
+    "sweep": command(
+        "sweep", "sweep", "--set", "sweep.draws=1", "--set", "run.duration=1.5", "-o", "{out}", compiles=True
+    ),
     "page of a sweep": command("report", "{sweep}"),
     # so few draws decide no claim: status 1
     "audit": command(
@@ -88,6 +94,7 @@ PARTS = {
         "-o",
         "{out}",
         statuses=(0, 1),
+        compiles=True,
     ),
 }
 """In the order in which they run: each may read what one before has left."""
@@ -133,8 +140,11 @@ class Bench:
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
     def compile(self) -> None:
-        """Compile the kernels of the run, whose time depends on whether they are there."""
+        """Compile what the parts compile, whose time depends on whether it is there."""
         self.cpu_of("compiling", Part(("-c", COMPILED)))
+        for name, part in PARTS.items():
+            if part.compiles:
+                self.cpu_of(f"compiling: {name}", part)
 
     def ratio(self, name: str) -> float:
         """Run a part between two runs of the yardstick and return its CPU time over their mean."""
@@ -151,27 +161,40 @@ def environment() -> dict[str, str]:
     return mine | {"PYTHONPATH": str(ROOT / "src"), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
-def judged(measure: Callable[[], float], limit: float, tries: int = TRIES) -> tuple[float, bool]:
-    """Return the median ratio of a part and whether it keeps within a limit.
+def verdict(ratios: Sequence[float], limit: float, tries: int = TRIES) -> bool | None:
+    """Return whether a part keeps within a limit; None where another run must tell.
 
-    One run well below the limit is enough; otherwise runs go on until most of all `tries` agree.
+    One run well below the limit is enough; otherwise most of all `tries` must agree.
 
     Args:
-        measure: Runs the part once.
+        ratios: Those measured so far.
         limit: What the median must not exceed.
         tries: Runs at most.
     """
-    ratios: list[float] = []
-    enough = tries // 2 + 1
-    while True:
-        ratios.append(measure())
-        above = sum(ratio > limit for ratio in ratios)
-        if len(ratios) == 1 and ratios[0] < limit / 1.15:
-            return ratios[0], True
-        if above >= enough:
-            return statistics.median(ratios), False
-        if len(ratios) - above >= enough:
-            return statistics.median(ratios), True
+    above = sum(ratio > limit for ratio in ratios)
+    if above > tries // 2:
+        return False
+    if len(ratios) - above > tries // 2 or (len(ratios) == 1 and ratios[0] < limit / 1.15):
+        return True
+    return None
+
+
+def judged(measure: Callable[[str], float], limits: Mapping[str, float]) -> Iterator[tuple[str, float, bool]]:
+    """Yield each part, its median ratio and whether it keeps within its limit, as soon as that is known.
+
+    Args:
+        measure: Runs the part of a name once.
+        limits: Name -> limit, in the order in which parts run: each may read what one before has left.
+    """
+    ratios: dict[str, list[float]] = {name: [] for name in limits}
+    open_ones = list(limits)
+    while open_ones:
+        for name in list(open_ones):
+            ratios[name].append(measure(name))
+            kept = verdict(ratios[name], limits[name])
+            if kept is not None:
+                open_ones.remove(name)
+                yield name, statistics.median(ratios[name]), kept
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -187,8 +210,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         bench = Bench(Path(folder))
         bench.compile()
         if options.runs or options.write:
-            for name, part in PARTS.items():  # uncounted: compiles
-                bench.cpu_of(name, part)
             turns = [{name: bench.ratio(name) for name in PARTS} for _ in range(options.runs or RECORDED)]
             ratios = {name: [round(turn[name], 3) for turn in turns] for name in PARTS}
             if options.write:
@@ -204,10 +225,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 2
         slow = []
         print(f"{'part':<20} {'then':>7} {'now':>7} {'now/then':>9}   (CPU time over that of the yardstick)")
-        for name, then in recorded.items():
-            now, kept = judged(lambda name=name: bench.ratio(name), TOO_MUCH * then)  # type: ignore[misc]
+        for name, now, kept in judged(bench.ratio, {name: TOO_MUCH * then for name, then in recorded.items()}):
             slow += [] if kept else [name]
-            print(f"{name:<20} {then:7.2f} {now:7.2f} {now / then:9.2f}{'' if kept else '   TOO SLOW'}", flush=True)
+            then, note = recorded[name], "" if kept else "   TOO SLOW"
+            print(f"{name:<20} {then:7.2f} {now:7.2f} {now / then:9.2f}{note}", flush=True)
     if slow:
         print(f"slower than {TOO_MUCH} times what is recorded: {', '.join(slow)}")
         print("make them quick again, or record what they take now: python benchmarks/budget.py --write")

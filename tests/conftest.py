@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from torquebench.cli.app import main
 from torquebench.registry import restored
 
 # a shell that starts the tests in the background has them, and all that they start, ignore Ctrl-C, which many test
@@ -23,6 +24,18 @@ def figure(request: pytest.FixtureRequest) -> Callable[[str, float, str], None]:
         request.node.user_properties.append((MEASURED, (what, float(value), promise)))
 
     return note
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Run the command line: (exit status, standard output, standard error)."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        status = main([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return run
 
 
 @pytest.fixture

@@ -46,17 +46,24 @@ def test_every_file_that_is_named_exists():
 
 @pytest.fixture
 def run_law(tmp_path, monkeypatch, registries):
-    """Run a law shown in a document, in a config made from the line shown for it; return the stored run."""
+    """Run a law shown in a document, for a second, in the config shown for it; return the stored run."""
     monkeypatch.chdir(tmp_path)
 
-    def run(source, document):
-        line = " ".join(re.search(r"`(\{name: mine,.*?\}\})`", document, flags=re.DOTALL)[1].split())
+    def run(source, config):
         (tmp_path / "my_law.py").write_text(source)
-        (tmp_path / "my.yaml").write_text(
-            f"name: mine\nplant: {{engine: mujoco, model: puma560}}\ncontrollers:\n  - {line}\n"
-            "reference: {kind: sine, amplitude: 0.5, frequency_hz: 0.5}\nrun: {duration: 1.0, metrics_from: 0.2}\n"
-        )
-        assert main(["run", "my.yaml", "--plugin", "my_law.py", "--out", "out", "--no-figures"]) == 0
+        (tmp_path / "my.yaml").write_text(config)
+        words = [
+            "--plugin",
+            "my_law.py",
+            "--out",
+            "out",
+            "--set",
+            "run.duration=1",
+            "--set",
+            "run.metrics_from=0.2",
+            "--no-figures",
+        ]
+        assert main(["run", "my.yaml", *words]) == 0
         return load_trajectory("out/mine/trajectory.npz")
 
     return run
@@ -64,14 +71,17 @@ def run_law(tmp_path, monkeypatch, registries):
 
 def test_the_law_of_the_readme_runs(run_law):
     """The plug-in shown runs as shown, and keeps the arm within a tenth of a radian of its motion."""
-    run = run_law(next(block for block in blocks("python") if "my-law" in block), README)
+    (config,) = (block for block in blocks("yaml") if "my-law" in block)
+    run = run_law(next(block for block in blocks("python") if "my-law" in block), config)
     assert np.max(np.abs(run.q_ref - run.q)) < 0.1
 
 
 def test_the_law_of_the_guide_runs(run_law):
     """docs/writing-a-law.md: memory, options and a sliding variable that is recorded; it follows to a milliradian."""
     guide = (data_root() / "docs" / "writing-a-law.md").read_text()
-    run = run_law(re.search(r"^```python\n(.*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)[1], guide)
+    line = " ".join(re.search(r"`(\{name: mine,.*?\}\})`", guide, flags=re.DOTALL)[1].split())
+    source = re.search(r"^```python\n(.*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)[1]
+    run = run_law(source, f"extends: fig9-chattering\ncontrollers: [{line}]\n")
     assert np.all(np.isfinite(run.s))
     assert set(run.extra) == {"integral", "qdd"}
     assert np.max(np.abs(run.q_ref - run.q)) < 1e-3

@@ -14,6 +14,8 @@ from torquebench.statistics import (
     capital,
     clopper_pearson,
     cvar,
+    draws_needed,
+    mcnemar,
     median_interval,
     paired_ratio,
     race,
@@ -241,3 +243,29 @@ def test_a_race_runs_a_law_only_while_a_pair_of_it_is_undecided() -> None:
     failing = race(run, ("good", "failing"), 4)
     assert failing.ratios == {}
     assert failing.draws == {"good": 4, "failing": 4}
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 0), (1, 0), (0, 6), (3, 9), (20, 21), (7, 7)])
+def test_mcnemar_is_the_exact_binomial_test_of_the_pairs_that_differ(first: int, second: int) -> None:
+    """As the two-sided binomial test of scipy at 1/2, to 1e-12; where nothing differs p is 1, and sides are alike."""
+    known = stats.binomtest(first, first + second, 0.5).pvalue if first + second else 1.0
+    a, b = [1] * first + [0] * second + [1, 0], [0] * first + [1] * second + [1, 0]
+    found = mcnemar(a, b)
+    assert found == (first, second, len(a), pytest.approx(known, rel=1e-12))
+    assert mcnemar(b, a) == (second, first, *found[2:])
+
+
+def test_as_many_draws_as_are_needed_show_a_change_as_often_as_is_asked() -> None:
+    """Of 400 samples of that size with this change 80 % leave out 1, to 5 %, 2.5 sigma; of half the size, 50 %, 7 %."""
+    rng = np.random.default_rng(5)
+    x = 0.1 * rng.standard_normal(20)
+    n = draws_needed(paired_ratio(np.exp(x).tolist(), [1.0] * 20), 1.05)
+    assert n == draws_needed(paired_ratio(np.exp(-x).tolist(), [1.0] * 20), 1 / 1.05)
+    assert n is not None
+    spread = float(np.std(x, ddof=1))
+    for size, share, close in ((n, 0.8, 0.05), (n // 2, 0.5, 0.07)):
+        samples = math.log(1.05) + spread * rng.standard_normal((400, size))
+        seen = np.mean(stats.ttest_1samp(samples, 0.0, axis=1).pvalue < 0.05)
+        assert seen == pytest.approx(share, abs=close)
+    assert draws_needed(paired_ratio([2.0], [1.0]), 1.05) is None
+    assert draws_needed(paired_ratio([2.0, 2.0], [1.0, 1.0]), 1.05) is None

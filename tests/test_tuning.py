@@ -28,7 +28,7 @@ from torquebench.experiment.describe import chosen_text
 from torquebench.experiment.run import run_experiment
 from torquebench.laws import find_law
 from torquebench.laws.law import law_names
-from torquebench.tuning import SHARE, least_inertia, limits_of
+from torquebench.tuning import SHARE, braked, friction_text, least_inertia, limits_of
 
 WRIST = """
 <mujoco model="wrist"><worldbody>
@@ -378,20 +378,47 @@ def test_what_a_users_law_was_taken_for_is_said(registries) -> None:
 def test_gains_overcome_the_friction_of_the_file(tmp_path: Path) -> None:
     """With b = 2 N m s/rad, 0.1 N m on M = 1e-4 kg m^2: T b / M = 20, so it stands T b / (1 - exp(-20)) = 2e-3.
 
-    F = 2.1 N m: sqrt(F / (4 x 0.005 M)) is beyond 0.8 / (4 T) = 200, so lambda = 200; K = D phi = 0.8 x 2 x 1 = 1.6
-    is below 1.5 F, so K = 3.15 N m and phi = K / D; Kd = D = 1.6, as 4 lambda M and F / (0.005 lambda) ask for 2.1.
+    F = 4.1 N m: sqrt(F / (4 x 0.005 M)) is beyond 0.8 / (4 T) = 200, so lambda = 200; K = D phi = 0.8 x 2 x 1 = 1.6
+    is below 1.5 F, so K = 6.15 N m and phi = K / D; Kd = D = 1.6, as 4 lambda M and F / (0.005 lambda) ask for 4.1.
     Behind too small a limit, F counts as what is left of it over 1.5.
     """
     path = tmp_path / "wrist.xml"
     path.write_text(WRIST.replace('name="roll"', 'name="roll" damping="2" frictionloss="0.1"'))
     arm, layer = load_model(path), {"switching": "saturation"}
     smc = find_law("smc").choose_gains(arm, options=layer)
-    assert smc == pytest.approx({"lam": 200.0, "k": 3.15 / 28.0, "phi": 3.15 / 1.6}, rel=6e-3)
+    assert smc == pytest.approx({"lam": 200.0, "k": 6.15 / 28.0, "phi": 6.15 / 1.6}, rel=6e-3)
     pd = find_law("pd").choose_gains(arm)
     assert pd["kv"] * arm.flat.inertia_scale[0] == pytest.approx(1.6, rel=6e-3)
     path.write_text(path.read_text().replace("28", "0.9"))
     weak = find_law("smc").choose_gains(load_model(path), options=layer)
     assert weak["k"] == pytest.approx(1.0, rel=6e-3)
+
+
+def test_what_friction_leaves_is_said_and_why(tmp_path: Path) -> None:
+    """F / (lambda D) with D = K / phi, at 2 rad/s, here 4.1 / (200 x 1.6) = 12.8 mrad; and what keeps it from less.
+
+    On M = 1 of 10 N m s/rad, at 6 ms, the slope is what 28 N m and the damping brake 0.1 rad with: 0.1 M lambda^2 =
+    28 + 0.1 x 10 lambda. Without friction nothing is said.
+    """
+    path, text = tmp_path / "wrist.xml", WRIST.replace('name="roll"', 'name="roll" {}')
+
+    def said(own: str, law: str = "smc", period: float = 1e-3) -> str:
+        path.write_text(text.format(own))
+        arm, options = load_model(path), {"switching": "saturation"} if law == "smc" else {}
+        kind = find_law(law)
+        fit = kind.fit(arm, period, Chain(), options, kind.choose_gains(arm, period, options=options))
+        return friction_text(fit, arm.joint_names, [False])
+
+    assert said("") == said("", "computed-torque") == ""
+    quick = said('damping="2" frictionloss="0.1"')
+    assert quick.startswith("friction of the arm's file leaves about 12.8 mrad of roll at 2 rad/s: slope and damping")
+    assert said('damping="2" frictionloss="0.1"', "pd").startswith(quick[:50])
+    assert "more than gravity leaves" in said('damping="20"')
+    heavy = said('damping="10" armature="1"', period=6e-3)
+    assert "brakes 0.1 rad along" in heavy
+    limits = limits_of(load_model(path))
+    lam = braked(limits)[0]
+    assert 0.1 * limits.heaviest[0] * lam**2 == pytest.approx(28.0 + 0.1 * 10.0 * lam)
 
 
 def test_what_friction_takes_is_followed(tmp_path: Path) -> None:

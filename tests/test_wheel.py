@@ -1,11 +1,15 @@
 """The built wheel brings its models and configs, and the checkout's own copies win over an installed one's."""
 
+import configparser
+import email
 import os
 import subprocess
 import sys
+import tomllib
 import zipfile
 
 import pytest
+from packaging.requirements import Requirement
 
 from torquebench.robot.library import data_root
 
@@ -91,3 +95,21 @@ def test_the_checkout_wins(installed):
     """From the checkout's source, data come from the checkout, whatever else is installed."""
     done = python(CHECKOUT / "src", "from torquebench.robot.library import data_root; print(data_root())")
     assert done.stdout.strip() == str(CHECKOUT)
+
+
+def test_what_uvx_and_pipx_need_of_the_wheel(installed):
+    """They install what it requires, all that pyproject.toml names, and start its one program."""
+    facts = next(installed.glob("*.dist-info"))
+    asked = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    metadata = email.message_from_string((facts / "METADATA").read_text())
+    required = {Requirement(text) for text in metadata.get_all("Requires-Dist")}
+    assert {one for one in required if one.marker is None} == {Requirement(text) for text in asked["dependencies"]}
+    assert set(metadata.get_all("Provides-Extra")) == set(asked["optional-dependencies"])
+    programs = configparser.ConfigParser()
+    programs.read_string((facts / "entry_points.txt").read_text())
+    assert dict(programs["console_scripts"]) == {"torquebench": "torquebench.__main__:start"}
+    start = (
+        "import sys; sys.argv = ['torquebench', '--version']; from torquebench.__main__ import start; sys.exit(start())"
+    )
+    done = python(installed, start)
+    assert (done.returncode, done.stdout.split()) == (0, ["torquebench", metadata["Version"]]), done.stderr

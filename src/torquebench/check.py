@@ -488,7 +488,9 @@ def check_cost(law: Law, report: Report) -> str:
 def cost_text(cost: Cost) -> str:
     """Return what a call costs, in plain digits; that the machine is busy where the rounds of timing differ."""
     pairs = [("interpreted", cost.python), ("compiled", cost.native)]
-    costs = [f"{name} {plain(x)} us ({plain(100.0 * x / PERIOD)} % of 1 ms)" for name, x in pairs if x is not None]
+    times = [(name, plain(x), plain(100.0 * x / PERIOD)) for name, x in pairs if x is not None]
+    unit = " % of 1 ms"
+    costs = [f"{name} {time} us ({share}{unit if k == 0 else ' %'})" for k, (name, time, share) in enumerate(times)]
     return f"a call on six joints: {', '.join(costs)}{'' if cost.steady else '; busy machine'}"
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,13 +14,18 @@ from torquebench import references
 from torquebench.errors import ConfigError, ModelError, Problem, did_you_mean
 from torquebench.kernel import Array
 from torquebench.laws import find_law
+from torquebench.references.reference import against_rate
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.flat_model import STRUCTURES, own_copy
-from torquebench.robot.library import is_path
+from torquebench.robot.library import ArmFile, ArmSource, is_path
+from torquebench.robot.missing_terms import DEGREES, Arm, Explained, States, Term, missing_terms
 from torquebench.sim.plants import Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.simulate import simulate
 from torquebench.sim.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from torquebench.robot.mjcf_written import Written
 
 ROLLOUT_TOLERANCE = 1e-12
 """Largest joint-angle gap of two closed loops that still counts as agreement [rad]."""
@@ -81,12 +87,26 @@ class Side:
     """As the user wrote it."""
     engine: str
     """``mujoco`` or ``analytic``."""
-    source: str
-    """Model name or path of an MJCF file."""
+    source: ArmSource
+    """Model name, path of an MJCF file, or what an import makes of one."""
     dynamics: Any
     """Terms of the dynamics; see `Dynamics`."""
     links: RobotModel | None
     """Link parameters behind it; None for closed forms, which have none."""
+    written: Written | None = None
+    """MuJoCo's arm with what plants of the testbed leave out, where the side is a file."""
+
+    def arm(self, states: States) -> Arm:
+        """Return what its missing terms are named by: of a file all that it has, else what the testbed takes of it."""
+        q, qd, qdd = states
+        pose = self.dynamics.forward_kinematics(q)
+        if self.written is not None:
+            return Arm(self.links, self.written, self.written.torque(q, qd, qdd), pose)
+        torque = self.dynamics.inverse_dynamics(q, qd, qdd)
+        friction = getattr(self.dynamics, "passive", None)
+        if friction is not None:
+            torque = torque + np.array(friction.viscous) * qd + np.array(friction.coulomb) * np.sign(qd)
+        return Arm(self.links, None, torque, pose)
 
     def plant(self, timestep: float) -> Plant:
         """Return this side as a plant, RK4."""
@@ -161,14 +181,31 @@ def source_of(text: str) -> str:
     return rest.split(":")[0] if engine in ENGINES else text
 
 
+BEYOND = ("springs", "fluid", "gravcomp", "nonlinear-damping")
+"""What a file may have although no plant has it: its missing terms are named all the same."""
+
+
 def _mujoco_side(text: str, source: str) -> Side:
     from torquebench.robot import mjcf
+    from torquebench.robot.mjcf_written import written
     from torquebench.sim.plants.mujoco import MujocoModel
 
-    arm = mjcf.read_arm(source)
+    try:
+        arm = mjcf.read_arm(source)
+    except ModelError as refused:
+        if text != source:
+            raise
+        from torquebench.robot.importing import Options, import_arm
+
+        try:
+            made = import_arm(Path(source), Options(drop=BEYOND))
+        except ModelError:
+            raise refused from None
+        arm = mjcf.read_arm(ArmFile(made.name, made.mjcf))
     compiled, passive = mjcf.compile_arm(arm)
     links = RobotModel(source, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, source), passive)
-    return Side(text, "mujoco", source, MujocoModel(arm), links)
+    file = written(arm, Path(source) if text == source else None)
+    return Side(text, "mujoco", arm, MujocoModel(arm), links, file)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +252,30 @@ class Row:
         return asdict(self) | {"agrees": self.agrees, "verdict": self.verdict}
 
 
+class Comparison(NamedTuple):
+    """What a comparison shows."""
+
+    rows: list[Row]
+    named: Explained
+    """The terms that differ."""
+
+    @property
+    def agree(self) -> bool:
+        """Whether it shows no difference."""
+        return not self.named.terms and all(row.agrees for row in self.rows)
+
+    @property
+    def sentence(self) -> str:
+        """What differs, in one line for whoever has to mend it."""
+        told = "; ".join(map(str, self.named.terms))
+        if self.named.whole:
+            if told:
+                return f"B differs from A by {told}"
+            return "no difference" if self.agree else "no term: no torque at the joints shows what differs"
+        missed = f"{100.0 * self.named.left:.3g} % of the difference in torque is not one of the terms that are known"
+        return f"B differs from A by {told}; {missed}" if told else missed
+
+
 def compare(
     a: Side,
     b: Side,
@@ -224,8 +285,9 @@ def compare(
     tolerance: float = 1e-6,
     frozen: Sequence[int] = (),
     rollout: float = 0.0,
+    motion: Motion | None = None,
     progress: Callable[[str], None] = lambda loop: None,
-) -> list[Row]:
+) -> Comparison:
     """Compare two models or plants: every term of the dynamics, link parameters, and closed loops if asked for.
 
     Args:
@@ -235,14 +297,108 @@ def compare(
         tolerance: Relative difference that counts as agreement.
         frozen: Joints, counted from 0, at zero position and speed.
         rollout: Length of the closed loops [s]; 0 for none.
+        motion: A motion whose states take the place of the random ones.
         progress: Called with the name of each closed loop before it runs.
     """
-    rows = compare_terms(a.dynamics, b.dynamics, random_states(a.dynamics.n, states, seed, frozen), tolerance)
+    drawn = random_states(a.dynamics.n, states, seed, frozen) if motion is None else motion[1:]
+    rows = compare_terms(a.dynamics, b.dynamics, drawn, tolerance)
     if a.links is not None and b.links is not None:
         rows += compare_links(a.links, b.links, tolerance)
     if rollout > 0:
         rows += compare_rollouts(a, b, slightly_wrong(a, b), rollout, progress=progress)
-    return rows
+    return Comparison(rows, name_terms(a, b, drawn, motion, tolerance))
+
+
+TINY = 1e-300
+NAMED = 40
+"""Number of states by which missing terms are named."""
+
+
+def name_terms(a: Side, b: Side, states: States, motion: Motion | None = None, tolerance: float = 0.0) -> Explained:
+    """Return the terms in which two sides differ, friction, springs, gears and integrator included; see `Explained`.
+
+    A side that is a file stands for all that it has, ``mujoco:FILE`` and ``analytic:FILE`` for what the testbed takes.
+
+    Args:
+        a, b: The two sides, with the same joints.
+        states: Positions, velocities and accelerations, each (N, n); `NAMED` of them are used.
+        motion: The motion that the states are of, if they are: whether its velocity is its position's derivative.
+        tolerance: Share of the torque that counts as no difference.
+    """
+    q, qd, qdd = (each[:: -(-len(each) // NAMED)] for each in states)
+    some = q, qd, qdd
+    named = missing_terms(a.arm(some), b.arm(some), some, a.dynamics.joint_names, tolerance)
+    if motion is None:
+        return named
+    return named._replace(terms=(*rate_terms(motion, a.dynamics.joint_names), *named.terms))
+
+
+class Motion(NamedTuple):
+    """A sampled motion."""
+
+    t: Array
+    """Instants, evenly spaced, (N,) [s]."""
+    q: Array
+    """Positions, (N, n) [rad]."""
+    qd: Array
+    """Velocities, (N, n) [rad/s]."""
+    qdd: Array
+    """Accelerations, (N, n) [rad/s^2]."""
+
+
+def read_motion(path: str, n: int, argument: str) -> Motion:
+    """Read a motion from a CSV file with the columns t, q1 to qN, qd1 to qdN and, if it likes, qdd1 to qddN.
+
+    Args:
+        path: The file.
+        n: Number of joints.
+        argument: Name of the argument, for messages.
+
+    Raises:
+        ConfigError: there is no such file, or something else is in it.
+    """
+    try:
+        with Path(path).open(encoding="utf-8") as file:
+            header = [word.strip() for word in file.readline().split(",")]
+            table = np.loadtxt(file, delimiter=",", ndmin=2)
+    except (OSError, ValueError) as error:
+        raise ConfigError([Problem(argument, path, f"cannot be read: {error}")]) from error
+    wanted = ["t", *(f"{name}{j}" for name in ("q", "qd") for j in range(1, n + 1))]
+    if missing := [name for name in wanted if name not in header]:
+        raise ConfigError([Problem(argument, path, f"has no column {', '.join(missing)}")])
+    if len(table) < 3 or table.shape[1] != len(header) or not np.all(np.isfinite(table)):
+        raise ConfigError([Problem(argument, path, f"wanted 3 rows or more of {len(header)} finite numbers")])
+
+    def columns(name: str) -> Array:
+        return np.ascontiguousarray(table[:, [header.index(f"{name}{j}") for j in range(1, n + 1)]])
+
+    t = table[:, header.index("t")]
+    if not (t[1] > t[0] and np.allclose(np.diff(t), t[1] - t[0], rtol=1e-6, atol=0.0)):
+        raise ConfigError([Problem(argument, path, "column t: wanted times evenly spaced and rising")])
+    qd = columns("qd")
+    has = all(f"qdd{j}" in header for j in range(1, n + 1))
+    return Motion(t, columns("q"), qd, columns("qdd") if has else np.gradient(qd, t, axis=0))
+
+
+def rate_terms(motion: Motion, names: Sequence[str]) -> list[Term]:
+    """Return each joint of a motion whose velocity is not the derivative of its position, and what it is instead."""
+    h, found = float(motion.t[1] - motion.t[0]), list[Term]()
+    change, integral, excess = against_rate(h, motion.q, motion.qd)
+    known = {1.0 / DEGREES: "rad/s beside degrees?", DEGREES: "degrees/s beside radians?", -1.0: "the opposite sign"}
+    for j in np.flatnonzero(np.max(excess, axis=0) > 1.0).tolist():
+        k = int(np.argmax(excess[:, j]))
+        factor = float(change[:, j] @ integral[:, j]) / max(float(change[:, j] @ change[:, j]), TINY)
+        left = float(np.linalg.norm(integral[:, j] - factor * change[:, j]))
+        if left <= 0.01 * float(np.linalg.norm(integral[:, j])) and factor != 0.0:
+            text = f"{factor:.6g} times the derivative of the position"
+            text += "".join(f": {words}" for ratio, words in known.items() if abs(factor / ratio - 1.0) < 0.01)
+        else:
+            text = (
+                f"not the derivative of the position: at t = {motion.t[k + 1]:g} s this changes by {change[k, j]:.4g} "
+                f"rad, the velocity integrates to {integral[k, j]:.4g} rad"
+            )
+        found.append(Term("reference velocity", f"joint '{names[j]}'", text))
+    return found
 
 
 def random_states(n: int, count: int, seed: int, frozen: Sequence[int] = ()) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""Two runs, or two sweeps, of the same laws compared: the ratio of each metric, and what must not have become worse."""
+"""Two runs, sweeps or arenas of the same laws compared: each metric's ratio, and what must not have become worse."""
 
 from __future__ import annotations
 
@@ -6,17 +6,25 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
+import numpy as np
+
+from torquebench.arena.ranking import Scores
+from torquebench.arena.ranking import compare as compare_scores
+from torquebench.arena.record import SELF, TUNED, read_record
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.falsify_section import LIMITS, parts_of_claim
 from torquebench.metrics import METRICS
 from torquebench.plain import plain
 from torquebench.results import load_result
-from torquebench.statistics import Ratio, paired_ratio
+from torquebench.statistics import Outcomes, Ratio, draws_needed, mcnemar, paired_ratio
 from torquebench.sweep.folder import PLAN
 from torquebench.sweep.table import completed, grid_keys, metric_keys, metric_values, row_values, rows_by
 from torquebench.sweeps import load_sweep
 
+SMALL = 1.05
+"""Change for which the number of draws that would show it is told, where no limit names one [1]."""
 EXAMPLE = "a metric and a ratio of B to A, such as rmse > 1.05"
 
 
@@ -57,13 +65,25 @@ class Change(NamedTuple):
 
     controller: str
     case: str
-    """Values of the grid's keys; empty in a run."""
+    """Values of the grid's keys; in an arena its chain and level; empty in a run."""
     metric: str
     a: float
     """Geometric mean over draws, in SI units."""
     b: float
     ratio: Ratio
     """Of B to A over the draws that both completed; that of a single pair is its own interval."""
+    needed: int | None = None
+    """Draws that would show a change by the limit's ratio, or `SMALL`; see `draws_needed`. None in an arena, whose
+    tunings spread too."""
+
+
+class Ended(NamedTuple):
+    """How runs of one controller ended that did not end alike in A and B."""
+
+    controller: str
+    case: str
+    outcomes: Outcomes
+    """Of B and A: the first count is of runs that failed in B alone."""
 
 
 class Diff(NamedTuple):
@@ -75,36 +95,57 @@ class Diff(NamedTuple):
     """Runs that completed in A and not in B, in words."""
     mended: tuple[str, ...]
     """The reverse."""
+    ended: tuple[Ended, ...]
     only_a: tuple[str, ...]
     """Controllers, or controllers in cases, that B does not have."""
     only_b: tuple[str, ...]
-    broken: tuple[str, ...]
-    """Limits that are passed, in words; so is a run that fails in B alone, one that B lacks, and a metric that cannot
-    be judged. Empty where no limit was named."""
+    verdicts: Mapping[str, tuple[str, ...]]
+    """Controller, in its case, of A -> limits that it passes, in words; so is a run that fails in B alone, one that B
+    lacks, and a metric that cannot be judged. Empty where no limit was named."""
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """All of `verdicts`."""
+        return tuple(text for texts in self.verdicts.values() for text in texts)
 
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data."""
         data: dict[str, Any] = plain(self)
-        return data
+        return data | {"broken": list(self.broken)}
+
+    def junit(self, name: str = "torquebench diff") -> bytes:
+        """Return it as JUnit's XML, which servers that run tests show: a test for each controller in its case.
+
+        Args:
+            name: Name of the suite.
+        """
+        failures = sum(bool(texts) for texts in self.verdicts.values())
+        suite = ElementTree.Element("testsuite", name=name, tests=str(len(self.verdicts)), failures=str(failures))
+        for place, texts in self.verdicts.items():
+            test = ElementTree.SubElement(suite, "testcase", classname=name, name=place)
+            if texts:
+                ElementTree.SubElement(test, "failure", message=texts[0]).text = "\n".join(texts)
+        ElementTree.indent(suite)
+        return bytes(ElementTree.tostring(suite, "utf-8", xml_declaration=True)) + b"\n"
 
 
-Draws = Mapping[str, Sequence[float | None]]
-"""Metric -> its value in each draw; None where the run failed."""
-Values = dict[tuple[str, str], tuple[Sequence[bool], Draws]]
-"""Controller and case -> whether each draw completed, and its metrics."""
+Draws = Mapping[str, Sequence[float | None] | Scores]
+"""Metric -> its value in each draw, None where the run failed; of an arena also over tunings and burdens."""
+Values = dict[tuple[str, str], tuple[Sequence[float], Draws]]
+"""Controller and case -> whether each run completed, in an arena the share of tunings in which it did, and metrics."""
 
 
 def diff(a: str | Path, b: str | Path, limits: Sequence[Limit | str] = (), plugins: Sequence[Path] = ()) -> Diff:
-    """Compare two stored runs, or two stored sweeps, controller by controller and case by case.
+    """Compare two stored runs, sweeps or arenas, controller by controller and case by case.
 
     Args:
-        a, b: Folders that ``torquebench run`` left, or ``torquebench sweep``: what was, and what is.
-        limits: Ratios of B to A that must not be, such as ``rmse > 1.05``; of a sweep one is passed when the 95 %
+        a, b: Folders that ``torquebench run``, ``sweep`` or ``arena`` left, or an ``arena.json``: what was, what is.
+        limits: Ratios of B to A that must not be, such as ``rmse > 1.05``; over draws one is passed when the 95 %
             interval of the paired ratio is wholly beyond it.
         plugins: Python files that register laws which they use.
 
     Raises:
-        ConfigError: a limit is none, one is a run and the other a sweep, or the draws are not the same.
+        ConfigError: a limit is none, the two are not of one kind, or the draws are not the same.
         ResultError: a folder is not finished, or was altered.
     """
     problems, asked = [], []
@@ -115,18 +156,25 @@ def diff(a: str | Path, b: str | Path, limits: Sequence[Limit | str] = (), plugi
         else:
             asked.append(found)
     folders = Path(a), Path(b)
-    swept = [(folder / PLAN).is_file() for folder in folders]
-    if swept[0] != swept[1]:
-        kinds = ["a sweep" if own else "no sweep" for own in swept]
+    kinds = [kind_of(folder) for folder in folders]
+    if kinds[0] != kinds[1]:
         problems.append(Problem("B", str(b), f"is {kinds[1]}, and {a} is {kinds[0]}", wanted="two of one kind"))
     if problems:
         raise ConfigError(problems)
-    one, other = (_of_sweep(x, plugins) if swept[0] else _of_run(x, plugins) for x in folders)
+    read = {"a sweep": _of_sweep, "an arena": _of_arena}.get(kinds[0], _of_run)
+    one, other = (read(folder, plugins) for folder in folders)
     if one[0] != other[0]:
         raise ConfigError(
             [Problem("B", str(b), "has other draws", got=str(other[0]), wanted=f"those of {a}: {one[0]}")]
         )
     return _compared(one[1], other[1], asked)
+
+
+def kind_of(path: Path) -> str:
+    """Return what a command left: a run, a sweep or an arena."""
+    if path.suffix == ".json" or (path / "arena.json").is_file():
+        return "an arena"
+    return "a sweep" if (path / PLAN).is_file() else "a run"
 
 
 def _of_run(folder: Path, plugins: Sequence[Path]) -> tuple[str, Values]:
@@ -149,39 +197,74 @@ def _of_sweep(folder: Path, plugins: Sequence[Path]) -> tuple[str, Values]:
     return f"{plan.draws} of seed {plan.first.run.seed}", values
 
 
+def _of_arena(path: Path, _plugins: Sequence[Path]) -> tuple[str, Values]:
+    """Return what is stored of each entry on each chain: tuned, at each level, also held out, and as given."""
+    record, values = read_record(path), Values()
+    for row in record.rows:
+        cases = [(f", {level:g} %", level, TUNED, held) for level in record.levels for held in (False, True)]
+        for words, level, ruleset, held in (*cases, (", as given", math.inf, SELF, False)):
+            if held and not record.held_out:
+                continue
+            try:
+                own = {key: record.scores(row, level, key, ruleset, held) for key in record.metrics}
+            except ResultError:  # it has no gains of this level
+                continue
+            runs = 1.0 - next(iter(own.values())).runs
+            values[row.entry, f"{row.chain}{words}{', held out' * held}"] = runs.tolist(), own
+    return f"{record.draws} of the seal {record.seal['commitment'][:16]}", values
+
+
 def _compared(a: Values, b: Values, limits: Sequence[Limit]) -> Diff:
     """Return what changed between what two folders hold."""
-    failed, mended, changes, blind = [], [], list[Change](), []
-    for place in [own for own in a if own in b]:
+    failed, mended, ended, changes = list[str](), list[str](), list[Ended](), list[Change]()
+    verdicts = dict[str, tuple[str, ...]]()
+    sizes = {limit.metric: limit.ratio for limit in limits}
+    for place in a:
+        found = list[str]()
+        if place not in b:
+            verdicts[_named(place)] = (f"{_named(place)} is missing in B",) if limits else ()
+            continue
         (good_a, of_a), (good_b, of_b) = a[place], b[place]
-        lost, won = (
-            sum(x and not y for x, y in zip(p, q, strict=True)) for p, q in ((good_a, good_b), (good_b, good_a))
-        )
-        number = "" if len(good_a) == 1 else " in {} of {} draws"
-        failed += [f"{_named(place)} fails{number.format(lost, len(good_a))}"] if lost else []
-        mended += [f"{_named(place)} completes{number.format(won, len(good_a))}"] if won else []
+        outcomes = mcnemar([1.0 - x for x in good_b], [1.0 - x for x in good_a])
+        lost, won, runs, p = outcomes
+        what = "runs" if any(isinstance(x, Scores) for x in of_a.values()) else "draws"
+        text = f", in {{}} of {runs} {what} (exact McNemar p = {p:.2g})" if runs > 1 else ""
+        ended += [Ended(*place, outcomes)] if lost or won else []
+        failed += [f"{_named(place)} fails in B only{text.format(lost)}"] if lost else []
+        mended += [f"{_named(place)} completes in B only{text.format(won)}"] if won else []
+        own = list[Change]()
         for key in METRICS.names():
             if key in of_a and key in of_b:
-                change = _change(place, key, of_a[key], of_b[key])
-                changes += [] if change is None else [change]
-        known = {change.metric for change in changes if (change.controller, change.case) == place}
-        for metric in dict.fromkeys(limit.metric for limit in limits):
-            if metric not in known and any(good_a):
-                blind.append(f"{_named(place)}: {metric} has no ratio, and cannot be judged")
+                change = _change(place, key, of_a[key], of_b[key], sizes.get(key, SMALL))
+                own += [] if change is None else [change]
+        changes += own
+        found += [
+            f"{_named(place)}: {x.metric} is {x.ratio.ratio:.4g} times that of A{_spread(x.ratio)}, {y.text}"
+            for x in own
+            for y in limits
+            if x.metric == y.metric and y.met(x.ratio)
+        ]
+        found += failed[-1:] if lost else []
+        if any(good_a):
+            blind = [metric for metric in sizes if metric not in {change.metric for change in own}]
+            found += [f"{_named(place)}: {metric} has no ratio, and cannot be judged" for metric in blind]
+        verdicts[_named(place)] = tuple(found) if limits else ()
     only_a, only_b = (tuple(_named(x) for x in own if x not in other) for own, other in ((a, b), (b, a)))
-    passed = [
-        f"{_named(x[:2])}: {x.metric} is {x.ratio.ratio:.4g} times that of A{_spread(x.ratio)}, {y.text}"
-        for x in changes
-        for y in limits
-        if x.metric == y.metric and y.met(x.ratio)
-    ]
-    missing = [f"{name} is missing in B" for name in only_a]
-    broken = [*passed, *failed, *missing, *blind] if limits else []
-    return Diff(tuple(limits), tuple(changes), tuple(failed), tuple(mended), only_a, only_b, tuple(broken))
+    told = tuple(failed), tuple(mended), tuple(ended)
+    return Diff(tuple(limits), tuple(changes), *told, only_a, only_b, verdicts)
 
 
-def _change(place: tuple[str, str], key: str, a: Sequence[float | None], b: Sequence[float | None]) -> Change | None:
-    """Return how a metric changed; None where a ratio means nothing: no draw in common, or the value 0 on one side."""
+def _change(place: tuple[str, str], key: str, a: Any, b: Any, size: float) -> Change | None:
+    """Return how a metric changed; None where a ratio means nothing: no draw in common, or the value 0 on one side.
+
+    Args:
+        place: Controller and case.
+        key: The metric.
+        a, b: Its values, both of one kind.
+        size: Ratio of the change for which draws are counted.
+    """
+    if isinstance(a, Scores):
+        return _change_of_scores(place, key, a, b)
     pairs = [(x, y) for x, y in zip(a, b, strict=True) if x is not None and y is not None]
     if pairs and all(x == y for x, y in pairs):  # 0 as well: nothing changed
         failed = sum(x is None for x in a), sum(y is None for y in b)
@@ -192,7 +275,20 @@ def _change(place: tuple[str, str], key: str, a: Sequence[float | None], b: Sequ
     except ResultError:
         return None
     level = math.exp(sum(math.log(x) for x, _ in pairs) / len(pairs))
-    return Change(*place, key, level, level * ratio.ratio, ratio)
+    return Change(*place, key, level, level * ratio.ratio, ratio, draws_needed(ratio, size))
+
+
+def _change_of_scores(place: tuple[str, str], key: str, a: Scores, b: Scores) -> Change | None:
+    """Return how a metric of an arena changed; its interval holds the spread of draws and that of tunings."""
+    same = a.values.shape == b.values.shape and np.array_equal(a.values, b.values, equal_nan=True)
+    if np.any(a.values <= 0.0) or np.any(b.values <= 0.0):
+        return None if not same else Change(*place, key, 0.0, 0.0, Ratio(1.0, 1.0, 1.0, a.values.shape[2], (0, 0), 0))
+    ratio = compare_scores(b, a)
+    if not ratio.pairs:
+        return None
+    known = ~(np.isnan(a.logs).any(axis=0) | np.isnan(b.logs).any(axis=0))
+    level = math.exp(float(a.logs[:, known].mean()))
+    return Change(*place, key, level, level * ratio.ratio, ratio._replace(low=1.0, high=1.0) if same else ratio)
 
 
 def _named(place: tuple[str, str]) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torquebench import comparison
 from torquebench.comparison import parse_sides
-from torquebench.diagnosis import Diagnosis, diagnose
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment import run as runs
 from torquebench.experiment.config import check_experiment
@@ -34,6 +34,8 @@ from torquebench.sim.trajectory import Outcome, Trajectory
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from torquebench.diagnosis import Diagnosis
 
 Source = str | Path | Mapping[str, Any]
 """A config: its file, the name of a shipped one such as ``fig9-chattering``, or its keys as a mapping."""
@@ -141,7 +143,8 @@ def compare(
     """Compare two models or plants, as ``torquebench compare`` does.
 
     Args:
-        a, b: What is compared: ``mujoco:MODEL``, ``analytic:MODEL[:STRUCTURE[:CONSTANTS]]`` or a file of MuJoCo's.
+        a, b: What is compared: ``mujoco:MODEL``, ``analytic:MODEL[:STRUCTURE[:CONSTANTS]]`` or a file of MuJoCo's, with
+            all that it has: springs, gears and integrator too.
         states: Number of random states.
         seed: Seed of the states.
         tolerance: Relative difference that counts as agreement.
@@ -150,6 +153,8 @@ def compare(
 
     Returns:
         A row for each term: ``term, unit, absolute, relative, where, limit, measure, own, growth, agrees, verdict``.
+        Its ``attrs`` have the ``terms`` that differ, the share of the difference in torque that these have
+        ``left``, and both as a ``sentence``.
 
     Raises:
         ConfigError: there is no such model, or the two do not have the same joints.
@@ -166,7 +171,7 @@ def compare(
         problems.append(Problem("states", "", f"got {states}, wanted at least 1"))
     if problems:
         raise ConfigError(problems)
-    rows = comparison.compare(
+    found = comparison.compare(
         first,
         second,
         states=states,
@@ -175,7 +180,10 @@ def compare(
         frozen=[joint - 1 for joint in frozen_joints],
         rollout=rollout,
     )
-    return pd.DataFrame([row.to_json() for row in rows])
+    table = pd.DataFrame([row.to_json() for row in found.rows])
+    terms = [asdict(term) for term in found.named.terms]
+    table.attrs |= {"terms": terms, "left": found.named.left, "sentence": found.sentence}
+    return table
 
 
 class Result:
@@ -388,6 +396,8 @@ class Result:
         Raises:
             ConfigError: there is no such controller.
         """
+        from torquebench.diagnosis import diagnose
+
         return diagnose(self.experiment, controller, progress)
 
     def save(self, folder: str | Path | None = None, *, progress: Progress | None = None) -> Path:

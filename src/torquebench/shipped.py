@@ -6,8 +6,11 @@ import functools
 import json
 import os
 import re
+import sys
 from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from torquebench.errors import ConfigError, Problem, nearest, nearest_path
@@ -26,12 +29,33 @@ def data_root() -> Path:
     return Path(chosen) if chosen else _own_data()
 
 
+def how_to_install(extra: str) -> str:
+    """Return the command that installs an extra: the script of the checkout whose ``.venv`` runs this, else pip."""
+    in_checkout = Path(sys.prefix) == _own_data() / ".venv" and (_own_data() / "scripts" / "extras").is_file()
+    return f"scripts/extras {extra}" if in_checkout else f"pip install 'torquebench[{extra}]'"
+
+
 @functools.cache
 def _own_data() -> Path:
     checkout = Path(__file__).resolve().parents[2]
     if (checkout / "pyproject.toml").is_file() and (checkout / "models").is_dir():
         return checkout
     return Path(__file__).resolve().parent / "_data"
+
+
+def from_checkout(folder: str) -> ModuleType:
+    """Return a package of the checkout that no wheel has, such as ``benchmarks`` or ``tests/trust``.
+
+    Raises:
+        ConfigError: there is none, as where torquebench was installed from a wheel.
+    """
+    place = data_root() / folder
+    if not (place / "__init__.py").is_file():
+        why = f"no folder {place}: it comes with the repository and the sdist, not with a wheel; run it in a checkout"
+        raise ConfigError([Problem(place.name, "", why)])
+    if str(place.parent) not in sys.path:
+        sys.path.insert(0, str(place.parent))
+    return import_module(place.name)
 
 
 def model_names() -> tuple[str, ...]:

@@ -1,4 +1,7 @@
-"""Statistics of laws compared draw by draw: geometric-mean ratios, shares and tails with intervals."""
+"""Statistics of laws compared draw by draw: geometric-mean ratios, shares and tails with intervals.
+
+`scipy.special` takes longer to import than numpy: it is, where an interval is asked for.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import special
 
 from torquebench.errors import ResultError
 
@@ -32,6 +34,18 @@ class Ratio(NamedTuple):
     left_out: int
     """Draws in which one of the two, or both, did not."""
 
+    @classmethod
+    def of_logs(cls, mean: float, half: float, pairs: int, failed: tuple[int, int], left_out: int) -> Ratio:
+        """Return the ratio of a mean of ln(a/b); what is too large for a number is infinite.
+
+        Args:
+            mean: The mean.
+            half: Half-width of its interval.
+            pairs, failed, left_out: As they are called here.
+        """
+        low, high = (math.exp(x) if x < 700.0 else math.inf for x in (mean - half, mean + half))
+        return cls(math.exp(mean) if mean < 700.0 else math.inf, low, high, pairs, failed, left_out)
+
     @property
     def below(self) -> bool:
         """Whether the whole interval is below 1."""
@@ -50,6 +64,8 @@ def mean_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[fl
         values: At least one.
         confidence: Probability content of the interval [1].
     """
+    from scipy import special
+
     n = len(values)
     if n == 1:
         return float(values[0]), 0.0
@@ -64,6 +80,8 @@ def mean_intervals(values: Array, confidence: float = 0.95) -> tuple[NDArray[np.
         values: The samples, (..., N); NaN is no value. A sample of none has the mean NaN; of one, the half-width NaN.
         confidence: Probability content of the intervals [1].
     """
+    from scipy import special
+
     known = np.isfinite(values)
     count = np.sum(known, axis=-1)
     size = np.where(count > 0, count, np.nan)
@@ -87,7 +105,65 @@ def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidenc
         raise ResultError("there is no draw in which both laws completed")
     mean, half = mean_interval(logs, confidence)
     failed = sum(x is None for x in a), sum(y is None for y in b)
-    return Ratio(math.exp(mean), math.exp(mean - half), math.exp(mean + half), len(logs), failed, len(a) - len(logs))
+    return Ratio.of_logs(mean, half, len(logs), failed, len(a) - len(logs))
+
+
+POWER = 0.8
+"""Probability with which a change is to be seen where the number of draws for it is told [1]."""
+
+
+def draws_needed(found: Ratio, ratio: float, confidence: float = 0.95, power: float = POWER) -> int | None:
+    """Return how many draws show a change by a ratio, from the spread of the draws that there are.
+
+    The least n with (t_(n-1, (1 + confidence)/2) + t_(n-1, power)) s / n^1/2 <= |ln ratio|, s the standard deviation of
+    ln(a/b), of which Student's interval of `found` is made: then the interval leaves out 1 with this probability,
+    nearly. None where one draw alone is known, or nothing spreads.
+
+    Args:
+        found: A paired ratio of at least two draws, at the confidence.
+        ratio: The change that is to be seen, such as 1.05.
+        confidence: Of the interval [1].
+        power: Probability of seeing it [1].
+    """
+    if found.pairs < 2 or not found.ratio < found.high < math.inf or ratio == 1.0:
+        return None
+    from scipy import special
+
+    per_draw = math.log(found.high / found.ratio) * math.sqrt(found.pairs)
+    spread = per_draw / float(special.stdtrit(found.pairs - 1, 0.5 + 0.5 * confidence)) / abs(math.log(ratio))
+    quantiles = 0.5 + 0.5 * confidence, power
+    n = max(2, math.floor((float(np.sum(special.ndtri(quantiles))) * spread) ** 2))
+    while float(np.sum(special.stdtrit(n - 1, quantiles))) * spread > math.sqrt(n):
+        n += 1
+    return n
+
+
+class Outcomes(NamedTuple):
+    """How paired runs ended that did not end alike."""
+
+    first: int
+    """Pairs of which the first alone failed, or more of the first."""
+    second: int
+    """Pairs of which the second did."""
+    pairs: int
+    p: float
+    """Probability of a difference as large, or larger, where both fail as often."""
+
+
+def mcnemar(first: ArrayLike, second: ArrayLike) -> Outcomes:
+    """Return the exact McNemar test of paired failures, two-sided.
+
+    p = min(1, 2 P(B <= min(m, n))), B binomial of m + n and 1/2, m and n the pairs that differ either way. McNemar,
+    Psychometrika 12 (1947), 153.
+
+    Args:
+        first, second: Of each pair whether it failed, or what share or number of its runs did, (N,) each.
+    """
+    from scipy import special
+
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    m, n = int(np.sum(a > b)), int(np.sum(b > a))
+    return Outcomes(m, n, len(a), min(1.0, 2.0 * float(special.bdtr(min(m, n), m + n, 0.5))))
 
 
 STAKES = (0.5, 1.5, 5.0)
@@ -236,6 +312,8 @@ def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float,
         values: The sample, (n,); NaN is no value, and of none all three are NaN.
         confidence: Probability content of the interval [1].
     """
+    from scipy import special
+
     known = np.sort(np.asarray(values, dtype=np.float64))
     known = known[~np.isnan(known)]
     n = len(known)
@@ -272,6 +350,8 @@ def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> Sh
     Raises:
         ResultError: there is no trial, or a number of successes that cannot be.
     """
+    from scipy import special
+
     if not 0 <= successes <= trials or trials == 0:
         raise ResultError(f"{successes} of {trials} is not a share")
     tail = 0.5 * (1.0 - confidence)

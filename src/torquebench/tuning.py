@@ -9,14 +9,14 @@ by which r rho(M^-1 D) <= SHARE at each of the poses: D M^-1 is similar to a mat
 most D_i / I_i. The rest follows: a law that holds s within a layer phi = lambda ERROR may have K = SHARE phi I / r.
 
 A joint that the arm's file damps by b stands more: in a time r its velocity goes to tau / b as 1 - exp(-r b / I), so
-that r b / (1 - exp(-r b / I)) is in place of I. What its file says of friction, F = coulomb + b x 1 rad/s, gains are
-made to overcome: slopes may be quicker, and K is beyond F.
+that r b / (1 - exp(-r b / I)) is in place of I. What its file says of friction, F = coulomb + b x 2 rad/s, gains are
+made to overcome: slopes may be quicker, and K is beyond F. What they leave of it, `friction_text` says.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -43,8 +43,8 @@ CRAWL = 0.02
 """Speed above which what a law believes of Coulomb friction is full [rad/s]."""
 OVERCOME = 1.5
 """What switches or holds against the friction of an arm's file, over it [1]."""
-RUBBED = 1.0
-"""Speed at which that friction is looked at [rad/s]."""
+RUBBED = 2.0
+"""Speed at which that friction is looked at [rad/s]: that of a brisk motion."""
 POSES = 200
 """Random poses at which the arm is looked at, besides that at zero."""
 REACH = 0.5
@@ -146,10 +146,19 @@ class Fit:
         return self.known[name]
 
     @property
+    def whole(self) -> Array:
+        """The most that the law's linear terms may be together [N m s/rad]."""
+        return SHARE * self.limits.stands(self.reaction) / self.reaction
+
+    @property
+    def terms(self) -> int:
+        """How many of them there are."""
+        return sum(rule in TERMS for rule in self.rules.values())
+
+    @property
     def room(self) -> Array:
-        """The most that one of the law's linear terms may be, D_i [N m s/rad]: `SHARE` is divided among them."""
-        terms = sum(rule in TERMS for rule in self.rules.values())
-        return SHARE * self.limits.stands(self.reaction) / (self.reaction * max(terms, 1))
+        """The most that one of them may be, D_i [N m s/rad]: `whole` is divided among them."""
+        return self.whole / max(self.terms, 1)
 
     @property
     def lam(self) -> Array:
@@ -169,12 +178,54 @@ def rounded(x: Array) -> Array:
 def pole(fit: Fit) -> Array:
     """Slope of a law that cancels the dynamics: SHARE / (4 r), at most 20, and such that 0.1 rad can be braked.
 
-    Where that leaves friction an error of more than `ERROR`, as 4 lambda^2 M `ERROR` < F, it is quicker than 20.
+    Where that leaves friction an error of more than `ERROR` it is quicker than 20: lambda D `ERROR` = F, with D =
+    4 lambda M, or what there is room for of a law's linear terms.
     """
     limits = fit.limits
-    braked = np.sqrt(limits.spare / (limits.heaviest * BRAKED))
-    quickest = np.maximum(QUICKEST, np.sqrt(limits.friction / (4.0 * ERROR * limits.heaviest)))
-    return np.minimum(braked, np.minimum(quickest, SHARE / (4.0 * fit.reaction)))
+    asked = np.sqrt(limits.friction / (4.0 * ERROR * limits.heaviest))
+    if fit.terms:
+        asked = np.maximum(asked, limits.friction / (ERROR * fit.whole))
+    return np.minimum(braked(limits), np.minimum(np.maximum(QUICKEST, asked), SHARE / (4.0 * fit.reaction)))
+
+
+def braked(limits: Limits) -> Array:
+    """Largest slope along which torque limit and damping brake `BRAKED`: M lambda^2 e = spare + b lambda e [1/s]."""
+    half = limits.viscous / (2.0 * limits.heaviest)
+    slowed: Array = half + np.sqrt(half * half + limits.spare / (limits.heaviest * BRAKED))
+    return slowed
+
+
+def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool]) -> str:
+    """Return what gains leave of the friction of the arm's file, and what keeps it from less; nothing below `ERROR`.
+
+    It is F / (lambda D) where a term D s holds s = de + lambda e: D = K / phi + Kd.
+
+    Args:
+        fit: A law with its gains.
+        names: The joints.
+        slides: Which of them slide.
+    """
+    limits, known, held = fit.limits, fit.known, np.zeros_like(fit.limits.tau_max)
+    if {"lam", "k", "phi"} <= known.keys():
+        held = known["k"] * limits.tau_max / known["phi"]
+    if "lam" in known and fit.rules.get("kv") is rate:
+        held = held + known["kv"] * limits.scale
+    drag = limits.coulomb + RUBBED * limits.viscous
+    left = np.divide(drag, known.get("lam", 0.0) * held, out=np.zeros_like(drag), where=held > 0.0)
+    worst = int(np.argmax(left))
+    if left[worst] <= (1.0 + ROUNDING) * ERROR:
+        return ""
+    small, speed = ("mm", "m/s") if slides[worst] else ("mrad", "rad/s")
+    if drag[worst] > limits.spare[worst]:
+        why = "it is more than gravity leaves of the torque limit"
+    elif known["lam"][worst] >= (1.0 - ROUNDING) * braked(limits)[worst]:
+        why = f"a quicker slope is more than the torque limit brakes {BRAKED:g} {small.removeprefix('m')} along"
+    else:
+        why = f"slope and damping are the most that a reaction of {1e3 * fit.reaction:.3g} ms stands"
+    return (
+        f"friction of the arm's file leaves about {1e3 * left[worst]:.3g} {small} of {names[worst]} "
+        f"at {RUBBED:g} {speed}: {why}"
+    )
 
 
 def slope(fit: Fit) -> Array:
@@ -182,8 +233,7 @@ def slope(fit: Fit) -> Array:
     if fit.has_model:
         return pole(fit)
     limits = fit.limits
-    own = SHARE * limits.stands(fit.reaction) / fit.reaction
-    damper = fit.known["kv"] * limits.scale if "kv" in fit.known else own
+    damper = fit.known["kv"] * limits.scale if "kv" in fit.known else fit.whole
     return np.minimum(pole(fit), (damper + limits.viscous) / limits.heaviest)
 
 

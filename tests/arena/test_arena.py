@@ -14,6 +14,8 @@ import pytest
 import yaml
 
 import torquebench
+from torquebench import diff
+from torquebench.arena.ranking import compare
 from torquebench.arena.record import Record, picks, read_record
 from torquebench.arenas import (
     ALIKE,
@@ -358,3 +360,87 @@ def test_a_law_of_somebody_unknown_enters_in_a_process_of_its_own(folder: Path, 
     assert row.source == file.name
     assert isinstance(find_law("unknown-law").function, SandboxedLaw)
     assert all(x is not None for one in row.judged for x in one.values["nominal"]["rmse"])
+
+
+def scaled(record: Record, entry: str, factor: float, **changes: Any) -> Record:
+    """Return an arena in which one entry's errors on test draws are so many times as large."""
+
+    def of(values: Any) -> Any:
+        return {
+            name: {
+                key: tuple(None if x is None else x * (factor if key == "rmse" else 1.0) for x in draws)
+                for key, draws in metrics.items()
+            }
+            for name, metrics in values.items()
+        }
+
+    rows = tuple(
+        replace(row, judged=tuple(replace(one, values=of(one.values)) for one in row.judged))
+        if row.entry == entry
+        else row
+        for row in record.rows
+    )
+    return replace(record, rows=rows, **changes)
+
+
+def test_a_worse_entry_passes_the_limit_and_no_other(folder: Path, record: Record, tmp_path: Path) -> None:
+    """Three times the error of one entry: its ratio is 3, others keep 1 and no interval; other draws are refused."""
+    file = tmp_path / "b.json"
+    file.write_bytes(scaled(record, "pd-gravity", 3.0).to_json())
+    found = diff(folder, file, ["rmse > 1.05"])
+    for change in found.changes:
+        if change.metric != "rmse":
+            continue
+        is_scaled = change.controller == "pd-gravity"
+        assert change.ratio.ratio == pytest.approx(3.0 if is_scaled else 1.0, rel=1e-12)
+        if not is_scaled:
+            assert (change.ratio.low, change.ratio.high) == (1.0, 1.0)
+    cases = {change.case for change in found.changes if change.controller == "pd-gravity"}
+    assert cases == {f"slow, {text}" for text in ("as given", "2 %", "2 %, held out", "20 %", "20 %, held out")} & cases
+    assert "slow, 20 %" in cases
+    (row,) = (row for row in record.rows if row.entry == "pd-gravity")
+    (other,) = (row for row in scaled(record, "pd-gravity", 3.0).rows if row.entry == "pd-gravity")
+    known = compare(record.scores(other, 20.0), record.scores(row, 20.0))
+    (own,) = (x for x in found.changes if x[:3] == ("pd-gravity", "slow, 20 %", "rmse"))
+    assert own.ratio == known
+    assert bool([text for text in found.broken if "slow, 20 %:" in text]) == (known.low > 1.05)
+    assert all("pd-gravity" in text for text in found.broken)
+    assert diff(folder, file).broken == ()
+    file.write_bytes(replace(record, seal={**record.seal, "commitment": "0" * 64}).to_json())
+    with pytest.raises(ConfigError, match="other draws"):
+        diff(folder, file)
+    with pytest.raises(ConfigError, match="two of one kind"):
+        diff(folder, tmp_path)
+
+
+def test_an_entry_that_is_gone_or_fails_is_told(
+    folder: Path,
+    record: Record,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With a limit exit 1: a missing entry by its name, and failures with the runs and the exact McNemar p."""
+    first, *rest = record.rows
+    lost = replace(
+        first,
+        judged=tuple(
+            replace(
+                one,
+                values={
+                    **one.values,
+                    "noise": {key: (None, *draws[1:]) for key, draws in one.values["noise"].items()},
+                },
+            )
+            for one in first.judged
+        ),
+    )
+    file = tmp_path / "arena.json"
+    file.write_bytes(replace(record, rows=(lost, *rest[1:])).to_json())
+    words = ["diff", str(folder), str(file), "--fail-if", "rmse > 1.05", "--json"]
+    assert main(words) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert any(f"'{rest[0].entry}'" in text and "missing" in text for text in found["broken"])
+    assert any(f"'{first.entry}'" in text and "fails in B only, in 1 of" in text for text in found["broken"])
+    for one in found["ended"]:
+        assert (one["outcomes"]["first"], one["outcomes"]["second"], one["outcomes"]["p"]) == (1, 0, 1.0)
+    assert all(change["ratio"]["ratio"] is not None for change in found["changes"])

@@ -1,6 +1,9 @@
 """The studies that ship: valid, within their limits of size, and with the verdicts that they expect."""
 
+from pathlib import Path
+
 import pytest
+import yaml
 
 from torquebench.audit.run import parts_of
 from torquebench.audit.study import take_audit
@@ -31,6 +34,20 @@ def test_every_condition_makes_an_experiment(path):
     assert all(claim.expect for claim in study.audit.claims.values())
 
 
+def test_the_cheap_verdicts_on_the_paper_are_those_expected(tmp_path, capsys):
+    """Three claims with the fewest conditions on four draws; the slow test below has all ten."""
+    study = yaml.safe_load((data_root() / "configs/paper/audit.yaml").read_text())
+    cheap = ("printed-attenuates", "works-as-printed", "fuzzy-estimates")
+    study["audit"]["claims"] = {name: study["audit"]["claims"][name] for name in cheap}
+    Path(tmp_path / "study.yaml").write_text(yaml.safe_dump(study, sort_keys=False))
+    out = ("--quick", "--no-figures", "--out", str(tmp_path / "out"))
+    assert main(["audit", str(tmp_path / "study.yaml"), *out]) == 0
+    told, err = capsys.readouterr()
+    assert "the study expects" not in err
+    assert told.count("FAILS  ") == 3
+
+
+@pytest.mark.slow
 def test_the_verdicts_on_the_paper_are_those_expected(tmp_path, capsys):
     """Ten claims on four draws: a verdict that moves is named; the study's own draws decide.
 

@@ -27,18 +27,6 @@ def quick(tmp_path, monkeypatch):
     return path
 
 
-@pytest.fixture
-def command(capsys):
-    """Run the command line: (exit status, standard output, standard error)."""
-
-    def run(*arguments):
-        status = main([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return run
-
-
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory):
     """Return the folder of a finished run, which tests copy."""

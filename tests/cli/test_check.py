@@ -66,7 +66,7 @@ def test_a_good_law(tmp_path, command):
     assert re.fullmatch(rf"law 'good' \(.*laws\.py:{line}\)", lines[0])
     assert re.search(r"^paths +pass  interpreted and compiled, 3 loops, 0 differing bytes$", out, re.MULTILINE)
     assert re.search(
-        r"^cost +note  a call on six joints: interpreted [\d.,]+ us, .* compiled [\d.]+ us", out, re.MULTILINE
+        r"^cost +note  a call on six joints: interpreted [\d.,]+ us \(.* compiled [\d.]+ us", out, re.MULTILINE
     )
     assert lines[-1] == "the contract holds, on both paths"
     assert max(map(len, lines)) <= 120
@@ -103,9 +103,7 @@ def test_what_is_outside_the_dialect_comes_before_any_loop(tmp_path, command, mo
 def test_costs_have_no_exponent():
     """From a nanosecond to a second; a cost whose rounds differ says that the machine is busy."""
     text = check.cost_text(check.Cost(123456.0, 0.00123))
-    assert text == (
-        "a call on six joints: interpreted 123,456 us, 12,346 % of 1 ms, compiled 0.0012 us, 0.00012 % of 1 ms"
-    )
+    assert text == ("a call on six joints: interpreted 123,456 us (12,346 % of 1 ms), compiled 0.0012 us (0.00012 %)")
     assert "busy machine" in check.cost_text(check.Cost(1.0, None, False))
 
 

@@ -2,7 +2,11 @@
 
 import json
 
+import numpy as np
 import pytest
+
+from tests.arms import THREE
+from torquebench import Sine
 
 
 def test_mujoco_and_the_analytic_arm_agree(command):
@@ -66,3 +70,34 @@ def test_bad_arguments(command, arguments, messages):
     assert (status, out) == (2, "")
     assert all(message in err for message in messages), err
     assert "Traceback" not in err
+
+
+def test_the_command_ends_in_a_line_for_an_issue(command, tmp_path):
+    """It has the command, the version and the term; the JSON has the same; status 1."""
+    arm, other = tmp_path / "a.xml", tmp_path / "b.xml"
+    arm.write_text(THREE)
+    other.write_text(THREE.replace('name="j2"', 'name="j2" damping="0.4"'))
+    status, out, _ = command("compare", str(arm), str(other), "--states", "20")
+    line = out.strip().splitlines()[-1]
+    assert status == 1
+    assert line.startswith(f"`torquebench compare {arm} {other} --states 20 --seed 0` (torquebench ")
+    assert line.endswith("B differs from A by damping of joint 'j2': +0.4 N m s/rad in B")
+    told = json.loads(command("compare", str(arm), str(other), "--states", "20", "--json")[1])
+    assert told["terms"] == [{"name": "damping", "where": "joint 'j2'", "number": "+0.4 N m s/rad in B"}]
+    assert line.endswith(told["sentence"])
+
+
+def test_a_motion_of_ones_own_gives_the_states(command, tmp_path):
+    """Its velocity in degrees is named though both arms are one; columns that are not there are a mistake."""
+    t = np.arange(0.0, 1.0, 0.01)
+    q, qd, _ = Sine((0.5, 0.4), 1.0)(t)
+    path = tmp_path / "motion.csv"
+    table = np.column_stack([t, q, np.degrees(qd)])
+    np.savetxt(path, table, delimiter=",", header="t,q1,q2,qd1,qd2", comments="")
+    sides = "mujoco:two-link", "analytic:two-link"
+    status, out, _ = command("compare", *sides, "--motion", str(path))
+    assert status == 1
+    assert out.count("57.2958 times the derivative of the position: degrees/s beside radians?") == 4
+    path.write_text("t,q1,q2\n0,0,0\n")
+    status, _, err = command("compare", *sides, "--motion", str(path))
+    assert (status, "has no column qd1, qd2" in err) == (2, True)

@@ -3,6 +3,7 @@
 import json
 import math
 import shutil
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from scipy import stats
 from tests.cli.conftest import QUICK
 from torquebench import diff, run_sweep
 from torquebench.cli.app import main
-from torquebench.diffs import Limit, _compared, read_limit
+from torquebench.diffs import SMALL, Limit, _compared, read_limit
 from torquebench.errors import ConfigError
+from torquebench.statistics import draws_needed
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +82,8 @@ def test_the_interval_decides_over_draws():
     ratio = found.changes[0].ratio
     assert (ratio.low, ratio.high) == pytest.approx((low, high), rel=1e-12)
     assert found.changes[0].b == pytest.approx(stats.gmean(b), rel=1e-12)
+    assert _compared(*sides, [Limit("rmse", ">", 1.2)]).changes[0].needed == draws_needed(ratio, 1.2)
+    assert _compared(*sides, []).changes[0].needed == draws_needed(ratio, SMALL)
 
 
 def test_what_fails_in_b_alone_passes_any_limit_and_is_no_ratio():
@@ -87,12 +91,27 @@ def test_what_fails_in_b_alone_passes_any_limit_and_is_no_ratio():
     a = {("law", ""): ([True, True, True], {"rmse": [1.0, 1.0, 2.0], "chattering": [0.0, 0.0, 0.0]})}
     b = {("law", ""): ([True, False, True], {"rmse": [1.0, None, 2.0], "chattering": [0.0, None, 1.0]})}
     found = _compared(a, b, [Limit("rmse", ">", 1.5), Limit("chattering", ">", 1.5)])
-    assert found.failed == ("controller 'law' fails in 1 of 3 draws",)
+    assert found.failed == ("controller 'law' fails in B only, in 1 of 3 draws (exact McNemar p = 1)",)
+    assert found.ended[0].outcomes == (1, 0, 3, 1.0)
     assert found.broken == (*found.failed, "controller 'law': chattering has no ratio, and cannot be judged")
     assert [x.metric for x in found.changes] == ["rmse"]
     assert found.changes[0].ratio.pairs == 2
     assert _compared(b, a, [Limit("rmse", ">", 1.5)]).broken == ()
-    assert _compared(b, a, []).mended == ("controller 'law' completes in 1 of 3 draws",)
+    assert _compared(b, a, []).mended == (
+        "controller 'law' completes in B only, in 1 of 3 draws (exact McNemar p = 1)",
+    )
+
+
+def test_what_passes_a_limit_is_a_failure_of_junit(command, run, softer, tmp_path):
+    """Each controller of A is a test; those with something in `broken` fail, with its words; without a limit none."""
+    file = tmp_path / "found.xml"
+    assert command("diff", run, softer, "--fail-if", "rmse > 1.05", "--junit", file)[0] == 1
+    suite = ElementTree.parse(file).getroot()
+    told = {test.get("name"): [failure.text for failure in test] for test in suite}
+    assert told == {name: ["\n".join(texts)] for name, texts in diff(run, softer, ["rmse > 1.05"]).verdicts.items()}
+    assert (suite.get("tests"), suite.get("failures")) == ("2", "2")
+    suite = ElementTree.fromstring(diff(run, softer).junit())
+    assert (suite.get("tests"), suite.get("failures")) == ("2", "0")
 
 
 @pytest.mark.parametrize("text", ["rmse > 1.05", "rmse>=1.05", "effort < 0.9"])

@@ -160,7 +160,9 @@ def test_a_law_of_ones_own_with_a_fuzzy_system(small, command):
         )
     )
     with restored():
-        status, out, _ = command("run", small, "--plugin", "mine.py", "--out", "result", "--set", "figures=all")
+        status, out, _ = command(
+            "run", small, "--plugin", "mine.py", "--out", "result", "--set", "figures=[torque, rules]"
+        )
     assert status == 0
     assert "fuzzy system pd-9: exact" in out
     files = check_run(small.parent / "result")["files"]

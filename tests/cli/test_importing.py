@@ -77,6 +77,29 @@ def test_an_arm_is_a_folder_with_its_readme(arm: Path, capsys) -> None:
     assert Path("arms/other/other.xml").read_bytes() == before.replace(b'model="arm"', b'model="other"')
 
 
+def test_what_holding_takes_is_said(arm: Path, capsys) -> None:
+    """By hand 9.81 (0.2 + 0.7) = 8.829 N m at the shoulder and 1.962 at the elbow, and what full torque moves.
+
+    On q = 0 the bodies have M = [[0.04 + 0.49 + 0.04, 0.16], [0.16, 0.06]], so that 400 N m at the elbow change its
+    speed by 0.4 M11 / det M = 26.5 rad/s in 1 ms.
+    """
+    words = ["import", "arm.xml", "--tip", "two", "--force", "--torque-limits"]
+    assert main([*words, "9,8"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "holding the arm at key:home takes 8.829 N m of a, its limit is 9 N m" in out
+    assert "armature" not in out.partition("written:")[2]
+    assert main([*words, "90,1"]) == 0
+    capsys.readouterr()
+    assert main(["show", "arms/arm/arm.xml"]) == 0
+    text = "the arm cannot hold itself at key:home: gravity alone needs 1.962 N m of b, its limit is 1 N m"
+    assert text in " ".join(capsys.readouterr().out.split())
+    assert main([*words, "90,400"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert (
+        "no armature, the inertia of the rotor, of b: full torque changes the speed of b by 26.5 rad/s in 1 ms" in out
+    )
+
+
 def test_force_replaces_an_imported_arm_and_nothing_else(arm: Path, capsys) -> None:
     """The folder is the new arm's; one with another file in it, or that no import wrote, stays as it is."""
     words = ["import", "arm.xml", "--tip", "two", "--torque-limits"]

@@ -1,5 +1,6 @@
 """``torquebench new-law``: files that hold as they are, and nothing written where something is wrong."""
 
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -12,14 +13,17 @@ from torquebench.laws.law import LAWS
 
 
 def test_the_file_passes_the_check_as_it_is(tmp_path, command, monkeypatch, registries):
-    """`check` holds on both paths, the whole file only declares, and every gain has a box for tuning."""
+    """`check` and `run` take it as is offered, the whole file only declares, and every gain has a box for tuning."""
     monkeypatch.setattr(check, "SCALES", (1.0,))
     monkeypatch.setattr(check, "DURATION", 0.02)
-    assert command("new-law", "my-2nd-law", "--out", tmp_path)[0] == 0
+    status, told, _ = command("new-law", "my-2nd-law", "--out", tmp_path)
+    assert status == 0
     assert sorted(x.name for x in tmp_path.iterdir()) == ["my_2nd_law.py", "test_my_2nd_law.py"]
     status, out, _ = command("check", tmp_path / "my_2nd_law.py")
     assert status == 0
     assert out.strip().endswith("the contract holds, on both paths")
+    status, config, _ = command(*shlex.split(told.splitlines()[-1])[1:], "--show-config")
+    assert (status, config.count("law: smc"), config.count("law: my-2nd-law")) == (0, 1, 1)
     assert all(gain.search for gain in LAWS["my-2nd-law"].gains.values())
     assert read_file((tmp_path / "my_2nd_law.py").read_text()) == []
 

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -258,24 +259,29 @@ def test_the_manifest_knows_which_code_and_which_arm(quick, command):
     assert not (quick.parent / "result" / "unfinished").exists()
 
 
+ALONE = "controllers=[{name: pd, law: pd, gains: {lam: 10, kv: 20}}]"
+BRIEF = ("--set", "run.duration=0.5", "--set", "run.metrics_from=0", "--set", ALONE)
+"""Of a run that is started in a process of its own: no longer than it must be."""
+
+
 def test_runs_started_together_do_not_share_a_folder(quick):
-    """Four runs at once: without --out each has its own folder; with the same --out one wins and the others say so."""
-    start = [sys.executable, "-m", "torquebench", "run", "quick.yaml", "--no-figures"]
+    """Three runs at once: without --out each has its own folder; with the same --out one wins and the others say so."""
+    start = [sys.executable, "-m", "torquebench", "run", "quick.yaml", "--no-figures", *BRIEF]
 
     def all_at_once(*more):
         processes = [
             subprocess.Popen([*start, *more], cwd=quick.parent, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-            for _ in range(4)
+            for _ in range(3)
         ]
         return [(p.communicate(timeout=300)[1].decode(), p.returncode) for p in processes]
 
-    assert [status for _, status in all_at_once()] == [0] * 4
+    assert [status for _, status in all_at_once()] == [0] * 3
     folders = list((quick.parent / "runs").iterdir())
-    assert len(folders) == 4
+    assert len(folders) == 3
     for folder in folders:
         check_run(folder)
     outcomes = all_at_once("--out", "same")
-    assert sorted(status for _, status in outcomes) == [0, 2, 2, 2]
+    assert sorted(status for _, status in outcomes) == [0, 2, 2]
     assert all("--out" in err for err, status in outcomes if status == 2)
     check_run(quick.parent / "same")
 
@@ -300,7 +306,7 @@ def test_each_run_is_on_disk_before_the_next_begins(quick, command):
 )
 def test_output_that_goes_nowhere(quick, redirect, status):
     """A closed pipe, no standard output at all, a full device: no traceback, and the status says it."""
-    line = f"{sys.executable} -m torquebench run quick.yaml --no-figures {redirect}"
+    line = f"{sys.executable} -m torquebench run quick.yaml --no-figures {shlex.join(BRIEF)} {redirect}"
     done = subprocess.run(["bash", "-c", line], cwd=quick.parent, capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr
     assert "Exception ignored" not in done.stderr
@@ -370,15 +376,27 @@ def endless(gains, model, t, q, qd, ref, memory, tau):
 '''
 
 
+def test_a_thread_that_a_law_started_and_that_never_ends_does_not_keep_the_process(quick):
+    """The command ends with its own status some seconds after its work, and names the thread."""
+    law = quick.parent / "starts_thread.py"
+    law.write_text(
+        ENDLESS_LAW + "\nimport threading, time\n"
+        "threading.Thread(target=lambda: [time.sleep(0.1) for _ in iter(int, 1)], name='busy').start()\n"
+    )
+    line = [sys.executable, "-m", "torquebench", "run", "quick.yaml", "--plugin", str(law), "--show-config"]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60, cwd=quick.parent)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.endswith("the process is ended although threads still run: 'busy'\n")
+
+
 @pytest.mark.parametrize(
     ("number", "status", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
 def test_interrupting_leaves_no_manifest(quick, number, status, word):
     """Ctrl-C and SIGTERM end with their status, one line and no manifest, so that it cannot pass for a finished run."""
     (quick.parent / "endless.py").write_text(ENDLESS_LAW)
-    line = "  - {name: endless, law: endless, gains: {}}\n"
-    quick.write_text(quick.read_text().replace("reference:", line + "reference:"))
-    arguments = ["run", "quick.yaml", "--out", "result", "--plugin", "endless.py"]
+    alone = "controllers=[{name: endless, law: endless, gains: {}}]"
+    arguments = ["run", "quick.yaml", "--out", "result", "--plugin", "endless.py", "--set", alone]
     process = subprocess.Popen(
         [sys.executable, "-m", "torquebench", *arguments], cwd=quick.parent, stderr=subprocess.PIPE, text=True
     )
@@ -517,7 +535,13 @@ def test_every_config_that_ships_runs(path, tmp_path, command):
     assert (status, remarks) == (0, [])
 
 
-@pytest.mark.parametrize("path", SWEEPS, ids=lambda p: p.stem)
+LONG = ("regime",)
+"""Sweeps of which the few loops that are timed take seconds; that they are valid is tried with -m slow."""
+
+
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in LONG)) for path in SWEEPS]
+)
 def test_every_sweep_that_ships_is_one(path, command):
     """Each case of each sweep's file is an experiment; nothing is run but the few loops that are timed."""
     status, out, err = command("sweep", path, "--dry-run", "--set", "run.duration=2.5")
@@ -530,7 +554,7 @@ def test_output_that_nobody_reads(quick):
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "wb") as output:
-        arguments = [sys.executable, "-m", "torquebench", "run", str(quick), "--out", "unread"]
+        arguments = [sys.executable, "-m", "torquebench", "run", str(quick), "--out", "unread", *BRIEF]
         done = subprocess.run(arguments, stdout=output, stderr=subprocess.PIPE, text=True, timeout=300, check=False)
     assert (done.returncode, done.stderr) == (141, "")
     check_run(quick.parent / "unread")

@@ -432,7 +432,7 @@ def alive(group):
     ("number", "status", "word"),
     [
         (signal.SIGINT, 130, "interrupted"),
-        (signal.SIGTERM, 143, "terminated"),
+        pytest.param(signal.SIGTERM, 143, "terminated", marks=pytest.mark.slow),
     ],
 )
 def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
@@ -440,7 +440,7 @@ def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
 
     No process is left. The document says why the command ended.
     """
-    long = SMALL.replace("duration: 0.6", "duration: 20")
+    long = SMALL.replace("duration: 0.6", "duration: 6")
     small.write_text(long)
     alone = ("--workers", "1", "--json")
     command = [sys.executable, "-m", "torquebench", "sweep", "small.yaml", "--out", "s", *alone]

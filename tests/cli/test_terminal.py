@@ -6,11 +6,13 @@ import io
 import os
 import re
 import sys
+import threading
 
 import pytest
 
 from torquebench.cli import terminal
-from torquebench.cli.terminal import bad, coloured, following, good, progress_bar, say, speaking, table, warn
+from torquebench.cli.app import Commands, command, main
+from torquebench.cli.terminal import bad, coloured, complain, following, good, progress_bar, say, speaking, table, warn
 
 HEADER = ["controller", "law", "RMSE [mrad]", "HF [%]", "outcome"]
 ROWS = [["conventional", "smc", "0.5298", "30.15", "completed"], ["band", "linear-band-smc", "0.05", "0.1", "diverged"]]
@@ -79,6 +81,17 @@ def test_prose_is_broken_between_words(screen):
     assert max(map(len, lines)) <= 50
     assert " ".join(" ".join(lines).removeprefix("inputs").split()) == text
     assert all(line.startswith("        ") for line in lines[1:])
+
+
+def test_only_prose_is_broken(screen):
+    """Where the last column takes what the others leave, a cell of another one and the rule stay in one line."""
+    screen(80)
+    row = ["pid", "9.5", "3.33 [3.32, 3.35], 3 of 40", "lam 18.32, kv 44.23, ki 5955, and more of it"]
+    text = visible(table(["law", "untuned [mrad]", "test", "gains"], [row], prose=True))
+    _, rule, *lines = text.splitlines()
+    assert set(rule) == {"-", " "}
+    assert "3.33 [3.32, 3.35], 3 of 40" in lines[0]
+    assert len(lines) > 1
 
 
 def test_without_a_terminal_a_table_is_as_wide_as_it_is(monkeypatch):
@@ -171,3 +184,37 @@ def test_progress_inside_progress(monkeypatch):
     assert any(line.startswith("the whole") for line in lines)
     assert any(line.startswith("drawing") and "33%" in line and "1 figures" in line for line in lines)
     assert any(line.rstrip() == "a warning" for line in lines)
+
+
+@pytest.mark.parametrize(("quiet", "seen"), [(False, True), (True, False)])
+def test_a_command_that_shows_nothing_is_seen_to_work(monkeypatch, quiet, seen):
+    """On a terminal a line tells that it works, and for how long; it is gone before the next line is written."""
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(terminal.Beat, "PATIENCE", 0.02)
+    silent, spoken = threading.Event(), threading.Event()
+
+    @command("slow", example="")
+    def slow():
+        silent.wait(0.2)
+        complain("a line")
+        with progress_bar(1, "step", "a bar"):
+            spoken.wait(0.1)
+
+    monkeypatch.setattr(Commands, "get_command", lambda *_: slow)
+    assert main(["slow", "--quiet"] if quiet else ["slow"]) == 0
+    before, _, after = stream.getvalue().partition("a line\n")
+    assert ("torquebench slow: working, 0 s" in before) == seen
+    assert before.endswith("\x1b[K") == seen
+    assert "working" not in after.partition("a bar")[2]
+
+
+def test_nothing_beats_where_nobody_looks(monkeypatch):
+    """A file, a pipe, and a terminal that cannot take a line back get nothing."""
+    monkeypatch.setattr(terminal.Beat, "PATIENCE", 0.02)
+    for stream, kind in ((io.StringIO(), "xterm"), (Terminal(), "dumb")):
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setenv("TERM", kind)
+        with terminal.beating("torquebench slow"):
+            threading.Event().wait(0.1)
+        assert stream.getvalue() == ""

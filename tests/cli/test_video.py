@@ -222,7 +222,9 @@ def test_too_many_controllers_for_the_frame(run, command):
     assert (status, "--size: 1 controller does not fit in 160x168" in err) == (2, True)
 
 
-@pytest.mark.parametrize("gl", ["nonsense", "egl", "osmesa", "off"])
+@pytest.mark.parametrize(
+    "gl", ["nonsense", *(pytest.param(gl, marks=pytest.mark.slow) for gl in ("egl", "osmesa", "off"))]
+)
 def test_a_run_does_not_need_the_opengl_that_is_asked_for(quick, gl):
     """MuJoCo cannot be imported with a MUJOCO_GL that is absent or, here, no valid name; runs can be made."""
     command = [sys.executable, "-m", "torquebench", "run", str(quick), "--out", "run", "--no-figures"]

@@ -84,7 +84,15 @@ SEEDED: list[tuple[set[str], dict[str, Any], dict[str, Any]]] = [
 ]
 
 
-@pytest.mark.parametrize(("causes", "controller", "sections"), SEEDED, ids=ids(SEEDED))
+def one_of_each(cases: list[tuple[Any, ...]]) -> list[Any]:
+    """Return cases as parameters with their names; those whose causes an earlier case has are slow."""
+    return [
+        pytest.param(*case, id=name, marks=[pytest.mark.slow] if any(case[0] == c[0] for c in cases[:i]) else [])
+        for i, (case, name) in enumerate(zip(cases, ids(cases), strict=True))
+    ]
+
+
+@pytest.mark.parametrize(("causes", "controller", "sections"), one_of_each(SEEDED))
 def test_seeded_causes_are_named_and_no_others(
     causes: set[str], controller: dict[str, Any], sections: dict[str, Any]
 ) -> None:

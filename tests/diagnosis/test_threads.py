@@ -44,7 +44,13 @@ ENDED_ON = {
 """Config -> the cause on which its thread ended, and what the cure is about."""
 
 
-@pytest.mark.parametrize("name", sorted(ENDED_ON))
+MANY_LOOPS = {"camera-on-hand", "delayed-motor", "noisy-velocity", "torque-discontinuity"}
+"""Take seconds each, for causes that `test_causes` seeds on shorter runs."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in MANY_LOOPS)) for name in sorted(ENDED_ON)]
+)
 def test_the_cause_that_a_complaint_ended_on(name: str) -> None:
     """It is the only cause, the sentence names it, and a cure is offered, which was tried where it is a number."""
     key, cure = ENDED_ON[name]

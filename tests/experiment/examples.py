@@ -86,6 +86,9 @@ SCENARIO = (
     mass: 2
     at: 0.5
     offset: [0.1, 0, -0.05]
+  lock:
+    joint: 3
+    at: 1
   friction:
     viscous: [5.8, 9.3, 4.0, 0.36, 0.36, 0.22]
     coulomb: 0.9
@@ -360,6 +363,7 @@ DRIVEN = SCENARIO.replace(
   jitter: 0.002
   command_delay: 0.004
   torque_quantum: 0.01
+  torque_gain: [0.9, 1, 1, 1, 1, 1.1]
   torque_offset: [0.1, 0, 0, 0, 0, 0]
   current_loop:
     frequency: 900
@@ -370,6 +374,14 @@ DRIVEN = SCENARIO.replace(
   thermal_limit:
     torque: 10
     time: 5
+  derating:
+    at: 1
+    limit: 0.8
+    gain: [1, 1, 0.7, 1, 1, 1]
+    over: 0.5
+  cross_talk:
+    following: 0.1
+    preceding: -0.07
   torque_delay: 0.001
 """,
 )

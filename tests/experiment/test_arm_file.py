@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from torquebench.audits import read_audit, run_audit
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError
 from torquebench.experiment import load_experiment as load_file
+from torquebench.experiment.arm import limit_remarks
 from torquebench.experiment.build import build
 from torquebench.experiment.certify import planned_torque
 
@@ -267,6 +269,28 @@ def test_an_arm_that_cannot_hold_itself_is_told_so(config: Path, limit: float, t
     experiment = load_experiment(config)
     lines = [line for line in planned_torque(experiment, build(experiment)) if "hold itself" in line]
     assert [f"gravity alone needs 5.886 N m of a, its limit is {limit} N m" in line for line in lines] == [True] * told
+
+
+@pytest.mark.parametrize(("own", "told"), [("", True), ('armature="0.001" ', False)])
+def test_a_light_joint_without_a_rotor_is_told_so(config: Path, own: str, told: bool) -> None:
+    """60 N m on 0.03 + 2 x 0.3^2 = 0.21 kg m^2 change 0.29 rad/s in 1 ms, in 50 ms 14.3: then a line is there."""
+    config.write_text(CONFIG)
+    arm = config.parent / "arms" / "my-arm.xml"
+    arm.write_text(arm.read_text().replace("<joint name", f"<joint {own}name"))
+    for period, is_long in ((1e-3, False), (50e-3, True)):
+        experiment = load_experiment(config, {"run.control_period": period})
+        lines = [line for line in planned_torque(experiment, build(experiment)) if "no armature" in line]
+        assert [" of a by 14.3 rad/s in 50 ms" in line for line in lines] == [True] * (told and is_long)
+
+
+def test_limits_that_no_controller_comes_near_are_asked_about() -> None:
+    """1.5 of 100 N m is 1.5 %; one that uses 3 % of another joint's, or one that failed, keeps the question back."""
+    small, more = (SimpleNamespace(completed=True, tau=np.array([[1.5, x]])) for x in (0.0, 1.5))
+    limits, failed = (100.0, 50.0), SimpleNamespace(completed=False, tau=np.zeros((1, 2)))
+    assert limit_remarks({"a": small}, limits) == [
+        "no controller uses more than 1.5 % of a torque limit: are the limits right?"
+    ]
+    assert limit_remarks({"a": small, "b": more}, limits) == limit_remarks({"a": small, "b": failed}, limits) == []
 
 
 @pytest.mark.parametrize(

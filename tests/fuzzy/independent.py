@@ -36,9 +36,10 @@ def exact_output(x: float, y: float, peaks: Array = PEAKS, table: Array | None =
         i = np.arange(n)
         table = np.clip(i[:, None] + i - (n - 1) // 2, 0, n - 1)
     heights = np.zeros(n)
-    for i in range(n):
-        for j in range(n):
-            u, v = (triangle(z, peaks[k] - h, peaks[k], peaks[k] + h) for z, k in ((x, i), (y, j)))
+    first, second = (triangle(z, peaks - h, peaks, peaks + h) for z in (x, y))
+    for i in np.flatnonzero(first):
+        for j in np.flatnonzero(second):
+            u, v = first[i], second[j]
             if table[i, j] >= 0:
                 k = table[i, j]
                 heights[k] = max(heights[k], u * v if product else min(u, v))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import QUICK
-from tests.metrics.test_plugin_metric import torquebench
+from tests.metrics.test_plugin_metric import Command
 from torquebench.errors import RegistryError
 from torquebench.figures import FIGURES, figure, figures_in_order
 
@@ -27,18 +27,19 @@ def draw_phase(x):
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """A folder with an experiment and the plug-in."""
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, registries: None) -> Path:
+    """A folder with an experiment and the plug-in, which is also the current one."""
+    monkeypatch.chdir(tmp_path)
     for name, text in {"quick.yaml": QUICK, "mine.py": PLUGIN}.items():
         (tmp_path / name).write_text(text)
     return tmp_path
 
 
-def test_a_plugin_figure_is_drawn_like_the_others(folder: Path) -> None:
+def test_a_plugin_figure_is_drawn_like_the_others(folder: Path, command: Command) -> None:
     """A config may ask for it; both formats are written, and the manifest has them."""
     more = ("--plugin", "mine.py", "--set", "figures=[phase, torque]", "--out", "out")
-    done = torquebench(folder, "run", "quick.yaml", *more)
-    assert done.returncode == 0, done.stderr
+    status, _, err = command("run", "quick.yaml", *more)
+    assert status == 0, err
     files = json.loads((folder / "out" / "manifest.json").read_text())["files"]
     drawn = {name for name in files if name.startswith("figures/")}
     assert drawn == {f"figures/{name}.{fmt}" for name in ("phase", "torque") for fmt in ("svg", "png")}
@@ -52,13 +53,14 @@ def test_a_plugin_figure_is_drawn_like_the_others(folder: Path) -> None:
         ("return 1", "figure 'phase' returned int, wanted a matplotlib Figure"),
     ],
 )
-def test_a_figure_that_cannot_be_drawn_is_named(folder: Path, body: str, message: str) -> None:
+def test_a_figure_that_cannot_be_drawn_is_named(folder: Path, command: Command, body: str, message: str) -> None:
     """A figure that raises, or is none, ends the command and says so."""
     (folder / "mine.py").write_text(PLUGIN.replace("page = new_page(1, 3.0, 3.0)", body))
-    done = torquebench(folder, "run", "quick.yaml", "--plugin", "mine.py", "--set", "figures=[phase]", "--out", "out")
-    assert done.returncode == 3
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
+    more = ("--plugin", "mine.py", "--set", "figures=[phase]", "--out", "out")
+    status, _, err = command("run", "quick.yaml", *more)
+    assert status == 3
+    assert message in err
+    assert "Traceback" not in err
 
 
 def test_the_order_of_figures_and_names_that_are_taken() -> None:

@@ -1,4 +1,7 @@
-"""Laws with a fault that time and joint decide, written in the dialect so that both paths can run them."""
+"""A law with a fault that time, joint and kind decide, in the dialect so that both paths can run it.
+
+It is one law, so that one is compiled, whatever the kind.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench.kernel import Array, kernel
+from torquebench.kernel import Array
 from torquebench.laws.law import Law
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
@@ -24,6 +27,8 @@ class FaultGains(NamedTuple):
     """1 for the joint that fails, else 0, (n,)."""
     size: Array
     """How large a torque the fault asks for, the same for every joint, (n,) [N m]."""
+    kind: Array
+    """Kind of the fault, the same for every joint, (n,)."""
 
 
 class FaultMemory(NamedTuple):
@@ -33,104 +38,53 @@ class FaultMemory(NamedTuple):
     count: Array
 
 
-@kernel
-def healthy(model: Model, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array) -> None:
-    """Fill `tau` with PD, and the memory."""
+SOUND, NOT_A_NUMBER, INFINITE, HUGE, DIVISION, DOMAIN, OVERFLOW, FORGOTTEN = map(float, range(8))
+"""Kinds of fault: none; NaN; infinity, or a finite torque that no arm stands, of the given size and sign; division by
+zero, in the middle of filling the memory; the root of a negative number; an exponential beyond the range of numbers,
+hidden in a bounded function; a joint that is left out."""
+
+
+def faulty(
+    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
+) -> None:
+    """Fill `tau` with PD, and the memory; at the time of the fault one joint does what its kind says."""
     for i in range(len(tau)):
         memory.count[i] += 1.0
         memory.s[i] = ref.qd[i] - qd[i] + 8.0 * (ref.q[i] - q[i])
-        tau[i] = 12.0 * model.inertia_scale[i] * memory.s[i]
-
-
-def sound(
-    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
-) -> None:
-    """Never fail."""
-    healthy(model, q, qd, ref, memory, tau)
-
-
-def not_a_number(
-    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
-) -> None:
-    """Ask for NaN."""
-    healthy(model, q, qd, ref, memory, tau)
-    for i in range(len(tau)):
-        if t >= gains.at[i] and gains.here[i] > 0.0:
-            tau[i] = math.nan
-
-
-def infinite(
-    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
-) -> None:
-    """Ask for infinity, of the sign of the size."""
-    healthy(model, q, qd, ref, memory, tau)
-    for i in range(len(tau)):
-        if t >= gains.at[i] and gains.here[i] > 0.0:
-            tau[i] = math.copysign(math.inf, gains.size[i])
-
-
-def huge(
-    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
-) -> None:
-    """Ask for a torque that no arm stands, but a finite one."""
-    healthy(model, q, qd, ref, memory, tau)
-    for i in range(len(tau)):
-        if t >= gains.at[i] and gains.here[i] > 0.0:
-            tau[i] = gains.size[i]
-
-
-def division(
-    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
-) -> None:
-    """Divide by zero, in the middle of filling the memory."""
-    healthy(model, q, qd, ref, memory, tau)
-    for i in range(len(tau)):
-        memory.s[i] += 1.0
-        if gains.here[i] > 0.0:
-            memory.s[i] /= gains.at[i] - t if t >= gains.at[i] else 1.0
-        memory.count[i] += 0.5
-
-
-def domain(
-    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
-) -> None:
-    """Take the root of a negative number."""
-    healthy(model, q, qd, ref, memory, tau)
-    for i in range(len(tau)):
-        if gains.here[i] > 0.0:
-            tau[i] += 0.0 * math.sqrt(1.0 if t < gains.at[i] else -1.0)
-
-
-def overflow(
-    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
-) -> None:
-    """Take an exponential beyond the range of numbers, and hide it in a bounded function."""
-    healthy(model, q, qd, ref, memory, tau)
-    for i in range(len(tau)):
-        if gains.here[i] > 0.0:
-            tau[i] += math.tanh(math.exp(1.0 if t < gains.at[i] else 1e4))
-
-
-def forgotten(
-    gains: FaultGains, model: Model, t: float, q: Array, qd: Array, ref: Reference, memory: FaultMemory, tau: Array
-) -> None:
-    """Leave one joint out."""
-    for i in range(len(tau)):
-        memory.count[i] += 1.0
-        memory.s[i] = ref.qd[i] - qd[i] + 8.0 * (ref.q[i] - q[i])
-        if t < gains.at[i] or gains.here[i] == 0.0:
+        if gains.kind[i] != FORGOTTEN or t < gains.at[i] or gains.here[i] == 0.0:
             tau[i] = 12.0 * model.inertia_scale[i] * memory.s[i]
+    for i in range(len(tau)):
+        if gains.kind[i] == DIVISION:
+            memory.s[i] += 1.0
+            if gains.here[i] > 0.0:
+                memory.s[i] /= gains.at[i] - t if t >= gains.at[i] else 1.0
+            memory.count[i] += 0.5
+        elif gains.kind[i] == DOMAIN and gains.here[i] > 0.0:
+            tau[i] += 0.0 * math.sqrt(1.0 if t < gains.at[i] else -1.0)
+        elif gains.kind[i] == OVERFLOW and gains.here[i] > 0.0:
+            tau[i] += math.tanh(math.exp(1.0 if t < gains.at[i] else 1e4))
+        elif t >= gains.at[i] and gains.here[i] > 0.0:
+            if gains.kind[i] == NOT_A_NUMBER:
+                tau[i] = math.nan
+            elif gains.kind[i] == INFINITE:
+                tau[i] = math.copysign(math.inf, gains.size[i])
+            elif gains.kind[i] == HUGE:
+                tau[i] = gains.size[i]
 
 
-def controller(function: Callable[..., Any], n: int, at: float, joint: int = 0, size: float = 1.0) -> Controller:
-    """Return a controller of one of these laws.
+def controller(
+    kind: float, n: int, at: float, joint: int = 0, size: float = 1.0, function: Callable[..., Any] = faulty
+) -> Controller:
+    """Return a controller with a fault.
 
     Args:
-        function: The law.
+        kind: Of the fault.
         n: Number of joints.
         at: Time of the fault [s].
         joint: Which joint fails.
         size: Torque that the fault asks for [N m].
+        function: The law.
     """
     law = Law(function.__name__.replace("_", "-"), function, FaultGains, FaultMemory, {}, {})
-    return Controller(law.name, law, FaultGains(np.full(n, at), np.eye(n)[joint], np.full(n, size)))
+    gains = FaultGains(np.full(n, at), np.eye(n)[joint], np.full(n, size), np.full(n, kind))
+    return Controller(law.name, law, gains)

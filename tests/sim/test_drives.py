@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from tests.arms import pack, slider, still
 from tests.sim.loops import PLANTS, arm, go, law_of, plant_of
-from torquebench.chain import Chain, CurrentLoop, Drawn, ThermalLimit, TorqueSpeed
+from torquebench.chain import Chain, CrossTalk, CurrentLoop, Derating, Drawn, ThermalLimit, TorqueSpeed
 from torquebench.kernel import Array
 from torquebench.references import Reference
 from torquebench.sim.closed_loop import actuate, give
@@ -115,6 +115,26 @@ def test_rounded_and_shifted_commands() -> None:
     commands, torques, _ = given(Chain(torque_quantum=0.25, torque_offset=(0.7, -0.3)), some())
     assert commands.tobytes() == np.clip(some(), -LIMITS, LIMITS).tobytes()
     assert torques == pytest.approx(held(0.25 * np.floor(commands / 0.25 + 0.5) + [0.7, -0.3]), abs=1e-13)
+
+
+def test_gains_and_cross_talk_are_a_matrix() -> None:
+    """The joints get C (g tau + offset), with 1 on the diagonal of C; 1e-13 N m of rounding."""
+    talk = CrossTalk(following=(0.1, 9.0), preceding=(9.0, -0.2))  # the 9.0 stand for joints that there are not
+    commands, torques, means = given(Chain(torque_gain=(0.8, 1.2), torque_offset=(0.7, 0.0), cross_talk=talk), some())
+    wanted = (commands * [0.8, 1.2] + [0.7, 0.0]) @ np.array([[1.0, 0.1], [-0.2, 1.0]]).T
+    assert torques == pytest.approx(held(wanted), abs=1e-13)
+    assert means == pytest.approx(wanted, abs=1e-13)
+
+
+def test_weakening_motors() -> None:
+    """From 40 ms on, within 80 ms, limits of 80 and 25 N m fall to 20 and 25, and the second joint's torque to 40 %."""
+    weak = Derating(0.04, limit=(0.25, 1.0), gain=(1.0, 0.4), over=0.08)
+    _, torques, _ = given(Chain(derating=weak), np.full((N_STEPS, 2), (70.0, -20.0)))
+    gone = np.clip((H * np.arange(len(torques)) - 0.04) / 0.08, 0.0, 1.0)
+    wanted = np.stack([np.minimum(70.0, 80.0 * (1.0 - 0.75 * gone)), -20.0 * (1.0 - 0.6 * gone)], axis=1)
+    assert torques == pytest.approx(np.repeat(wanted[:, None], 3, axis=1), abs=1e-12)
+    _, at_once, _ = given(Chain(derating=Derating(0.04, gain=0.5)), np.full((N_STEPS, 2), (70.0, -20.0)))
+    assert at_once[39:41, 0, 0].tolist() == [70.0, 35.0]
 
 
 def test_a_lag_is_the_inductance_of_mujoco_s_dcmotor(figure: Any) -> None:
@@ -280,6 +300,9 @@ EVERYTHING = Chain(
     current_loop=CurrentLoop(800.0, 0.6),
     torque_speed=TorqueSpeed(1.0, 9.0),
     thermal_limit=ThermalLimit(12.0, 0.05),
+    torque_gain=1.1,
+    derating=Derating(0.1, limit=0.6, gain=0.9, over=0.05),
+    cross_talk=CrossTalk(0.1, -0.05),
     torque_delay=2 * H,
     jitter=0.003,
     missed_deadlines=0.1,

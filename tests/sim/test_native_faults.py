@@ -36,18 +36,18 @@ def wrong_shape(*arguments: Any) -> Any:
     return np.zeros(len(arguments[-1]) + 1)
 
 
-KINDS: dict[str, tuple[Callable[..., Any], Outcome]] = {
-    "nan": (faulty_laws.not_a_number, BAD),
-    "infinity": (faulty_laws.infinite, BAD),
-    "division by zero": (faulty_laws.division, BAD),
-    "domain": (faulty_laws.domain, BAD),
-    "overflow": (faulty_laws.overflow, BAD),
-    "forgotten joint": (faulty_laws.forgotten, BAD),
-    "huge torque": (faulty_laws.huge, DIVERGED),
-    "huge disturbance": (faulty_laws.sound, DIVERGED),
+KINDS: dict[str, tuple[Any, Outcome]] = {
+    "nan": (faulty_laws.NOT_A_NUMBER, BAD),
+    "infinity": (faulty_laws.INFINITE, BAD),
+    "division by zero": (faulty_laws.DIVISION, BAD),
+    "domain": (faulty_laws.DOMAIN, BAD),
+    "overflow": (faulty_laws.OVERFLOW, BAD),
+    "forgotten joint": (faulty_laws.FORGOTTEN, BAD),
+    "huge torque": (faulty_laws.HUGE, DIVERGED),
+    "huge disturbance": (faulty_laws.SOUND, DIVERGED),
     "raising law": (raises, ERROR),
     "wrong shape": (wrong_shape, ERROR),
-    "bad state": (faulty_laws.sound, DIVERGED),
+    "bad state": (faulty_laws.SOUND, DIVERGED),
 }
 CHAINED = [
     name
@@ -76,14 +76,14 @@ class Fault(NamedTuple):
         plant: Plant = unlimited(self.plant, self.integrator)
         (chain, noisy, *_), n, period = CONDITIONS[self.condition], plant.n, self.substeps * plant.timestep
         noise, base = signals(n, N_STEPS) if noisy else (None, None)
-        function, time = KINDS[self.kind][0], self.at * period if strikes else 1e9
+        fault, time = KINDS[self.kind][0], self.at * period if strikes else 1e9
         if self.kind == "huge disturbance":
             base = np.zeros((N_STEPS, n)) if base is None else base.copy()
             base[self.at, self.joint] = self.size if strikes else 0.0
         if self.kind in ("raising law", "wrong shape"):
-            controller = from_time(function, n, time)
+            controller = from_time(fault, n, time)
         else:
-            controller = faulty_laws.controller(function, n, time, self.joint, self.size)
+            controller = faulty_laws.controller(fault, n, time, self.joint, self.size)
         if self.kind == "bad state":
             plant = Spoilt(plant, self.at if strikes else N_STEPS, self.joint, math.copysign(math.inf, self.size))
         return simulate_sampled(
@@ -132,9 +132,9 @@ def from_time(fault: Callable[..., Any], n: int, time: float) -> Controller:
     """Return a controller that is sound before `time` and has a fault from then on."""
 
     def law(gains: Any, model: Any, t: float, *rest: Any) -> Any:
-        return fault(*rest) if t >= time else faulty_laws.sound(gains, model, t, *rest)
+        return fault(*rest) if t >= time else faulty_laws.faulty(gains, model, t, *rest)
 
-    return faulty_laws.controller(law, n, time)
+    return faulty_laws.controller(faulty_laws.SOUND, n, time, function=law)
 
 
 @cache

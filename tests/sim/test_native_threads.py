@@ -39,7 +39,7 @@ def trials(plant: str, count: int = 32) -> list[SampledTrial]:
         variant = every[i * len(every) // count]
         controller = variant.controller(n)
         if i % 5 == 4:
-            controller = faulty_laws.controller(faulty_laws.not_a_number, n, at=0.001 * (20 + i), joint=i % n)
+            controller = faulty_laws.controller(faulty_laws.NOT_A_NUMBER, n, at=0.001 * (20 + i), joint=i % n)
         if i % 7 == 6:
             push[40 + i, i % n] = 1e300
         chain, noisy, *_ = list(CONDITIONS.values())[i % len(CONDITIONS)]

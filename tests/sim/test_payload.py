@@ -224,7 +224,7 @@ def test_both_paths_take_it_up_alike(engine: str, integrator: str, chain: str) -
         patch.setattr(NativeRun, "longest", 50)
         pieces = run_of(plant, chain=CHAINS[chain], progress=told.append)
     assert pieces.digest() == native.digest()
-    assert told == [49, 99, 122, 172, 222, 272, 322, 372, 399]
+    assert told == list(range(49, 400, 50))
 
 
 @pytest.mark.parametrize("at", [0.0, 0.2])
@@ -243,12 +243,11 @@ def test_the_lean_step_is_proven_on_both_models(tmp_path: Path) -> None:
     """The PUMA is stepped lean before and after; an arm with a spring by mj_step, before and after, on both paths."""
     native = plants(Payload(2.0, 0.1))["mujoco"].native()
     assert native.structure.lean  # type: ignore[attr-defined]
-    assert native.loaded is not None
-    assert native.loaded.lean  # type: ignore[attr-defined]
+    assert [arm.lean for arm in native.later] == [True]  # type: ignore[attr-defined]
     file = tmp_path / "arm.xml"
     file.write_text(REFUSED["a spring"]())
     plant = MujocoPlant(file, payload=Payload(2.0, 0.1))
-    assert not plant.native().loaded.lean  # type: ignore[union-attr]
+    assert [arm.lean for arm in plant.native().later] == [False]  # type: ignore[attr-defined]
     law = pack("pd", 3, lam=8, kv=12)
     runs = [
         simulate_sampled(plant, law, anything(3), REFERENCES["sine"](3), duration=0.2, path=path)  # type: ignore[arg-type]
@@ -266,7 +265,7 @@ def test_failures_are_at_their_own_step(engine: str, path: Any) -> None:
     """A law that fails, and a push that no arm stands, just before, at and after the load: that very step."""
     plant = plants(Payload(2.0, 0.05))[engine]
     for at, joint in FAULTS:
-        controller = faulty_laws.controller(faulty_laws.not_a_number, 6, 0.001 * at, joint)
+        controller = faulty_laws.controller(faulty_laws.NOT_A_NUMBER, 6, 0.001 * at, joint)
         push = np.zeros((100, 6))
         push[at, joint] = 1e300
         for law, disturbance, outcome in ((controller, None, Outcome.BAD_TORQUE), (LAW, push, Outcome.DIVERGED)):

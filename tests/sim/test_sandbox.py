@@ -202,6 +202,54 @@ def test_an_honest_law_leaves_the_same_bytes(tmp_path: Path) -> None:
     assert {name for name in here if here[name].tobytes() != there[name].tobytes()} == set()
 
 
+MODELS = """
+import os
+from typing import Annotated, NamedTuple
+import torquebench as tb
+from torquebench.robot.dynamics import gravity, inverse_dynamics
+
+class Gains(NamedTuple):
+    lam: Annotated[tb.Array, tb.Gain("slope", "1/s")]
+    way: Annotated[int, tb.Option("way", ("with", "without"))]
+
+def cancels(model, q, qd, ref, tau):
+    inverse_dynamics(model, q, qd, ref.qdd, tau)
+
+@tb.controller("calls", gains=Gains)
+def calls(gains, model, t, q, qd, ref, memory, tau):
+    cancels(model, q, qd, ref, tau)
+
+@tb.controller("calls-not", gains=Gains)
+def calls_not(gains, model, t, q, qd, ref, memory, tau):
+    gravity(model, q, tau)
+
+@tb.controller("says", gains=Gains, has_model=("way", "with"), rigid_only=True)
+def says(gains, model, t, q, qd, ref, memory, tau):
+    tau[:] = 0.0
+
+@tb.controller("says-not", gains=Gains, has_model=False)
+def says_not(gains, model, t, q, qd, ref, memory, tau):
+    cancels(model, q, qd, ref, tau)
+"""
+
+
+@closed
+def test_what_a_law_says_of_its_model_is_kept(tmp_path: Path) -> None:
+    """Whether it cancels the dynamics, by what it says or else calls, and needs links: as of the file loaded here."""
+    (tmp_path / "there.py").write_text(MODELS)
+    ways = [{"way": "with"}, {"way": "without"}]
+
+    def told(names: tuple[str, ...]) -> list[Any]:
+        laws = [tb.find_law(name) for name in names]
+        return [(x.name, x.declared_model, x.rigid_only, *map(x.has_model, ways)) for x in laws]
+
+    with restored():
+        there = told(load_sandboxed(tmp_path / "there.py"))
+    with restored():
+        assert there == told(load_plugin(tmp_path / "there.py"))
+    assert [row[3:] for row in there] == [(True, True), (False, False), (True, False), (False, False)]
+
+
 DIALECT = """
 from typing import Annotated, NamedTuple
 import math

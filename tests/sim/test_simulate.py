@@ -30,7 +30,7 @@ CONFIG = """
 name: drawn
 plant: {engine: analytic, model: puma560, timestep: 0.001}
 model: {structure: corrected, constants: printed}
-run: {duration: 0.6, control_period: 0.001, seed: SEED, draw: DRAW, metrics_from: 0.0}
+run: {duration: 0.5, control_period: 0.001, seed: SEED, draw: DRAW, metrics_from: 0.0}
 reference: {kind: sine, amplitude: 1.0, frequency_hz: 1.0}
 chain: CHAIN
 disturbances: DISTURBANCES
@@ -68,9 +68,7 @@ def test_a_chain_with_encoder_noise_is_noisy() -> None:
         assert np.std(error) == pytest.approx(1e-4, rel=0.15)
 
 
-@pytest.mark.parametrize(
-    ("seed", "draw", "path"), [(0, 0, "native"), (7, 0, "native"), (7, 3, "native"), (7, 3, "python")]
-)
+@pytest.mark.parametrize(("seed", "draw", "path"), [(0, 0, "native"), (7, 3, "python")])
 @pytest.mark.parametrize("disturbances", TEXTS)
 @pytest.mark.parametrize("chain", CHAINS)
 def test_the_same_bytes_as_the_experiment(chain: str, disturbances: str, seed: int, draw: int, path: Any) -> None:
@@ -79,14 +77,14 @@ def test_the_same_bytes_as_the_experiment(chain: str, disturbances: str, seed: i
     config = CONFIG.replace("SEED", str(seed)).replace("DRAW", str(draw)).replace("CHAIN", chain)
     experiment = parse(config.replace("DISTURBANCES", text))
     wanted = run_experiment(experiment, path=path).runs["pd"]
-    found = run(duration=0.6, chain=CHAINS[chain], disturbances=objects, seed=seed, draw=draw, path=path)
+    found = run(duration=0.5, chain=CHAINS[chain], disturbances=objects, seed=seed, draw=draw, path=path)
     assert found.digest() == wanted.digest()
     loop = build(experiment)
     trial = Trial(
-        loop.controllers[0], loop.model, Sine(1.0, 1.0), 0.6, 0.001, CHAINS[chain], objects, seed=seed, draw=draw
+        loop.controllers[0], loop.model, Sine(1.0, 1.0), 0.5, 0.001, CHAINS[chain], objects, seed=seed, draw=draw
     )
-    many = simulate_many(loop.plant, [trial] * 3, workers=2, path=path)
-    assert [x.digest() for x in many] == [wanted.digest()] * 3
+    many = simulate_many(loop.plant, [trial] * 2, workers=2, path=path)
+    assert [x.digest() for x in many] == [wanted.digest()] * 2
 
 
 def test_seed_and_draw_decide() -> None:

@@ -26,7 +26,7 @@ from torquebench.cli.app import main
 from torquebench.sweep.folder import PLAN, open_sweep
 from torquebench.sweep.run import state_of
 
-DRAWS = ["--set", "sweep.draws=24"]
+DRAWS = ["--set", "sweep.draws=12"]
 MOST_TRIES = 40
 """Kills that come too early or too late before one counts."""
 

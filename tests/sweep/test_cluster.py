@@ -26,6 +26,7 @@ from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
 from torquebench.registry import restored
 from torquebench.robot.library import data_root
+from torquebench.shipped import how_to_install
 from torquebench.sweep import cluster as cluster_module
 from torquebench.sweep.cluster import Cluster, open_cluster
 from torquebench.sweep.executors import AHEAD, Executor, Threads
@@ -317,7 +318,7 @@ def test_without_dask_it_says_what_to_install(folder, command, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     status, _, err = command("small.yaml", "--cluster", "local:2")
     assert status == 2
-    assert "pip install 'torquebench[cluster]'" in err
+    assert how_to_install("cluster") in err
 
 
 @pytest.mark.parametrize("option", [("--workers", 2), ("--executor", "threads")])

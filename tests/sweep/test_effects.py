@@ -27,7 +27,15 @@ def found(effects: Effects) -> list[str]:
     return [effect.name for effect in effects.effects if effect.matters]
 
 
-@pytest.mark.parametrize(("draws", "signs"), [(30, True), (30, False), (80, True), (150, False)])
+@pytest.mark.parametrize(
+    ("draws", "signs"),
+    [
+        (30, True),
+        (30, False),
+        pytest.param(80, True, marks=pytest.mark.slow),
+        pytest.param(150, False, marks=pytest.mark.slow),
+    ],
+)
 def test_nothing_is_found_in_noise(draws: int, signs: bool) -> None:
     """Of 300 outputs of skewed noise 5 % have any effect of 34 inputs and their up to 595 products.
 

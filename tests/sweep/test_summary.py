@@ -13,6 +13,9 @@ from scipy import stats
 
 from tests.sweep.tables import made
 from torquebench.errors import ResultError
+from torquebench.report.sweep import case_facts
+from torquebench.report.sweep_tables import answer
+from torquebench.report.tables import headlines
 from torquebench.statistics import paired_ratio
 from torquebench.sweep.summary import summarise
 from torquebench.sweep.table import FIXED, controllers, grid_keys, metric_keys, read_table, rows_by, varied_keys
@@ -48,6 +51,25 @@ def test_failures_are_counted_and_enter_no_figure() -> None:
     assert figure.cvar == pytest.approx((high[:3].sum() + 0.8 * high[3]) / 3.8, rel=1e-12)
     assert group.earliest_failure is not None
     assert group.earliest_failure[:3] == ((2 * 40 + 3) * 2 + 1, 3, "DIVERGED")
+
+
+def test_outcomes_are_paired_by_draw() -> None:
+    """Law b fails in draws 3 and 17 alone, whatever the cases: 2 to 0 of 40, p 1/2, and a sentence says so."""
+    summary = summarise(made("ab", 40, two_laws, GRID))
+    assert [law.outcomes for law in summary.overall] == [(0, 0, 40, 1.0), (2, 0, 40, pytest.approx(0.5))]
+    (told,) = answer(summary, headlines(()))[-1:]
+    assert "Draws of 40 with more failures than a, and with fewer, exact McNemar test: b in 2 and 0 (p = 0.5)." in told
+
+
+def test_every_case_is_told_with_the_intervals_of_its_means() -> None:
+    """`--json` has each law in each case; over 40 draws every mean of the error lies inside its interval."""
+    summary = summarise(made("ab", 40, two_laws, GRID))
+    told = case_facts(summary)
+    assert [(one["controller"], one["case"]) for one in told] == [(one.controller, one.case) for one in summary.groups]
+    for one, group in zip(told, summary.groups, strict=True):
+        assert one["metrics"]["rmse"]["low"] < one["metrics"]["rmse"]["mean"] < one["metrics"]["rmse"]["high"]
+        assert one["metrics"]["rmse"]["mean"] == group.figures["rmse"].mean
+        assert (one["runs"], one["completed"]) == (group.successes.trials, group.successes.successes)
 
 
 def test_rows_of_the_worst_replay_it() -> None:

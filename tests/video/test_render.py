@@ -53,7 +53,12 @@ def away(picture, panel, part, q, camera):
     return np.linalg.norm(mark - pixel(point, camera_of_scene(camera), part, box.width, box.height))
 
 
-@pytest.mark.parametrize(("gl", "backend"), [("egl", "egl"), ("osmesa", "osmesa"), ("off", "stick")])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("gl", "backend"), [("egl", "egl"), pytest.param("osmesa", "osmesa", marks=SLOW), ("off", "stick")]
+)
 def test_every_frame_shows_the_stored_pose(copy, monkeypatch, must_draw, figure, gl, backend):
     """1.2 s at 25 frames a second are 30 frames and 1.20 s exactly; first, middle and last have the tool within 3 px.
 
@@ -79,8 +84,17 @@ def test_every_frame_shows_the_stored_pose(copy, monkeypatch, must_draw, figure,
     assert worst < NEAR
 
 
-@pytest.mark.parametrize("gl", ["egl", "osmesa", "off"])
-@pytest.mark.parametrize("camera", ["overview", "side"])
+@pytest.mark.parametrize(
+    ("camera", "gl"),
+    [
+        ("side", "egl"),
+        ("overview", "osmesa"),
+        ("side", "off"),
+        pytest.param("overview", "egl", marks=SLOW),
+        pytest.param("side", "osmesa", marks=SLOW),
+        pytest.param("overview", "off", marks=SLOW),
+    ],
+)
 def test_pictures_of_both_cameras(stored, tmp_path, monkeypatch, must_draw, gl, camera):
     """One picture of 0.8 s as PNG, of one controller: its tool is within 3 px, and the ghost can be seen."""
     if gl != "off":
@@ -157,7 +171,7 @@ def test_pretty_has_shadows_and_the_same_pose(stored, tmp_path, monkeypatch, mus
     assert np.count_nonzero(fast - pretty > 40) > 1000
 
 
-@pytest.mark.parametrize("gl", ["egl", "off"])
+@pytest.mark.parametrize("gl", ["egl", pytest.param("off", marks=SLOW)])
 def test_an_arm_without_a_look_has_a_film(stored_two_link, tmp_path, monkeypatch, must_draw, gl):
     """Two-link: the film is made, and its tool's mark moves as far as the tool does (within a tenth)."""
     if gl != "off":

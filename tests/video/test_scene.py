@@ -10,7 +10,7 @@ import pytest
 from torquebench.errors import ModelError
 from torquebench.robot.library import CAMERAS, camera_names, data_root
 from torquebench.robot.puma560.puma import Puma560
-from torquebench.scene.look import build_scene
+from torquebench.scene.look import STILL, build_scene, window
 
 FOLDER = data_root() / "models" / "puma560"
 ARM, SCENE = FOLDER / "puma560.xml", FOLDER / "scene.xml"
@@ -128,6 +128,35 @@ def test_two_cameras_see_the_whole_arm():
             ].reshape(3, 3)
             seen += np.all(np.abs(inside[:, :2]) < -inside[:, 2:] * np.tan(np.deg2rad(camera.fovy[0]) / 2))
         assert seen >= 490  # the arm straight up or at the camera may leave the frame by a hand's breadth
+
+
+COLUMN = """<mujoco><worldbody><geom type="box" size=".1 .1 {half}" pos="0 0 -{half}" contype="0" conaffinity="0"/>
+<body><inertial mass="1" pos=".2 0 0" diaginertia=".01 .01 .01"/><joint name="a" axis="0 1 0"/><geom type="capsule"
+fromto="0 0 0 .5 0 0" size=".02" contype="0" conaffinity="0"/><site name="tool" pos=".5 0 0"/></body></worldbody>
+<actuator><motor joint="a" ctrlrange="-9 9"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("aspect", [1.0, 1.8])
+def test_of_a_tall_column_the_arm_keeps_most_of_the_picture(tmp_path, aspect):
+    """A low one is seen whole; of a tall one STILL of the swept arm's larger side; what moves is always inside."""
+    poses, tall = np.linspace(-0.3, 0.3, 5)[:, None], []
+    for half in (0.001, 0.05, 0.24):
+        (tmp_path / "c.xml").write_text(COLUMN.format(half=half))
+        scene = build_scene(tmp_path / "c.xml", poses)
+        tall.append(window(scene, 1, poses, aspect))  # from the side
+    arm, low, high = ((bottom, top) for _, _, bottom, top in tall)
+    width = (tall[0][1] - tall[0][0]) / 1.08
+    assert low[0] <= arm[0] + 1e-9
+    for left, right, bottom, top in tall:
+        assert (right - left) / (top - bottom) == pytest.approx(aspect)
+        d = mujoco.MjData(scene.model)
+        for q in poses:
+            d.qpos[:] = q
+            mujoco.mj_forward(scene.model, d)
+            x, y, z = (d.site_xpos[0] - d.cam_xpos[1]) @ d.cam_xmat[1].reshape(3, 3)
+            assert left < -x / z < right
+            assert bottom < -y / z < top
+    assert width * (1.0 + 2.0 * STILL) * 1.09 > high[1] - high[0]
 
 
 def test_an_arm_without_a_look_is_drawn_along_its_joints():

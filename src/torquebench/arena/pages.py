@@ -7,11 +7,12 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from torquebench.arena.ranking import TOLERANCE, Ratio, Standing, compare
+from torquebench.arena.ranking import TOLERANCE, Standing, compare
 from torquebench.arena.record import RULESETS, SELF, TUNED, Record, Row
 from torquebench.errors import ResultError
 from torquebench.metrics import METRICS
 from torquebench.report.tables import Cells
+from torquebench.statistics import Ratio
 
 BEST, MIDDLE, OTHER, NONE = "●", "◐", "○", "·"
 KEY = f"{BEST} nobody is better, {MIDDLE} a rank in the first half, {OTHER} behind, {NONE} not ranked"

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import special
 
 from torquebench.kernel import Array
-from torquebench.statistics import mean_interval
+from torquebench.statistics import Ratio, mcnemar, mean_interval
 
 CONFIDENCE = 0.95
 TOLERANCE = 1.25
@@ -36,21 +36,7 @@ class Scores(NamedTuple):
         return found
 
 
-class Ratio(NamedTuple):
-    """One entry's metric over another's."""
-
-    ratio: float
-    """Geometric mean over tunings, conditions and draws [1]; NaN where no draw has both."""
-    low: float
-    high: float
-    """Ends of its interval, in which the spread of draws and that of tunings are added as independent ones."""
-    tuning: float
-    """Half-width of the interval by the spread of tunings alone, as a factor [1]."""
-    pairs: int
-    """Draws in which all runs of both completed."""
-
-
-NO_RATIO = Ratio(math.nan, math.nan, math.nan, math.nan, 0)
+NO_RATIO = Ratio(math.nan, math.nan, math.nan, 0, (0, 0), 0)
 
 
 def compare(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> Ratio:
@@ -65,18 +51,15 @@ def compare(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> Ratio:
         confidence: Probability content of the interval [1].
     """
     x, y = a.logs, b.logs
-    known = ~(np.isnan(x).any(axis=0) | np.isnan(y).any(axis=0))
+    lost = [np.isnan(own).any(axis=0) for own in (x, y)]
+    known = ~(lost[0] | lost[1])
     if not known.any():
         return NO_RATIO
     x, y = x[:, known], y[:, known]
     mean, half = mean_interval((x.mean(axis=0) - y.mean(axis=0)).tolist(), confidence)
-    tuned = _welch(x.mean(axis=1), y.mean(axis=1), confidence)
-    whole = math.hypot(half, tuned)
-    return Ratio(_exp(mean), _exp(mean - whole), _exp(mean + whole), _exp(tuned), int(known.sum()))
-
-
-def _exp(x: float) -> float:
-    return math.exp(x) if x < 700.0 else math.inf
+    whole = math.hypot(half, _welch(x.mean(axis=1), y.mean(axis=1), confidence))
+    failed = int(lost[0].sum()), int(lost[1].sum())
+    return Ratio.of_logs(mean, whole, int(known.sum()), failed, int((~known).sum()))
 
 
 def _welch(x: Array, y: Array, confidence: float) -> float:
@@ -90,9 +73,9 @@ def _welch(x: Array, y: Array, confidence: float) -> float:
 
 
 def fails_more(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
-    """Whether a fails in more runs than b by more than chance: an exact sign test of the runs in which they differ."""
-    more, less = int(np.sum(a.runs > b.runs)), int(np.sum(a.runs < b.runs))
-    return more > less and float(special.bdtr(less, more + less, 0.5)) < 0.5 * (1.0 - confidence)
+    """Whether a fails in more runs than b by more than chance, by `mcnemar`."""
+    found = mcnemar(a.runs, b.runs)
+    return found.first > found.second and found.p < 1.0 - confidence
 
 
 def is_better(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
@@ -162,7 +145,8 @@ def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[float, floa
         return math.nan, math.nan, math.nan, math.nan
     mean, half = mean_interval(logs.mean(axis=0).tolist(), confidence)
     own = logs.mean(axis=1)
-    return _exp(mean), _exp(mean - half), _exp(mean + half), _exp(float(own.max() - own.min()))
+    found = Ratio.of_logs(mean, half, logs.shape[1], (0, 0), 0)
+    return *found[:3], math.exp(min(float(own.max() - own.min()), 700.0))
 
 
 def best_at(points: Sequence[tuple[float, float]], level: float) -> int | None:

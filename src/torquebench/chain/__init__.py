@@ -13,7 +13,7 @@ from torquebench.chain.chain import (
     late_steps,
     rate_remarks,
 )
-from torquebench.chain.drives import CurrentLoop, ThermalLimit, TorqueSpeed
+from torquebench.chain.drives import CrossTalk, CurrentLoop, Derating, ThermalLimit, TorqueSpeed
 from torquebench.chain.response import Response, response
 from torquebench.chain.robots import ROBOT_CHAINS
 from torquebench.chain.sensors import Ripple
@@ -26,7 +26,9 @@ __all__ = [
     "ROBOT_CHAINS",
     "About",
     "Chain",
+    "CrossTalk",
     "CurrentLoop",
+    "Derating",
     "Drawn",
     "Origin",
     "Response",

@@ -11,14 +11,14 @@ from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from torquebench.chain.drives import CurrentLoop, Drives, ThermalLimit, TorqueSpeed
+from torquebench.chain.drives import CrossTalk, CurrentLoop, Derating, Drives, ThermalLimit, TorqueSpeed
 from torquebench.chain.sensors import KALMAN, VELOCITIES, Ripple, Sensors, kalman_gains
 from torquebench.disturbances import Stream, generator
 from torquebench.errors import Fault
 from torquebench.kernel import Array, IntArray
 from torquebench.keys import Key, Units, Vector, as_vector, check_numbers, in_words
 from torquebench.registry import Registry
-from torquebench.timing import Timing, control_instant, multiple_of, substeps_per_period
+from torquebench.timing import Timing, control_instant, multiple_of, substeps_per_period, whole_steps
 
 VelocityName = Literal["exact", "differentiated", "tachometer", "kalman"]
 
@@ -151,11 +151,16 @@ class Chain:
         float,
         Key("Step of the drives: commands are rounded to a whole multiple of it; 0 for none", "N m", at_least=0),
     ] = 0.0
+    torque_gain: Annotated[
+        Vector, Key("Torque of the drives for 1 N m of command: 1 unless they are badly calibrated", "1", at_least=0)
+    ] = 1.0
     torque_offset: Annotated[Vector, Key("Torque that the drives add to every command", "N m")] = 0.0
     actuator_lag: Annotated[float, Key("Time constant of the actuators; 0 for none", "s", at_least=0)] = 0.0
     current_loop: Annotated[CurrentLoop | None, Key("Torque loop of second order, in place of actuator_lag")] = None
     torque_speed: Annotated[TorqueSpeed | None, Key("Torque that the motors can give at a speed")] = None
     thermal_limit: Annotated[ThermalLimit | None, Key("Torque that the motors can give for ever")] = None
+    derating: Annotated[Derating | None, Key("Motors that weaken in the middle of a run")] = None
+    cross_talk: Annotated[CrossTalk | None, Key("Torque that leaks from one joint to the next")] = None
     torque_delay: Annotated[
         float,
         Key(
@@ -274,6 +279,7 @@ class Chain:
             drawn: What is drawn for the run.
         """
         loop, speed, heat, square = self.current_loop, self.torque_speed, self.thermal_limit, np.zeros((0, 2))
+        weak, talk, none = self.derating, self.cross_talk, np.zeros((0, n))
         commands = min(_steps(self.command_delay, control_period, "command_delay"), n_steps)
         torques = _steps(self.torque_delay, timestep, "torque_delay")
         drives = Drives(
@@ -284,6 +290,7 @@ class Chain:
             late=late_steps(drawn.late, timestep, control_period),
             commands=np.zeros((commands, n)),
             quantum=self.torque_quantum,
+            gain=np.zeros(0) if np.all(np.equal(self.torque_gain, 1.0)) else as_vector(self.torque_gain, n),
             offset=_each(self.torque_offset, n),
             half=square if loop is None else loop.transition(0.5 * timestep),
             whole=square if loop is None else loop.transition(timestep),
@@ -291,14 +298,19 @@ class Chain:
             no_load=np.zeros(0) if speed is None else as_vector(speed.no_load, n),
             continuous=np.zeros(0) if heat is None else as_vector(heat.torque, n),
             cooling=1.0 if heat is None else math.exp(-timestep / heat.time),
+            fade_from=0 if weak is None else whole_steps(weak.at, timestep),
+            fade_steps=0 if weak is None else whole_steps(weak.over, timestep),
+            weaker=none if weak is None else np.array([as_vector(x, n) for x in (weak.limit, weak.gain)]),
+            leaks=none if talk is None else np.array([as_vector(x, n) for x in (talk.following, talk.preceding)]),
             torques=np.zeros((torques, 3, n)),
             target=np.zeros(n),
             held=np.zeros(n),
             rising=np.zeros(n),
             heat=np.zeros(n),
         )
-        parts = (drives.late, drives.commands, drives.offset, drives.half, drives.corner, drives.continuous)
-        active = drives.quantum > 0.0 or any(len(part) for part in (*parts, drives.torques))
+        parts = (drives.late, drives.commands, drives.gain, drives.offset, drives.half, drives.corner)
+        more = (drives.continuous, drives.weaker, drives.leaks, drives.torques)
+        active = drives.quantum > 0.0 or any(len(part) for part in (*parts, *more))
         return replace(drives, active=active)
 
     def velocity_gain(self, control_period: float) -> float:
@@ -382,6 +394,8 @@ class Chain:
         parts += [f"jitter {1e3 * self.jitter:g} ms"] * (self.jitter > 0)
         parts += [f"command delay {1e3 * self.command_delay:g} ms"] * (self.command_delay > 0)
         parts += [f"torque step {self.torque_quantum:g} {units.torque}"] * (self.torque_quantum > 0)
+        gained = np.any(np.not_equal(self.torque_gain, 1.0))
+        parts += [f"torque gain {in_words(self.torque_gain)}"] * bool(gained)
         parts += [f"torque offset {in_words(self.torque_offset)} {units.torque}"] * bool(np.any(self.torque_offset))
         parts += [f"actuator lag {1e3 * self.actuator_lag:g} ms"] * (self.actuator_lag > 0)
         if self.current_loop is not None:
@@ -391,6 +405,15 @@ class Chain:
             parts.append(f"full torque up to {in_words(self.torque_speed.corner)} rad/s")
         if self.thermal_limit is not None:
             parts.append(f"continuous torque {in_words(self.thermal_limit.torque)} {units.torque}")
+        if self.derating is not None:
+            weak = self.derating
+            ramp = f" within {weak.over:g} s" * (weak.over > 0)
+            parts.append(
+                f"torque limit x {in_words(weak.limit)} and torque x {in_words(weak.gain)} from {weak.at:g} s on{ramp}"
+            )
+        if self.cross_talk is not None:
+            talk = self.cross_talk
+            parts.append(f"cross-talk {in_words(talk.following)} back, {in_words(talk.preceding)} ahead")
         parts += [f"torque delay {1e3 * self.torque_delay:g} ms"] * (self.torque_delay > 0)
         text = f"({', '.join(parts)})" if parts else "ideal"
         return f"{self.name} {text}" if named else text
@@ -480,7 +503,10 @@ def chain(
 
 
 def rate_remarks(found: Chain, control_period: float) -> list[str]:
-    """Return a line where a robot's chain runs at a control period that is not the robot's [s]."""
+    """Return what of a chain may not be meant: a robot's at another control period [s], noise that no velocity has."""
+    if found.encoder_noise > 0.0 and found.velocity == "exact":
+        noise = f"chain.encoder_noise of {1e3 * found.encoder_noise:g} mrad is in the measured position alone"
+        return [f"{noise}: chain.velocity is exact, wanted differentiated or kalman for the velocity to have it"]
     own = ABOUT[found.name].control_period if found.name in ABOUT else None
     if own is None or math.isclose(own, control_period, rel_tol=1e-9):
         return []

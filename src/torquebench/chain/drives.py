@@ -13,7 +13,7 @@ from torquebench.errors import Fault
 from torquebench.kernel import Array, IntArray, clip, kernel
 from torquebench.kernel.struct import Structure
 from torquebench.keys import Key, Vector, check_numbers
-from torquebench.timing import Timing
+from torquebench.timing import Timing, control_instant
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,47 @@ class ThermalLimit:
         check_numbers(self)
 
 
+@dataclass(frozen=True)
+class CrossTalk:
+    """Torque that leaks from joint to joint: joint i gets u_i + following u_(i+1) + preceding u_(i-1).
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+
+    following: Annotated[Vector, Key("Share of the next joint's torque that acts on a joint as well", "1")] = 0.0
+    preceding: Annotated[Vector, Key("Share of the torque of the joint before it", "1")] = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that mean nothing."""
+        check_numbers(self)
+
+
+@dataclass(frozen=True)
+class Derating:
+    """Motors that weaken in the middle of a run: torque and torque limit fall in a straight line, and stay there.
+
+    Raises:
+        ValueError: a number is out of range or not finite.
+    """
+
+    at: Annotated[
+        float,
+        Key("When it begins: a whole multiple of run.control_period, less than run.duration", "s", at_least=0),
+    ]
+    limit: Annotated[Vector, Key("Share of the torque limit that is left", "1", at_least=0, at_most=1)] = 1.0
+    gain: Annotated[Vector, Key("Share of the torque that is left", "1", at_least=0, at_most=1)] = 1.0
+    over: Annotated[float, Key("Time over which they fall; 0 for at once", "s", at_least=0)] = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that mean nothing."""
+        check_numbers(self)
+
+    def check(self, timing: Timing) -> Iterator[Fault]:
+        """Yield what does not fit within the run."""
+        yield from control_instant(("at",), self.at, timing)
+
+
 @dataclass(frozen=True, eq=False)
 class Drives(Structure):
     """The drives of n joints as kernels see them, over N control instants; arrays of no rows stand for none."""
@@ -101,6 +142,8 @@ class Drives(Structure):
     """Commands on their way, in a ring, (d, n), d the command's delay in control periods."""
     quantum: float
     """Commands are rounded to a multiple of this; 0 for none [N m]."""
+    gain: Array
+    """What they are multiplied by, (n,) or (0,)."""
     offset: Array
     """Torque that is added to them, (n,) or (0,) [N m]."""
     half: Annotated[Array, 2]
@@ -113,6 +156,13 @@ class Drives(Structure):
     """Continuous torque, (n,) or (0,) [N m]."""
     cooling: float
     """What is left of a difference of temperature after a physics step."""
+    fade_from: int
+    fade_steps: int
+    """Physics step at which motors begin to weaken, and over how many they do."""
+    weaker: Annotated[Array, 2]
+    """Shares of torque limit and torque that are left in the end, (2, n) or (0, n)."""
+    leaks: Annotated[Array, 2]
+    """Shares of the next joint's torque and of that of the one before that act on a joint, (2, n) or (0, n)."""
     torques: Annotated[Array, 3]
     """Torques on their way to the joints, in a ring, (d, 3, n), d the torque's delay in physics steps."""
     target: Array
@@ -156,7 +206,7 @@ def command(drives: Drives, k: int, tau_law: Array, before: Array, tau_max: Arra
 
 @kernel
 def receive(drives: Drives, k: int, tau: Array) -> None:
-    """Take in the command `tau` (n,) of control instant k: late, rounded and shifted, it becomes the target.
+    """Take in the command `tau` (n,) of control instant k: late, rounded, scaled and shifted, it becomes the target.
 
     Until the first command has arrived that one is taken, as if the arm had been held there; so nothing is held back at
     k = 0.
@@ -172,6 +222,8 @@ def receive(drives: Drives, k: int, tau: Array) -> None:
             ring[slot, i], x = x, ring[slot, i]
         if drives.quantum > 0.0:
             x = nearest_multiple(x, drives.quantum)
+        if len(drives.gain) > 0:
+            x *= drives.gain[i]
         if len(drives.offset) > 0:
             x += drives.offset[i]
         target[i] = x
@@ -201,6 +253,27 @@ def most_torque(drives: Drives, i: int, u: float, qd: float, tau_max: float) -> 
 
 
 @kernel
+def faded_at(drives: Drives, step: int) -> float:
+    """Return how far motors have weakened at a physics step: 0 before, 1 in the end."""
+    if step < drives.fade_from:
+        return 0.0
+    gone: float = 1.0 if drives.fade_steps == 0 else (step - drives.fade_from) / drives.fade_steps
+    return gone if gone < 1.0 else 1.0
+
+
+@kernel
+def leak(shares: Array, u: Array) -> None:
+    """Add to the torques `u` (n,) [N m] what they get of their neighbours'; see `CrossTalk`."""
+    before, n = 0.0, len(u)
+    for i in range(n):
+        own = u[i]
+        if i + 1 < n:
+            u[i] += shares[0, i] * u[i + 1]
+        u[i] += shares[1, i] * before
+        before = own
+
+
+@kernel
 def drive(
     drives: Drives,
     step: int,
@@ -222,8 +295,9 @@ def drive(
         torque: Filled.
     """
     first_order, second_order = len(drives.decay) > 0, len(drives.half) > 0
-    limited = len(drives.corner) > 0 or len(drives.continuous) > 0
-    ring = drives.torques
+    fading = len(drives.weaker) > 0
+    limited = fading or len(drives.corner) > 0 or len(drives.continuous) > 0
+    ring, faded = drives.torques, faded_at(drives, step) if fading else 0.0
     for i in range(len(qd)):
         goal = drives.held[i]
         if second_order:
@@ -242,9 +316,13 @@ def drive(
         else:
             torque[0, i] = torque[1, i] = torque[2, i] = goal
         if limited:
+            full, share = tau_max[i], 1.0
+            if fading:
+                full *= 1.0 + faded * (drives.weaker[0, i] - 1.0)
+                share += faded * (drives.weaker[1, i] - 1.0)
             for stage in range(3):
-                u = torque[stage, i]
-                torque[stage, i] = clip(u, most_torque(drives, i, u, qd[i], tau_max[i]))
+                u = share * torque[stage, i]
+                torque[stage, i] = clip(u, most_torque(drives, i, u, qd[i], full))
             if len(drives.continuous) > 0:
                 load = torque[0, i] / drives.continuous[i]
                 load *= load
@@ -256,3 +334,6 @@ def drive(
                     for j in range(len(ring)):
                         ring[j, stage, i] = torque[0, i]
                 ring[slot, stage, i], torque[stage, i] = torque[stage, i], ring[slot, stage, i]
+    if len(drives.leaks) > 0:
+        for stage in range(3):
+            leak(drives.leaks, torque[stage])

@@ -25,7 +25,7 @@ from click.shell_completion import shell_complete
 import torquebench
 from torquebench.begun import BEGUN
 from torquebench.cli.parameters import Option, mistakes, refuse, suggest
-from torquebench.cli.terminal import Voice, complain, emit, speaking, voice, warn
+from torquebench.cli.terminal import Voice, beating, complain, emit, speaking, voice, warn
 from torquebench.errors import UNCHECKED, ConfigError, Problem, TorquebenchError, nearest
 from torquebench.plain import plain
 from torquebench.shipped import config_keys
@@ -58,6 +58,7 @@ COMMANDS = {
         "fuzzy": "fuzzy",
         "doctor": "doctor",
         "bench": "bench",
+        "trust": "trust",
     },
     "Discover": {"laws": "discover", "chains": "discover", "show": "discover", "configs": "discover"},
     "Shell": {"completion": "completion"},
@@ -302,9 +303,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: list[str]) -> int:
-    """Run a line and return its exit status."""
+    """Run a line, seen to work on a terminal, and return its exit status."""
+    name = next((word for word in words if not word.startswith("-")), "")
     try:
-        with without_opengl() as wish, terminable():
+        with without_opengl() as wish, terminable(), beating(f"{PROGRAM} {name}".rstrip()):
             context = app.make_context(PROGRAM, words, obj=wish)
             with context, logged():
                 return int(app.invoke(context) or 0)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
 from dataclasses import asdict
 from typing import Any
 
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Number, option
 from torquebench.cli.terminal import progress_bar, say, table, tell
-from torquebench.errors import ConfigError, Problem
-from torquebench.shipped import data_root
+from torquebench.shipped import from_checkout
 
 QUICK = (4.0, 3)
 FULL = (10.0, 15)
@@ -29,7 +26,7 @@ def bench(markdown: bool, quick: bool, rounds: int | None, threads: int) -> int:
 
     The closed loop, MuJoCo's open loop and other ways to write the same are timed in turn, many times.
     """
-    benchmarks = load_benchmarks()
+    benchmarks: Any = from_checkout("benchmarks")
     duration, usual = QUICK if quick else FULL
     rounds = rounds or usual
     with progress_bar(0, "case", "setting up (compiles on first use)") as bar:
@@ -52,23 +49,6 @@ def bench(markdown: bool, quick: bool, rounds: int | None, threads: int) -> int:
     for reason in left_out:
         say(f"left out: {reason}")
     return 0
-
-
-def load_benchmarks() -> Any:
-    """Return the package ``benchmarks`` of the checkout.
-
-    Raises:
-        ConfigError: there is none, as where torquebench was installed from a wheel.
-    """
-    file = data_root() / "benchmarks" / "__init__.py"
-    if "benchmarks" not in sys.modules:
-        spec = importlib.util.spec_from_file_location("benchmarks", file, submodule_search_locations=[str(file.parent)])
-        if not file.is_file() or spec is None or spec.loader is None:
-            why = f"no folder {file.parent}: benchmarks come with the repository and the sdist, not with a wheel"
-            raise ConfigError([Problem("bench", "", f"{why}; run it in a checkout")])
-        sys.modules["benchmarks"] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(sys.modules["benchmarks"])
-    return sys.modules["benchmarks"]
 
 
 def cells(row: Any) -> list[str]:

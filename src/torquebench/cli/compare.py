@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -94,12 +95,32 @@ class Milliseconds(Number):
     metavar="SECONDS",
     help="also compare closed loops of this length on both plants (default: none)",
 )
-def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], tolerance: float, rollout: float) -> int:
-    """Show where two models or plants differ, and in which term.
+@option(
+    "--motion",
+    type=File(".csv"),
+    default=None,
+    metavar="FILE.csv",
+    help="states of a motion instead of random ones: columns t, q1.., qd1.. and maybe qdd1..",
+)
+def compare(
+    a: str,
+    b: str,
+    states: int,
+    seed: int,
+    frozen_joints: list[int],
+    tolerance: float,
+    rollout: float,
+    motion: str | None,
+) -> int:
+    """Show where two models or plants differ, and name the term: armature, damping, a payload, the sign of an axis.
+
+    Of FILE.xml alone all counts that it has, springs, gears and integrator too; mujoco:FILE.xml is what the testbed
+    takes of it. The last line can be pasted into an issue.
 
     The exit status is 1 when a compared quantity differs, else 0: also where closed loops amplify round-off, so that
     they say nothing, and single steps from equal states agree.
     """
+    import torquebench
     from torquebench import comparison
 
     with progress_bar(comparison.LOOPS + 1 if rollout > 0 else 1, "comparison", "starting") as bar:
@@ -116,7 +137,8 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
             bar.describe(loop)
             bar.update(1)
 
-        rows = comparison.compare(
+        given = None if motion is None else comparison.read_motion(str(motion), n, "--motion")
+        found = comparison.compare(
             first,
             second,
             states=states,
@@ -124,20 +146,25 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
             tolerance=tolerance,
             frozen=[j - 1 for j in frozen_joints],
             rollout=rollout,
+            motion=given,
             progress=report,
         )
-    agree = all(row.agrees for row in rows)
+    rows, named, agree = found.rows, found.named, found.agree
     tell(
         a=first.label,
         b=second.label,
         states=states,
         seed=seed,
         agree=agree,
+        terms=[asdict(term) for term in named.terms],
+        left=named.left,
+        sentence=found.sentence,
         rows=[row.to_json() for row in rows],
     )
     held = ", ".join(str(j) for j in frozen_joints)
     say(
-        f"A = {first.label}\nB = {second.label}\n{states} random states (seed {seed})"
+        f"A = {first.label}\nB = {second.label}\n"
+        + (f"{states} random states (seed {seed})" if given is None else f"{len(given.t)} states of {motion}")
         + (f", joints {held} held at zero" if held else " of all joints")
         + "\n"
     )
@@ -160,9 +187,20 @@ def compare(a: str, b: str, states: int, seed: int, frozen_joints: list[int], to
             )
     counted = [row for row in rows if row.verdict != "undecided"]
     idle = f"; {len(rows) - len(counted)} undecided" * (len(counted) < len(rows))
+    idle += "; what differs is in none of these rows" * (not agree and all(row.agrees for row in rows))
     within = f"{sum(r.agrees for r in counted)} of {len(counted)} within their limits{idle}"
     say(f"{'agree' if agree else 'DIFFER'}: {within}")
-    return 0 if agree else 1
+    if agree:
+        return 0
+    say("\nWhat B has beside A:" if named.terms else "")
+    for term in named.terms:
+        say(f"  {term}")
+    if named.terms:
+        say(f"leaves {named.left:.1e} of the difference in torque\n")
+    held = f" --frozen-joints {','.join(map(str, frozen_joints))}" * bool(frozen_joints)
+    drawn = f"--states {states} --seed {seed}" if given is None else f"--motion {motion}"
+    say(f"`torquebench compare {a} {b} {drawn}{held}` (torquebench {torquebench.__version__}): {found.sentence}")
+    return 1
 
 
 LEFT, RIGHT, EACH = -18, 2, 2

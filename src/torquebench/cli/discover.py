@@ -244,6 +244,8 @@ def _show_arm(source: str | Path, name: str) -> int:
         sources += [["" if i else title, text] for i, text in enumerate(texts)]
     say(table(header, rows))
     say("\n" + table(["number", "where it is from"], sources, left=2, prose=True))
+    for text in facts.remarks:
+        say(f"\n{text}")
     begin = "".join(f"\nrun: {{initial_q: key:{key}}}" for key in facts.keyframes[:1])
     say(f"\nIn a config:\n\nplant: {{model: {name}}}{begin}", fold=False)
     return 0
@@ -267,8 +269,9 @@ def _show_law(law: Law) -> None:
     tell(**facts)
     say(f"{law.name}\n\n{facts['text']}\n")
     if gains := facts["gains"]:
-        rows = [[gain["name"], gain["unit"], gain["range"], gain["meaning"]] for gain in gains]
-        say(table(["gain", "unit", "range", "meaning"], rows, left=4, prose=True))
+        keys = ("name", "unit", "range", "search", "meaning")
+        rows = [[gain[key] for key in keys] for gain in gains]
+        say(table(["gain", "unit", "range", "tuned within", "meaning"], rows, left=5, prose=True))
     if options := facts["options"]:
         rows = [[choice["name"], ", ".join(choice["values"]), choice["meaning"]] for choice in options]
         say("\n" + table(["option", "values, default first", "meaning"], rows, left=3, prose=True))
@@ -281,6 +284,8 @@ def _show_law(law: Law) -> None:
 def law_facts(law: Law) -> dict[str, Any]:
     """Return what a law is, for the terminal and for ``--json``."""
     import inspect
+
+    from torquebench.laws.box import side_of
 
     def only(condition: str) -> str:
         return f"; only with {condition}" if condition.strip(": ") else ""
@@ -298,6 +303,7 @@ def law_facts(law: Law) -> dict[str, Any]:
                 "name": name,
                 "unit": gain.unit,
                 "range": "> 0" if gain.positive else ">= 0",
+                "search": side_of(name, gain).text,
                 "meaning": gain.meaning + only(gain.condition),
             }
             for name, gain in law.gains.items()

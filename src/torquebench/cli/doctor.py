@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-from importlib import metadata
 from typing import Any
 
 import click
@@ -92,6 +91,8 @@ def findings(gl: str | None) -> dict[str, Any]:
 
 
 def _version(name: str) -> str:
+    from importlib import metadata  # a third of what `--help` takes, which reads this file too
+
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:

@@ -94,6 +94,7 @@ def import_(
     """
     from torquebench.robot import importing
     from torquebench.robot.importing import folder
+    from torquebench.robot.joint_facts import arm_facts
     from torquebench.robot.library import plain_name
 
     if not file.is_file():
@@ -133,6 +134,9 @@ def import_(
     )
     looks = "with its looks" if "scene.xml" in files else "without looks: films draw its links as capsules"
     say(f"written: {place}, {looks}")
+    remarks = arm_facts(place / f"{arm.name}.xml").remarks
+    for text in remarks:
+        say(text)
     say(f"to run it: plant: {{model: {place / arm.name}.xml}}")
     tell(
         directory=place,
@@ -140,6 +144,7 @@ def import_(
         joints=arm.joints,
         findings=[part._asdict() for part in arm.findings],
         proof=proof._asdict(),
+        remarks=remarks,
     )
     return 0
 

@@ -26,4 +26,5 @@ def new_law(name: str, out: Path | None) -> None:
     file = shlex.quote(str(law))
     say(f"{law} and {test}: change the equation, then")
     say(f"torquebench check {file}", fold=False)
-    say(f"torquebench run my.yaml --plugin {file}", fold=False)
+    own = shlex.quote(f"controllers=[conventional, {{name: {name}, law: {name}, gains: auto}}]")
+    say(f"torquebench run fig9-chattering --plugin {file} --set {own}", fold=False)

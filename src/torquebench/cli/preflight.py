@@ -75,9 +75,14 @@ def preflight(
     else:
         experiments = [load_experiment(Path(law), [f"plant.model={robot}", f"chain={chain}"], outside=True)]
     reports = []
-    with progress_bar(0, "motion", "starting") as bar:
+    with progress_bar(0, "trial", "starting (compiles on first use)") as bar:
+
+        def told(what: str) -> None:
+            bar.describe(what)
+            bar.update(1)
+
         for experiment in experiments:
-            reports += fly(experiment, payload, bar.describe)
+            reports += fly(experiment, payload, told)
     passed = all(report.passed for report in reports)
     tell(
         passed=passed,

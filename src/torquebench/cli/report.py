@@ -30,7 +30,6 @@ def report(runs: Sequence[Path], out: Path | None, plugin: Sequence[Path]) -> in
     from torquebench.experiment.folder import read_result
     from torquebench.experiment.store import atomic_write
     from torquebench.laws.plugin import load_plugin
-    from torquebench.report.compare_page import comparison_page
     from torquebench.report.run import rewrite_page, stored_page
     from torquebench.sweep.folder import PLAN
 
@@ -58,8 +57,12 @@ def report(runs: Sequence[Path], out: Path | None, plugin: Sequence[Path]) -> in
         names = [folder.resolve().name for folder in runs]
         if len(set(names)) < len(names):
             refuse([("RUN", f"two runs are called {max(names, key=names.count)}")])
-        several = dict(zip(names, stored, strict=True))
-        atomic_write(page, stored_page(runs[0], stored[0]) if len(stored) == 1 else comparison_page(several))
+        if len(stored) == 1:
+            atomic_write(page, stored_page(runs[0], stored[0]))
+        else:
+            from torquebench.report.compare_page import comparison_page
+
+            atomic_write(page, comparison_page(dict(zip(names, stored, strict=True))))
     _print_page(page, dict(zip(runs, stored, strict=True)))
     return 0
 

@@ -127,7 +127,7 @@ def run(
         film_of_run(result, directory.folder, gl)
     if any(shaking(metrics, result.joints.tau_max) for metrics in result.metrics.values()):
         say(hint(directory.folder))
-    for remark in result.out_of_range:
+    for remark in (*result.out_of_range, *result.explained):
         warn(f"torquebench: {remark}")
     return _print_failures(result)
 

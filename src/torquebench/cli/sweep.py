@@ -310,7 +310,7 @@ def _say_best(stored: StoredSweep, summary: Summary) -> None:
     """Say what came out, in sentences and as a table of the best choices, and where the page is."""
     from torquebench.experiment.schema import slide_joints
     from torquebench.report.render import PAGE
-    from torquebench.report.sweep_tables import answer, best_table, dot_rows, told_choices
+    from torquebench.report.sweep_tables import answer, best_table, columns_of, dot_rows, told_choices
     from torquebench.report.tables import headlines
     from torquebench.sweep.best import best_choices, conditions, short_names
 
@@ -330,6 +330,10 @@ def _say_best(stored: StoredSweep, summary: Summary) -> None:
             "means over the draws, with their 95 % intervals where draws differ"
         )
     apart = [short_names(summary.grid)[key] for key in conditions(summary)]
-    if apart:
+    if apart and choices:
         say(f"each figure in the worst of all values of {', '.join(apart)}; those shown are the worst for the error")
+        each = sorted(best_choices(summary, columns_of(summary, titles)[0], over=()), key=lambda one: one.worst.case)
+        if len(each) <= max(LEAST_TOLD, height() - AROUND):
+            header, rows = best_table(each, summary, titles)
+            say(f"\nEach case by itself\n{table(header, rows, keys=1 + len(summary.grid))}\n")
     say(f"all cases, with constraints: {stored.folder / PAGE}")

@@ -6,8 +6,10 @@ import os
 import shutil
 import sys
 import textwrap
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -92,6 +94,7 @@ def answer(text: str) -> None:
 
 def emit(text: str) -> None:
     """Write a line to standard output, if there is one, whatever the voice."""
+    _BEAT.clear()
     if sys.stdout is not None:
         sys.stdout.write(text + "\n")
 
@@ -105,6 +108,7 @@ def warn(text: str) -> None:
 
 def complain(text: str) -> None:
     """Write a line to standard error, if there is one that takes it: the exit status says the rest."""
+    _BEAT.clear()
     try:
         if sys.stderr is not None:
             sys.stderr.write(text + "\n")
@@ -195,13 +199,14 @@ def _part(
     from rich.table import Table
     from rich.text import Text
 
-    grid = Table.grid(padding=(0, 2))
-    for i in columns:
-        grid.add_column(justify="left" if i < left else "right", overflow="fold")
     lines = [[cell if isinstance(cell := row[i], Text) else Text(str(cell)) for i in columns] for row in rows]
-    rest = None if limit is None else limit - sum(max(len(x[k]) for x in lines) + 2 for k in range(len(columns) - 1))
     rules = ["-" * max(len(header[i]), *(len(x[k]) for x in lines), 0) for k, i in enumerate(columns)]
-    if rest is not None and rest > 0:
+    rest = 0 if limit is None else limit - sum(len(rule) + 2 for rule in rules[:-1])
+    grid = Table.grid(padding=(0, 2))
+    for i in columns:  # where the last one has room, the others are not broken for it
+        whole = rest > 0 and i != columns[-1]
+        grid.add_column(justify="left" if i < left else "right", overflow="fold", no_wrap=whole)
+    if rest > 0:
         rules[-1] = rules[-1][:rest]
     grid.add_row(*(Text(header[i], "bold") for i in columns))
     grid.add_row(*(Text(rule, "dim") for rule in rules))
@@ -234,6 +239,84 @@ def _folded(line: str) -> str:
         break_long_words=False,
         break_on_hyphens=False,
     )
+
+
+class Beat:
+    """A line on standard error, "torquebench why: working, 3 s", while nothing else tells that a command goes on.
+
+    It is shown once nothing was written for `PATIENCE`, and taken back before anything is.
+    """
+
+    PATIENCE = 0.4
+    """How long the terminal may stay as it is [s]."""
+
+    def __init__(self) -> None:
+        """Show nothing yet."""
+        self._lock, self._shown, self._last, self.others = threading.RLock(), False, 0.0, 0
+
+    def clear(self, others: int = 0) -> None:
+        """Take the line back, as something else is written.
+
+        Args:
+            others: What begins (1) or ends (-1) to tell that the command goes on; nothing is shown meanwhile.
+        """
+        with self._lock:
+            self.others += others
+            self._last = time.monotonic()
+            if self._shown:
+                self._shown = False
+                self._write("\x1b[K")
+
+    @contextmanager
+    def beating(self, what: str) -> Iterator[None]:
+        """Show the line where it is needed for as long as this context lasts.
+
+        Args:
+            what: What goes on.
+        """
+        if not _watched() or os.environ.get("TERM") == "dumb":
+            yield
+            return
+        begun, ended = time.monotonic(), threading.Event()
+        self._last, self.others = begun, 0
+
+        def show() -> None:
+            while not ended.wait(self.PATIENCE / 3.0):
+                with self._lock:
+                    now = time.monotonic()
+                    idle = not (self.others or ended.is_set() or voice().quiet)
+                    if idle and (self._shown or now - self._last > self.PATIENCE):
+                        self._shown = True
+                        self._write(f"\x1b[K{what}: working, {now - begun:.0f} s\r")
+
+        thread = threading.Thread(target=show, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+            self.clear()
+
+    @staticmethod
+    def _write(text: str) -> None:
+        with suppress(OSError, AttributeError):
+            sys.stderr.write(text)
+            sys.stderr.flush()
+
+
+_BEAT = Beat()
+beating = _BEAT.beating
+
+
+def settle() -> None:
+    """Say nothing of work from now on: the command waits for the user."""
+    _BEAT.clear(1)
+
+
+def _watched() -> bool:
+    """Return whether somebody looks at standard error and wants more than errors."""
+    return not voice().quiet and sys.stderr is not None and sys.stderr.isatty()
 
 
 class Bar:
@@ -281,7 +364,7 @@ def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[B
         begin: What is being done until the first unit is finished.
         done: Units that were finished before.
     """
-    if voice().quiet or sys.stderr is None or not sys.stderr.isatty():
+    if not _watched():
         yield Bar(total=total or None)
         return
     if _PROGRESS:
@@ -291,12 +374,18 @@ def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[B
         finally:
             _PROGRESS[0].remove_task(task)
         return
-    with _display() as progress:
-        _PROGRESS.append(progress)
-        try:
-            yield Bar(progress, progress.add_task(begin, total=total or None, completed=done, unit=unit), total or None)
-        finally:
-            _PROGRESS.remove(progress)
+    display = _display()
+    _BEAT.clear(1)
+    try:
+        with display as progress:
+            _PROGRESS.append(progress)
+            try:
+                task = progress.add_task(begin, total=total or None, completed=done, unit=unit)
+                yield Bar(progress, task, total or None)
+            finally:
+                _PROGRESS.remove(progress)
+    finally:
+        _BEAT.clear(-1)
 
 
 def _display() -> Progress:

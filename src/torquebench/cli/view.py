@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import threading
-import webbrowser
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,7 +14,7 @@ from urllib.parse import urlencode
 from torquebench.cli.app import command
 from torquebench.cli.parameters import File, Number, Words, argument, option, refuse
 from torquebench.cli.run_folder import read_run
-from torquebench.cli.terminal import answer, say, tell, warn
+from torquebench.cli.terminal import answer, say, settle, tell, warn
 from torquebench.errors import VideoError
 
 if TYPE_CHECKING:
@@ -77,6 +76,7 @@ def _show_window(footage: Footage, speed: float) -> bool:
     shown = answers("torquebench.view.window", Job(footage, Video(speed=speed)), "glfw", SILENCE)
     try:
         next(shown, None)
+        settle()
         say("MuJoCo's viewer: space to pause, arrows to step, enter for the next controller")
         for _ in shown:
             continue  # it is still open
@@ -104,6 +104,7 @@ def _serve_page(page: bytes, files: Mapping[str, Path], chosen: str, port: int, 
             address = f"{stack.enter_context(serve(page, port, files))}#{chosen}"
         except OSError as error:
             refuse([("--port", f"{HOST}:{port} cannot be used ({error.strerror})")])
+        settle()
         tell(address=address)
         answer(f"view: {address}")
         say("Ctrl-C ends it")
@@ -111,5 +112,7 @@ def _serve_page(page: bytes, files: Mapping[str, Path], chosen: str, port: int, 
             sys.stdout.flush()
         has_display = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
         if open_browser and has_display:
+            import webbrowser
+
             webbrowser.open(address)
         threading.Event().wait()

@@ -319,6 +319,9 @@ def _drives(chain: Chain) -> Iterator[Part]:
         yield _delay("command_delay", f"the command delay of {1e3 * chain.command_delay:g} ms")
     if chain.torque_quantum > 0.0:
         yield _scalar(chain, "torque_quantum", f"the torque step of {chain.torque_quantum:g} N m", "N m")
+    if np.any(np.not_equal(chain.torque_gain, 1.0)):
+        title, cure = f"the drives' gain of {as_yaml(chain.torque_gain)}", "drives that are calibrated"
+        yield Part("torque_gain", title, lambda experiment: with_chain(experiment, torque_gain=1.0), remedy=cure)
     if np.any(chain.torque_offset):
         title = f"the drives' offset of {as_yaml(chain.torque_offset)} N m"
         cure = "an integral in the law, or drives that are calibrated"
@@ -343,6 +346,12 @@ def _drives(chain: Chain) -> Iterator[Part]:
         cure = f"a motion that takes less than {as_yaml(chain.thermal_limit.torque)} N m RMS"
         title = "the motors' continuous torque"
         yield Part("thermal_limit", title, lambda x: with_chain(x, thermal_limit=None), remedy=cure)
+    if chain.derating is not None:
+        cure, title = "motors that hold their torque", f"the motors' weakening from {chain.derating.at:g} s on"
+        yield Part("derating", title, lambda x: with_chain(x, derating=None), remedy=cure)
+    if chain.cross_talk is not None:
+        cure, title = "drives that are calibrated together", "the torque that leaks from joint to joint"
+        yield Part("cross_talk", title, lambda x: with_chain(x, cross_talk=None), remedy=cure)
     if chain.torque_delay > 0.0:
         yield _delay("torque_delay", f"the torque delay of {1e3 * chain.torque_delay:g} ms")
 
@@ -406,6 +415,8 @@ def _arm(experiment: Experiment, slopes: Slopes) -> Iterator[Part]:
     if plant.load is not None:
         title = f"the payload of {plant.load.mass:g} kg"
         yield Part("payload", title, other("payload", None), remedy=_told(plant.load.mass))
+    if plant.lock is not None:
+        yield Part("lock", f"the lock of joint {plant.lock.joint}", other("lock", None), remedy="a brake that is off")
     if plant.perturb is not None:
         cure = "identify the arm's constants"
         yield Part("perturb", "the arm's own difference from its model", other("perturb", None), remedy=cure)
@@ -530,7 +541,7 @@ def _loop(experiment: Experiment, lacks_gravity: bool) -> Iterator[Part]:
         return loop
 
     cure = "a slower motion, or smaller gains"
-    beside = "torque_speed", "thermal_limit"  # both are shares of the limit
+    beside = "torque_speed", "thermal_limit", "derating"  # they are shares of the limit
     yield Part("torque_limit", "the torque limit", lambda x: x, free, beside=beside, remedy=cure)
     period = experiment.run.control_period
 

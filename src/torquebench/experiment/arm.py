@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -123,6 +123,24 @@ def speed_remarks(experiment: Experiment, runs: Mapping[str, Trajectory]) -> lis
         asked = np.any(np.abs(run.qd_ref) > most, axis=0)
         lines += _too_fast(experiment, f"controller '{name}': ", run.t, run.qd, ~asked)
     return lines
+
+
+IDLE = 0.02
+"""Share of the torque limits below which it is asked whether they are right [1]."""
+
+
+def limit_remarks(runs: Mapping[str, Trajectory], tau_max: Sequence[float]) -> list[str]:
+    """Return a line where no controller ever uses more than `IDLE` of any joint's torque limit, or none.
+
+    Args:
+        runs: Controller name -> its run.
+        tau_max: Torque limits, (n,) [N m].
+    """
+    used = [float(np.max(np.abs(run.tau) / np.array(tau_max), initial=0.0)) for run in runs.values() if run.completed]
+    most = max(used, default=0.0)
+    if len(used) < len(runs) or not 0.0 < most < IDLE:
+        return []
+    return [f"no controller uses more than {100.0 * most:.2g} % of a torque limit: are the limits right?"]
 
 
 def planned_speed(experiment: Experiment, t: Array, qd_ref: Array) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from torquebench.laws import find_law
 from torquebench.references import Reference
 from torquebench.robot import RobotModel
 from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.joint_facts import ROUNDED, holding, without_rotor
 from torquebench.robot.payload import phases
 from torquebench.sim.friction import steady
 from torquebench.sim.signals import control_instants
@@ -36,8 +37,6 @@ TOO_MUCH = "the reference needs more torque than the arm has"
 """How the remark on it begins; a stored run has it as text."""
 SMALL = 0.005
 """Share of a torque below which one of its parts is not told [1]."""
-ROUNDED = 1e-9
-"""What rounding may make of a torque at its limit [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +54,11 @@ class Flag:
     """Least k = K/tau_max that suffices on every joint [1]."""
     unit: str = "N m"
     """N for a joint that slides."""
+
+    @property
+    def cause(self) -> str:
+        """What it explains of a run."""
+        return f"K = {self.gain:.4g} {self.unit} of {self.joint} is below what its motion needs, {self.needed:.4g}"
 
     def __str__(self) -> str:
         return (
@@ -88,6 +92,13 @@ class Coarse:
     unit: str = "N m"
     """N for a joint that slides."""
 
+    @property
+    def cause(self) -> str:
+        """What it explains of a run."""
+        thin = "its layer is thinner than a step of travel: " if self.has_layer else "K is too large for the period: "
+        speed = "m/s" if self.unit == "N" else "rad/s"
+        return f"{thin}K moves s of {self.joint} by {self.step:.3g} {speed} in one, {self.most:.3g} can be held"
+
     def __str__(self) -> str:
         speed = "m/s" if self.unit == "N" else "rad/s"
         end = "comes to rest in its layer" if self.has_layer else "errs by less than a tenth of its motion"
@@ -114,6 +125,11 @@ class Overdriven:
     """What Kd moves s by in it, in s: period x rho(M^-1 Kd) [1]."""
     unit: str = "N m s/rad"
     """N s/m for a joint that slides."""
+
+    @property
+    def cause(self) -> str:
+        """What it explains of a run."""
+        return f"Kd moves s of {self.joint} by {self.times:.3g} s in a control period, and s grows from {UNSTABLE:g} on"
 
     def __str__(self) -> str:
         return (
@@ -165,11 +181,12 @@ def resistance(experiment: schema.Experiment, arm: RobotModel | Phases, motion: 
 
 
 def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
-    """Return a line where the reference needs more torque than the arm has, and one where gravity at the start does.
+    """Return a line where the reference needs more torque than the arm has, one where gravity at the start does.
 
-    It is M qdd_ref + N(q_ref, qd_ref), friction included, of the true arm with what it carries, at up to `INSTANTS`
-    instants; what is drawn, disturbances, is no part of it. The line splits it into gravity, inertia, velocity terms
-    (Coriolis and centrifugal) and friction, signed so that they add up to the size that is told.
+    And one where joints without armature are too light for the control period. The torque is M qdd_ref + N(q_ref,
+    qd_ref), friction included, of the true arm with what it carries, at up to `INSTANTS` instants; what is drawn,
+    disturbances, is no part of it. The line splits it into gravity, inertia, velocity terms (Coriolis and centrifugal)
+    and friction, signed so that they add up to the size that is told.
 
     Args:
         experiment: What is to be run.
@@ -180,7 +197,10 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
         truth = replace(truth, at=-(-truth.at // step))
     motion = Reference(*(x[::step] for x in loop.reference))
     limits, units = np.asarray(loop.plant.tau_max), ["N" if kind == SLIDE else "N m" for kind in loop.model.flat.kind]
-    still = _held(truth, loop, limits, units)
+    first = truth.first if isinstance(truth, Phases) else truth
+    text, is_too_much = holding(first, loop.initial_q, limits, "where it starts")
+    rotor = without_rotor(first, loop.initial_q, experiment.run.control_period)
+    still = [line for line, is_so in ((text, is_too_much), (rotor, bool(rotor))) if is_so]
     drag = -resistance(experiment, truth, motion)
     tau = needed_torque(truth, motion) + drag
     share = np.abs(tau) / limits
@@ -208,21 +228,8 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
     ]
 
 
-def _held(truth: RobotModel | Phases, loop: Loop, limits: Array, units: Sequence[str]) -> list[str]:
-    """Return a line where gravity alone needs more torque at the start than the arm has, or none."""
-    first = truth.first if isinstance(truth, Phases) else truth
-    gravity = np.abs(first.bias_forces(loop.initial_q[None], np.zeros((1, len(limits))))[0])
-    worst = int(np.argmax(gravity / limits))
-    if gravity[worst] <= limits[worst] * (1.0 + ROUNDED):
-        return []
-    return [
-        f"the arm cannot hold itself where it starts: gravity alone needs {gravity[worst]:.4g} {units[worst]} of "
-        f"{loop.joint_names[worst]}, its limit is {limits[worst]:.4g} {units[worst]}"
-    ]
-
-
 def planned(experiment: schema.Experiment, loop: Loop) -> list[str]:
-    """Return what the arm cannot do of its reference, whatever the law: leave ranges, exceed speed or torque limits."""
+    """Return what the arm cannot do, whatever the law: leave ranges, exceed speed or torque, stand the period."""
     t = control_instants(experiment.n_steps, experiment.run.control_period)
     motion = [*planned_range(experiment, t, loop.reference.q), *planned_speed(experiment, t, loop.reference.qd)]
     return [*motion, *planned_torque(experiment, loop)]
@@ -261,9 +268,9 @@ def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
 def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Overdriven, ...]:
     """Return what the controllers cannot do, before anything is run: meet their reaching condition, or hold s.
 
-    All of that is said of rigid joints, so there is nothing to say where the plant's joints give.
+    All of that is said of rigid joints that move: there is nothing to say where the plant's joints give, or one locks.
     """
-    if experiment.plant.transmission is not None:
+    if experiment.plant.transmission is not None or experiment.plant.lock is not None:
         return ()
     truth, found = truth_of(experiment), list[Flag | Coarse | Overdriven]()
     acting = resistance(experiment, truth, loop.reference) + (0.0 if loop.disturbance is None else loop.disturbance)
@@ -292,7 +299,7 @@ def certificate_of(
     run: Trajectory,
     truth: RobotModel | Phases | None = None,
 ) -> Certificate | None:
-    """Return the certificate of one run; None where it did not complete, joints give, or its law has none.
+    """Return the certificate of one run; None where it did not complete, joints give or lock, or its law has none.
 
     Args:
         experiment: What was run.
@@ -302,7 +309,8 @@ def certificate_of(
         truth: The arm, where it is at hand; see `truth_of`.
     """
     law = sliding_law(keys, loop, experiment.n)
-    if law is None or not run.completed or experiment.plant.transmission is not None:
+    plant = experiment.plant
+    if law is None or not run.completed or plant.transmission is not None or plant.lock is not None:
         return None
     period = experiment.run.control_period
     return certify(run, truth or truth_of(experiment), law, period, experiment.chain.reaction(period))

@@ -11,12 +11,15 @@ from torquebench.fuzzy import BUILTIN, Prepared, prepare
 from torquebench.fuzzy.lint import lint
 from torquebench.keys import Units
 from torquebench.laws import Law, find_law
+from torquebench.robot import load_model
+from torquebench.tuning import friction_text
 
 
 def chosen_text(experiment: Experiment) -> list[str]:
     """Return a line for each controller with gains that were chosen: what they are, by joint where they differ.
 
-    Of a user's law it also says whether it was taken for one with a model, on which the gains depend.
+    Of a user's law it also says whether it was taken for one with a model, on which the gains depend; and of an arm
+    whose file has friction, what the gains leave of it.
     """
     lines, run, slides = [], experiment.run, slide_joints(experiment.plant.model)
     for keys in experiment.controllers:
@@ -32,6 +35,9 @@ def chosen_text(experiment: Experiment) -> list[str]:
         if gains:
             where = f"{experiment.plant.model} at {1e3 * run.control_period:g} ms"
             taken = "" if law.ships else f"; {model_text(law, keys.options)}"
+            arm = load_model(experiment.plant.model)
+            fit = law.fit(arm, run.control_period, experiment.chain, keys.options, keys.gains)
+            taken += f"; {left}" if (left := friction_text(fit, arm.joint_names, slides)) else ""
             lines.append(f"controller '{keys.name}': gains chosen for {where}: {', '.join(gains)}{taken}")
     return lines
 

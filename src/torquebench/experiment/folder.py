@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
-from xml.sax.saxutils import quoteattr, unescape
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
@@ -125,8 +125,8 @@ def _with_meshes(looks: Path, folder: Path) -> bytes:
     """Return a scene file for another folder, from which its meshes are found where they lie."""
 
     def moved(match: re.Match[str]) -> str:
-        meshes = (looks.parent / unescape(match[1])).resolve()
-        return f"meshdir={quoteattr(os.path.relpath(meshes, folder.resolve()))}"
+        meshes = (looks.parent / html.unescape(match[1])).resolve()
+        return f'meshdir="{html.escape(os.path.relpath(meshes, folder.resolve()))}"'
 
     return re.sub(r'meshdir="([^"]*)"', moved, looks.read_text(encoding="utf-8"), count=1).encode()
 

@@ -110,9 +110,16 @@ class Group(Node):
                 found[name] = BROKEN
                 if name not in meant and getattr(raw, "is_whole", True):
                     what = f"gain '{name}' is missing" if self.noun == "gain" else "missing"
-                    here.add(what, (name,), at="key", wanted=a_value(declared.key))
+                    here.add(what, (name,), at="key", wanted=self._asked(declared))
         here.document.groups[here.path] = self, found
         return found
+
+    def _asked(self, declared: Declared) -> str:
+        """Return what is wanted of who leaves out a key: a value, or a mapping with the keys that it must have."""
+        node = self.nodes[declared.name]
+        least = [one.name for one in node.fields.values() if one.required] if isinstance(node, Group) else []
+        keys = ", ".join(f"{name}: .." for name in least)
+        return a_value(declared.key).replace("a value", f"{{{keys}}}" if least else "a value", 1)
 
     def _unknown(self, key: str, raw: Any, here: Here) -> str:
         """Record that a key is none of the group's, and return the one that it was meant to be, if any."""
@@ -150,7 +157,7 @@ class Group(Node):
             if kinds:
                 having = f"it belongs to {owner.tag}: {', '.join(kinds)}"
                 return unknown._replace(text=f"has no effect with {owner.tag}: {name} ({having})")
-        home = homes(here.top).get(key)
+        home = home_of(here.top, key)
         return unknown._replace(wanted=f"it in {home}") if home and here.path[:1] != (home,) else None
 
     @functools.cached_property
@@ -186,14 +193,11 @@ def _below(group: Group, path: KeyPath) -> Group | None:
     return node if isinstance(node, Group) else None
 
 
-def homes(top: Group) -> dict[str, str]:
-    """Return the section of each key that only one section has."""
-    found = {key: {"the top level"} for key in top.fields}
-    for section, node in top.nodes.items():
-        for group in node.groups():
-            for key in group.fields:
-                found.setdefault(key, set()).add(section)
-    return {key: sections.pop() for key, sections in found.items() if len(sections) == 1}
+def home_of(top: Group, key: str) -> str:
+    """Return the section that alone has a key; nothing where none has, or several."""
+    found = ["the top level"] if key in top.fields else []
+    found += [section for section, node in top.nodes.items() if any(key in group.fields for group in node.groups())]
+    return found[0] if len(found) == 1 else ""
 
 
 def is_broken(value: Any) -> bool:

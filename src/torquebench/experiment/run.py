@@ -11,11 +11,12 @@ from torquebench.certificates import Certificate
 from torquebench.chain import rate_remarks
 from torquebench.disturbances import Stream
 from torquebench.errors import ResultError
-from torquebench.experiment.arm import range_remarks, speed_remarks
+from torquebench.experiment.arm import limit_remarks, range_remarks, speed_remarks
 from torquebench.experiment.build import Loop, build, plant_factors
 from torquebench.experiment.certify import certificates, flags, planned
 from torquebench.experiment.describe import conditions_text
 from torquebench.experiment.dump import config_hash
+from torquebench.experiment.explain import explained
 from torquebench.experiment.schema import Controller as ControllerKeys
 from torquebench.experiment.schema import Experiment
 from torquebench.experiment.store import machine, model_checksums, versions
@@ -95,13 +96,23 @@ class ExperimentResult:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """What controllers or arm could not do before the run, what the arm's file lost, and joints out of range."""
-        return (*foreseen(self.experiment, self.loop), *self.out_of_range)
+        """What controllers or arm could not do before the run, what the arm's file lost, and what went wrong in it."""
+        return (*foreseen(self.experiment, self.loop), *self.out_of_range, *self.explained)
+
+    @cached_property
+    def explained(self) -> tuple[str, ...]:
+        """A line for each controller that fails, errs by more than its motion, .., with the causes; see `explained`."""
+        certified = {} if self.arm_changed else self.certified
+        return tuple(explained(self.experiment, self.loop, self.runs, self.metrics, certified))
 
     @cached_property
     def out_of_range(self) -> tuple[str, ...]:
-        """A line for each controller in whose run joints leave the range, or the speed, that the arm's file allows."""
-        return (*range_remarks(self.experiment, self.runs), *speed_remarks(self.experiment, self.runs))
+        """A line for each controller that leaves the range or speed of the arm's file, and one for idle motors."""
+        return (
+            *range_remarks(self.experiment, self.runs),
+            *speed_remarks(self.experiment, self.runs),
+            *limit_remarks(self.runs, self.joints.tau_max),
+        )
 
     @cached_property
     def certificates(self) -> Mapping[str, Certificate]:
@@ -142,7 +153,7 @@ class ExperimentResult:
 
     @cached_property
     def scenario(self) -> dict[str, Any]:
-        """What was drawn for model and plant, and the step at which the payload was taken up."""
+        """What was drawn for model and plant, and the steps at which the payload was taken up and a joint locked."""
         experiment, flat, facts = self.experiment, self.loop.model.flat, dict[str, Any]()
         if experiment.model.mismatch is not None:
             if len(flat.constants):
@@ -154,6 +165,8 @@ class ExperimentResult:
             facts["plant_factors"] = {name: factors[:, i].tolist() for i, name in enumerate(FACTORS)}
         if experiment.plant.payload is not None:
             facts["payload_step"] = whole_steps(experiment.plant.payload.at, experiment.run.control_period)
+        if experiment.plant.lock is not None:
+            facts["lock_step"] = whole_steps(experiment.plant.lock.at, experiment.run.control_period)
         return facts
 
     def to_json(self) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import yaml
 KeyPath: TypeAlias = tuple[str | int, ...]
 
 MAX_DEPTH = 32
-MAX_VALUES = 20_000
+MAX_VALUES = 12_000
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DIGITS = r"(?:0|[1-9][0-9]*)"
@@ -170,6 +170,8 @@ def resolve(text: str) -> bool | int | float | str | None:
     """Return the value of an unquoted scalar."""
     if text in _FIXED:
         return _FIXED[text]
+    if text[0].isalpha():  # no number begins so
+        return text
     if _INT.fullmatch(text) and len(text) <= _LONGEST_INT:
         return int(text)
     if NUMBER.fullmatch(text):
@@ -245,7 +247,9 @@ class _Builder:
     def _odd(self, event: yaml.Event, path: KeyPath) -> bool:
         """Report what is refused on any value; return whether the value is unusable."""
         anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
-        if isinstance(event, yaml.AliasEvent):
+        if anchor is None and tag is None:
+            return False
+        if isinstance(event, yaml.AliasEvent):  # its anchor is the name
             self._add(path, "aliases (*name) are not accepted; write the value out", event)
         elif anchor is not None:
             self._add(path, f"anchors are not accepted; remove &{shortened(str(anchor))[1:-1]}", event)

@@ -143,9 +143,14 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function for a signature; None if it is not there, or not usable."""
+        """Return the compiled function for a signature; None if it is not there, or not usable.
+
+        Unlike numba's own, this does not register all that a compiler knows beforehand, which takes longer than most
+        runs: machine code needs none of it, and a compiler registers it by itself.
+        """
         try:
-            return super().load_overload(sig, target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except Exception as error:  # noqa: BLE001  a pickle may raise anything; the kernel is compiled anew
             _say("damaged", f"kernel cache {cache_folder()}: {type(error).__name__}: {error}; compiling anew")
             return None

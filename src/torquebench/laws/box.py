@@ -36,9 +36,26 @@ class Side(NamedTuple):
             return float(self.low * (self.high / self.low) ** share)
         return self.low + (self.high - self.low) * share
 
-    def __str__(self) -> str:
+    @property
+    def text(self) -> str:
+        """From where to where, in words."""
         unit = f"x {self.of}" if self.of else "" if self.unit == "1" else self.unit
-        return f"{self.gain} {self.low:g} to {self.high:g} {unit}".rstrip()
+        return f"{self.low:g} to {self.high:g} {unit}".rstrip()
+
+    def __str__(self) -> str:
+        return f"{self.gain} {self.text}"
+
+
+def side_of(name: str, gain: Gain) -> Side:
+    """Return where tuning looks for a gain, whatever the arm; see `Box`.
+
+    Args:
+        name: What the gain is called.
+        gain: What its law declares of it.
+    """
+    search = gain.search or BOXES.get(gain.unit)
+    low, high, spacing = search or MULTIPLES
+    return Side(name, gain.unit, low, high, spacing == "log", "" if search else "auto" if gain.rule else "its own")
 
 
 class Box:
@@ -84,16 +101,13 @@ class Box:
         for name, gain in self.law.gains.items():
             if name not in self.given:
                 continue
-            search = gain.search or BOXES.get(gain.unit)
-            base, of = chosen.get(name, self.given[name]), "auto" if name in chosen else "its own"
-            if search is not None:
-                yield Side(name, gain.unit, search[0], search[1], search[2] == "log", "")
-            elif np.any(base):
-                yield Side(name, gain.unit, MULTIPLES[0], MULTIPLES[1], MULTIPLES[2] == "log", of)
+            side = side_of(name, gain)
+            if not side.of or np.any(chosen.get(name, self.given[name])):
+                yield side
 
     def _chosen(self, known: Mapping[str, Vector]) -> dict[str, Vector]:
         """Return the gains that have a rule, as ``gains: auto`` chooses them beside others that are known."""
-        without = {name: value for name, value in self.given.items() if not _has_rule(self.law.gains[name])}
+        without = {name: value for name, value in self.given.items() if self.law.gains[name].rule is None}
         found = self.law.choose_gains(*self._arm, given={**without, **known})
         return {name: value for name, value in found.items() if name not in without}
 
@@ -122,10 +136,6 @@ class Box:
     def to_json(self) -> list[dict[str, Any]]:
         """Return the sides as plain values."""
         return [side._asdict() for side in self.sides]
-
-
-def _has_rule(gain: Gain) -> bool:
-    return gain.rule is not None
 
 
 def _rounded(x: float) -> float:

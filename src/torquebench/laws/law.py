@@ -61,6 +61,11 @@ class Law:
         """Whether it is one of the package's own laws."""
         return str(getattr(self.function, "__module__", "")).startswith("torquebench.laws.")
 
+    @property
+    def terms(self) -> frozenset[str]:
+        """Terms of the arm's dynamics that its source calls, with some of its options at least."""
+        return frozenset(terms_called(self.function))
+
     def has_model(self, options: Mapping[str, str | bool]) -> bool:
         """Return whether the law cancels the arm's dynamics with its model, for `choose_gains`.
 
@@ -78,7 +83,7 @@ class Law:
             return chosen[str(option)] in values
         if "equivalent_control" in chosen:
             return bool(chosen["equivalent_control"])
-        called = _terms_called(getattr(self.function, "py_func", self.function), set())
+        called = self.terms
         return "inverse_dynamics" in called or ("mass_matrix" in called and len(called) > 1)
 
     def new_memory(self, n: int) -> Any:
@@ -168,8 +173,20 @@ class Law:
         Raises:
             ControllerError: a gain that is not given has no rule.
         """
-        chosen = {name: option.values[0] for name, option in self.options.items()} | dict(options or {})
         given = dict(given or {})
+        found = {**choose(self.fit(model, control_period, chain, options, given)), **given}
+        return {name: found[name] for name in self.gains if name in found}
+
+    def fit(
+        self,
+        model: RobotModel,
+        control_period: float,
+        chain: Chain,
+        options: Mapping[str, str | bool] | None,
+        given: Mapping[str, Any],
+    ) -> Fit:
+        """Return the law on an arm as the rules of its gains see it; arguments and errors as for `choose_gains`."""
+        chosen = {name: option.values[0] for name, option in self.options.items()} | dict(options or {})
         acting = {name: gain for name, gain in self.gains.items() if name in given or gain.acts(chosen)}
         problems = [text for name in acting if name not in given and (text := self.no_rule(name))]
         if problems:
@@ -177,8 +194,7 @@ class Law:
         rules = {name: gain.rule for name, gain in acting.items() if gain.rule is not None}
         known = {name: np.full(model.n, value, dtype=np.float64) for name, value in given.items()}
         reaction = chain.reaction(control_period)
-        found = choose(Fit(limits_of(model), reaction, control_period, rules, self.has_model(chosen), known))
-        return {name: given[name] if name in given else found[name] for name in acting}
+        return Fit(limits_of(model), reaction, control_period, rules, self.has_model(chosen), known)
 
     def misfit(self, structure: str) -> str:
         """Return why the law cannot have a model of this structure; nothing where it can."""
@@ -209,9 +225,17 @@ HasModel = bool | tuple[str | bool, ...] | None
 _TERMS = {term.__name__: term for term in (mass_matrix, gravity, bias_forces, inverse_dynamics)}
 
 
-def _terms_called(function: Any, seen: set[Any]) -> set[str]:
-    """Return the terms of the dynamics that a function's source names, itself or in functions that it names."""
-    found = set[str]()
+def terms_called(function: Any, seen: set[Any] | None = None) -> set[str]:
+    """Return the terms of the dynamics that a function's source names, itself or in functions that it names.
+
+    A law that runs in a process of its own has had that process look: they are its ``terms``.
+
+    Args:
+        function: A law or a kernel.
+        seen: Functions that were looked at already; changed.
+    """
+    function, seen = getattr(function, "py_func", function), set() if seen is None else seen
+    found = set[str](getattr(function, "terms", ()))
     if not isinstance(function, FunctionType) or function in seen:
         return found
     seen.add(function)
@@ -220,7 +244,7 @@ def _terms_called(function: Any, seen: set[Any]) -> set[str]:
     used += [getattr(x, name, None) for x in used if isinstance(x, ModuleType) for name in names]
     for value in used:
         term = next((name for name, term in _TERMS.items() if term is value), None)
-        found |= {term} if term else _terms_called(getattr(value, "py_func", value), seen)
+        found |= {term} if term else terms_called(value, seen)
     return found
 
 

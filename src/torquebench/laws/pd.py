@@ -56,8 +56,9 @@ def pid(
 ) -> None:
     """PID: tau = Kp e + Kd de + KI int e, Kd = kV Mbar, Kp = lambda Kd, KI = kI Mbar.
 
-    The integral is a sum over control instants and does not grow while the torque is beyond its limit in the
-    error's direction (conditional integration).
+    Arimoto and Miyazaki, Robotics Research: The First International Symposium (1984), 783, for an arm. The integral is
+    a sum over control instants and does not grow while the torque is beyond its limit in the error's direction
+    (conditional integration).
     """
     for i in range(len(tau)):
         e = ref.q[i] - q[i]

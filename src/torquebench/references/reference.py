@@ -141,14 +141,26 @@ def from_samples(t: Array, q: Array, qd: Array, qdd: Array) -> Reference:
     if h <= 0 or not np.allclose(np.diff(t), h, rtol=1e-6, atol=0):
         raise InconsistentReferenceError("reference times must be evenly spaced and increasing")
     for name, value, rate in (("qd", q, qd), ("qdd", qd, qdd)):
-        change = value[2:] - value[:-2]
-        integral = h / 3.0 * (rate[:-2] + 4.0 * rate[1:-1] + rate[2:])
-        gap = np.abs(change - integral)
-        allowed = 0.01 * np.max(np.abs(change), axis=0) + 1e-4 * np.max(np.abs(change)) + 1e-9
-        if np.any(gap > allowed):
-            k, joint = np.unravel_index(int(np.argmax(gap / allowed)), gap.shape)
+        change, integral, excess = against_rate(h, value, rate)
+        if np.any(excess > 1.0):
+            k, joint = np.unravel_index(int(np.argmax(excess)), excess.shape)
             raise InconsistentReferenceError(
                 f"{name} is not the derivative of {'q' if name == 'qd' else 'qd'}: at t = {t[k + 1]:g} s, joint "
                 f"{joint + 1}, the change is {change[k, joint]:.6g} but {name} integrates to {integral[k, joint]:.6g}"
             )
     return Reference(q, qd, qdd)
+
+
+def against_rate(h: float, value: Array, rate: Array) -> tuple[Array, Array, Array]:
+    """Return what a sampled value changes by over two samples, what its rate integrates to, and the gap of the two.
+
+    The gap is over what is allowed, see `from_samples`: the rate is no derivative where it is more than 1.
+
+    Args:
+        h: Time between samples [s].
+        value, rate: The value and its rate, (N, n).
+    """
+    change = value[2:] - value[:-2]
+    integral = h / 3.0 * (rate[:-2] + 4.0 * rate[1:-1] + rate[2:])
+    allowed = 0.01 * np.max(np.abs(change), axis=0) + 1e-4 * np.max(np.abs(change)) + 1e-9
+    return change, integral, np.abs(change - integral) / allowed

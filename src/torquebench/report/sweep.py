@@ -18,16 +18,16 @@ from torquebench.report.sweep_page import SweepInfo, sweep_page
 from torquebench.report.sweep_tables import SHOWN
 from torquebench.report.tables import headlines
 from torquebench.sim.trajectory import Outcome
-from torquebench.sweep.best import best_choices
+from torquebench.sweep.best import best_choices, distinct
 from torquebench.sweep.border import level_of
 from torquebench.sweep.folder import TABLE, StoredSweep, read_column
 from torquebench.sweep.run import worst_rows
 from torquebench.sweep.sensitivity import Sensitivity, sensitivities
-from torquebench.sweep.summary import Summary, summarise
+from torquebench.sweep.summary import Figure, Summary, summarise
 from torquebench.sweep.table import Table, grid_keys, metric_keys, read_table, rows_by, words
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib import figure
 
     from torquebench.report.figures.files import Wish
 
@@ -93,7 +93,7 @@ def dependences(stored: StoredSweep, table: Table) -> list[Sensitivity]:
     return sensitivities(table, plan.experiment, metric_keys(table))
 
 
-def jobs_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str, partial[Figure]]:
+def jobs_of(info: SweepInfo, table: Table, found: list[Sensitivity]) -> dict[str, partial[figure.Figure]]:
     """Return what draws each figure of a sweep, by name.
 
     Args:
@@ -186,10 +186,10 @@ def sweep_facts(stored: StoredSweep, outcomes: Outcomes, summary: Summary | None
         for i, name in enumerate(plan.controllers)
     }
     size = {"name": plan.first.name, "cases": plan.cases, "draws": plan.draws, "rows": plan.rows}
-    best = [] if summary is None else best_facts(summary)
+    best, cases = ([], []) if summary is None else (best_facts(summary), case_facts(summary))
     searched = summary is not None and plan.keys.border is not None
     borders = border_facts(read_table(stored.folder / TABLE)) if searched else []
-    return {**size, "controllers": found, "best": best, "borders": borders}
+    return {**size, "controllers": found, "best": best, "cases": cases, "borders": borders}
 
 
 def border_facts(table: Table) -> list[dict[str, Any]]:
@@ -206,14 +206,25 @@ def border_facts(table: Table) -> list[dict[str, Any]]:
 def best_facts(summary: Summary) -> list[dict[str, Any]]:
     """Return the best choices of a sweep, the least error first, at most `MOST_TOLD`, each mean with its interval."""
     by = next((key for key in SHOWN if key in summary.metrics), None)
-    ends = ("mean", "low", "high")
     return [
         {"controller": one.controller, "case": one.worst.case, "values": one.worst.values}
         | {"cases": one.cases, "runs": one.runs, "completed": one.completed}
-        | {"chatters": one.chatters}
-        | {"metrics": {key: dict(zip(ends, figure[1:4], strict=True)) for key, figure in one.figures.items()}}
+        | {"chatters": one.chatters, "metrics": _means(one.figures)}
         for one in (best_choices(summary, by)[:MOST_TOLD] if by else ())
     ]
+
+
+def case_facts(summary: Summary) -> list[dict[str, Any]]:
+    """Return every law in every case, at most `MOST_TOLD`, each mean with its interval."""
+    return [
+        {"controller": one.controller, "case": one.case, "values": one.values}
+        | {"runs": one.successes.trials, "completed": one.successes.successes, "metrics": _means(one.figures)}
+        for one in distinct(summary)[:MOST_TOLD]
+    ]
+
+
+def _means(figures: Mapping[str, Figure]) -> dict[str, dict[str, float]]:
+    return {key: {"mean": x.mean, "low": x.low, "high": x.high} for key, x in figures.items()}
 
 
 def unexpected_outcomes(stored: StoredSweep, outcomes: Outcomes) -> dict[str, str]:

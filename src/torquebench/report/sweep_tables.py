@@ -41,7 +41,9 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
     runs, failed = sum(law.runs for law in summary.overall), sum(law.runs - law.successes for law in summary.overall)
     kinds = [f"{law.controller} {law.runs - law.successes:,}" for law in summary.overall if law.successes < law.runs]
     failures = (
-        f"{failed:,} of {runs:,} runs failed: {', '.join(kinds)}." if failed else f"None of {runs:,} runs failed."
+        f"{failed:,} of {runs:,} runs failed: {', '.join(kinds)}.{_who_fails_more(summary)}"
+        if failed
+        else f"None of {runs:,} runs failed."
     )
     if not set(SHOWN) <= set(summary.metrics):
         return [failures]
@@ -64,6 +66,18 @@ def answer(summary: Summary, titles: Titles) -> list[str]:
         text = f"{what}: {choice_text(one, summary)}; {figures}{_worst_of(one, summary) if not lines else ''}"
         lines.append(f"{text}{_shakes(one, error, summary, titles) if not lines else ''}.")
     return [*lines, failures]
+
+
+def _who_fails_more(summary: Summary) -> str:
+    """Return in how many draws each law fails more than the reference, and whether by more than chance."""
+    told = [
+        f"{law.controller} in {law.outcomes.first} and {law.outcomes.second} (p = {law.outcomes.p:.2g})"
+        for law in summary.overall
+        if law.outcomes.pairs > 1 and law.outcomes.first != law.outcomes.second
+    ]
+    draws = summary.overall[0].outcomes.pairs
+    text = f" Draws of {draws} with more failures than {summary.reference}, and with fewer, exact McNemar test: "
+    return f"{text}{', '.join(told)}." if told else ""
 
 
 def _shakes(best: Choice, choices: Sequence[Choice], summary: Summary, titles: Titles) -> str:

@@ -7,8 +7,18 @@ import re
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from torquebench.robot.library import ArmSource, file_of_arm
+import numpy as np
 
+from torquebench.kernel import Array
+from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.library import ArmSource, file_of_arm
+from torquebench.robot.robot_model import RobotModel
+
+ROUNDED = 1e-9
+"""What rounding may make of a torque at its limit [1]."""
+TWITCH = 10.0
+"""Change of speed in one control period, by full torque, from which it is said that a rotor's inertia is missing
+[rad/s]."""
 _COMMENT = re.compile(r"\s*(?:<\?xml.*?\?>\s*)?<!--(?! torquebench: )(.*?)-->", re.DOTALL)
 
 
@@ -49,6 +59,49 @@ class ArmFacts(NamedTuple):
     """What was left out or changed of the file."""
     keyframes: tuple[str, ...]
     joints: tuple[JointFacts, ...]
+    remarks: tuple[str, ...] = ()
+    """What holding it at its first keyframe takes, or at zero without one, and which joints miss a rotor's inertia."""
+
+
+def holding(arm: RobotModel, q: Array, tau_max: Array, where: str) -> tuple[str, bool]:
+    """Return what gravity takes of the joint that has the least to spare, and whether that is more than it has.
+
+    Args:
+        arm: The arm.
+        q: A pose, (n,) [rad].
+        tau_max: Torque limits, (n,) [N m].
+        where: What the pose is called.
+    """
+    gravity = np.abs(arm.gravity(q[None])[0])
+    worst = int(np.argmax(gravity / tau_max))
+    unit, joint = "N" if arm.flat.kind[worst] == SLIDE else "N m", arm.joint_names[worst]
+    took, most = f"{gravity[worst]:.4g} {unit}", f"{tau_max[worst]:.4g} {unit}"
+    if gravity[worst] > tau_max[worst] * (1.0 + ROUNDED):
+        text = f"the arm cannot hold itself {where}: gravity alone needs {took} of {joint}, its limit is {most}"
+        return text, True
+    return f"holding the arm {where} takes {took} of {joint}, its limit is {most}", False
+
+
+def without_rotor(arm: RobotModel, q: Array, control_period: float = 1e-3) -> str:
+    """Return a line on joints without armature that full torque moves too far in one control period, or nothing.
+
+    It changes their speed by T tau_max (M^-1)_ii, which is more than `TWITCH`.
+
+    Args:
+        arm: The arm.
+        q: A pose, (n,) [rad].
+        control_period: T [s].
+    """
+    change = control_period * arm.flat.tau_max * np.diag(np.linalg.inv(arm.mass_matrix(q[None])[0]))
+    change = np.where((arm.flat.armature == 0.0) & (arm.flat.kind != SLIDE), change, 0.0)
+    joints = [arm.joint_names[i] for i in np.flatnonzero(change > TWITCH)]
+    if not joints:
+        return ""
+    worst = arm.joint_names[int(np.argmax(change))]
+    return (
+        f"no armature, the inertia of the rotor, of {', '.join(joints)}: full torque changes the speed of {worst} by "
+        f"{np.max(change):.3g} rad/s in {1e3 * control_period:.4g} ms, which only soft laws or shorter periods stand"
+    )
 
 
 def arm_facts(source: ArmSource) -> ArmFacts:
@@ -60,7 +113,7 @@ def arm_facts(source: ArmSource) -> ArmFacts:
     Raises:
         ModelError: there is no such arm, or not one that laws can drive.
     """
-    from torquebench.robot import mjcf
+    from torquebench.robot import load_model, mjcf
 
     file = file_of_arm(source)
     arm = mjcf.read_arm(file)
@@ -87,7 +140,10 @@ def arm_facts(source: ArmSource) -> ArmFacts:
             )
         )
     text = "" if comment is None else " ".join(comment[1].split())
-    return ArmFacts(file.name, file.origin, text, arm.remarks, tuple(mjcf.keyframes(m)), tuple(joints))
+    keys, model = mjcf.keyframes(m), load_model(arm)
+    pose, where = next(((q, f"at key:{name}") for name, q in keys.items()), (np.zeros(m.nq), "at zero"))
+    told = holding(model, pose, limits, where)[0], without_rotor(model, pose)
+    return ArmFacts(file.name, file.origin, text, arm.remarks, tuple(keys), tuple(joints), tuple(filter(None, told)))
 
 
 def _number(value: float | tuple[float, float], unit: str) -> Number:

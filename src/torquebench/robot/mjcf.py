@@ -155,9 +155,9 @@ def _unsound(m: Any) -> str:
     if m.nv == 0:
         return ""
     with np.errstate(all="ignore"):
-        d, M = mujoco.MjData(m), np.zeros((m.nv, m.nv))
-        for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb, mujoco.mj_comVel):
-            stage(m, d)
+        d, M = at_zero(m), np.zeros((m.nv, m.nv))
+        mujoco.mj_crb(m, d)
+        mujoco.mj_comVel(m, d)
         mujoco.mj_fullM(m, d, M)
         gravity = np.zeros(m.nv)
         mujoco.mj_rne(m, d, 0, gravity)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -80,7 +81,7 @@ def links_of(m: Any, d: Any = None) -> Links:
         body = int(m.jnt_bodyid[j])
         if j == m.body_jntadr[body] + m.body_jntnum[body] - 1:
             rigid = [b for b in range(1, m.nbody) if carrier(m, b) == body]
-            links.mass[j], links.com[j], links.inertia[j] = _lump(m, d, rigid, rotations[j + 1], origins[j + 1])
+            links.mass[j], links.com[j], links.inertia[j] = lump(m, d, rigid, rotations[j + 1], origins[j + 1])
     return links
 
 
@@ -146,7 +147,8 @@ def _joint_frame(m: Any, d: Any, joint: int) -> Array:
     return np.array(body @ np.column_stack([x, np.cross(axis, x), axis]))
 
 
-def _lump(m: Any, d: Any, bodies: list[int], R: Array, p: Array) -> tuple[float, Array, Array]:
+def lump(m: Any, d: Any, bodies: Sequence[int], R: Array, p: Array) -> tuple[float, Array, Array]:
+    """Return mass, centre and inertia about it of bodies that move as one, in a frame of orientation R and origin p."""
     masses = np.array([m.body_mass[b] for b in bodies])
     total = float(np.sum(masses))
     centre = sum((m.body_mass[b] * d.xipos[b] for b in bodies), np.zeros(3)) / total if total > 0 else p

@@ -21,6 +21,8 @@ FLAT = 0.02
 """An arm that leaves its plane by less than this fraction of its size is seen from across that plane."""
 MARGIN = 0.04
 """Space that a film leaves on each side of the arm, as a fraction of what the arm takes."""
+STILL = 0.4
+"""What of a column or a base is shown, beyond what moves, as a fraction of the larger side that this takes."""
 LONG = 0.1
 """Links without a shape are drawn beside links that have one if they are so long, over the arm's length."""
 VISIBLE_GROUPS = 2
@@ -274,8 +276,8 @@ def add_cameras(spec: Any, points: Array, reach: float) -> None:
 def window(scene: Scene, camera: int, poses: Array, aspect: float) -> Array:
     """Return which part of a camera's picture shows the arm at all poses: left, right, bottom and top.
 
-    These are slopes, tangents of the angle to the camera's axis. What stands still counts if it is smaller than the
-    arm: its column does, a wall does not.
+    These are slopes, tangents of the angle to the camera's axis. Of what stands still and is smaller than the arm, its
+    column say, so much is shown that what moves takes the most of the picture: `STILL` of its larger side beyond it.
 
     Args:
         scene: The arm.
@@ -286,7 +288,7 @@ def window(scene: Scene, camera: int, poses: Array, aspect: float) -> Array:
     m, d, slopes = scene.model, mujoco.MjData(scene.model), []
     still = (m.geom_group <= VISIBLE_GROUPS) & (m.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
     small = np.flatnonzero(still & (m.geom_rbound < scene.reach))
-    seen = sorted({*scene.moving, *small.tolist()})
+    seen = [*scene.moving, *(int(g) for g in small if g not in scene.moving)]
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     boxes = m.geom_aabb[seen, None, :3] + corners * m.geom_aabb[seen, None, 3:]
     for q in poses:
@@ -298,7 +300,12 @@ def window(scene: Scene, camera: int, poses: Array, aspect: float) -> Array:
             3, 3
         )
         slopes.append(points[:, :2] / np.maximum(-points[:, 2:], 0.1 * scene.reach))
-    low, high = np.min(slopes, axis=(0, 1)), np.max(slopes, axis=(0, 1))
+    lows, highs = np.min(slopes, axis=0), np.max(slopes, axis=0)
+    own = len(corners) * (len(scene.moving) or len(seen))
+    low, high = np.min(lows[:own], axis=0), np.max(highs[:own], axis=0)
+    beyond = STILL * np.max(high - low)
+    low = np.maximum(np.min(lows, axis=0), low - beyond)
+    high = np.minimum(np.max(highs, axis=0), high + beyond)
     half = (0.5 + MARGIN) * max((high[0] - low[0]) / aspect, high[1] - low[1]) * np.array([aspect, 1.0])
     middle = (low + high) / 2.0
     return np.stack([middle - half, middle + half], axis=1).ravel()

@@ -112,8 +112,29 @@ def copy_row(source: Array, target: Array) -> None:
         target[i] = source[i]
 
 
+@kernel
+def sense(job: Job, k: int) -> None:
+    """Record the state at control instant k, and show the law what the sensors make of it."""
+    copy_row(job.q, job.record_q[k])
+    copy_row(job.qd, job.record_qd[k])
+    if len(job.motors) > 0:
+        copy_row(job.motors[0], job.record_motor_q[k])
+        copy_row(job.motors[1], job.record_motor_qd[k])
+    if len(job.record_q_meas) > 0:
+        measure(job.sensors, k, job.control_period, job.sensed_q, job.sensed_qd, job.fresh_q, job.fresh_qd)
+        if len(job.late) > 0:
+            hold_back(job, k)
+        copy_row(job.measured_q, job.record_q_meas[k])
+        copy_row(job.measured_qd, job.record_qd_meas[k])
+
+
 def closed_loop(
-    job: Job, first: int, last: int, law: Callable[[Job, int], int], step: Callable[[Job, int, int], None]
+    job: Job,
+    first: int,
+    last: int,
+    law: Callable[[Job, int], int],
+    step: Callable[[Job, int, int], None],
+    sensed: int = 0,
 ) -> int:
     """Run control instants `first` .. `last` - 1 and return how that ended; ``job.at[0]`` is the instant reached.
 
@@ -123,25 +144,15 @@ def closed_loop(
         law: Called with the job and k; fills ``job.record_tau_law[k]`` and returns how that went.
         step: Called with the job, a number of physics steps, and whether the torque varies within them; moves
             ``job.q`` and ``job.qd`` on.
+        sensed: Control instants before this one have been through `sense` already.
     """
-    q, qd, memory, record_memory, at = job.q, job.qd, job.memory, job.record_memory, job.at
-    record_q, record_qd, record_tau_law = job.record_q, job.record_qd, job.record_tau_law
-    measured, delayed = len(job.record_q_meas) > 0, len(job.late) > 0
+    memory, record_memory, record_tau_law, at = job.memory, job.record_memory, job.record_tau_law, job.at
     driven = job.drives.active or len(job.drives.decay) > 0
-    bounded, geared = len(job.ends) > 0, len(job.motors) > 0
+    bounded = len(job.ends) > 0
     for k in range(first, last):
         at[0] = k
-        copy_row(q, record_q[k])
-        copy_row(qd, record_qd[k])
-        if geared:
-            copy_row(job.motors[0], job.record_motor_q[k])
-            copy_row(job.motors[1], job.record_motor_qd[k])
-        if measured:
-            measure(job.sensors, k, job.control_period, job.sensed_q, job.sensed_qd, job.fresh_q, job.fresh_qd)
-            if delayed:
-                hold_back(job, k)
-            copy_row(job.measured_q, job.record_q_meas[k])
-            copy_row(job.measured_qd, job.record_qd_meas[k])
+        if k >= sensed:
+            sense(job, k)
         tau_law = record_tau_law[k]
         for i in range(len(tau_law)):
             tau_law[i] = math.nan  # so that a joint the law forgets is noticed
@@ -164,9 +175,9 @@ def closed_loop(
                 step(job, 1, 1)
         else:
             step(job, job.substeps, 0)
-        if not inside(q, qd):
+        if not inside(job.q, job.qd):
             return DIVERGED
-        if bounded and not within(q, job.ends):
+        if bounded and not within(job.q, job.ends):
             return OUT_OF_RANGE
     return COMPLETED
 

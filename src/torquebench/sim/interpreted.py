@@ -16,7 +16,7 @@ from torquebench.kernel.twin import on_numbers, python_numbers
 from torquebench.laws import Law
 from torquebench.references import Reference
 from torquebench.robot.flat_model import Model
-from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED, closed_loop
+from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED, closed_loop, sense
 from torquebench.sim.job import Job, Setup
 
 
@@ -37,15 +37,22 @@ class PythonRun:
         start = getattr(setup.law.function, "start", None)  # of a law that runs in a process of its own
         self._call = start(setup) if start else Call(setup.law, setup.gains, setup.belief, setup.memory)
         self._loop, self._job = on_numbers(closed_loop), python_numbers(setup.job)
+        self._sensed = 0
         self._see()
 
-    def attach(self) -> None:
-        """Have the plant go on with its payload."""
-        self.setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
+    def sense(self, k: int) -> None:
+        """Measure at control instant k, ahead of the call that goes on from there."""
+        on_numbers(sense)(self._job, k)
+        self._sensed = k + 1
+
+    def change(self) -> None:
+        """Have the plant go on as the next of its arms."""
+        self.setup.plant.change()  # type: ignore[attr-defined]  # only of a plant that changes
+        self._see()
 
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1."""
-        return int(self._loop(self._job, first, last, self._law, self._step))
+        return int(self._loop(self._job, first, last, self._law, self._step, self._sensed))
 
     def _law(self, job: Job, k: int) -> int:
         status, self.detail = self._call.at(job, k)

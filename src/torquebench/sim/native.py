@@ -379,7 +379,7 @@ class NativeRun:
 
     def __init__(self, setup: Setup, plant: NativePlant) -> None:
         job = setup.job
-        self.setup, self._plant = setup, plant
+        self.setup, self._plant, self._later = setup, plant, iter(plant.later)
         self._tables = bind_law(setup)
         self.detail = ""
         """Reason of a failure; empty if there was none."""
@@ -387,15 +387,14 @@ class NativeRun:
         self._loop = LOOP.call
 
     def restart(self, plant: NativePlant) -> None:
-        """Prepare to run again on the same arrays, without a payload taken up before."""
-        self.detail, self._plant = "", plant
+        """Prepare to run again on the same arrays, from the first of the plant's arms on."""
+        self.detail, self._plant, self._later = "", plant, iter(plant.later)
         self.setup.job.call[5] = plant.structure.address
 
-    def attach(self) -> None:
-        """Have the plant go on with its payload."""
-        self.setup.plant.attach()  # type: ignore[attr-defined]  # only of a plant with a payload
-        if self._plant.loaded is not None:
-            self.setup.job.call[5] = self._plant.loaded.address
+    def change(self) -> None:
+        """Have the plant go on as the next of its arms."""
+        self.setup.plant.change()  # type: ignore[attr-defined]  # only of a plant that changes
+        self.setup.job.call[5] = next(self._later).address
 
     def __call__(self, first: int, last: int) -> int:
         """Run control instants `first` .. `last` - 1, without holding the interpreter's lock."""

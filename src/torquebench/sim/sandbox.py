@@ -24,6 +24,7 @@ import sysconfig
 import tempfile
 import threading
 import weakref
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, NoReturn
 
@@ -102,10 +103,11 @@ class SandboxedLaw:
         law: Name of the law.
         module: Name under which a plug-in of this file is known.
         doc: The law's docstring.
+        terms: The terms of the dynamics that it calls there, as of `torquebench.laws.law.terms_called`.
     """
 
-    def __init__(self, text: str, file: str, law: str, module: str, doc: str) -> None:
-        self.text, self.file, self.law = text, file, law
+    def __init__(self, text: str, file: str, law: str, module: str, doc: str, terms: Iterable[str]) -> None:
+        self.text, self.file, self.law, self.terms = text, file, law, frozenset(terms)
         self.__module__, self.__name__, self.__qualname__, self.__doc__ = module, law, law, doc
 
     def __call__(
@@ -331,6 +333,9 @@ class Declared(NamedTuple):
     doc: str
     gains: list[tuple[str, dict[str, Any]]]
     memory: list[str] | None
+    rigid_only: bool
+    has_model: bool | list[str | bool] | None
+    terms: list[str]
 
 
 def _declared(text: str, path: Path, where: str, outside: list[Complaint]) -> list[Declared]:
@@ -363,7 +368,9 @@ def _register(one: Declared, text: str, file: str, module: str) -> str:
         fields.append((name, Annotated[types[kind], kinds[kind](**values)]))
     made: Any = NamedTuple  # a function to make classes with, of which mypy knows literal calls only
     memory = None if one.memory is None else made("Memory", [(x, Array) for x in one.memory])
-    controller(one.name, gains=made("Gains", fields), memory=memory)(
-        SandboxedLaw(text, file, one.name, module, one.doc)
+    has_model = tuple(one.has_model) if isinstance(one.has_model, list) else one.has_model
+    gains, rigid_only = made("Gains", fields), one.rigid_only is True
+    controller(one.name, gains=gains, memory=memory, rigid_only=rigid_only, has_model=has_model)(
+        SandboxedLaw(text, file, one.name, module, one.doc, one.terms)
     )
     return one.name

@@ -313,7 +313,15 @@ def described(law: Law) -> dict[str, Any]:
         note: Gain | Option | Rules | FixedRules = kinds[kind][name]
         gains.append((name, {"kind": kind} | {k: v for k, v in note._asdict().items() if k not in ("auto", "inputs")}))
     memory = None if law.memory_type is None else list(law.memory_type._fields)
-    return {"name": law.name, "doc": str(law.function.__doc__ or ""), "gains": gains, "memory": memory}
+    return {
+        "name": law.name,
+        "doc": str(law.function.__doc__ or ""),
+        "gains": gains,
+        "memory": memory,
+        "rigid_only": law.rigid_only,
+        "has_model": law.declared_model,
+        "terms": sorted(law.terms),
+    }
 
 
 def answer(name: str, file: str, text: str, n: int, arrays: dict[str, Any]) -> None:

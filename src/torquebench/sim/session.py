@@ -24,7 +24,7 @@ from torquebench.sim.closed_loop import COMPLETED
 from torquebench.sim.interpreted import PythonRun
 from torquebench.sim.job import Setup, is_fixed, set_up
 from torquebench.sim.native import QUICKER, NativeRun, interpreted_before, obstacle, reason_to_interpret
-from torquebench.sim.plants import NativePlant, Plant, attached_at
+from torquebench.sim.plants import NativePlant, Plant, instants_of_change
 from torquebench.sim.signals import control_instants
 from torquebench.sim.trajectory import Trajectory, trajectory_of
 from torquebench.timing import substeps_per_period
@@ -94,6 +94,36 @@ def _burden(plant: Plant, substeps: int) -> int:
     return 1 + substeps * getattr(plant, "burden", 0)
 
 
+@dataclass(slots=True)
+class Begun:
+    """A closed loop on its way."""
+
+    run: PythonRun | NativeRun
+    t: Array
+    """Control instants, (N,) [s]."""
+    changes: list[int]
+    """Control instants at which the plant is still to change, rising."""
+    at_once: int
+    """Control instants to ask for at once."""
+    reason: str
+    """Why it is interpreted where that was not asked for."""
+
+    def change(self, k: int) -> None:
+        """Have the plant change, if it does so at control instant k."""
+        if self.changes and self.changes[0] == k:
+            del self.changes[0]
+            self.run.change()
+
+    def advance(self, first: int, last: int) -> int:
+        """Run control instants `first` .. `last` - 1 and return how that ended."""
+        done, status = first, COMPLETED
+        while done < last and status == COMPLETED:
+            self.change(done)
+            end = min([last, *self.changes[:1]])
+            status, done = self.run(done, end), end
+        return status
+
+
 class Session:
     """Runs closed loops, one after another, and keeps what the next one can use again.
 
@@ -148,6 +178,20 @@ class Session:
         path: PathName,
         progress: Callable[[int], None] | None,
     ) -> Trajectory:
+        begun = self.begin(plant, trial, path)
+        run, n_steps, status, done = begun.run, len(begun.t), COMPLETED, 0
+        while done < n_steps and status == COMPLETED:
+            last = min(done + begun.at_once, n_steps)
+            status = begun.advance(done, last)
+            done = last
+            if progress is not None and status == COMPLETED:
+                progress(last - 1)
+        if isinstance(run, PythonRun):
+            return trajectory_of(run.setup, begun.t, status, run.detail, "python", begun.reason)
+        return self._trajectory(run.setup, begun.t, status, run.detail)
+
+    def begin(self, plant: Plant, trial: SampledTrial, path: PathName) -> Begun:
+        """Return a closed loop at rest at its start; arguments and errors as of `run`."""
         check_path(path)
         controller, control_period = trial.controller, trial.control_period
         n, n_steps = plant.n, len(trial.reference.q)
@@ -156,7 +200,7 @@ class Session:
         desired = _each_joint(trial.reference, n)
         start = np.zeros(n) if trial.initial_q is None else np.array(trial.initial_q, dtype=np.float64)
         self._check(n, n_steps, trial, desired, start)
-        attach = attached_at(plant, control_period, n_steps)
+        changes = instants_of_change(plant, control_period, n_steps)
         reason = self._reason(plant, controller.law, path, n_steps * _burden(plant, substeps))
         if path == "native" and reason:
             raise ControllerError(f"controller '{controller.name}' cannot run on the native path: {reason}")
@@ -167,18 +211,7 @@ class Session:
             run = self._interpreted(plant, trial, desired, substeps)
         else:
             run = self._compiled(plant, trial, desired, substeps, native)
-        status, done, at_once = COMPLETED, 0, max(1, run.longest // substeps)
-        while done < n_steps and status == COMPLETED:
-            if done == attach > 0:
-                run.attach()
-            last = min(done + at_once, attach if done < attach else n_steps)
-            status = run(done, last)
-            done = last
-            if progress is not None and status == COMPLETED:
-                progress(last - 1)
-        if native is None:
-            return trajectory_of(run.setup, t, status, run.detail, "python", reason)
-        return self._trajectory(run.setup, t, status, run.detail)
+        return Begun(run, t, list(changes), max(1, run.longest // substeps), reason)
 
     def _reason(self, plant: Plant, law: Law, path: PathName, steps: int) -> str:
         """Return why a run that may be compiled is not; arguments as of `reason_to_interpret`."""

@@ -26,6 +26,7 @@ from torquebench.errors import ConfigError, ModelError, Problem, ResultError, To
 from torquebench.experiment.store import atomic_write, model_checksums
 from torquebench.laws.plugin import load_plugin
 from torquebench.robot.library import model_names
+from torquebench.shipped import how_to_install
 from torquebench.sweep.executors import as_done
 from torquebench.sweep.folder import decisive_versions
 from torquebench.sweep.plan import Plan, Source
@@ -80,7 +81,7 @@ def open_cluster(address: str) -> Iterator[Cluster]:
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise _refused(f"needs Dask ({error}): wanted pip install 'torquebench[cluster]'") from error
+        raise _refused(f"needs Dask ({error}): wanted {how_to_install('cluster')}") from error
     with contextlib.ExitStack() as stack:
         if local:
             count = int(local[1] or os.cpu_count() or 1)

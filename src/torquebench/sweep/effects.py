@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy import special
 
 from torquebench.errors import ResultError
 from torquebench.kernel import Array
@@ -89,6 +88,8 @@ def effects_on(output: Array, inputs: Mapping[str, Array], confidence: float = 0
     Raises:
         ResultError: fewer than `LEAST` samples, an output that is always the same, or no input that varies.
     """
+    from scipy import special
+
     if len(output) < LEAST:
         raise ResultError(f"{len(output)} draws are too few, wanted at least {LEAST}")
     if np.ptp(output) == 0.0:
@@ -170,6 +171,8 @@ def _products(left: Array, Z: Array) -> tuple[list[tuple[int, int]], Array, Arra
 
 def _regressed(z: Array, Z: Array, level: float) -> tuple[Array, Array, float, Array]:
     """Return coefficients, half-widths, the explained share, adjusted, and what is left for products, (N,)."""
+    from scipy import special
+
     n, k = Z.shape
     inverse = np.linalg.inv(Z.T @ Z)
     b = inverse @ (Z.T @ z)

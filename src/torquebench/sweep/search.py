@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import numpy as np
 
 from torquebench.errors import ConfigError, Problem
+from torquebench.shipped import how_to_install
 
 Point: TypeAlias = tuple[float, ...]
 """A number from 0 to 1 for each dimension."""
@@ -62,7 +63,7 @@ def check_method(methods: Sequence[str], place: str) -> None:
         packages, extra = NEEDS.get(method, ((), ""))
         for package in packages:
             if importlib.util.find_spec(package) is None:
-                text = f"{method} needs the package {package}: pip install 'torquebench[{extra}]'"
+                text = f"{method} needs the package {package}: {how_to_install(extra)}"
                 raise ConfigError([Problem(place, text=text, wanted="random, or the package")])
 
 

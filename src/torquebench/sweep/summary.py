@@ -15,7 +15,16 @@ from torquebench.errors import ResultError, did_you_mean
 from torquebench.kernel import Array
 from torquebench.metrics import METRICS
 from torquebench.plain import plain
-from torquebench.statistics import Ratio, Share, clopper_pearson, cvar, geometric_mean, mean_intervals
+from torquebench.statistics import (
+    Outcomes,
+    Ratio,
+    Share,
+    clopper_pearson,
+    cvar,
+    geometric_mean,
+    mcnemar,
+    mean_intervals,
+)
 from torquebench.sweep.table import (
     Rows,
     Table,
@@ -95,6 +104,8 @@ class Overall:
     """Metric -> its figures over all runs of the law."""
     ratios: Mapping[str, Ratio]
     """Metric -> as in `Group`, of each draw's geometric mean over the cases: draws are independent, cases are not."""
+    outcomes: Outcomes
+    """Draws in which it fails in more cases than the reference, and in fewer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +171,16 @@ def summarise(table: Table, reference: str | None = None) -> Summary:
         for i, rows in enumerate(own[own >= 0] for own in cases)
         if len(rows)
     ]
+    lost = np.sum((place >= 0) & ~completed(table, place), axis=0)
     overall = [
-        Overall(names[i], int(completed(table, rows).sum()), len(rows), figures[len(cases) + i], ratios[len(cases) + i])
+        Overall(
+            names[i],
+            int(completed(table, rows).sum()),
+            len(rows),
+            figures[len(cases) + i],
+            ratios[len(cases) + i],
+            mcnemar(lost[i], lost[names.index(base)]),
+        )
         for i, rows in enumerate(own[own >= 0] for own in laws)
     ]
     drawn = tuple(key for key in varied_keys(table) if key not in grid)

@@ -3,6 +3,7 @@
 import itertools
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 
 import matplotlib
@@ -57,8 +58,8 @@ def diverged(n: int, samples: int = 700) -> Trajectory:
     return replace(run, q=growing, tau=tau, outcome=Outcome.DIVERGED, failed_at=samples - 1)
 
 
-def draw(runs: dict[str, Trajectory], n: int, **changes: object) -> dict[str, Figure]:
-    """Draw the runs with this file's defaults for what `changes` leaves out."""
+def draw(runs: dict[str, Trajectory], n: int, only: Sequence[str] = (), **changes: object) -> dict[str, Figure]:
+    """Draw the runs, all figures or `only` some, with this file's defaults for what `changes` leaves out."""
     arguments = {
         "title": "a title",
         "subtitle": "noise: none",
@@ -68,7 +69,7 @@ def draw(runs: dict[str, Trajectory], n: int, **changes: object) -> dict[str, Fi
         "control_period": T,
         "chattering_from_hz": 8.0,
     } | changes
-    return draw_figures(RunView(runs, **arguments))  # type: ignore[arg-type]
+    return draw_figures(RunView(runs, **arguments), only)  # type: ignore[arg-type]
 
 
 def panel(fig: Figure, label: str) -> Axes:
@@ -283,7 +284,7 @@ def test_no_interactive_plotting_and_a_light_package() -> None:
 def test_long_names_push_no_panels_apart() -> None:
     """Beside names wider than two panels, the gaps between the columns differ by less than the solver's round-off."""
     runs = {f"a law of a name that is as long as three of the panels are wide {k}": make(6, 3.0 + k) for k in range(6)}
-    row = draw(runs, 6)["torque"].axes[:6]
+    row = draw(runs, 6, ["torque"])["torque"].axes[:6]
     gaps = [b.get_position().x0 - a.get_position().x1 for a, b in itertools.pairwise(row)]
     assert max(gaps) - min(gaps) < 1e-3
 

@@ -14,7 +14,7 @@ from torquebench.kernel import Array
 from torquebench.robot.importing.chain import Chain, Options, body_name, is_zero
 from torquebench.robot.importing.findings import Part
 from torquebench.robot.importing.forces import Forces
-from torquebench.robot.mjcf_links import GIVEN, SPEEDS, joint_name
+from torquebench.robot.mjcf_links import GIVEN, SPEEDS, joint_name, lump
 
 TOOLS = ("tool", "tcp", "attachment_site", "ee", "ee_site", "eef", "eef_site", "end_effector", "grip_site", "pinch")
 """Sites that are the tool, in this order."""
@@ -170,7 +170,14 @@ def _inertial(parent: Any, chain: Chain, d: Any, bodies: Sequence[int], R: Array
         b = heavy[0]
         mass, centre, turn, moments = float(m.body_mass[b]), m.body_ipos[b], m.body_iquat[b], m.body_inertia[b]
     else:
-        mass, centre, turn, moments = _lump(m, d, heavy, R, p)
+        mass, centre, inertia = lump(m, d, heavy, R, p)
+        moments, directions = np.linalg.eigh(inertia)
+        moments, directions = moments[::-1], directions[:, ::-1].copy()
+        directions[:, 2] *= np.sign(np.linalg.det(directions))
+        turn = np.zeros(4)
+        mujoco.mju_mat2Quat(turn, directions.ravel())
+        turn *= -1.0 if turn[int(np.argmax(np.abs(turn)))] < 0 else 1.0
+        centre, turn = clean(centre), clean(turn)
     low, middle, high = np.sort(moments)
     last = bodies[0] == int(m.jnt_bodyid[chain.joints[-1]])
     several = int(np.sum(m.jnt_bodyid[list(chain.joints)] == bodies[0])) > 1
@@ -191,25 +198,6 @@ def _inertial(parent: Any, chain: Chain, d: Any, bodies: Sequence[int], R: Array
     if not np.array_equal(turn, [1.0, 0.0, 0.0, 0.0]):
         inertial.set("quat", text_of(turn))
     inertial.set("diaginertia", text_of(moments))
-
-
-def _lump(m: Any, d: Any, bodies: Sequence[int], R: Array, p: Array) -> tuple[float, Array, Array, Array]:
-    """Return mass, centre, turn of the principal axes and moments of bodies that move as one, in a frame (R, p)."""
-    mass = float(sum(m.body_mass[b] for b in bodies))
-    centre = sum((m.body_mass[b] * (d.xipos[b] - p) for b in bodies), np.zeros(3)) / mass if mass > 0 else np.zeros(3)
-    inertia = np.zeros((3, 3))
-    for b in bodies:
-        axes, away = d.ximat[b].reshape(3, 3), d.xipos[b] - p - centre
-        inertia += axes @ np.diag(m.body_inertia[b]) @ axes.T
-        inertia += m.body_mass[b] * (away @ away * np.eye(3) - np.outer(away, away))
-    moments, directions = np.linalg.eigh(R.T @ inertia @ R)
-    moments, directions = moments[::-1], directions[:, ::-1].copy()
-    directions[:, 2] *= np.sign(np.linalg.det(directions))
-    turn = np.zeros(4)
-    mujoco.mju_mat2Quat(turn, directions.ravel())
-    if turn[int(np.argmax(np.abs(turn)))] < 0:
-        turn = -turn
-    return mass, clean(R.T @ centre), clean(turn), moments
 
 
 def _exact(values: Array, *published: Array) -> Array:

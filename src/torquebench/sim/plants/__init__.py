@@ -9,7 +9,6 @@ import numpy as np
 from torquebench.errors import TorquebenchError
 from torquebench.kernel import Array
 from torquebench.kernel.struct import Structure
-from torquebench.robot.payload import Payload
 from torquebench.robot.robot_model import Passive
 from torquebench.timing import substeps_per_period
 
@@ -71,14 +70,14 @@ class Geared(Plant, Protocol):
         ...
 
 
-class Carrier(Plant, Protocol):
-    """A plant that takes up a payload in the middle of a run; `simulate` tells it when. Others need none of this."""
+class Changing(Plant, Protocol):
+    """A plant that becomes another arm in the middle of a run; `simulate` tells it when. Others need none of this."""
 
-    payload: Payload | None
-    """The payload."""
+    changes: tuple[float, ...]
+    """Times at which it takes up a payload or a joint of it locks, rising [s]; see `phases_of`."""
 
-    def attach(self) -> None:
-        """Go on with the payload, from the same position and velocity; `reset` takes it away again."""
+    def change(self) -> None:
+        """Go on as the next of its arms, from the same position; `reset` makes it the first one again."""
         ...
 
 
@@ -100,8 +99,8 @@ class NativePlant(NamedTuple):
     """The plant's position, advanced by the function, (n,) [rad]."""
     qd: Array
     """The plant's velocity, likewise, (n,) [rad/s]."""
-    loaded: Structure | None = None
-    """The structure with the payload, for the rest of a run after it is taken up; with the same `q` and `qd`."""
+    later: tuple[Structure, ...] = ()
+    """The structures that take its place, one after the other, when the plant changes; with the same `q` and `qd`."""
     motors: Array | None = None
     """Position and velocity of motors that move relative to the links, likewise, (2, n); (0, n) where none do."""
 
@@ -116,24 +115,25 @@ def check_own(plant: Plant, known: type[Any]) -> None:
         raise NativeError(f"the plant is a {type(plant).__name__}; only a {known.__name__} itself has a native form")
 
 
-def attached_at(plant: Plant, control_period: float, n_steps: int) -> int:
-    """Return the control instant at which a plant takes up its payload; 0 when it has none, or has it from the start.
+def instants_of_change(plant: Plant, control_period: float, n_steps: int) -> tuple[int, ...]:
+    """Return the control instants at which a plant changes; see `Changing`.
 
     Args:
-        plant: The plant; its attribute ``payload`` is asked for, where it has one.
+        plant: The plant; its attribute ``changes`` is asked for, where it has one.
         control_period: Time between control instants [s].
         n_steps: Number of control instants.
 
     Raises:
-        ValueError: the time is not one of a control instant of the run.
+        ValueError: a time is not one of a control instant of the run.
     """
-    payload: Payload | None = getattr(plant, "payload", None)
-    if payload is None or payload.at == 0.0:
-        return 0
-    k = substeps_per_period(payload.at, control_period, ("the payload's time", "control_period"))
-    if k >= n_steps:
-        raise ValueError(f"the payload is taken up at {payload.at:g} s, wanted a time before the end of the run")
-    return k
+    found = []
+    for time in getattr(plant, "changes", ()):
+        found.append(
+            substeps_per_period(time, control_period, ("the time at which the plant changes", "control_period"))
+        )
+        if found[-1] >= n_steps:
+            raise ValueError(f"the plant changes at {time:g} s, wanted a time before the end of the run")
+    return tuple(found)
 
 
 def stages(tau: Array) -> tuple[Array, Array, Array]:

@@ -8,12 +8,14 @@ from typing import Annotated
 
 import numpy as np
 
+from torquebench.errors import ModelError
 from torquebench.kernel import Array, kernel
 from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.kernel.twin import on_numbers, python_numbers
 from torquebench.robot.dynamics import forward_dynamics, gravity
-from torquebench.robot.flat_model import Model, own_copy
-from torquebench.robot.payload import Payload, phases
+from torquebench.robot.flat_model import EXACT, Model, own_copy
+from torquebench.robot.lock import Lock, phases_of
+from torquebench.robot.payload import Payload, carrying
 from torquebench.robot.perturbation import perturbed
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.friction import Friction, Resistance, acting, drag_along, own_bristles, resist
@@ -45,6 +47,7 @@ class AnalyticPlant:
         timestep: Integration step [s].
         integrator: ``rk4`` or ``euler``.
         payload: What the last link takes up, at the start or in the middle of a run.
+        lock: Joint that is held, from the start or from the middle of a run on.
         friction: Friction of the joints; None for that which the model has of its own, if any.
         transmission: What lies between motors and links; None for rigid joints.
         stops: Whether a run ends where a joint leaves its range; see `Plant`.
@@ -52,7 +55,7 @@ class AnalyticPlant:
     Raises:
         ValueError: the time step is not finite and positive, the integrator is unknown, or friction or transmission do
             not fit them.
-        ModelError: the model has no terms for the payload; see `carrying`.
+        ModelError: the model has no terms for the payload, see `carrying`, or no motor to lock.
     """
 
     burden = 15
@@ -64,6 +67,7 @@ class AnalyticPlant:
         integrator: str = "rk4",
         *,
         payload: Payload | None = None,
+        lock: Lock | None = None,
         friction: Friction | None = None,
         transmission: Transmission | None = None,
         stops: bool = False,
@@ -72,31 +76,37 @@ class AnalyticPlant:
         self.n = model.n
         self.timestep = timestep
         self.tau_max = model.flat.tau_max.copy()
-        self.payload, self.range = payload, range_of(model.passive) if stops else None
+        self.range = range_of(model.passive) if stops else None
         joints, masses = rigid(model.n), moved_by(transmission, model.flat.armature, model.mass_matrix)
         if transmission is not None:
             joints, model = transmission.of_joints(model.flat.armature), without_armature(model)
         self.friction, resistance = acting(friction, model.passive, masses, timestep, integrator, self.tau_max)
         check_followed(joints, resistance, model.mass_matrix, timestep)
         self.sensor = "link" if transmission is None else transmission.sensor
-        n, (first, later) = model.n, phases(model, payload)
-        self._empty = Integrated(
-            own_copy(first.flat),
-            resistance,
-            joints,
-            integrator == "rk4",
-            timestep,
-            np.zeros(n),
-            np.zeros(n),
-            np.zeros((6, n)),
-        )
-        self._loaded = None if later is None else replace(self._empty, model=own_copy(later.flat))
-        self._arm = self._empty
-        self._is_compiled = False
+        n, arms, self._phases = model.n, list[Integrated](), phases_of(payload, lock)
+        shared = (resistance, joints, integrator == "rk4", timestep, np.zeros(n), np.zeros(n), np.zeros((6, n)))
+        self._free = [model if load is None else carrying(model, load) for _, load, _ in self._phases]
+        for free, (_, _, brake) in zip(self._free, self._phases, strict=True):
+            arm = Integrated(own_copy(free.flat), *shared)
+            if brake is not None:
+                if free.flat.structure != EXACT:
+                    raise ModelError("structures 'corrected' and 'printed' have no motor that a brake could hold")
+                if transmission is None:
+                    arm = replace(arm, model=own_copy(free.flat, armature=brake.on(free.flat.armature)))
+                else:
+                    arm = replace(arm, joints=replace(joints, inertia=brake.on(joints.inertia)))
+            arms.append(arm)
+        self.changes = tuple(at for at, _, _ in self._phases[1:])
+        self._arms, self._phase, self._is_compiled = tuple(arms), 0, False
+
+    @property
+    def _arm(self) -> Integrated:
+        """The arm that it is now."""
+        return self._arms[self._phase]
 
     def reset(self, q: Array, qd: Array) -> None:
-        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
-        self._arm = self._empty
+        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), as the first of its arms."""
+        self._phase = 0
         self._arm.q[:], self._arm.qd[:] = q, qd
         self._arm.friction.bristles[:] = 0.0
         if len(self.motors()) > 0:
@@ -104,9 +114,16 @@ class AnalyticPlant:
             on_numbers(gravity)(python_numbers(self._arm.model), python_numbers(q), python_numbers(load))
             settle(self._arm.joints, q, load)
 
-    def attach(self) -> None:
-        """Go on with the payload; see `Carrier`."""
-        self._arm = self._loaded or self._empty
+    def change(self) -> None:
+        """Go on as the next of its arms; see `Changing`."""
+        self._phase += 1
+        (_, _, before), (_, _, brake) = self._phases[self._phase - 1 : self._phase + 1]
+        if brake is not None and before is None:
+            if len(self.motors()) > 0:
+                self.motors()[1, brake.joint - 1] = 0.0
+            else:
+                arm = self._arm
+                arm.qd[:] = brake.stopped(arm.qd, self._free[self._phase].mass_matrix(arm.q[None])[0])
 
     def state(self) -> tuple[Array, Array]:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
@@ -140,7 +157,7 @@ class AnalyticPlant:
         """
         check_own(self, AnalyticPlant)
         _ = STEP.address  # compiled
-        return NativePlant(STEP, self._empty, self._arm.q, self._arm.qd, self._loaded, self.motors())
+        return NativePlant(STEP, self._arms[0], self._arm.q, self._arm.qd, self._arms[1:], self.motors())
 
     @property
     def native_step(self) -> NativeFunction:
@@ -149,19 +166,22 @@ class AnalyticPlant:
 
     def replica(self) -> AnalyticPlant:
         """Return another plant of the same arm, for another thread."""
-        twin, old = copy.copy(self), self._empty
-        twin._empty = replace(
-            old,
-            model=own_copy(old.model),
-            friction=own_bristles(old.friction),
-            joints=own_states(old.joints),
-            q=old.q.copy(),
-            qd=old.qd.copy(),
-            work=old.work.copy(),
+        twin, old = copy.copy(self), self._arms[0]
+        q, qd, work = old.q.copy(), old.qd.copy(), old.work.copy()
+        friction, joints = own_bristles(old.friction), own_states(old.joints)
+        twin._arms = tuple(
+            replace(
+                arm,
+                model=own_copy(arm.model),
+                joints=replace(joints, inertia=arm.joints.inertia),
+                friction=friction,
+                q=q,
+                qd=qd,
+                work=work,
+            )
+            for arm in self._arms
         )
-        if self._loaded is not None:
-            twin._loaded = replace(twin._empty, model=own_copy(self._loaded.model))
-        twin._arm = twin._empty
+        twin._phase = 0
         return twin
 
 

@@ -18,6 +18,7 @@ from torquebench.kernel import Array
 from torquebench.keys import Key, Kinds, Units
 from torquebench.robot import RobotModel, load_model
 from torquebench.robot.library import ArmFile
+from torquebench.robot.lock import Lock
 from torquebench.robot.payload import Payload
 from torquebench.robot.perturbation import Perturbation, perturbed
 from torquebench.sim.friction import SPEED, Friction, acting
@@ -50,6 +51,7 @@ class PlantKeys(ABC):
         Key("Integration scheme: rk4 is 4th-order Runge-Kutta; euler is semi-implicit, 1st-order"),
     ] = "rk4"
     payload: Annotated[Payload | None, Key("Load that the last link takes up")] = None
+    lock: Annotated[Lock | None, Key("Joint that locks on the way; not with structure corrected or printed")] = None
     friction: Annotated[
         Friction | None,
         Key("Friction of the joints; if left out that which the arm's file gives them, none for no friction at all"),
@@ -89,6 +91,9 @@ class PlantKeys(ABC):
         if closed and self.payload is not None and any(self.payload.offset):
             text = "structures corrected and printed hold a payload at the wrist centre only"
             yield Fault(("payload", "offset"), text, wanted="[0, 0, 0]")
+        if closed and self.lock is not None:
+            text = "needs structure exact: corrected and printed have constants in place of a motor to hold"
+            yield Fault(("lock",), text, at="key")
         if closed and self.transmission is not None:
             text = "needs structure exact: it takes the motors off the links, and corrected and printed have constants"
             yield Fault(("transmission",), text, at="key")
@@ -125,6 +130,8 @@ class PlantKeys(ABC):
         found = [f"arm {self.model}: {text}" for text in getattr(self.model, "remarks", ())]
         if self.transmission is not None:
             found.append("joints that give: certificates and gains: auto hold for rigid joints, so none is certified")
+        if self.lock is not None:
+            found.append(f"joint {self.lock.joint} locks: certificates hold for arms that move, so none is certified")
         chosen = self.friction is None or (self.friction.is_partial and self.friction.speed == SPEED)
         own = self.acting if chosen else None
         if own is not None and own.speed > SPEED:
@@ -154,7 +161,7 @@ class PlantKeys(ABC):
         parts = [f"{self.engine}:{self.model}{form} ({self.integrator}, {1e3 * self.timestep:g} ms)"]
         friction = self.acting
         own = None if friction is self.friction else friction
-        burdens = (self.perturb, self.payload, self.friction if own is None else None, self.transmission)
+        burdens = (self.perturb, self.payload, self.lock, self.friction if own is None else None, self.transmission)
         parts += [burden.describe(units) for burden in burdens if burden is not None]
         return ", ".join([*parts, *([] if own is None else [f"the arm's own {own.describe(units)}"])])
 
@@ -186,6 +193,7 @@ class Mujoco(PlantKeys):
             self.timestep,
             self.integrator,
             payload=self.load,
+            lock=self.lock,
             friction=self.friction,
             transmission=self.transmission,
             factors=factors,
@@ -215,6 +223,7 @@ class Analytic(PlantKeys):
             self.timestep,
             self.integrator,
             payload=self.load,
+            lock=self.lock,
             friction=self.friction,
             transmission=self.transmission,
             stops=self.limits == "stop",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import functools
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -14,6 +16,7 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.kernel.twin import on_numbers, python_numbers
 from torquebench.robot.library import ArmSource
+from torquebench.robot.lock import Lock, phases_of
 from torquebench.robot.mjcf import compile_arm, joint_names, tool_frame, torque_limits
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload
@@ -21,6 +24,7 @@ from torquebench.robot.perturbation import scaled
 from torquebench.robot.robot_model import Passive
 from torquebench.sim.friction import Friction, acting, drag_along, own_bristles, resist
 from torquebench.sim.joints import (
+    Joints,
     Transmission,
     advance,
     begin,
@@ -82,6 +86,7 @@ class MujocoPlant:
         timestep: Integration step [s]; overrides the file's.
         integrator: ``rk4`` or ``euler``; overrides the file's.
         payload: What the last joint's link takes up, at the start or in the middle of a run.
+        lock: Joint that is held, from the start or from the middle of a run on.
         friction: Friction of the joints; None for that which the arm's file gives them, if any.
         transmission: What lies between motors and links; None for rigid joints.
         factors: What the links' parameters are multiplied by, (n, 8): see `scaled`; None for the links as they are.
@@ -100,6 +105,7 @@ class MujocoPlant:
         integrator: str = "rk4",
         *,
         payload: Payload | None = None,
+        lock: Lock | None = None,
         friction: Friction | None = None,
         transmission: Transmission | None = None,
         factors: Array | None = None,
@@ -112,33 +118,51 @@ class MujocoPlant:
         self._m.opt.integrator = _CODES[integrator]
         if factors is not None:
             self._m = with_links(self._m, scaled(links_of(self._m), factors))
-        self.payload, self.range = payload, range_of(passive) if stops else None
+        self.range = range_of(passive) if stops else None
         self.tau_max = torque_limits(self._m)[0]
-        self._joints = rigid(int(self._m.nv))
+        joints = rigid(int(self._m.nv))
         masses = moved_by(transmission, self._m.dof_armature.copy(), functools.partial(mass_matrices, self._m))
         if transmission is not None:
             links = links_of(self._m)
-            self._joints = transmission.of_joints(links.armature)
+            joints = transmission.of_joints(links.armature)
             self._m = with_links(self._m, links._replace(armature=np.zeros_like(links.armature)))
         self.friction, self._resistance = acting(friction, passive, masses, timestep, integrator, self.tau_max)
-        check_followed(self._joints, self._resistance, functools.partial(mass_matrices, self._m), timestep)
+        check_followed(joints, self._resistance, functools.partial(mass_matrices, self._m), timestep)
         self.sensor = "link" if transmission is None else transmission.sensor
-        self._loaded: Any = None
-        if payload is not None:
-            self._loaded = with_links(self._m, add_payload(links_of(self._m), payload))
-            if payload.at == 0.0:
-                self._m, self._loaded = self._loaded, None
-        self._now = self._m
+        self._phases, self._free, self._arms = phases_of(payload, lock), [], list[tuple[Any, Joints]]()
+        for _, load, brake in self._phases:
+            free = m = self._m if load is None else with_links(self._m, add_payload(links_of(self._m), load))
+            own = joints
+            if brake is not None and transmission is None:
+                m = copy.copy(free)
+                m.dof_armature[:] = brake.on(m.dof_armature)
+                mujoco.mj_setConst(m, mujoco.MjData(m))
+            elif brake is not None:
+                own = replace(joints, inertia=brake.on(joints.inertia))
+            self._free.append(free)
+            self._arms.append((m, own))
+        self.changes = tuple(at for at, _, _ in self._phases[1:])
+        self._phase, self._m = 0, self._arms[0][0]
         self._d = mujoco.MjData(self._m)
         self._native: NativePlant | None = None
-        self._lean: tuple[bool, bool] | None = None
+        self._lean: list[bool] | None = None
         self.n = int(self._m.nv)
         self.timestep = timestep
         self.joint_names = tuple(joint_names(self._m))
 
+    @property
+    def _now(self) -> Any:
+        """The model of the arm that it is now."""
+        return self._arms[self._phase][0]
+
+    @property
+    def _joints(self) -> Joints:
+        """Its joints."""
+        return self._arms[self._phase][1]
+
     def reset(self, q: Array, qd: Array) -> None:
-        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), without a payload to come."""
-        self._now = self._m
+        """Put the joints at position `q` [rad] and velocity `qd` [rad/s], each (n,), as the first of its arms."""
+        self._phase = 0
         mujoco.mj_resetData(self._m, self._d)
         if len(self.motors()) > 0:
             self._d.qpos[:] = q
@@ -147,9 +171,16 @@ class MujocoPlant:
         self._d.qpos[:], self._d.qvel[:] = q, qd
         self._resistance.bristles[:] = 0.0
 
-    def attach(self) -> None:
-        """Go on with the payload; see `Carrier`."""
-        self._now = self._m if self._loaded is None else self._loaded
+    def change(self) -> None:
+        """Go on as the next of its arms; see `Changing`."""
+        self._phase += 1
+        (_, _, before), (_, _, brake) = self._phases[self._phase - 1 : self._phase + 1]
+        if brake is not None and before is None:
+            if len(self.motors()) > 0:
+                self.motors()[1, brake.joint - 1] = 0.0
+            else:
+                free, d = self._free[self._phase], self._d
+                d.qvel[:] = brake.stopped(d.qvel.copy(), mass_matrices(free, d.qpos[None])[0])
 
     def state(self) -> tuple[Array, Array]:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
@@ -215,14 +246,14 @@ class MujocoPlant:
         if self._native is None:
             from torquebench.sim.plants.mujoco_native import STEP, native_arm
 
-            lean = self._lean or (None, None)
-            arm = native_arm(self._m, self._d, self._resistance, self._joints, lean[0])
-            loaded = None
-            if self._loaded is not None:
-                loaded = native_arm(self._loaded, self._d, self._resistance, self._joints, lean[1])
-            self._lean = arm.lean, loaded is not None and loaded.lean
+            lean: Sequence[bool | None] = self._lean or [None] * len(self._arms)
+            arms = [
+                native_arm(m, self._d, self._resistance, joints, own)
+                for (m, joints), own in zip(self._arms, lean, strict=True)
+            ]
+            self._lean = [arm.lean for arm in arms]
             _ = STEP.address  # compiled
-            self._native = NativePlant(STEP, arm, self._d.qpos, self._d.qvel, loaded, self.motors())
+            self._native = NativePlant(STEP, arms[0], self._d.qpos, self._d.qvel, tuple(arms[1:]), self.motors())
         return self._native
 
     @property
@@ -234,10 +265,10 @@ class MujocoPlant:
 
     def replica(self) -> MujocoPlant:
         """Return another plant of the same arm, for another thread."""
-        twin = copy.copy(self)
-        twin._m = twin._now = copy.copy(self._m)
-        twin._loaded = copy.copy(self._loaded)
-        twin._d, twin._joints = mujoco.MjData(twin._m), own_states(self._joints)
+        twin, joints = copy.copy(self), own_states(self._arms[0][1])
+        twin._arms = [(copy.copy(m), replace(joints, inertia=own.inertia)) for m, own in self._arms]
+        twin._phase, twin._m = 0, twin._arms[0][0]
+        twin._d = mujoco.MjData(twin._m)
         twin._resistance = own_bristles(self._resistance)
         twin._native = None
         return twin
