@@ -76,9 +76,9 @@ class Remedy(NamedTuple):
     cures: bool = True
     """Whether nothing is left of the symptom but what is left without its cause; else at most half."""
     phase: float | None = None
-    """Least phase margin of the joints' loops that it leaves [deg]; None where none was worked out."""
+    """Least phase margin that it leaves [deg]; None where none was worked out."""
     delay: float | None = None
-    """Further delay that such a loop bears [s]; None where it bears none."""
+    """Further delay that the arm then bears [s]; None where it bears none."""
 
 
 @dataclass(frozen=True)

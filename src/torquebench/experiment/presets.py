@@ -107,7 +107,7 @@ def _write(owner: Map, key: str, path: KeyPath, report: Report) -> None:
         report(at, place=place, got=shown(name), nearest=near, wanted="" if near else wanted)
         owner[key] = BROKEN
         return
-    keys = keys_of_name(path, name, place) if path in NAMED else tree_of(presets(key)[name], place)
+    keys: Any = keys_of_name(path, name, place) if path in NAMED else tree_of(presets(key)[name], place)
     if key == GAINS:
         keys = without(keys, *(set(keys) - set(_acting(owner))))
     owner.put(key, joined(own, keys), *owner.places[key])

@@ -23,7 +23,7 @@ def diagnosis_figure(found: Diagnosis) -> Figure | None:
     """Draw a diagnosis; None where there is nothing to draw.
 
     The torque of the joint that shakes, or the error of one that errs, as it is and without the first cause; then size
-    and phase of the open loop of the joint with the least phase margin.
+    and phase of the open loop where its phase margin is least.
     """
     margins = found.margins
     shows = bool(found.symptoms) and not found.seen.ending
