@@ -1,5 +1,6 @@
 """The figures that tests measure, shown in a table at the end of the run; and Ctrl-C as it is from a terminal."""
 
+import gc
 import signal
 from collections.abc import Callable, Iterator
 
@@ -43,6 +44,11 @@ def registries() -> Iterator[None]:
     """Forget in the end what a test registers, of whatever kind."""
     with restored():
         yield
+
+
+def pytest_collection_finish() -> None:
+    """Keep what was imported and collected out of garbage collections: it lives to the end, and takes a second each."""
+    gc.freeze()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
