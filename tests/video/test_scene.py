@@ -10,7 +10,7 @@ import pytest
 from torquebench.errors import ModelError
 from torquebench.robot.library import CAMERAS, camera_names, data_root
 from torquebench.robot.puma560.puma import Puma560
-from torquebench.scene.look import STILL, build_scene, window
+from torquebench.scene.look import MARGIN, STILL, build_scene, window
 
 FOLDER = data_root() / "models" / "puma560"
 ARM, SCENE = FOLDER / "puma560.xml", FOLDER / "scene.xml"
@@ -138,15 +138,21 @@ fromto="0 0 0 .5 0 0" size=".02" contype="0" conaffinity="0"/><site name="tool" 
 
 @pytest.mark.parametrize("aspect", [1.0, 1.8])
 def test_of_a_tall_column_the_arm_keeps_most_of_the_picture(tmp_path, aspect):
-    """A low one is seen whole; of a tall one STILL of the swept arm's larger side; what moves is always inside."""
+    """A low one is seen whole; of a tall one STILL of the swept arm's larger side; what moves is always inside.
+
+    One without colour, which nobody sees, changes nothing.
+    """
     poses, tall = np.linspace(-0.3, 0.3, 5)[:, None], []
-    for half in (0.001, 0.05, 0.24):
-        (tmp_path / "c.xml").write_text(COLUMN.format(half=half))
+    clear = COLUMN.replace('type="box"', 'type="box" rgba="1 1 1 0"')
+    for half, text in ((0.24, clear), (0.05, COLUMN), (0.24, COLUMN)):
+        (tmp_path / "c.xml").write_text(text.format(half=half))
         scene = build_scene(tmp_path / "c.xml", poses)
         tall.append(window(scene, 1, poses, aspect))  # from the side
-    arm, low, high = ((bottom, top) for _, _, bottom, top in tall)
-    width = (tall[0][1] - tall[0][0]) / 1.08
-    assert low[0] <= arm[0] + 1e-9
+    arm, low, high = ((part[2], part[3]) for part in tall)
+    assert low[0] < arm[0] + 1e-9
+    assert high[1] - high[0] > arm[1] - arm[0]
+    side = max(tall[0][1] - tall[0][0], arm[1] - arm[0]) / (1.0 + 2.0 * MARGIN)
+    assert high[1] - high[0] <= (1.0 + 2.0 * MARGIN) * (1.0 + STILL) * side
     for left, right, bottom, top in tall:
         assert (right - left) / (top - bottom) == pytest.approx(aspect)
         d = mujoco.MjData(scene.model)
@@ -156,7 +162,6 @@ def test_of_a_tall_column_the_arm_keeps_most_of_the_picture(tmp_path, aspect):
             x, y, z = (d.site_xpos[0] - d.cam_xpos[1]) @ d.cam_xmat[1].reshape(3, 3)
             assert left < -x / z < right
             assert bottom < -y / z < top
-    assert width * (1.0 + 2.0 * STILL) * 1.09 > high[1] - high[0]
 
 
 def test_an_arm_without_a_look_is_drawn_along_its_joints():

@@ -21,7 +21,7 @@ FLAT = 0.02
 """An arm that leaves its plane by less than this fraction of its size is seen from across that plane."""
 MARGIN = 0.04
 """Space that a film leaves on each side of the arm, as a fraction of what the arm takes."""
-STILL = 0.4
+STILL = 0.6
 """What of a column or a base is shown, beyond what moves, as a fraction of the larger side that this takes."""
 LONG = 0.1
 """Links without a shape are drawn beside links that have one if they are so long, over the arm's length."""
@@ -286,7 +286,7 @@ def window(scene: Scene, camera: int, poses: Array, aspect: float) -> Array:
         aspect: Width of the part over its height.
     """
     m, d, slopes = scene.model, mujoco.MjData(scene.model), []
-    still = (m.geom_group <= VISIBLE_GROUPS) & (m.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+    still = (m.geom_group <= VISIBLE_GROUPS) & (m.geom_type != mujoco.mjtGeom.mjGEOM_PLANE) & (m.geom_rgba[:, 3] > 0.0)
     small = np.flatnonzero(still & (m.geom_rbound < scene.reach))
     seen = [*scene.moving, *(int(g) for g in small if g not in scene.moving)]
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
