@@ -11,7 +11,6 @@ from torquebench.cli.app import command
 from torquebench.cli.parameters import Choice, Number, option, suggest
 from torquebench.cli.terminal import bad, following, good, progress_bar, say, table, tell
 from torquebench.errors import ConfigError, Problem
-from torquebench.experiment.store import machine
 from torquebench.shipped import from_checkout
 
 
@@ -51,6 +50,8 @@ def cells(row: dict[str, Any]) -> list[Any]:
 
 def as_markdown(rows: list[dict[str, Any]], size: str, seed: int) -> str:
     """Return the page: what is promised, how it was attacked, how often, what gave way, where and when."""
+    from torquebench.experiment.store import machine
+
     here = machine()
     lines = [
         "# What is promised, and how often it was attacked",

@@ -185,7 +185,14 @@ class Law:
         options: Mapping[str, str | bool] | None,
         given: Mapping[str, Any],
     ) -> Fit:
-        """Return the law on an arm as the rules of its gains see it; arguments and errors as for `choose_gains`."""
+        """Return the law on an arm as the rules of its gains see it.
+
+        Args:
+            model, control_period, chain, options, given: As of `choose_gains`.
+
+        Raises:
+            ControllerError: a gain that acts has neither a value nor a rule.
+        """
         chosen = {name: option.values[0] for name, option in self.options.items()} | dict(options or {})
         acting = {name: gain for name, gain in self.gains.items() if name in given or gain.acts(chosen)}
         problems = [text for name in acting if name not in given and (text := self.no_rule(name))]

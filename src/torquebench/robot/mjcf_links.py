@@ -148,7 +148,14 @@ def _joint_frame(m: Any, d: Any, joint: int) -> Array:
 
 
 def lump(m: Any, d: Any, bodies: Sequence[int], R: Array, p: Array) -> tuple[float, Array, Array]:
-    """Return mass, centre and inertia about it of bodies that move as one, in a frame of orientation R and origin p."""
+    """Return mass, centre and inertia about it of bodies that move as one, in a frame of orientation R and origin p.
+
+    Args:
+        m, d: MuJoCo's model, and its data with the bodies placed.
+        bodies: Numbers of the bodies.
+        R: Axes of the frame, (3, 3).
+        p: Its origin, (3,) [m].
+    """
     masses = np.array([m.body_mass[b] for b in bodies])
     total = float(np.sum(masses))
     centre = sum((m.body_mass[b] * d.xipos[b] for b in bodies), np.zeros(3)) / total if total > 0 else p
