@@ -518,7 +518,8 @@ def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, 
     for name in ("sign", "layer"):
         assert result.metrics[name].max_error.value > 4.0
     assert result.metrics["gentle"].max_error.value < 1e-5
-    assert manifest_of(result)["flags"] == [*map(str, found), *result.explained]
+    said = manifest_of(result)["flags"]
+    assert [line for line in said if not line.startswith("no armature")] == [*map(str, found), *result.explained]
     assert [line.split("'")[1] for line in result.explained] == ["sign", "layer", "fast"]  # and not the gentle one
     assert all(one.cause in line for one, line in zip(found, result.explained, strict=True))
     for name in ("sign", "layer"):  # s stays within a layer that is an error of 8.4 rad: nothing is shown
@@ -536,7 +537,7 @@ def test_a_joint_too_light_for_its_gain_is_named_before_the_run(tmp_path: Path, 
     assert told["gentle"] == ["never outside", "nothing to certify"]
     calm = experiment.with_({f"controllers.{one.controller}.gains.k": one.k_most for one in found[:2]})
     cured = run_experiment(calm.with_({"controllers.fast.gains.kv": 500}))
-    assert cured.flags == ()
+    assert [line for line in cured.flags if not line.startswith(("no armature", "no controller uses"))] == []
     assert uncovered(cured) == []
     assert cured.metrics["sign"].max_error.value < 0.03
     assert cured.metrics["layer"].max_error.value < 1e-3

@@ -20,6 +20,9 @@ from torquebench.kernel import Array
 from torquebench.robot.robot_model import RobotModel
 from torquebench.sim.trajectory import Trajectory
 
+LONGER = "vacuous: longer than the run"
+"""Of a bound on the reaching time: the run may have ended before."""
+
 
 class FigureInfo(NamedTuple):
     """A headline figure of a certificate, as in ``certificates.json`` and in the table of a sweep that certifies."""
@@ -176,7 +179,7 @@ class Certificate:
         if math.isinf(self.reaching_bound):
             return "none: V grew on the way"
         length = float(self.t[-1] - self.t[0])
-        return "vacuous: longer than the run" if self.reaching_bound > length else None
+        return LONGER if self.reaching_bound > length else None
 
     @property
     def least_eta(self) -> float | None:

@@ -154,7 +154,9 @@ def cases(link: Any) -> list[Experiment]:
     ]
 
 
-@pytest.mark.parametrize("number", [pytest.param(k, marks=[pytest.mark.slow] * (k in (0, 3, 6, 8, 9))) for k in range(10)])
+@pytest.mark.parametrize(
+    "number", [pytest.param(k, marks=[pytest.mark.slow] * (k in (0, 3, 6, 8, 9))) for k in range(10)]
+)
 def test_a_cure_does_when_it_is_pasted(link: Any, number: int) -> None:
     """With its settings the symptom is half as large at most, nothing is new, and no other symptom 10 % larger."""
     given = cases(link)[number]

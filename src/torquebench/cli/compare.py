@@ -112,7 +112,7 @@ def compare(
     rollout: float,
     motion: str | None,
 ) -> int:
-    """Show where two models or plants differ, and name the term: armature, damping, a payload, the sign of an axis.
+    """Show where two models or plants differ, and in which term.
 
     Of FILE.xml alone all counts that it has, springs, gears and integrator too; mujoco:FILE.xml is what the testbed
     takes of it. The last line can be pasted into an issue.

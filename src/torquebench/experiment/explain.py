@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from torquebench.certificates import LONGER
 from torquebench.experiment import schema
 from torquebench.experiment.arm import planned_range, planned_speed
 from torquebench.experiment.build import Loop
@@ -82,7 +83,7 @@ def _symptoms(
                 f"errs by {rmse[worst]:.3g} {unit} on {names[worst]}, whose motion is {span[worst]:.3g} {unit}",
             )
     outside = certified.get("reaching_from") is not None and certified.get("reaching_time") is None
-    if outside and len(certified["too_wide"]) < len(names):
+    if outside and certified["no_bound"] != LONGER and len(certified["too_wide"]) < len(names):
         yield "misses", "never reaches its surface"
     shakes = None if metrics is None else shaking(metrics, loop.plant.tau_max.tolist())
     if shakes is not None and shakes.is_cycle:
@@ -90,7 +91,7 @@ def _symptoms(
     share = _saturated(loop, run)
     if np.max(share) >= SATURATED:
         at = int(np.argmax(share))
-        yield "saturates", f"saturates ({names[at]} {100.0 * share[at]:.2g} % of the time)"
+        yield "saturates", f"saturates ({names[at]} {100.0 * share[at]:.3g} % of the time)"
 
 
 def _saturated(loop: Loop, run: Trajectory) -> Array:

@@ -46,7 +46,7 @@ def impossible(result: ExperimentResult) -> Markup:
         return Markup("")
     at = f"{n} joints are at their torque limit, up to" if n > 1 else "one joint is at its torque limit"
     best = "even with the law that errs least" if len(errors) > 1 else ""
-    return Markup("<b>The motion cannot be done</b>: {} {:.2g} % of the time{}.").format(
+    return Markup("<b>The motion cannot be done</b>: {} {:.3g} % of the time{}.").format(
         at, most, f" {best}; no law is better here" if best else ""
     )
 

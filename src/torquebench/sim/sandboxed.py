@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+import numpy.ma  # numpy loads it where it is first needed, which a process without files cannot
 from numba.core import config
 from numba.core.dispatcher import Dispatcher
 
