@@ -36,7 +36,7 @@ def trust(size: str, only: tuple[str, ...], seed: int, page: Path | None) -> int
     for row in rows:
         for finding in row["findings"]:
             say(f"{row['name']}: {finding}")
-    say(table(["", "promise", "tried", "wrong"], [cells(row) for row in rows], prose=True))
+    say(table(["", "promise", "tried", "wrong"], [cells(row) for row in rows], left=2))
     if page is not None:
         page.write_text(as_markdown(rows, size, seed), encoding="utf-8")
     return 1 if wrong else 0
