@@ -184,14 +184,11 @@ def test_a_fault_under_one_choice_of_options_only_is_caught(tmp_path: Path) -> N
 
 AT_ONCE = (
     "adrc",
-    "disturbance-observer",
-    "fuzzy-linear-band-smc",
     "linear-band-smc",
     "pd-gravity",
     "sliding-pi",
-    "smc",
 )
-"""Laws that between them have options, fuzzy systems, a model, memory and none; the others are tried with -m slow."""
+"""Laws that between them have options, a model, memory and none; the others are tried with -m slow."""
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from torquebench.cli.bench import as_markdown
 from torquebench.robot.library import data_root
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "short", [pytest.param(True, id="small"), pytest.param(False, id="large", marks=pytest.mark.slow)]
 )

@@ -85,11 +85,13 @@ SEEDED: list[tuple[set[str], dict[str, Any], dict[str, Any]]] = [
 
 
 def one_of_each(cases: list[tuple[Any, ...]]) -> list[Any]:
-    """Return cases as parameters with their names; those whose causes an earlier case has are slow."""
-    return [
-        pytest.param(*case, id=name, marks=[pytest.mark.slow] if any(case[0] == c[0] for c in cases[:i]) else [])
-        for i, (case, name) in enumerate(zip(cases, ids(cases), strict=True))
-    ]
+    """Return cases as parameters with their names; those of whose causes each was met before are slow."""
+    met, found = set[str](), []
+    for (causes, *rest), name in zip(cases, ids(cases), strict=True):
+        again = bool(causes) and causes <= met
+        met |= causes
+        found.append(pytest.param(causes, *rest, id=name, marks=[pytest.mark.slow] * again))
+    return found
 
 
 @pytest.mark.parametrize(("causes", "controller", "sections"), one_of_each(SEEDED))

@@ -236,10 +236,11 @@ def test_same_input_same_bytes_whatever_the_users_settings() -> None:
         others = {(key, fmt): figure_bytes(again[key], fmt) for key in PAGES for fmt in ("svg", "png")}
     for (key, fmt), data in others.items():
         assert figure_bytes(first[key], fmt) == data  # type: ignore[arg-type]
-        assert figure_bytes(first[key], fmt) == data  # type: ignore[arg-type]
+    assert figure_bytes(first["torque"], "svg") == others["torque", "svg"]
     assert matplotlib.rcParams["text.parse_math"] is True  # the style does not leak
 
 
+@pytest.mark.slow
 def test_svg_of_switching_torque_stays_small() -> None:
     """Three laws switching at random for 4 s on six joints: each page below 1.5 MB of SVG."""
     runs = {name: make(6, 9.0, 4000, switching=True) for name in "abc"}
