@@ -173,10 +173,20 @@ def is_forced(disturbance: Array | None, control_period: float, frequency: float
     """
     if disturbance is None or not math.isfinite(frequency):
         return False
+    return _forces(*_spectrum_of(disturbance, control_period), frequency)
+
+
+def _spectrum_of(disturbance: Array, control_period: float) -> tuple[Array, Array, Array]:
+    """Return the lines of a disturbance's spectrum [Hz], the power of each and of all, (m,), (m, n), (n,)."""
     lines, spectrum = hann_spectrum(disturbance, control_period)
-    power = np.abs(spectrum) ** 2
+    power: Array = np.abs(spectrum) ** 2
+    return lines, power, np.sum(power, axis=0)
+
+
+def _forces(lines: Array, power: Array, whole: Array, frequency: float) -> bool:
+    """Whether some joint has `FORCED` of its power at a frequency [Hz]."""
     near = np.abs(lines - frequency) <= np.maximum(0.05 * frequency, 1.5 * lines[1])
-    return bool(np.any(np.sum(power[near], axis=0) > FORCED * np.sum(power, axis=0)))
+    return bool(np.any(np.sum(power[near], axis=0) > FORCED * whole))
 
 
 def is_harmonic(power: Array, spacing: float, peak: float, motion_hz: float) -> bool:
@@ -273,8 +283,13 @@ def limit_cycle(run: JointRecord) -> Array:
     tau, peaks, period = run.tau[run.window], _peaks(run), run.control_period
     shares = limit_cycle_shares(tau, period, _powers(run), run.chattering_from_hz, peaks)
     spacing, n = 1.0 / (len(tau) * period), len(peaks) // len(run.disturbances)
+    spectra = dict[int, tuple[Array, Array, Array]]()  # runs of one draw share their disturbance
     for i in np.flatnonzero(shares > 0.0):
-        forced = is_forced(run.disturbances[i // n], period, peaks[i])
+        forced, cause = False, run.disturbances[i // n]
+        if cause is not None and math.isfinite(peaks[i]):
+            if id(cause) not in spectra:
+                spectra[id(cause)] = _spectrum_of(cause, period)
+            forced = _forces(*spectra[id(cause)], peaks[i])
         if forced or any(is_harmonic(_powers(run)[:, i], spacing, peaks[i], f) for f in run.motion_hz):
             shares[i] = 0.0
     return _chattering(run) * np.sqrt(shares)
