@@ -75,9 +75,14 @@ class Limits:
     """Coulomb friction of the arm's file [N m]."""
 
     @property
+    def drag(self) -> Array:
+        """Friction of the arm's file at `RUBBED` [N m]."""
+        return self.coulomb + RUBBED * self.viscous
+
+    @property
     def friction(self) -> Array:
-        """F, friction of the arm's file at `RUBBED`, at most what gravity leaves of the limit over `OVERCOME` [N m]."""
-        return np.minimum(self.coulomb + RUBBED * self.viscous, self.spare / OVERCOME)
+        """F, `drag`, at most what gravity leaves of the limit over `OVERCOME` [N m]."""
+        return np.minimum(self.drag, self.spare / OVERCOME)
 
     def stands(self, reaction: float) -> Array:
         """Return the inertia that a term of a law seems to meet, I where the file has no damping [kg m^2].
@@ -210,7 +215,7 @@ def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool]) -> str
         held = known["k"] * limits.tau_max / known["phi"]
     if "lam" in known and fit.rules.get("kv") is rate:
         held = held + known["kv"] * limits.scale
-    drag = limits.coulomb + RUBBED * limits.viscous
+    drag = limits.drag
     left = np.divide(drag, known.get("lam", 0.0) * held, out=np.zeros_like(drag), where=held > 0.0)
     worst = int(np.argmax(left))
     if left[worst] <= (1.0 + ROUNDING) * ERROR:

@@ -70,23 +70,23 @@ def attack_configs(shop: Workshop, tries: int) -> Iterator[str]:
     bases = [(file.name, file.read_text(encoding="utf-8"), file) for file in configs().values()]
     trees = [_tree(yaml.compose(text)) for _, text, _ in bases]
     pool = [node for tree in trees for node in _nodes(tree)]
-    for name, text, file in bases:  # imports and tables that are made once
-        _read(text.encode(), name, file)
+    for _, text, file in bases:  # imports and tables that are made once
+        _read(text.encode(), file)
     for number in range(tries):
         chosen = shop.random.randrange(len(bases))
         name, text, file = bases[chosen]
         mutant = _mutant(shop.random, text, copy.deepcopy(trees[chosen]), pool)
-        found, experiment = _read(mutant, name, file)
+        found, experiment = _read(mutant, file)
         # a path of the tool is turned into joint motions before it can be refused
         hurried = not found and experiment is None and b"tool-" not in mutant
-        if hurried and (taken := min(_timed(mutant, name, file) for _ in range(3))) > LIMIT:
+        if hurried and (taken := _quickest(lambda m=mutant, f=file: _read(m, f))) > LIMIT:
             found = f"{1e3 * taken:.0f} ms of CPU time"
         if not found and experiment is not None and number % 40 == 0:
             found = _run(mutant, str(file))
         yield f"{name}, try {number}: {found}" if found else ""
 
 
-def _read(text: bytes, name: str, file: Path) -> tuple[str, Any]:
+def _read(text: bytes, file: Path) -> tuple[str, Any]:
     """Return what was wrong with how a config was met, and the experiment where it was accepted."""
     try:
         if b"sweep" in text:
@@ -98,10 +98,14 @@ def _read(text: bytes, name: str, file: Path) -> tuple[str, Any]:
         return f"{type(error).__name__}: {error}"[:300], None
 
 
-def _timed(text: bytes, name: str, file: Path) -> float:
-    before = time.process_time()
-    _read(text, name, file)
-    return time.process_time() - before
+def _quickest(read: Callable[[], object]) -> float:
+    """Return the CPU time of a reading [s], the least of three if the first is beyond `LIMIT`."""
+    taken: list[float] = []
+    while len(taken) < 3 and (not taken or min(taken) > LIMIT):
+        before = time.process_time()
+        read()
+        taken.append(time.process_time() - before)
+    return min(taken)
 
 
 def _run(text: bytes, file: str) -> str:
@@ -268,7 +272,7 @@ def attack_patience(shop: Workshop, tries: int) -> Iterator[str]:
         "a swept key of 2,000 parts": sweep.replace("plant.payload.mass", ".".join(["a"] * 2000)),
     }
     cases: dict[str, Callable[[], object]] = {
-        name: lambda t=t: _read(t.encode(), "f", Path("f")) for name, t in files.items()
+        name: lambda t=t: _read(t.encode(), Path("f")) for name, t in files.items()
     }  # type: ignore[misc]
     sets = {
         "2,000 edits": [f"run.duration={k + 5}" for k in range(2000)],
@@ -276,18 +280,12 @@ def attack_patience(shop: Workshop, tries: int) -> Iterator[str]:
     }
     sets |= {"an edit 30,000 deep": [".".join(["a"] * 30_000) + "=1"], "an edit of 60 kB": ["run.seed=" + "[" * 60_000]}
     cases |= {name: lambda s=s: _edited(text, s) for name, s in sets.items()}  # type: ignore[misc]
-    _read(text.encode(), "f", Path("f"))
+    _read(text.encode(), Path("f"))
     for name, read in (
         list(cases.items())[:tries] if tries >= len(cases) else shop.random.sample(list(cases.items()), tries)
     ):
-        taken = []
-        for _ in range(3):
-            before = time.process_time()
-            read()
-            taken.append(time.process_time() - before)
-            if taken[-1] <= LIMIT:
-                break
-        yield f"{name}: {1e3 * min(taken):.0f} ms" if min(taken) > LIMIT else ""
+        taken = _quickest(read)
+        yield f"{name}: {1e3 * taken:.0f} ms" if taken > LIMIT else ""
 
 
 def _edited(text: str, edits: list[str]) -> None:

@@ -17,7 +17,7 @@ from torquebench.keys import as_vector
 from torquebench.laws import find_law
 from torquebench.references import Reference
 from torquebench.robot import RobotModel
-from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.flat_model import SLIDE, force_unit
 from torquebench.robot.joint_facts import ROUNDED, holding, without_rotor
 from torquebench.robot.payload import phases
 from torquebench.sim.friction import steady
@@ -196,7 +196,7 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
     if isinstance(truth, Phases):
         truth = replace(truth, at=-(-truth.at // step))
     motion = Reference(*(x[::step] for x in loop.reference))
-    limits, units = np.asarray(loop.plant.tau_max), ["N" if kind == SLIDE else "N m" for kind in loop.model.flat.kind]
+    limits, units = np.asarray(loop.plant.tau_max), [force_unit(kind) for kind in loop.model.flat.kind]
     first = truth.first if isinstance(truth, Phases) else truth
     text, is_too_much = holding(first, loop.initial_q, limits, "where it starts")
     rotor = without_rotor(first, loop.initial_q, experiment.run.control_period)
@@ -283,7 +283,7 @@ def flags(experiment: schema.Experiment, loop: Loop) -> tuple[Flag | Coarse | Ov
         if np.any(needed >= law.K):
             worst = int(np.argmax((needed - law.K) / np.asarray(loop.plant.tau_max)))
             k_needed = float(np.max(needed / np.asarray(loop.plant.tau_max)))
-            unit = "N" if loop.model.flat.kind[worst] == SLIDE else "N m"
+            unit = force_unit(loop.model.flat.kind[worst])
             gain, least = float(law.K[worst]), float(needed[worst])
             found.append(Flag(keys.name, loop.joint_names[worst], gain, least, k_needed, unit))
         coarse = too_coarse(experiment, loop, keys.name, law, truth)
@@ -346,7 +346,7 @@ def too_coarse(
         law.phi is not None,
         float(np.min(held.K / law.K)),
         float(np.min(held.K / np.asarray(loop.plant.tau_max))),
-        "N" if loop.model.flat.kind[worst] == SLIDE else "N m",
+        force_unit(loop.model.flat.kind[worst]),
     )
 
 

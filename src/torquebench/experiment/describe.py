@@ -21,7 +21,10 @@ def chosen_text(experiment: Experiment) -> list[str]:
     Of a user's law it also says whether it was taken for one with a model, on which the gains depend; and of an arm
     whose file has friction, what the gains leave of it.
     """
-    lines, run, slides = [], experiment.run, slide_joints(experiment.plant.model)
+    if not experiment.chosen:
+        return []
+    arm, slides = load_model(experiment.plant.model), slide_joints(experiment.plant.model)
+    lines, run = [], experiment.run
     for keys in experiment.controllers:
         law = find_law(keys.law)
         gains, units = [], law.gains
@@ -35,7 +38,6 @@ def chosen_text(experiment: Experiment) -> list[str]:
         if gains:
             where = f"{experiment.plant.model} at {1e3 * run.control_period:g} ms"
             taken = "" if law.ships else f"; {model_text(law, keys.options)}"
-            arm = load_model(experiment.plant.model)
             fit = law.fit(arm, run.control_period, experiment.chain, keys.options, keys.gains)
             taken += f"; {left}" if (left := friction_text(fit, arm.joint_names, slides)) else ""
             lines.append(f"controller '{keys.name}': gains chosen for {where}: {', '.join(gains)}{taken}")

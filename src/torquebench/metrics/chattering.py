@@ -286,7 +286,7 @@ def limit_cycle(run: JointRecord) -> Array:
     spectra = dict[int, tuple[Array, Array, Array]]()  # runs of one draw share their disturbance
     for i in np.flatnonzero(shares > 0.0):
         forced, cause = False, run.disturbances[i // n]
-        if cause is not None and math.isfinite(peaks[i]):
+        if cause is not None:
             if id(cause) not in spectra:
                 spectra[id(cause)] = _spectrum_of(cause, period)
             forced = _forces(*spectra[id(cause)], peaks[i])

@@ -24,6 +24,11 @@ HINGE = 0
 SLIDE = 1
 
 
+def force_unit(kind: int) -> str:
+    """Return the unit of what drives a joint, HINGE or SLIDE."""
+    return "N" if kind == SLIDE else "N m"
+
+
 class Scratch(NamedTuple):
     """Working memory of the dynamics kernels, so that they allocate nothing; one per thread."""
 

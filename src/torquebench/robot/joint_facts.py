@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from torquebench.kernel import Array
-from torquebench.robot.flat_model import SLIDE
+from torquebench.robot.flat_model import SLIDE, force_unit
 from torquebench.robot.library import ArmSource, file_of_arm
 from torquebench.robot.robot_model import RobotModel
 
@@ -74,7 +74,7 @@ def holding(arm: RobotModel, q: Array, tau_max: Array, where: str) -> tuple[str,
     """
     gravity = np.abs(arm.gravity(q[None])[0])
     worst = int(np.argmax(gravity / tau_max))
-    unit, joint = "N" if arm.flat.kind[worst] == SLIDE else "N m", arm.joint_names[worst]
+    unit, joint = force_unit(arm.flat.kind[worst]), arm.joint_names[worst]
     took, most = f"{gravity[worst]:.4g} {unit}", f"{tau_max[worst]:.4g} {unit}"
     if gravity[worst] > tau_max[worst] * (1.0 + ROUNDED):
         text = f"the arm cannot hold itself {where}: gravity alone needs {took} of {joint}, its limit is {most}"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
@@ -60,21 +60,38 @@ class Lock:
         held[self.joint - 1] += HELD
         return held
 
-    def stopped(self, qd: Array, mass_matrix: Array) -> Array:
-        """Return the velocities just after the brake fell in, (n,) [rad/s]; see the class.
+    def stop(self, motors: Array, qd: Array, mass_matrix: Callable[[], Array]) -> None:
+        """Have the brake fall in: change the velocities to those just after it; see the class.
 
         Args:
-            qd: Velocities just before it, (n,) [rad/s].
-            mass_matrix: Mass matrix without it, (n, n) [kg m^2].
+            motors: Position and velocity of the motors, (2, n) [rad, rad/s], or (0, n) where joints are rigid; changed.
+            qd: Velocities of the joints, (n,) [rad/s]; changed where joints are rigid.
+            mass_matrix: Returns the mass matrix without the brake, (n, n) [kg m^2].
         """
         i = self.joint - 1
-        way = np.linalg.solve(mass_matrix, np.eye(len(qd))[i])
-        after: Array = qd - way * (qd[i] / way[i])
-        after[i] = 0.0
-        return after
+        if len(motors) > 0:
+            motors[1, i] = 0.0
+            return
+        way = np.linalg.solve(mass_matrix(), np.eye(len(qd))[i])
+        qd[:] = qd - way * (qd[i] / way[i])
+        qd[i] = 0.0
 
 
-def phases_of(payload: Payload | None, lock: Lock | None) -> list[tuple[float, Payload | None, Lock | None]]:
+Phase: TypeAlias = tuple[float, Payload | None, Lock | None]
+"""Time from which an arm has a payload and a locked joint [s], and these."""
+
+
+def falling_in(phases: Sequence[Phase], number: int) -> Lock | None:
+    """Return the lock whose brake falls in as a phase begins; None for none.
+
+    Args:
+        phases: As of `phases_of`.
+        number: Of the phase, from 1.
+    """
+    return phases[number][2] if phases[number - 1][2] is None else None
+
+
+def phases_of(payload: Payload | None, lock: Lock | None) -> list[Phase]:
     """Return from which time on [s] an arm has a payload and a locked joint; the first phase begins at 0."""
     times = sorted({0.0, *(part.at for part in (payload, lock) if part is not None)})
     return [

@@ -14,7 +14,7 @@ from torquebench.kernel.struct import Structure, structure_at, vector
 from torquebench.kernel.twin import on_numbers, python_numbers
 from torquebench.robot.dynamics import forward_dynamics, gravity
 from torquebench.robot.flat_model import EXACT, Model, own_copy
-from torquebench.robot.lock import Lock, phases_of
+from torquebench.robot.lock import Lock, falling_in, phases_of
 from torquebench.robot.payload import Payload, carrying
 from torquebench.robot.perturbation import perturbed
 from torquebench.robot.robot_model import RobotModel
@@ -117,13 +117,9 @@ class AnalyticPlant:
     def change(self) -> None:
         """Go on as the next of its arms; see `Changing`."""
         self._phase += 1
-        (_, _, before), (_, _, brake) = self._phases[self._phase - 1 : self._phase + 1]
-        if brake is not None and before is None:
-            if len(self.motors()) > 0:
-                self.motors()[1, brake.joint - 1] = 0.0
-            else:
-                arm = self._arm
-                arm.qd[:] = brake.stopped(arm.qd, self._free[self._phase].mass_matrix(arm.q[None])[0])
+        if brake := falling_in(self._phases, self._phase):
+            free, arm = self._free[self._phase], self._arm
+            brake.stop(self.motors(), arm.qd, lambda: free.mass_matrix(arm.q[None])[0])
 
     def state(self) -> tuple[Array, Array]:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""

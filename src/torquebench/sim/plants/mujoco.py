@@ -16,7 +16,7 @@ from torquebench.errors import ModelError
 from torquebench.kernel import Array
 from torquebench.kernel.twin import on_numbers, python_numbers
 from torquebench.robot.library import ArmSource
-from torquebench.robot.lock import Lock, phases_of
+from torquebench.robot.lock import Lock, falling_in, phases_of
 from torquebench.robot.mjcf import compile_arm, joint_names, tool_frame, torque_limits
 from torquebench.robot.mjcf_links import links_of, with_links
 from torquebench.robot.payload import Payload, add_payload
@@ -174,13 +174,9 @@ class MujocoPlant:
     def change(self) -> None:
         """Go on as the next of its arms; see `Changing`."""
         self._phase += 1
-        (_, _, before), (_, _, brake) = self._phases[self._phase - 1 : self._phase + 1]
-        if brake is not None and before is None:
-            if len(self.motors()) > 0:
-                self.motors()[1, brake.joint - 1] = 0.0
-            else:
-                free, d = self._free[self._phase], self._d
-                d.qvel[:] = brake.stopped(d.qvel.copy(), mass_matrices(free, d.qpos[None])[0])
+        if brake := falling_in(self._phases, self._phase):
+            free, d = self._free[self._phase], self._d
+            brake.stop(self.motors(), d.qvel, lambda: mass_matrices(free, d.qpos[None])[0])
 
     def state(self) -> tuple[Array, Array]:
         """Return copies of the joint position [rad] and velocity [rad/s], each (n,)."""
