@@ -138,7 +138,7 @@ def test_limits_come_from_a_file(arm: Path, capsys) -> None:
 
 def test_bad_arguments_are_told_at_once(arm: Path, capsys) -> None:
     """Unknown forces and limits that are no numbers are two lines; a missing file and one without an arm are one."""
-    assert main(["import", "arm.xml", "--drop", "spring", "--torque-limits", "much"]) == 2
+    assert main(["import", "arm.xml", "--drop", "fluid,spring", "--torque-limits", "much"]) == 2
     err = capsys.readouterr().err
     assert "--drop: got 'spring' (did you mean 'springs'?)" in err
     assert "--torque-limits: got 'much'" in err

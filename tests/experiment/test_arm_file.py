@@ -129,6 +129,8 @@ def test_a_joint_that_leaves_its_range(config: Path, engine: str) -> None:
     asked = run_experiment(load_experiment(config, {"plant.engine": engine}))
     (said,) = [flag for flag in asked.flags if "leaves its range" in flag]
     assert said.startswith("the reference: a leaves its range, -0.3 to 0.5 rad, at 0.1 s and goes up to 0.2 rad beyond")
+    nearly = run_experiment(load_experiment(config, {"plant.engine": engine, "reference.target": 0.50009}))
+    assert not any(flag.startswith("the reference: a leaves") for flag in nearly.flags)
     assert runs["ignore"].trajectories["pd"].digest() == runs["warn"].trajectories["pd"].digest()
     assert not any("leaves its range" in flag for flag in runs["ignore"].flags)
     stopped = runs["stop"].trajectories["pd"]

@@ -650,3 +650,22 @@ def test_nothing_is_welded_as_asked_where_nobody_asked(put) -> None:
     assert any(part.reason == "would be welded at home" for part in refused.value.findings)
     arm = import_arm(path, Options(fix=("left", "right")))
     assert any(part.reason == "welded at home" for part in arm.findings)
+
+
+def test_what_is_left_out_is_told_heaviest_first_with_its_mass_and_a_home_at_the_end_of_a_range(put) -> None:
+    """4 kg beyond the tip, the 3 kg body first; the joint whose range begins at home is named, the other is not."""
+
+    def link(name: str, mass: float, inner: str, joint: str = "") -> str:
+        inertial = f'<inertial pos="0 0 .1" mass="{mass}" diaginertia=".01 .01 .01"/>'
+        return f'<body name="{name}" pos="0 0 .3">{inertial}{joint}{inner}</body>'
+
+    hinge = '<joint name="{}" axis="0 1 0" range="{}"/>'
+    beyond = link("light", 1, link("heavy", 3, "", '<joint name="claw"/>'))
+    arm = link("a", 1, link("b", 1, beyond, hinge.format("j2", "-1 1")), hinge.format("j1", "0 2"))
+    motors = "".join(f'<motor joint="j{k}" ctrlrange="-20 20"/>' for k in (1, 2))
+    text = f"""<mujoco><compiler angle="radian"/><worldbody>{arm}</worldbody><actuator>{motors}</actuator></mujoco>"""
+    found = import_arm(put(text), Options(tip="b")).findings
+    (dropped,) = [part for part in found if part.what == "bodies"]
+    assert dropped.places == ("heavy", "light")
+    assert dropped.reason.endswith("4 kg")
+    assert [part.places for part in found if part.what == "home"][1:] == [("j1",)]

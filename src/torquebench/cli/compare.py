@@ -115,7 +115,8 @@ def compare(
     """Show where two models or plants differ, and in which term.
 
     Of FILE.xml alone all counts that it has, springs, gears and integrator too; mujoco:FILE.xml is what the testbed
-    takes of it. The last line can be pasted into an issue.
+    takes of it. The last line can be pasted into an issue. A file that needs flags of import is compared by import,
+    which proves the arm that it writes against the file.
 
     The exit status is 1 when a compared quantity differs, else 0: also where closed loops amplify round-off, so that
     they say nothing, and single steps from equal states agree.

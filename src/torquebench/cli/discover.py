@@ -175,6 +175,7 @@ def show(name: str, plugin: Sequence[Path]) -> int:
     if name.lower().endswith((".xml", ".urdf", ".mjcf")):
         return _show_arm(Path(name), name)
     from torquebench.chain import CHAINS
+    from torquebench.experiment.store import EXPERIMENT
     from torquebench.laws import find_law, law_names
     from torquebench.laws.plugin import load_plugin
     from torquebench.robot.described import described_arm
@@ -191,6 +192,8 @@ def show(name: str, plugin: Sequence[Path]) -> int:
         return 0
     if name not in law_names():
         text = f"got '{name}', which is neither a law, a chain, an arm nor a shipped config"
+        if (Path(name) / EXPERIMENT).is_file():
+            text += f", but a run: its gains are in {Path(name) / EXPERIMENT}"
         names = [*law_names(), *CHAINS, *model_names(), *shipped_configs()]
         refuse([Problem("NAME", text=text, **suggest(name, names))])
     _show_law(find_law(name))

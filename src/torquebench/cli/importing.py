@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shlex
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from torquebench.cli.app import command
-from torquebench.cli.parameters import Choice, File, Words, Wrong, argument, option, out_folder, refuse
+from torquebench.cli.parameters import File, Words, Wrong, argument, option, out_folder, refuse
 from torquebench.cli.terminal import LEAST, bad, good, say, table, tell, width
 from torquebench.errors import ModelError, Problem
 
@@ -70,10 +71,10 @@ class TorqueLimits(click.ParamType[Any]):
 )
 @option(
     "--drop",
-    type=Choice(DROPS),
+    type=Words(DROPS),
     multiple=True,
-    metavar="FORCE",
-    help=f"a force that is left out although it moves the arm: {', '.join(DROPS)}; may be given several times",
+    metavar="FORCE,FORCE",
+    help=f"forces that are left out although they move the arm: {', '.join(DROPS)}",
 )
 @option("--force", is_flag=True, help="replace an arm imported there before; a folder with anything else is refused")
 def import_(
@@ -84,7 +85,7 @@ def import_(
     tip: str,
     tool: str,
     torque_limits: Any,
-    drop: Sequence[str],
+    drop: Sequence[list[str]],
     force: bool,
 ) -> int:
     """Make any MJCF or URDF file into an arm.
@@ -104,7 +105,7 @@ def import_(
     if why := folder.obstacle(place, force):
         refuse([("--out", why)])
     options = importing.Options(
-        tuple(word for words in fix for word in words), base, tip, tool, torque_limits, tuple(drop), name
+        tuple(chain.from_iterable(fix)), base, tip, tool, torque_limits, tuple(chain.from_iterable(drop)), name
     )
     line = _line(file, place, options)
     try:
@@ -180,8 +181,7 @@ def _line(file: Path, out: Path | None, options: Any, without_limit: Sequence[st
     for flag, value in (("--base", options.base), ("--tip", options.tip), ("--tool", options.tool)):
         words += [flag, value] if value else []
     words += ["--fix", ",".join(dict.fromkeys(options.fix))] if options.fix else []
-    for word in dict.fromkeys(options.drop):
-        words += ["--drop", word]
+    words += ["--drop", ",".join(dict.fromkeys(options.drop))] if options.drop else []
     limits = options.torque_limits
     pairs = limits.items() if isinstance(limits, dict) else ()
     numbers = [f"{n}={x:g}" for n, x in pairs] or [f"{x:g}" for x in limits or ()]

@@ -8,7 +8,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -136,9 +136,22 @@ class Words(click.ParamType[list[str]]):
 
     name = "names"
 
+    def __init__(self, choices: Sequence[str] = ()) -> None:
+        """Take any names, or only some; a wrong one is answered with the nearest."""
+        self.choices = choices
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[str]:
         """Return the names."""
-        return value if isinstance(value, list) else str(value).split(",")
+        words = value if isinstance(value, list) else str(value).split(",")
+        for word in words:
+            if self.choices and word not in self.choices:
+                raise Wrong(got=f"'{word}'", **suggest(word, self.choices))
+        return words
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Return the names that begin as typed after the last comma."""
+        before, comma, begun = incomplete.rpartition(",")
+        return [CompletionItem(before + comma + word) for word in self.choices if word.startswith(begun)]
 
 
 class File(click.Path):

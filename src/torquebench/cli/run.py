@@ -125,8 +125,8 @@ def run(
         from torquebench.cli.video import film_of_run
 
         film_of_run(result, directory.folder, gl)
-    if any(shaking(metrics, result.joints.tau_max) for metrics in result.metrics.values()):
-        say(hint(directory.folder))
+    if shaky := [name for name, metrics in result.metrics.items() if shaking(metrics, result.joints.tau_max)]:
+        say(hint(directory.folder, shaky, len(result.runs)))
     for remark in (*result.out_of_range, *result.explained):
         warn(f"torquebench: {remark}")
     return _print_failures(result)

@@ -61,7 +61,7 @@ def why(
     is_run = source.is_dir()
     if is_run:
         if overrides:
-            refuse([("--set", "has no effect on a run: give its config")])
+            refuse([("--set", f"has no effect on a run: give its config, {source / EXPERIMENT}")])
         experiment = read_run(source, "why", read_result).experiment
     else:
         experiment = load_experiment(source, overrides, allow_outside)
@@ -128,6 +128,13 @@ def show(found: Diagnosis, try_it: str) -> None:
     say(f"{found.runs} closed loops run")
 
 
-def hint(folder: Path) -> str:
-    """Return the line that ends a run which shakes."""
-    return f"it shakes: torquebench why {shlex.quote(str(folder))}"
+def hint(folder: Path, shaking: Sequence[str], of: int) -> str:
+    """Return the line that ends a run of which controllers shake.
+
+    Args:
+        folder: The run's folder.
+        shaking: Names of those that do.
+        of: How many controllers the run has.
+    """
+    verb, which = "shakes" if len(shaking) == 1 else "shake", ["--controller", shaking[0]] if of > 1 else []
+    return f"{', '.join(shaking)} {verb}: {shlex.join(['torquebench', 'why', str(folder), *which])}"

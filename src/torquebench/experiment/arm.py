@@ -22,6 +22,9 @@ from torquebench.sim.trajectory import Trajectory
 if TYPE_CHECKING:
     from torquebench.experiment.schema import Experiment
 
+SLACK = 1e-4
+"""How far beyond its range a joint may be without a word [rad, m]: less than arms are calibrated to."""
+
 
 class ArmValue(Node):
     """The name of an arm, or the path of its file.
@@ -193,7 +196,8 @@ def _too_fast(experiment: Experiment, who: str, t: Array, qd: Array, among: NDAr
     unit, others = "m/s" if arm.flat.kind[worst] else "rad/s", [arm.joint_names[j] for j in rest]
     return [
         f"{who}{arm.joint_names[worst]} exceeds its speed limit, {most[worst]:.4g} {unit}, at {t[first]:.4g} s and "
-        f"reaches {speed[:, worst].max():.4g} {unit}" + (f", as do {', '.join(others)} theirs" if others else "")
+        f"reaches {speed[:, worst].max():.4g} {unit}"
+        + (f"; so {'do' if len(others) > 1 else 'does'} {', '.join(others)}" if others else "")
     ]
 
 
@@ -228,7 +232,7 @@ def _leaving(experiment: Experiment, who: str, t: Array, q: Array, among: NDArra
     if experiment.plant.limits == "ignore":
         return []
     arm, beyond = load_model(experiment.plant.model), _beyond(experiment, q)
-    found = _worst(beyond > 0.0, beyond, among)
+    found = _worst(beyond > 0.0, beyond, among & (beyond.max(axis=0) > SLACK))
     if found is None:
         return []
     worst, first, rest = found
@@ -237,6 +241,6 @@ def _leaving(experiment: Experiment, who: str, t: Array, q: Array, among: NDArra
         f"{who}{arm.joint_names[worst]} leaves its range, {arm.passive.low[worst]:.4g} to "
         f"{arm.passive.high[worst]:.4g} {unit}, at {t[first]:.4g} s and goes up to {beyond[:, worst].max():.3g} {unit} "
         "beyond it"
-        + (f", as do {', '.join(others)} theirs" if others else "")
+        + (f"; so {'do' if len(others) > 1 else 'does'} {', '.join(others)}" if others else "")
         + ("" if experiment.plant.limits == "stop" else "; no plant holds a joint back")
     ]

@@ -32,23 +32,20 @@ def answer(result: ExperimentResult) -> Markup:
 
 
 def impossible(result: ExperimentResult) -> Markup:
-    """Return that the arm cannot do the motion; nothing where it can.
+    """Return that the arm cannot do the motion, and for which joint; nothing where it can.
 
     It cannot where the run remarks that the reference needs more torque than the arm has, and the law that follows
     best has a joint at its limit for `SATURATED` of the time or longer.
     """
     errors = values_of(result, "rmse")
-    if not errors or not any(flag.startswith(TOO_MUCH) for flag in result.flags):
+    remark = next((flag for flag in result.flags if flag.startswith(TOO_MUCH)), "")
+    if not errors or not remark:
         return Markup("")
-    shares = [share or 0.0 for share in result.metrics[next(iter(errors))]["saturation_fraction"].per_joint]
-    n, most = sum(share >= SATURATED for share in shares), 100.0 * max(shares)
-    if not n:
+    shares = result.metrics[next(iter(errors))]["saturation_fraction"].per_joint
+    if max(share or 0.0 for share in shares) < SATURATED:
         return Markup("")
-    at = f"{n} joints are at their torque limit, up to" if n > 1 else "one joint is at its torque limit"
-    best = "even with the law that errs least" if len(errors) > 1 else ""
-    return Markup("<b>The motion cannot be done</b>: {} {:.3g} % of the time{}.").format(
-        at, most, f" {best}; no law is better here" if best else ""
-    )
+    none = "; no law is better here" if len(errors) > 1 else ""
+    return Markup("<b>The motion cannot be done</b>: {}{}.").format(remark, none)
 
 
 def values_of(result: ExperimentResult, key: str) -> dict[str, float]:

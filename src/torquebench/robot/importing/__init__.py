@@ -15,7 +15,7 @@ from torquebench.robot.importing.findings import VERDICTS, Part, RefusedArmError
 from torquebench.robot.importing.forces import forces_of
 from torquebench.robot.importing.plain import tool_of, write
 from torquebench.robot.importing.proof import LIMIT, STATES, Proof, prove
-from torquebench.robot.importing.source import Source, listening, read
+from torquebench.robot.importing.source import MESHES, Source, listening, read
 from torquebench.robot.library import plain_name
 from torquebench.robot.mjcf_links import joint_name
 from torquebench.robot.mjcf_text import wrong_numbers
@@ -91,7 +91,7 @@ def import_arm(path: Path, options: Options = Options()) -> ImportedArm:  # noqa
     chain.findings.extend(refused)
     forces = forces_of(chain, options, source.speeds)
     name = plain_name(options.name or path.stem)
-    _tell(chain, source, said, not refused)
+    _tell(chain, source, home, said, not refused)
     text = write(chain, forces, options, name, path.name)
     if any(part.verdict == "refused" for part in chain.findings):
         raise RefusedArmError(path, _sorted(chain.findings))
@@ -130,13 +130,14 @@ def _sorted(findings: list[Part]) -> tuple[Part, ...]:
     return tuple(sorted(findings, key=lambda part: VERDICTS.index(part.verdict)))
 
 
-def _tell(chain: Chain, source: Source, home: str, asked: bool) -> None:
+def _tell(chain: Chain, source: Source, home: Array, said: str, asked: bool) -> None:
     """Add to a chain's findings what becomes of joints, bodies, looks and contacts.
 
     Args:
         chain: The chain.
         source: The published file.
-        home: Name of the position at which joints are welded.
+        home: The ``qpos`` at which joints are welded, (nq,).
+        said: Its name.
         asked: Whether what is welded or left out was asked for, instead of being what refusals propose.
     """
     m, first = chain.model, list[Part]()
@@ -145,7 +146,14 @@ def _tell(chain: Chain, source: Source, home: str, asked: bool) -> None:
     counts = (len(names) - slides, "hinge"), (slides, "slide")
     kinds = [f"{count} {kind}{'s' * (count > 1)}" for count, kind in counts if count]
     first.append(Part("kept", " and ".join(kinds), names, "the law drives them"))
-    first.append(Part("kept", "home", (home,), "keyframe home, where a run can begin"))
+    first.append(Part("kept", "home", (said,), "keyframe home, where a run can begin"))
+    low, high = m.jnt_range[list(chain.joints)].T
+    inside = (low < home[chain.places]) & (home[chain.places] < high) | (m.jnt_limited[list(chain.joints)] == 0)
+    if not inside.all():
+        edge = tuple(name for name, is_inside in zip(names, inside, strict=True) if not is_inside)
+        first.append(
+            Part("kept", "home", edge, "at an end of its range, or beyond: a run that begins there may leave it")
+        )
     if chain.fixed:
         first.append(
             Part(
@@ -156,14 +164,18 @@ def _tell(chain: Chain, source: Source, home: str, asked: bool) -> None:
             )
         )
     if chain.removed:
-        bodies = tuple(body_name(m, b) for b in sorted(chain.removed))
-        first.append(Part("dropped", "bodies", bodies, "left out with their mass" if asked else "would be left out"))
+        heaviest = sorted(chain.removed, key=lambda b: (-m.body_mass[b], b))
+        mass = f"{sum(m.body_mass[b] for b in heaviest):.3g} kg"
+        bodies = tuple(body_name(m, b) for b in heaviest)
+        text = f"left out with their mass, {mass}" if asked else f"would be left out, {mass}"
+        first.append(Part("dropped", "bodies", bodies, text))
     if source.guessed:
         text = "no mass: their inertia is not stated, and a URDF's collision shapes weigh nothing"
         first.append(Part("mapped", "links without inertia", source.guessed, text))
     if source.missing:
         names = tuple(dict.fromkeys(name.rpartition("/")[2] for name in source.missing))
-        first.append(Part("dropped", "mesh files", names, "not there, or not read by MuJoCo; they only look"))
+        text = f"not there, or not of a kind that MuJoCo reads: {', '.join(MESHES)}; they only look"
+        first.append(Part("dropped", "mesh files", names, text))
     if source.balanced:
         text = "no body has their moments: each is their mean, so that the arm moves a little differently"
         first.append(Part("mapped", "impossible inertia", source.balanced, text))
