@@ -16,7 +16,7 @@ made to overcome: slopes may be quicker, and K is beyond F. What they leave of i
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -200,7 +200,7 @@ def braked(limits: Limits) -> Array:
     return slowed
 
 
-def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool]) -> str:
+def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool], given: Collection[str] = ()) -> str:
     """Return what gains leave of the friction of the arm's file, and what keeps it from less; nothing below `ERROR`.
 
     It is F / (lambda D) where a term D s holds s = de + lambda e: D = K / phi + Kd.
@@ -209,6 +209,7 @@ def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool]) -> str
         fit: A law with its gains.
         names: The joints.
         slides: Which of them slide.
+        given: Gains that were not chosen.
     """
     limits, known, held = fit.limits, fit.known, np.zeros_like(fit.limits.tau_max)
     if {"lam", "k", "phi"} <= known.keys():
@@ -223,6 +224,8 @@ def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool]) -> str
     small, speed = ("mm", "m/s") if slides[worst] else ("mrad", "rad/s")
     if drag[worst] > limits.spare[worst]:
         why = "it is more than gravity leaves of the torque limit"
+    elif own := [name for name in ("lam", "k", "phi", "kv") if name in given and name in known]:
+        why = f"{' and '.join(own)} {'is' if len(own) == 1 else 'are'} as given"
     elif known["lam"][worst] >= (1.0 - ROUNDING) * braked(limits)[worst]:
         why = f"a quicker slope is more than the torque limit brakes {BRAKED:g} {small.removeprefix('m')} along"
     else:
