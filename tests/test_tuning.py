@@ -413,6 +413,7 @@ def test_what_friction_leaves_is_said_and_why(tmp_path: Path) -> None:
     quick = said('damping="2" frictionloss="0.1"')
     assert quick.startswith("friction of the arm's file leaves about 12.8 mrad of roll at 2 rad/s: slope and damping")
     assert said('damping="2" frictionloss="0.1"', "pd").startswith(quick[:50])
+    assert "rad/s, until its integral takes that up: " in said('damping="2" frictionloss="0.1"', "pid")
     assert "more than gravity leaves" in said('damping="20"')
     heavy = said('damping="10" armature="1"', period=6e-3)
     assert "brakes 0.1 rad along" in heavy

@@ -230,9 +230,11 @@ def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool], given:
         why = f"a quicker slope is more than the torque limit brakes {BRAKED:g} {small.removeprefix('m')} along"
     else:
         why = f"slope and damping are the most that a reaction of {1e3 * fit.reaction:.3g} ms stands"
+    sums = any(rule in SUMS and name in known and known[name][worst] > 0.0 for name, rule in fit.rules.items())
+    until = ", until its integral takes that up" if sums else ""
     return (
         f"friction of the arm's file leaves about {1e3 * left[worst]:.3g} {small} of {names[worst]} "
-        f"at {RUBBED:g} {speed}: {why}"
+        f"at {RUBBED:g} {speed}{until}: {why}"
     )
 
 
@@ -452,6 +454,9 @@ def as_much(fit: Fit) -> Array:
 
 TERMS = (rate, damping, switching, fuzzy_torque)
 """Rules of gains that make a linear term near s = 0."""
+
+SUMS = (integral, pull, slow_pull)
+"""Rules of gains that sum up an error: what friction leaves fades."""
 
 BY_UNIT: Mapping[str, Rule] = {
     "1/s": slope,
