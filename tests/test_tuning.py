@@ -413,12 +413,24 @@ def test_what_friction_leaves_is_said_and_why(tmp_path: Path) -> None:
     quick = said('damping="2" frictionloss="0.1"')
     assert quick.startswith("friction of the arm's file leaves about 12.8 mrad of roll at 2 rad/s: slope and damping")
     assert said('damping="2" frictionloss="0.1"', "pd").startswith(quick[:50])
+    assert "rad/s, until its integral takes that up: " in said('damping="2" frictionloss="0.1"', "pid")
     assert "more than gravity leaves" in said('damping="20"')
     heavy = said('damping="10" armature="1"', period=6e-3)
     assert "brakes 0.1 rad along" in heavy
     limits = limits_of(load_model(path))
     lam = braked(limits)[0]
     assert 0.1 * limits.heaviest[0] * lam**2 == pytest.approx(28.0 + 0.1 * 10.0 * lam)
+
+
+def test_a_gain_that_was_given_is_what_keeps_friction(tmp_path: Path) -> None:
+    """Of a slope that the user chose it is not said that the arm stands no more: at 5 1/s it leaves F / (5 D)."""
+    path = tmp_path / "wrist.xml"
+    path.write_text(WRIST.replace('name="roll"', 'name="roll" damping="2" frictionloss="0.1"'))
+    arm, law, options = load_model(path), find_law("smc"), {"switching": "saturation"}
+    gains = law.choose_gains(arm, options=options, given={"lam": 5.0})
+    text = friction_text(law.fit(arm, 0.001, Chain(), options, gains), arm.joint_names, [False], {"lam"})
+    left = 4.1 * gains["phi"] / (5.0 * gains["k"] * arm.flat.tau_max[0])
+    assert text == f"friction of the arm's file leaves about {1e3 * left:.3g} mrad of roll at 2 rad/s: lam is as given"
 
 
 def test_what_friction_takes_is_followed(tmp_path: Path) -> None:

@@ -325,7 +325,7 @@ class Pilot:
             yield flight, (experiment, loop, slopes_of(experiment, loop, by))
 
     def margins(self, keys: Controller) -> tuple[Margins | None, str]:
-        """Return the margins about rest where the phase margin is least, with the least delay, and where that is."""
+        """Return the margins about rest where the phase margin is least, the least delay and gain margin, and where."""
         found = list[tuple[float, Margins, str]]()
         for flight, linear in self.linear(keys):
             margins = margins_of(*linear)
@@ -334,8 +334,11 @@ class Pilot:
         if not found:
             return None, ""
         _, worst, where = min(found, key=lambda one: one[0])
-        delay = min((one.delay for _, one, _ in found if one.delay is not None), default=None)
-        return dataclasses.replace(worst, delay=None if worst.delay is None else delay), where
+        if worst.delay is not None:
+            delay = min(one.delay for _, one, _ in found if one.delay is not None)
+            gain = min((one for _, one, _ in found), key=lambda one: one.factor or math.inf)
+            worst = dataclasses.replace(worst, delay=delay, factor=gain.factor, oscillation=gain.oscillation)
+        return worst, where
 
     def wider(self, keys: Controller) -> Iterator[Controller]:
         """Yield a controller with wider and wider layers; see `layers`."""

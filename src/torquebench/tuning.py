@@ -16,7 +16,7 @@ made to overcome: slopes may be quicker, and K is beyond F. What they leave of i
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -200,7 +200,7 @@ def braked(limits: Limits) -> Array:
     return slowed
 
 
-def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool]) -> str:
+def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool], given: Collection[str] = ()) -> str:
     """Return what gains leave of the friction of the arm's file, and what keeps it from less; nothing below `ERROR`.
 
     It is F / (lambda D) where a term D s holds s = de + lambda e: D = K / phi + Kd.
@@ -209,6 +209,7 @@ def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool]) -> str
         fit: A law with its gains.
         names: The joints.
         slides: Which of them slide.
+        given: Gains that were not chosen.
     """
     limits, known, held = fit.limits, fit.known, np.zeros_like(fit.limits.tau_max)
     if {"lam", "k", "phi"} <= known.keys():
@@ -223,13 +224,17 @@ def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool]) -> str
     small, speed = ("mm", "m/s") if slides[worst] else ("mrad", "rad/s")
     if drag[worst] > limits.spare[worst]:
         why = "it is more than gravity leaves of the torque limit"
+    elif own := [name for name in ("lam", "k", "phi", "kv") if name in given and name in known]:
+        why = f"{' and '.join(own)} {'is' if len(own) == 1 else 'are'} as given"
     elif known["lam"][worst] >= (1.0 - ROUNDING) * braked(limits)[worst]:
         why = f"a quicker slope is more than the torque limit brakes {BRAKED:g} {small.removeprefix('m')} along"
     else:
         why = f"slope and damping are the most that a reaction of {1e3 * fit.reaction:.3g} ms stands"
+    sums = any(rule in SUMS and name in known and known[name][worst] > 0.0 for name, rule in fit.rules.items())
+    until = ", until its integral takes that up" if sums else ""
     return (
         f"friction of the arm's file leaves about {1e3 * left[worst]:.3g} {small} of {names[worst]} "
-        f"at {RUBBED:g} {speed}: {why}"
+        f"at {RUBBED:g} {speed}{until}: {why}"
     )
 
 
@@ -449,6 +454,9 @@ def as_much(fit: Fit) -> Array:
 
 TERMS = (rate, damping, switching, fuzzy_torque)
 """Rules of gains that make a linear term near s = 0."""
+
+SUMS = (integral, pull, slow_pull)
+"""Rules of gains that sum up an error: what friction leaves fades."""
 
 BY_UNIT: Mapping[str, Rule] = {
     "1/s": slope,

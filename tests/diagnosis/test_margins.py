@@ -11,6 +11,7 @@ import pytest
 from tests.diagnosis.test_causes import PLANT, SINE, experiment, pd
 from torquebench.diagnosis.margins import margins_of, resonances, slopes_of, torque_noise
 from torquebench.diagnosis.owners import owner_of
+from torquebench.diagnosis.poles import poles_of
 from torquebench.experiment.build import build
 from torquebench.robot import load_model
 
@@ -137,6 +138,67 @@ def test_margins_of_elastic_joints(sensor: str, is_stable: bool) -> None:
     assert found is not None
     assert found.phase is not None
     assert (found.phase > 0.0) == is_stable
+
+
+AT = [0.482, 0.301]
+STILL: dict[str, Any] = {
+    "reference": {"kind": "sine", "amplitude": 0.0, "frequency_hz": 0.5, "origin": AT},
+    "run": {"duration": 2.0, "control_period": 0.002, "initial_q": AT},
+}
+"""The arm at rest, as a resonance shows there."""
+
+
+def grows(law: dict[str, Any], **keys: Any) -> bool:
+    """Whether a pole of the sampled loop grows at some instant."""
+    built = experiment(law, **keys)
+    loop = build(built)
+    slopes = slopes_of(built, loop)
+    return max(poles_of(built, loop, slopes, m)[0].rate for m in range(len(slopes.damping))) > 1e-6
+
+
+def test_the_gain_margin_is_that_of_all_joints() -> None:
+    """The poles of both joints' loop grow beyond it and not below it, whichever joint has the least phase margin.
+
+    To 5 %: poles are of the sampled loop, margins as if time went on between instants.
+    """
+    chain = {"command_delay": 0.004, "current_loop": {"frequency": 300.0, "damping": 0.8}}
+    built = experiment(pd(25, "pd"), chain=chain, run=STILL["run"], reference=STILL["reference"])
+    loop = build(built)
+    found = margins_of(built, loop, slopes_of(built, loop))
+    assert found is not None
+    assert found.phase is not None
+    assert found.factor is not None
+    assert found.phase > 0.0
+    assert not grows(pd(0.95 * 25 * found.factor, "pd"), chain=chain, **STILL)
+    assert grows(pd(1.05 * 25 * found.factor, "pd"), chain=chain, **STILL)
+
+
+def test_a_resonance_that_comes_late_encircles_nothing() -> None:
+    """A resonance whose gain is above 1 from -208 to -284 degrees alone is stable, as its poles say, up to its margins.
+
+    To a period, and 5 %.
+    """
+    springs = {"stiffness": [1241.0, 521.7], "damping": [0.656, 0.276], "inertia": [0.1, 0.05], "sensor": "link"}
+    chain = {"actuator_lag": 0.002, "velocity": "differentiated", "velocity_filter": 100.0}
+    keys = {**STILL, "plant": {**PLANT, "transmission": springs}}
+
+    def law(gain: float = 1.0) -> dict[str, Any]:
+        return {"name": "c", "law": "pd-gravity", "gains": {"lam": 3.0, "kv": 5.61 * gain}}
+
+    built = experiment(law(), chain=chain, **keys)
+    loop = build(built)
+    found = margins_of(built, loop, slopes_of(built, loop))
+    assert found is not None
+    assert found.phase is not None
+    assert found.delay is not None
+    assert found.factor is not None
+    assert found.phase > 0.0
+    assert not grows(law(), chain=chain, **keys)
+    periods = round(found.delay / 0.002)
+    assert not grows(law(), chain={**chain, "command_delay": 0.002 * (periods - 1)}, **keys)
+    assert grows(law(), chain={**chain, "command_delay": 0.002 * (periods + 1)}, **keys)
+    assert not grows(law(0.95 * found.factor), chain=chain, **keys)
+    assert grows(law(1.05 * found.factor), chain=chain, **keys)
 
 
 def test_the_loop_oscillates_where_its_phase_says() -> None:

@@ -83,6 +83,28 @@ def test_the_answer_when_the_best_does_not_chatter(result):
     assert "None chatters: at most 0.02 % of the torque limit." in plain(answer(quiet))
 
 
+def test_nobody_is_best_of_equals(result):
+    """Laws whose numbers read the same are told together, none of them as better or worse than another."""
+    two = with_metrics(result, rmse=(1e-3, 1e-3, 2e-3), chattering=(30.0, 30.0, 6.0))
+    text = plain(answer(two))
+    assert text.startswith("conventional and band follow best: RMS error 1 mrad; pd worst, 2 mrad. ")
+    assert "pd chatters least (6 %), conventional and band chatter most (30 % of the torque limit)." in text
+    same = plain(answer(with_metrics(result, rmse=(1e-3,) * 3, chattering=(30.0,) * 3, effort=(0.1,) * 3)))
+    assert same == "All follow alike: RMS error 1 mrad. All chatter alike: 30 % of the torque limit."
+
+
+def test_heat_beside_an_error_of_zero(result):
+    """Where a law does not err at all, every law that does is hottest in that joint, and is not told as the least."""
+    run = with_metrics(result, rmse=(0.0, 1e-3, 2e-3))
+    metrics = {
+        name: Metrics({info.key: dataclasses.replace(one, per_joint=(one.value,) * 2) for info, one in own.items()})
+        for name, own in run.metrics.items()
+    }
+    rows = {row["name"]: row["cells"] for row in heat_rows(dataclasses.replace(run, metrics=metrics))}
+    assert [cell[2] for cell in rows["conventional"]] == [0.0, 0.0]
+    assert [cell[2:] for cell in rows["band"]] == [(1.0, "the least is 0")] * 2
+
+
 @pytest.mark.parametrize(("asked", "shares", "told"), [(9.0, 0.5, True), (9.0, 0.01, False), (0.5, 0.5, False)])
 def test_a_motion_that_the_arm_cannot_do_has_no_winner(result, tmp_path, asked, shares, told):
     """Too much torque asked for and the best law at its limit: that is said first, nobody is best; one alone is not it.

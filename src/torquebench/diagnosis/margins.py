@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -83,15 +83,16 @@ class Margins:
     angle: Array = field(repr=False)
     """Its phase, unwrapped, (f,) [degrees]."""
     crossover: float | None
-    """Highest frequency at which its size is 1 [Hz]; None where it never is."""
+    """Frequency at which its size is 1 and the phase margin the least [Hz]; None where its size never is 1."""
     phase: float | None
-    """Phase margin there [degrees]."""
+    """Phase margin there [degrees]: above -180, or as many whole turns below as a resonance begins at."""
     delay: float | None
     """Further delay of all joints at once that the arm bears, of all eigenvalues the least [s]; None for none."""
     oscillation: float | None
-    """Lowest frequency at which its phase is -180 degrees [Hz]: a loop at its limit oscillates there."""
+    """Frequency at which a phase is -180 degrees [Hz]: at that limit the loop oscillates there, and of an unstable one
+    the lowest."""
     factor: float | None
-    """Gain margin: times the gain that brings it to that limit [1]."""
+    """Gain margin: times the gain that brings the loop there [1], of all eigenvalues the least above 1."""
     lost: Mapping[str, float]
     """Part of the chain, hold of the control period included -> phase lost to it at the crossover [degrees]."""
     owners: Mapping[str, Owner] = field(default_factory=dict)
@@ -339,13 +340,16 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
     seen = response(chain, 2.0 * math.pi * frequency, period)
     late = seen.torque * seen.position
     worst: Margins | None = None
-    least = math.inf
+    least = most = math.inf
+    swings: float | None = None
     for m, k in enumerate(instants_of(experiment)):
         terms = terms_at(experiment, loop, slopes, m, k)
         loci, ways = _loci(chain, period, frequency, terms)
         for i in range(n):
             one = _margins(i, k * period, frequency, loci[:, i], late, 0.7 * float(np.min(found)))
             least = min(least, one.delay or math.inf)
+            if one.factor is not None and one.factor < most:
+                most, swings = one.factor, one.oscillation
             if one.phase is not None and (worst is None or worst.phase is None or one.phase < worst.phase):
                 worst, kept, kept_ways = one, terms, ways
     if worst is None or worst.crossover is None or worst.phase is None:
@@ -365,10 +369,12 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
         lost[name] = float(np.degrees(np.unwrap(np.angle(others[:, same] / loci[:, own]))[-1]))
     lost["hold"] = 180.0 * worst.crossover * period
     lost = {name: x for name, x in lost.items() if abs(x) >= 0.05}
-    delay = least if worst.phase > 0.0 else None
-    return replace(
-        worst, joint=joint, delay=delay, lost=lost, owners={name: owner_of(experiment, name) for name in lost}
-    )
+    owners = {name: owner_of(experiment, name) for name in lost}
+    worst = replace(worst, joint=joint, delay=None, lost=lost, owners=owners)
+    if worst.phase is None or worst.phase <= 0.0:
+        return worst
+    limit = (most, swings) if math.isfinite(most) else (None, None)
+    return replace(worst, delay=least, factor=limit[0], oscillation=limit[1])
 
 
 def _lesser(chain: Chain) -> dict[str, Chain]:
@@ -440,22 +446,55 @@ def _margins(joint: int, time: float, frequency: Array, gain: Complex, late: Com
         first = int(np.searchsorted(frequency, rigid_to)) - 1
         rest[first:] = np.unwrap(rest[first:])
     angle = np.unwrap(np.angle(late)) + rest
-    falls = np.flatnonzero((size[:-1] >= 1.0) & (size[1:] < 1.0))
     crossover = phase = delay = oscillation = factor = None
-    if len(falls):
-        at = int(falls[-1])
-        share = math.log(size[at]) / math.log(size[at] / size[at + 1])
-        crossover = float(frequency[at] * (frequency[at + 1] / frequency[at]) ** share)
-        phase = 180.0 + math.degrees(angle[at] + share * (angle[at + 1] - angle[at]))
-        delay = phase / 360.0 / crossover if phase > 0.0 else None
-    near = angle[:-1] - angle[1:] < math.pi  # a phase that leaps from 90 to -270 degrees has not fallen
-    turns = np.flatnonzero((angle[:-1] > -math.pi) & (angle[1:] <= -math.pi) & near)
-    if len(turns):
-        at = int(turns[0])
-        share = (angle[at] + math.pi) / (angle[at] - angle[at + 1])
-        oscillation = float(frequency[at] * (frequency[at + 1] / frequency[at]) ** share)
-        factor = 1.0 / float(size[at] * (size[at + 1] / size[at]) ** share)
+    shift = 0.0
+    for f, margin, turned in _crossings(frequency, size, angle):
+        if phase is None or margin < phase:
+            crossover, phase, shift = f, margin, turned
+        delay = margin / 360.0 / f if delay is None else min(delay, margin / 360.0 / f)
+    angle = angle + shift
+    delay = delay if phase is not None and phase > 0.0 else None
+    for f, times in _turns(frequency, size, angle):
+        if phase is None or phase <= 0.0:  # where it oscillates already
+            oscillation, factor = f, times
+            break
+        if times > 1.0 and (factor is None or times < factor):
+            oscillation, factor = f, times
     return Margins(joint, time, frequency, gain, np.degrees(angle), crossover, phase, delay, oscillation, factor, {})
+
+
+def _crossings(frequency: Array, size: Array, angle: Array) -> Iterator[tuple[float, float, float]]:
+    """Yield where a locus enters and leaves the unit circle: frequency [Hz], phase margin [degrees], whole turns [rad].
+
+    Beyond the band of large gain at the start another one, of a resonance, encircles -1 only where it goes through
+    -180 degrees, or as many whole turns below, within itself: its phase counts from where it begins, with the whole
+    turns that are added to it.
+
+    Args:
+        frequency, size, angle: Of a locus, (f,) [Hz], [1], [rad].
+    """
+    turned, large = 0.0, size >= 1.0
+    for at in np.flatnonzero(large[:-1] != large[1:]).tolist():
+        share = math.log(size[at]) / math.log(size[at] / size[at + 1])
+        there = angle[at] + share * (angle[at + 1] - angle[at])
+        if large[at + 1]:
+            turned = -math.tau * math.floor((there + math.pi) / math.tau)
+        f = float(frequency[at] * (frequency[at + 1] / frequency[at]) ** share)
+        yield f, 180.0 + math.degrees(there + turned), turned
+
+
+def _turns(frequency: Array, size: Array, angle: Array) -> Iterator[tuple[float, float]]:
+    """Yield where the phase of a locus falls through -180 degrees, or whole turns off: frequency [Hz], 1 over its size.
+
+    Args:
+        frequency, size, angle: Of a locus, (f,) [Hz], [1], [rad].
+    """
+    branch = np.floor((angle + math.pi) / math.tau)
+    near = angle[:-1] - angle[1:] < math.pi  # a phase that leaps from 90 to -270 degrees has not fallen
+    for at in np.flatnonzero((branch[:-1] > branch[1:]) & near).tolist():
+        share = (angle[at] - math.tau * branch[at] + math.pi) / (angle[at] - angle[at + 1])
+        f = float(frequency[at] * (frequency[at + 1] / frequency[at]) ** share)
+        yield f, 1.0 / float(size[at] * (size[at + 1] / size[at]) ** share)
 
 
 def torque_noise(experiment: Experiment, slopes: Slopes) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from markupsafe import Markup
 
@@ -65,6 +65,15 @@ def _bold(names: Sequence[str]) -> Markup:
     return Markup(" and ").join([Markup(", ").join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
+def _some(names: Sequence[str], of: Collection[str]) -> Markup:
+    """Return names, or how many they are of all where they are more than four."""
+    return _bold(names) if len(names) <= 4 else Markup("{} of {}").format(len(names), len(of))
+
+
+def _verb(word: str, names: Sequence[str]) -> str:
+    return f"{word}s" if len(names) == 1 else word
+
+
 def times(a: float, b: float) -> str:
     """Return `a` over `b` in words: so many times, or a share of it in %."""
     ratio = a / b if b > 0.0 else float("inf")
@@ -86,15 +95,18 @@ def _following(result: ExperimentResult) -> list[Markup]:
     errors, info = values_of(result, "rmse"), METRICS["rmse"]
     if not errors:
         return []
-    unit, names = joint_units(info.shown_unit, result.slides), list(errors)
-    best, worst = names[0], names[-1]
-    text = Markup("{} {}: RMS error {} {}").format(
-        _bold([best]), "follows best" if len(names) > 1 else "follows", number(errors[best], info.scale), unit
-    )
-    if len(names) > 1:
-        text += Markup("; {} worst, {} {}.").format(_bold([worst]), number(errors[worst], info.scale), unit)
-        return [text]
-    return [text + "."]
+    unit, shown = joint_units(info.shown_unit, result.slides), {x: number(y, info.scale) for x, y in errors.items()}
+    best, worst = ([name for name in shown if shown[name] == shown[end]] for end in (next(iter(shown)), [*shown][-1]))
+    if len(shown) == 1:
+        return [Markup("{} follows: RMS error {} {}.").format(_bold(best), shown[best[0]], unit)]
+    if best == worst:
+        who = "All" if len(shown) == len(result.runs) else "All that completed"
+        return [Markup("{} follow alike: RMS error {} {}.").format(who, shown[best[0]], unit)]
+    return [
+        Markup("{} {} best: RMS error {} {}; {} worst, {} {}.").format(
+            _some(best, shown), _verb("follow", best), shown[best[0]], unit, _some(worst, shown), shown[worst[0]], unit
+        )
+    ]
 
 
 def _chattering(result: ExperimentResult) -> list[Markup]:
@@ -103,19 +115,24 @@ def _chattering(result: ExperimentResult) -> list[Markup]:
         return []
     names, limit = list(values), "of the torque limit"
     quiet = [name for name in names if is_still(values[name])]
-    loud = Markup("{} {} ({} % {})").format(
-        _bold(names[-1:]), "chatters most" if len(names) > 1 else "chatters", number(values[names[-1]]), limit
+    shown = {name: number(value) for name, value in values.items()}
+    least, most = ([name for name in shown if shown[name] == shown[end]] for end in (names[0], names[-1]))
+    loud = Markup("{} {}{} ({} % {})").format(
+        _some(most, shown), _verb("chatter", most), " most" if len(names) > 1 else "", shown[names[-1]], limit
     )
     if len(quiet) == len(names):
         who = "None chatters" if len(names) > 1 else "It does not chatter"
         return [Markup("{}: at most {} % {}.").format(who, number(values[names[-1]]), limit)]
     if quiet:
-        who = _bold(quiet) if len(quiet) <= 4 else Markup("{} of {}").format(len(quiet), len(names))
         verb = "does not chatter" if len(quiet) == 1 else "do not chatter"
-        return [Markup("{} {} (below {:g} %), {}.").format(who, verb, STILL, loud)]
+        return [Markup("{} {} (below {:g} %), {}.").format(_some(quiet, shown), verb, STILL, loud)]
     if len(names) == 1:
         return [loud + "."]
-    return [Markup("{} chatters least ({} %), {}.").format(_bold(names[:1]), number(values[names[0]]), loud)]
+    if least == most:
+        who = "All" if len(shown) == len(result.runs) else "All that completed"
+        return [Markup("{} chatter alike: {} % {}.").format(who, shown[names[0]], limit)]
+    who, verb = _some(least, shown), _verb("chatter", least)
+    return [Markup("{} {} least ({} %), {}.").format(who, verb, shown[names[0]], loud)]
 
 
 def _costs(result: ExperimentResult) -> list[Markup]:

@@ -192,24 +192,30 @@ def scatter_of(result: ExperimentResult, colours: Mapping[str, str]) -> str:
 def heat_rows(result: ExperimentResult) -> list[dict[str, Any]]:
     """Return a row for each controller with metrics: each joint's RMS error and its heat, 0 to 1.
 
-    Heat is the logarithm of the error over the least one of any controller in that joint, over the largest such.
+    Heat is the logarithm of the error over the least one of any controller in that joint, over the largest such; beside
+    an error of 0 any other is hottest.
     """
     info, table = METRICS["rmse"], {name: metrics["rmse"].per_joint for name, metrics in result.metrics.items()}
     if not table:
         return []
     columns = list(zip(*table.values(), strict=True))
-    least = [min((x for x in column if x), default=1.0) for column in columns]
+    least = [min((x for x in column if x is not None), default=0.0) for column in columns]
     ratios = {
-        name: [math.log(x / low) if x else 0.0 for x, low in zip(row, least, strict=True)]
+        name: [(math.log(x / low) if low else math.inf) if x else 0.0 for x, low in zip(row, least, strict=True)]
         for name, row in table.items()
     }
-    largest = max(max(row) for row in ratios.values()) or 1.0
+    largest = max((x for row in ratios.values() for x in row if x < math.inf), default=0.0) or 1.0
     order = sorted(table, key=lambda name: result.metrics[name]["rmse"].value or 0.0)
     return [
         {
             "name": name,
             "cells": [
-                (_short(x, info.scale), x, round(ratio / largest, 3), f"{math.exp(ratio):.3g} times the least")
+                (
+                    _short(x, info.scale),
+                    x,
+                    round(min(ratio / largest, 1.0), 3),
+                    f"{math.exp(ratio):.3g} times the least" if ratio < math.inf else "the least is 0",
+                )
                 for x, ratio in zip(table[name], ratios[name], strict=True)
             ],
         }
