@@ -133,6 +133,14 @@ def test_a_page_of_which_all_controllers_shake_is_marked_and_asks_why(result):
     assert ["torquebench why RUN" in page for page in (one, all_of_them, none)] == [True, True, False]
 
 
+def test_a_joint_that_chatters_alone_is_named(result):
+    """Quiet in the mean of the joints and not in one of them: said with the joint, whose share is twice the mean here."""
+    told = plain(answer(with_metrics(result, rmse=(3e-3, 1e-3, 2e-3), chattering=(30.0, 0.06, 0.04))))
+    assert "band and pd do not chatter" in told
+    assert f"band has 0.12 % in {result.joints.names[1]} alone." in told
+    assert "pd has" not in told
+
+
 def test_ratios_are_written_as_they_are_said():
     """Two digits below ten, whole numbers above, shares in per cent."""
     assert [times(a, b) for a, b in ((87.4, 1), (2.34, 1), (0.25, 1), (12345.0, 1), (1.0, 0.0))] == [

@@ -91,7 +91,7 @@ def _symptoms(
     share = _saturated(loop, run)
     if np.max(share) >= SATURATED:
         at = int(np.argmax(share))
-        yield "saturates", f"saturates ({names[at]} {100.0 * share[at]:.3g} % of the time)"
+        yield "saturates", f"saturates ({names[at]} {100.0 * share[at]:.3g} % of the whole run)"
 
 
 def _saturated(loop: Loop, run: Trajectory) -> Array:

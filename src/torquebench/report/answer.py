@@ -120,12 +120,13 @@ def _chattering(result: ExperimentResult) -> list[Markup]:
     loud = Markup("{} {}{} ({} % {})").format(
         _some(most, shown), _verb("chatter", most), " most" if len(names) > 1 else "", shown[names[-1]], limit
     )
+    alone = _one_joint(result, quiet)
     if len(quiet) == len(names):
         who = "None chatters" if len(names) > 1 else "It does not chatter"
-        return [Markup("{}: at most {} % {}.").format(who, number(values[names[-1]]), limit)]
+        return [Markup("{}: at most {} % {}.").format(who, number(values[names[-1]]), limit), *alone]
     if quiet:
         verb = "does not chatter" if len(quiet) == 1 else "do not chatter"
-        return [Markup("{} {} (below {:g} %), {}.").format(_some(quiet, shown), verb, STILL, loud)]
+        return [Markup("{} {} (below {:g} %), {}.").format(_some(quiet, shown), verb, STILL, loud), *alone]
     if len(names) == 1:
         return [loud + "."]
     if least == most:
@@ -133,6 +134,17 @@ def _chattering(result: ExperimentResult) -> list[Markup]:
         return [Markup("{} chatter alike: {} % {}.").format(who, shown[names[0]], limit)]
     who, verb = _some(least, shown), _verb("chatter", least)
     return [Markup("{} {} least ({} %), {}.").format(who, verb, shown[names[0]], loud)]
+
+
+def _one_joint(result: ExperimentResult, quiet: Sequence[str]) -> list[Markup]:
+    """Return a sentence for each controller that is quiet in the mean of its joints and not in one of them."""
+    lines = []
+    for name in quiet:
+        shares = [share or 0.0 for share in result.metrics[name]["chattering"].per_joint]
+        if not is_still(most := max(shares)):
+            joint = result.joints.names[shares.index(most)]
+            lines.append(Markup("{} has {} % in {} alone.").format(_bold([name]), number(most), joint))
+    return lines
 
 
 def _costs(result: ExperimentResult) -> list[Markup]:
