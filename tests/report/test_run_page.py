@@ -134,9 +134,9 @@ def test_a_page_of_which_all_controllers_shake_is_marked_and_asks_why(result):
 
 
 def test_a_joint_that_chatters_alone_is_named(result):
-    """Quiet in the mean of the joints and not in one of them: said with the joint, whose share is twice the mean here."""
+    """Quiet in the mean of the joints and not in one of them: said with the joint, here twice the mean."""
     told = plain(answer(with_metrics(result, rmse=(3e-3, 1e-3, 2e-3), chattering=(30.0, 0.06, 0.04))))
-    assert "band and pd do not chatter" in told
+    assert "pd and band do not chatter" in told
     assert f"band has 0.12 % in {result.joints.names[1]} alone." in told
     assert "pd has" not in told
 
