@@ -184,13 +184,17 @@ def pole(fit: Fit) -> Array:
     """Slope of a law that cancels the dynamics: SHARE / (4 r), at most 20, and such that 0.1 rad can be braked.
 
     Where that leaves friction an error of more than `ERROR` it is quicker than 20: lambda D `ERROR` = F, with D =
-    4 lambda M, or what there is room for of a law's linear terms.
+    4 lambda M, or what there is room for of a law's linear terms. Beside a given rate kV of an acceleration it is at
+    most kV / 4.
     """
     limits = fit.limits
     asked = np.sqrt(limits.friction / (4.0 * ERROR * limits.heaviest))
     if fit.terms:
         asked = np.maximum(asked, limits.friction / (ERROR * fit.whole))
-    return np.minimum(braked(limits), np.minimum(np.maximum(QUICKEST, asked), SHARE / (4.0 * fit.reaction)))
+    most = braked(limits)
+    if fit.rules.get("kv") is acceleration_rate and "kv" in fit.known:
+        most = np.minimum(most, fit.known["kv"] / 4.0)
+    return np.minimum(most, np.minimum(np.maximum(QUICKEST, asked), SHARE / (4.0 * fit.reaction)))
 
 
 def braked(limits: Limits) -> Array:
@@ -203,7 +207,7 @@ def braked(limits: Limits) -> Array:
 def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool], given: Collection[str] = ()) -> str:
     """Return what gains leave of the friction of the arm's file, and what keeps it from less; nothing below `ERROR`.
 
-    It is F / (lambda D) where a term D s holds s = de + lambda e: D = K / phi + Kd.
+    It is F / (lambda D) where a term D s holds s = de + lambda e: D = K / phi + Kd; of a stiffness Kp it is F / Kp.
 
     Args:
         fit: A law with its gains.
@@ -213,20 +217,24 @@ def friction_text(fit: Fit, names: Sequence[str], slides: Sequence[bool], given:
     """
     limits, known, held = fit.limits, fit.known, np.zeros_like(fit.limits.tau_max)
     if {"lam", "k", "phi"} <= known.keys():
-        held = known["k"] * limits.tau_max / known["phi"]
+        held = known["lam"] * known["k"] * limits.tau_max / known["phi"]
     if "lam" in known and fit.rules.get("kv") is rate:
-        held = held + known["kv"] * limits.scale
-    drag = limits.drag
-    left = np.divide(drag, known.get("lam", 0.0) * held, out=np.zeros_like(drag), where=held > 0.0)
+        held = held + known["lam"] * known["kv"] * limits.scale
+    lam, drag = known.get("lam", np.zeros_like(held)), limits.drag
+    if fit.rules.get("kp") is stiffness:
+        held, lam = known["kp"], known["kp"] / known["kd"]
+    left = np.divide(drag, held, out=np.zeros_like(drag), where=held > 0.0)
     worst = int(np.argmax(left))
     if left[worst] <= (1.0 + ROUNDING) * ERROR:
         return ""
     small, speed = ("mm", "m/s") if slides[worst] else ("mrad", "rad/s")
     if drag[worst] > limits.spare[worst]:
-        why = "it is more than gravity leaves of the torque limit"
-    elif own := [name for name in ("lam", "k", "phi", "kv") if name in given and name in known]:
-        why = f"{' and '.join(own)} {'is' if len(own) == 1 else 'are'} as given"
-    elif known["lam"][worst] >= (1.0 - ROUNDING) * braked(limits)[worst]:
+        why = "friction is more than gravity leaves of the torque limit"
+    elif own := [name for name in ("lam", "k", "phi", "kv", "kp", "kd") if name in given]:
+        why = f"so it is with {' and '.join(own)} as given"
+    elif left[worst] <= (1.0 + 2.0 * ROUNDING) * ERROR * drag[worst] / limits.friction[worst]:
+        why = f"friction is more than gravity leaves of the torque limit, over {OVERCOME:g}"
+    elif lam[worst] >= (1.0 - ROUNDING) * braked(limits)[worst]:
         why = f"a quicker slope is more than the torque limit brakes {BRAKED:g} {small.removeprefix('m')} along"
     else:
         why = f"slope and damping are the most that a reaction of {1e3 * fit.reaction:.3g} ms stands"
@@ -250,9 +258,13 @@ def slope(fit: Fit) -> Array:
 def damping(fit: Fit) -> Array:
     """Rate gain Kd: 4 lambda M of the heaviest inertia, as far as there is room.
 
-    Where friction asks for more, so that lambda Kd `ERROR` = F, it is that.
+    Where friction asks for more, so that lambda Kd `ERROR` = F, it is that. Beside a given Kp it damps that
+    critically: 2 sqrt(Kp M).
     """
-    lam, limits = fit.known["lam"] if "lam" in fit.known else pole(fit), fit.limits
+    limits = fit.limits
+    if fit.rules.get("kp") is stiffness and "kp" in fit.known:
+        return np.minimum(2.0 * np.sqrt(fit.known["kp"] * limits.heaviest), fit.room)
+    lam = fit.known["lam"] if "lam" in fit.known else pole(fit)
     wanted = np.maximum(4.0 * lam * limits.heaviest, limits.friction / (ERROR * lam))
     return np.minimum(wanted, fit.room)
 
@@ -274,8 +286,17 @@ def acceleration_rate(fit: Fit) -> Array:
 
 
 def integral(fit: Fit) -> Array:
-    """Integral gain kI = kV lambda^2 / 4: with kV = 4 lambda three real poles, at 0.38, 1 and 2.6 lambda."""
-    return (fit["kv"] if "kv" in fit else rate(fit)) * fit.lam**2 / 4.0
+    """Integral gain kI = kV lambda^2 / 4: with kV = 4 lambda three real poles, at 0.38, 1 and 2.6 lambda.
+
+    Beside given gains by which the rate decays at w < lambda it is kV lambda w / 4, a quarter of what is stable, in a
+    law that has no other damping.
+    """
+    kv, lam, limits = fit["kv"] if "kv" in fit else rate(fit), fit.lam, fit.limits
+    if fit.terms > 1:
+        return kv * lam**2 / 4.0
+    decay = kv if fit.rules.get("kv") is acceleration_rate else kv * limits.scale / limits.heaviest
+    decay = decay + limits.viscous / limits.heaviest
+    return kv * lam * np.where(decay < (1.0 - 2.0 * ROUNDING) * lam, decay, lam) / 4.0
 
 
 def pull(fit: Fit) -> Array:

@@ -117,7 +117,7 @@ def test_a_motion_that_the_arm_cannot_do_has_no_winner(result, tmp_path, asked, 
     values = {"rmse": (1e-3, 4e-3, 2e-3), "saturation_fraction": (shares / 2, 1.0, 1.0)}
     run = with_metrics(run, **values)
     text, marked = plain(answer(run)), [c.kind for row in controller_rows(run) for c in row["cells"]]
-    joint = "The motion cannot be done: the reference needs more torque than the arm has: elbow "
+    joint = "The motion cannot be done: the reference needs more torque than the arm has: shoulder "
     assert (text.startswith(joint) and "; no law is better here." in text) == told
     assert ("follows best" in text) == ("best" in marked) == (not told)
     assert ('class="answer shaky"' in run_page(run).decode()) >= told

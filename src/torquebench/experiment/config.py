@@ -118,7 +118,7 @@ def _is_open(value: object) -> bool:
 def with_gains(experiment: Experiment) -> Experiment:
     """Return an experiment with numbers in place of the gains that are to be chosen; see `Law.choose_gains`.
 
-    They suit the arm itself, without load and friction, whatever the laws believe of it.
+    They suit the arm as its file has it, without the load and the friction of the config, whatever the laws believe.
     """
     arm, controllers, chosen = load_model(experiment.plant.model), list[Controller](), dict[str, tuple[str, ...]]()
     for keys in experiment.controllers:

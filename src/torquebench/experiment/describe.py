@@ -39,8 +39,8 @@ def chosen_text(experiment: Experiment) -> list[str]:
             where = f"{experiment.plant.model} at {1e3 * run.control_period:g} ms"
             taken = "" if law.ships else f"; {model_text(law, keys.options)}"
             fit = law.fit(arm, run.control_period, experiment.chain, keys.options, keys.gains)
-            given = keys.gains.keys() - set(experiment.chosen[keys.name])
-            taken += f"; {left}" if (left := friction_text(fit, arm.joint_names, slides, given)) else ""
+            own = keys.gains.keys() - set(experiment.chosen[keys.name])
+            taken += f"; {left}" if (left := friction_text(fit, arm.joint_names, slides, own)) else ""
             lines.append(f"controller '{keys.name}': gains chosen for {where}: {', '.join(gains)}{taken}")
     return lines
 
