@@ -10,7 +10,7 @@ import time
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from torquebench import Array, Gain, Option, controller, gravity, inverse_dynamics, mass_matrix, sat, sign
+from torquebench import Array, Fis, Gain, Option, controller, gravity, inverse_dynamics, mass_matrix, sat, sign
 from torquebench.kernel import kernel
 
 LIMIT = 3.0
@@ -51,6 +51,16 @@ def fill(a: Array, b: Array) -> None:
 @kernel
 def swap(a: Array, b: Array) -> None:
     fill(b, a)
+
+
+@kernel
+def held(m, x: Array, y: Array) -> None:
+    gravity(m, x, y)
+
+
+@kernel
+def short(m) -> None:
+    gravity(m, m.scratch.force[1], m.scratch.free)
 
 
 @kernel
@@ -141,6 +151,21 @@ BAD: dict[str, tuple[str, int, str, str]] = {
     "filling through two kernels": ("swap(q, tau)", 0, "writes to q (swap() fills it)", "tau and memory only"),
     "filling the model": ("heavier(model)", 0, "writes to model.mass (heavier() fills it)", "tau and memory only"),
     "an attribute": ("memory.s = q", 0, "the attribute memory.s is assigned", "memory.s[i] = ..."),
+    "the address of an array": ("tau[0] = tau.ctypes.data", 0, "tau.ctypes.data", "with fields"),
+    "the array of which it is a part": ("x = ref.q.base\ntau[0] = x[9]", 0, "ref.q.base", "with fields"),
+    "an array's attribute by another name": ("g = gains.k\ntau[0] = g.T[0]", 1, "g.T", "with fields"),
+    "an attribute of Python's": ("x = gains.__class__", 0, "gains.__class__", "with fields"),
+    "too short an output": (
+        "gravity(model, q, model.scratch.offset[5])",
+        0,
+        "is given model.scratch.offset[]",
+        "joint",
+    ),
+    "too narrow an output": ("mass_matrix(model, q, model.scratch.force)", 0, "is given model.scratch.force", "joint"),
+    "too short an input": ("gravity(model, model.gravity, tau)", 0, "is given model.gravity", "each joint"),
+    "too short through a kernel": ("held(model, model.gravity, tau)", 0, "held() is given model.gravity", "each joint"),
+    "too short inside a kernel": ("short(model)", 0, "short() is given model.scratch.force[]", "each joint"),
+    "a fuzzy system of its own": ("x = Fis(0, 1)", 0, "Fis() makes a fuzzy system", "declare it"),
     "a global array": ("BUFFER[0] = q[0]", 0, "BUFFER, a ndarray outside the law", "memory"),
     "reading a global array": ("tau[0] = BUFFER[0]", 0, "BUFFER, a ndarray outside the law", "memory"),
     "a global list": ("SEEN.append(q[0])", 0, "SEEN, a list outside the law", "memory"),

@@ -11,9 +11,11 @@ from __future__ import annotations
 import ast
 import builtins
 import inspect
+import io
 import linecache
 import math
 import re
+import tokenize
 import warnings
 from collections.abc import Iterator
 from functools import lru_cache
@@ -26,7 +28,8 @@ from numba.core.compiler import run_frontend
 from numba.core.errors import NotDefinedError, NumbaError, NumbaWarning
 
 from torquebench.errors import did_you_mean
-from torquebench.kernel import Array
+from torquebench.fuzzy import Fis
+from torquebench.kernel import Array, is_foreign
 from torquebench.kernel.struct import is_structure
 from torquebench.laws.law import Law, Nothing
 
@@ -49,6 +52,15 @@ ARGUMENTS = ("gains", "model", "t", "q", "qd", "ref", "memory", "tau")
 """What a law is called with, in this order."""
 WRITABLE: Final = re.compile(r"tau|memory\.\w+|model\.scratch(\.\w+)?")
 """Those of its arguments, and of their fields, to whose elements a law may write."""
+WHOLE: Final = re.compile(
+    r"q|qd|tau|(ref|memory|gains)\.\w+|model\.(armature|mass|tau_max|inertia_scale|scratch\.(free|vector|zeros|matrix(\[\])?))"
+)
+"""Those of its arguments that have an element, or a row and a column, for each joint: kernels of the package, which
+check no index, take no other arrays."""
+SIZES: Final = ("shape", "size", "ndim")
+"""What may be asked of an array: its other attributes lead to its address, or to the array of which it is a part."""
+STRUCTURES: Final = ("gains", "model", "ref", "memory")
+"""Those of its arguments that have fields, which may be called as an attribute of an array is."""
 NUMBERS: Final = (int, float, bool)
 
 LOOP = "loop over the elements, for i in range(len(tau))"
@@ -141,7 +153,8 @@ IMPORTS: Final[dict[str, tuple[str, ...]]] = {
     "torquebench.kernel": ("Array", "clip", "kernel", "sat", "sign"),
 }
 """What a file of laws may import: module -> names; none of them does more than it says when a file is loaded."""
-DECLARATIONS = {"Gain", "Option", "Rules", "FixedRules", "controller", "kernel", "NamedTuple", "Annotated"}
+CALLED = {"Gain", "Option", "Rules", "FixedRules", "controller", "kernel"}
+DECLARATIONS = {*CALLED, "NamedTuple", "Annotated"}
 
 
 def read_file(text: str) -> list[Complaint]:
@@ -154,34 +167,47 @@ def read_file(text: str) -> list[Complaint]:
         SyntaxError: it is not Python.
     """
     cure, found = "declare constants, NamedTuple classes, laws and kernels only", []
+    encoding, lines = tokenize.detect_encoding(io.BytesIO(text.encode()).readline)
+    if not encoding.startswith("utf-8"):  # loaded, it would be another text than the one that is read here
+        found.append(Complaint(len(lines), f"the encoding {encoding}", "save the file as UTF-8", STATE))
     for node in ast.parse(text).body:
         match node:
             case ast.Expr(value=ast.Constant(value=str())):
                 held = True
             case ast.Import():
-                held = all(name.name in ("math", "numpy") and name.asname not in DECLARATIONS for name in node.names)
+                held = all(x.name in ("math", "numpy") and _may_be_named(x.asname or x.name) for x in node.names)
             case ast.ImportFrom(level=0):
                 known = IMPORTS.get(node.module or "", ())
                 held = all(name.name in known and name.asname is None for name in node.names)
-            case (
-                ast.Assign(targets=[ast.Name(id=name)], value=value)
-                | ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value)
-            ):
-                held = name not in DECLARATIONS and _declares(value)
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                held = _may_be_named(name) and _declares(value)
+                held = held and not any(isinstance(x, ast.Call) for x in ast.walk(node))
+            case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
+                held = _may_be_named(name) and _declares(value) and _declares(node.annotation)
                 held = held and not any(isinstance(x, ast.Call) for x in ast.walk(node))
             case ast.ClassDef(bases=[ast.Name(id="NamedTuple")], keywords=[], decorator_list=[]):
-                held = node.name not in DECLARATIONS and all(map(_is_field, node.body))
+                held = _may_be_named(node.name) and not _has_type_parameters(node) and all(map(_is_field, node.body))
             case ast.FunctionDef(args=ast.arguments(defaults=[], kw_defaults=[])):
                 makers = {ast.unparse(getattr(x, "func", x)) for x in node.decorator_list}
-                arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-                notes = [x.annotation for x in arguments if x.annotation] + ([node.returns] if node.returns else [])
-                held = node.name not in DECLARATIONS and bool(makers) and makers <= {"kernel", "controller"}
+                notes = [x.annotation for x in ast.walk(node.args) if isinstance(x, ast.arg) and x.annotation]
+                notes += [node.returns] if node.returns else []
+                held = _may_be_named(node.name) and bool(makers) and makers <= {"kernel", "controller"}
+                held = held and not _has_type_parameters(node)
                 held = held and all(map(_declares, [*node.decorator_list, *notes]))
             case _:
                 held = False
         if not held:
             found.append(Complaint(node.lineno, ast.unparse(node).split("\n")[0][:60], cure, STATE))
     return found
+
+
+def _may_be_named(name: str) -> bool:
+    """Return whether a file may give something a name: not one that Python, or what is read here, understands."""
+    return name not in DECLARATIONS and not name.startswith("__")
+
+
+def _has_type_parameters(node: ast.AST) -> bool:
+    return bool(getattr(node, "type_params", ()))
 
 
 def _is_field(node: ast.stmt) -> bool:
@@ -191,21 +217,22 @@ def _is_field(node: ast.stmt) -> bool:
 
 
 def _declares(node: ast.AST, quoted: bool = False) -> bool:
-    """Return whether an expression only names, computes with numbers, and calls `DECLARATIONS`.
+    """Return whether an expression only names, computes with numbers, and calls what is in `CALLED`.
 
     Args:
         node: The expression.
-        quoted: Whether a text may stand there; an annotation that is one would be evaluated.
+        quoted: Whether a text may stand there; an annotation that is one, or is made of one, would be evaluated.
     """
     match node:
         case ast.Constant(value=value):
             return quoted or not isinstance(value, str | bytes)
-        case ast.Call(func=ast.Name(id=name)) if name in DECLARATIONS:
+        case ast.Call(func=ast.Name(id=name)) if name in CALLED:
             return all(_declares(x, True) for x in [*node.args, *(keyword.value for keyword in node.keywords)])
         case ast.Name() | ast.Attribute(value=ast.Name()):
             return True
         case ast.Subscript() | ast.Tuple() | ast.UnaryOp() | ast.BinOp() if isinstance(node, ALLOWED):
             parts = [x for x in ast.iter_child_nodes(node) if isinstance(x, ast.expr)]
+            quoted = quoted and isinstance(node, ast.Tuple)
             return isinstance(getattr(node, "op", None), (*ALLOWED, type(None))) and all(
                 _declares(x, quoted) for x in parts
             )
@@ -287,6 +314,10 @@ class _Reader:
             if not WRITABLE.fullmatch(place):
                 what = f"writes to {place} ({how})"
                 self.found.append(Complaint(line, what, "write to elements of tau and memory only", INPUTS))
+        for line, place, how in self.handed({}) if is_law and is_foreign(function) else ():
+            if not WHOLE.fullmatch(place):
+                cure = "hand over tau, q, a field of memory, or another array with an element for each joint"
+                self.found.append(Complaint(line, f"{how} is given {place}", cure))
 
     def complain(self, node: Any, what: str, cure: str, topic: str = FORM) -> None:
         """Note something outside the dialect: where, what it is, what to write instead, and its topic."""
@@ -358,6 +389,9 @@ class _Reader:
         """Check a name, or an attribute of one, that is read: local ones, and numbers that do not change."""
         root = _root(node)
         if not isinstance(root, ast.Name) or root.id in self.local:
+            for x in ast.walk(node):
+                if isinstance(x, ast.Attribute) and self.leads_away(x):
+                    self.complain(node, text, "compute with elements, x[i], and with fields", INPUTS)
             return
         value, owner, name = self.meaning(node), self.meaning(root), text.rpartition(".")[2]
         home = getattr(owner, "__name__", "").partition(".")[0]
@@ -384,6 +418,16 @@ class _Reader:
             cure = IMPURE_CURE if "random" in kind.__module__ else STATE_CURE
             self.complain(node, f"{root.id}, a {kind.__name__} outside the law", cure, STATE)
 
+    def leads_away(self, node: ast.Attribute) -> bool:
+        """Return whether an attribute is none that a law needs: Python's own, or an array's other than its size."""
+        if node.attr.startswith("_"):
+            return True
+        if node.attr in SIZES or not hasattr(np.ndarray, node.attr):
+            return False
+        name = node.value.id if isinstance(node.value, ast.Name) else ""
+        note = self.parameters.get(name, name)
+        return name not in STRUCTURES if self.is_law else note in (name, "Array", "IntArray")
+
     def check_call(self, node: ast.Call, text: str) -> None:
         """Check a call: of a kernel, or of FUNCTIONS, with arguments by position."""
         root, value = _root(node.func), self.meaning(node.func)
@@ -396,6 +440,8 @@ class _Reader:
             self.kernels.append((node, plain(value)))
         elif value is MISSING:
             self.check_name(node.func, text)
+        elif is_foreign(self.function) and value is Fis:  # whose indices nobody has checked
+            self.complain(node, f"{text}() makes a fuzzy system", "declare it, Annotated[Fis, Rules(...)]")
         elif not any(value is known for known in FUNCTIONS) and not hasattr(value, "_fields"):  # labels on a tuple
             self.complain(node, f"{text}()", *_call_cure(text, value))
 
@@ -446,6 +492,30 @@ class _Reader:
                 index = kernel.__code__.co_varnames.index(name)
                 for place in self.places(call.args[index]) if index < len(call.args) else ():
                     yield call.lineno, place.replace("[]", "") + dot + rest, f"{ast.unparse(call.func)}() fills it"
+
+    def handed(self, known: dict[Any, set[str]]) -> Iterator[tuple[int, str, str]]:
+        """Yield the line of each call that hands an array to a kernel of the package, what it may be, and the call.
+
+        Args:
+            known: What kernels hand over, as far as it is known.
+        """
+        for call, kernel in self.kernels:
+            for name, rest in (re.fullmatch(r"(\w*)(.*)", own).groups() for own in _handed(kernel, known)):  # type: ignore[union-attr]
+                names = kernel.__code__.co_varnames[: len(call.args)]
+                given = self.places(call.args[names.index(name)]) if name in names else set()
+                for place in given or {"what cannot be told"}:
+                    yield call.lineno, re.sub(r"(\[\])+", "[]", place + rest), f"{ast.unparse(call.func)}()"
+
+
+def _handed(kernel: FunctionType, known: dict[Any, set[str]]) -> set[str]:
+    """Return the parameters of a kernel, or parts of them, that are handed to a kernel of the package as arrays."""
+    if kernel not in known:
+        known[kernel] = set()  # one that calls itself
+        if kernel.__module__.startswith("torquebench."):
+            known[kernel] = {name for name, note in kernel.__annotations__.items() if "Array" in str(note)}
+        elif (node := definition(kernel)) is not None:
+            known[kernel] = {place for _, place, _ in _Reader(kernel, node, False).handed(known)}
+    return known[kernel]
 
 
 def _written(kernel: FunctionType, known: dict[Any, set[str]]) -> set[str]:

@@ -288,7 +288,21 @@ MORE = {
     "a power": "X = 9 ** 9 ** 9",
     "a lambda": "@controller('x', gains=lambda: 0)\ndef f(x):\n    return x",
     "a change of another module": "math.sin = math.cos",
+    "a call in the annotation of *": "@kernel\ndef f(*x: open('x')):\n    return x",
+    "a call in the annotation of **": "@kernel\ndef f(**x: open('x')):\n    return x",
+    "another name of the decorator": "X: (controller := exec) = 1.0",
+    "a computed annotation": "X: [x for x in (1,)] = 1.0",
+    "a functional NamedTuple": "@controller('x', gains=NamedTuple('G', (('k', 'open(1)'),)))\ndef f(x):\n    pass",
+    "a text in a subscript in a call": "@controller('x', gains=Annotated['open(\"x\")', 1])\ndef f(x):\n    pass",
+    "a text in an operation in a call": "@controller('x', gains='%s' % Gains)\ndef f(x):\n    pass",
+    "the name of a module of the package": "__name__ = controller.__module__",
+    "a class for a name of Python's": "class __builtins__(NamedTuple):\n    k: int",
 }
+ENCODINGS = {
+    "unicode_escape": "# \\x0aimport os",
+    "utf-7": "# +AAo-import os",
+}
+"""Encoding -> a comment in UTF-8 that is a line of code in it."""
 
 
 def test_a_file_that_only_declares_is_loaded_and_compiled(tmp_path: Path) -> None:
@@ -306,6 +320,15 @@ def test_whatever_more_a_file_does_keeps_it_from_being_loaded(name: str) -> None
     """Each thing at the top of a file that runs code, or could, is complained of with its line."""
     found = read_file(DIALECT + MORE[name])
     assert [c.line - MORE[name].count("@") for c in found] == [DIALECT.count("\n") + 1]
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_a_file_in_another_encoding_is_not_loaded(encoding: str) -> None:
+    """It would be read as comments, and run as code."""
+    top = f"# coding: {encoding}\n{ENCODINGS[encoding]}\n"
+    assert "import os" in top.encode().decode(encoding).splitlines()
+    assert [(c.line, c.what[:12]) for c in read_file(top + DIALECT)] == [(1, "the encoding")]
+    assert read_file(f"# -*- coding: utf-8 -*-\n{DIALECT}") == []
 
 
 def test_a_shipped_law_is_no_worse_than_declared() -> None:

@@ -203,7 +203,8 @@ def rules(record: Record) -> list[str]:
         "ratio holds 1; in it the spread of draws and that of tunings are added as independent ones, so that a "
         "difference which other tuning seeds would turn round is none. The first rank of a law is 1 + how many are "
         "better, the last one how many are not worse.",
-        "A failed run is counted and never averaged: who fails in more runs by more than chance is behind.",
+        "A failed run is counted and never averaged: who fails in more runs by more than chance is not better, and is "
+        "behind unless single tunings explain it. Two laws are compared in the runs that both complete.",
         f"Who chatters more than {TOLERANCE:g} times the level on the test draws, or has no gains of that level in "
         "some tuning, is not ranked there.",
         "The seed of the test draws was drawn before the first run, its hash stored; it is revealed in the file.",

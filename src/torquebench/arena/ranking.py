@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from torquebench.kernel import Array
@@ -31,9 +32,7 @@ class Scores(NamedTuple):
     @property
     def logs(self) -> Array:
         """Mean over conditions of ln, (tunings, draws); NaN where a run of the draw failed."""
-        with np.errstate(divide="ignore"):
-            found: Array = np.mean(np.log(self.values), axis=1)
-        return found
+        return _mean(_logs(self), np.ones_like(self.values, dtype=bool), 1)
 
 
 NO_RATIO = Ratio(math.nan, math.nan, math.nan, 0, (0, 0), 0)
@@ -44,22 +43,39 @@ def compare(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> Ratio:
 
     The difference of ln, averaged over conditions and tunings, has Student's interval over draws; the means of single
     tunings have Welch's. With half-widths h_d and h_t the interval is the ratio times exp(+-sqrt(h_d^2 + h_t^2)): a
-    difference that another tuning seed would turn round is none.
+    difference that another tuning seed would turn round is none. A run that all tunings of a, or of b, fail in is left
+    out by itself: who fails in one condition is compared in the others. Elsewhere the tunings that complete count.
 
     Args:
         a, b: Scores under the same conditions and draws.
         confidence: Probability content of the interval [1].
     """
-    x, y = a.logs, b.logs
-    lost = [np.isnan(own).any(axis=0) for own in (x, y)]
-    known = ~(lost[0] | lost[1])
+    x, y = _logs(a), _logs(b)
+    done = ~np.isnan(x), ~np.isnan(y)
+    both: NDArray[np.bool_] = np.any(done[0], axis=0) & np.any(done[1], axis=0)
+    known = both.any(axis=0)
     if not known.any():
         return NO_RATIO
-    x, y = x[:, known], y[:, known]
-    mean, half = mean_interval((x.mean(axis=0) - y.mean(axis=0)).tolist(), confidence)
-    whole = math.hypot(half, _welch(x.mean(axis=1), y.mean(axis=1), confidence))
-    failed = int(lost[0].sum()), int(lost[1].sum())
-    return Ratio.of_logs(mean, whole, int(known.sum()), failed, int((~known).sum()))
+    own, other = _mean(x, done[0], 0), _mean(y, done[1], 0)
+    mean, half = mean_interval(_mean(own - other, both, 0)[known].tolist(), confidence)
+    single, singles = (_mean(z - 0.5 * (own + other), it & both, (1, 2)) for z, it in zip((x, y), done, strict=True))
+    tuning = _welch(single[~np.isnan(single)], singles[~np.isnan(singles)], confidence)
+    whole = math.hypot(half, tuning)
+    failed = [int((~it).any(axis=(0, 1)).sum()) for it in done]
+    return Ratio.of_logs(mean, whole, int(known.sum()), (failed[0], failed[1]), int((~known).sum()))
+
+
+def _logs(scores: Scores) -> Array:
+    with np.errstate(divide="ignore"):
+        found: Array = np.log(scores.values)
+    return found
+
+
+def _mean(z: Array, where: NDArray[np.bool_], axis: int | tuple[int, ...]) -> Array:
+    """Return the mean of those that count; NaN of none."""
+    count = where.sum(axis=axis)
+    found: Array = np.where(where, z, 0.0).sum(axis=axis) / np.where(count, count, np.nan)
+    return found
 
 
 def _welch(x: Array, y: Array, confidence: float) -> float:
@@ -79,7 +95,11 @@ def fails_more(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
 
 
 def is_better(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
-    """Whether a beats b: it fails less, or no more and its error is smaller by more than chance and tuning explain.
+    """Whether a beats b: it fails less, or no more and its error is smaller, by more than chance and tuning explain.
+
+    It fails less where `fails_more` says so of b, and Welch's interval of the shares of runs that the single tunings
+    fail in holds no zero: one tuning of three that fails everywhere keeps a law from being better, and makes it no
+    worse.
 
     Args:
         a, b: Scores under the same conditions and draws.
@@ -87,7 +107,11 @@ def is_better(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
     """
     if fails_more(a, b, confidence):
         return False
-    return fails_more(b, a, confidence) or compare(a, b, confidence).high < 1.0
+    if fails_more(b, a, confidence):
+        own, other = (np.isnan(scores.values).mean(axis=(1, 2)) for scores in (a, b))
+        if other.mean() - own.mean() > _welch(own, other, confidence):
+            return True
+    return compare(a, b, confidence).high < 1.0
 
 
 class Standing(NamedTuple):
@@ -147,6 +171,17 @@ def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[float, floa
     own = logs.mean(axis=1)
     found = Ratio.of_logs(mean, half, logs.shape[1], (0, 0), 0)
     return *found[:3], math.exp(min(float(own.max() - own.min()), 700.0))
+
+
+def chattering_of(scores: Scores, least: float) -> float:
+    """Return the geometric mean over all runs that completed; NaN where none did.
+
+    Args:
+        scores: Chattering of an entry.
+        least: What each counts as at least.
+    """
+    found = _logs(scores._replace(values=np.maximum(scores.values, least)))
+    return float(np.exp(_mean(found, ~np.isnan(found), (0, 1, 2))))
 
 
 def best_at(points: Sequence[tuple[float, float]], level: float) -> int | None:

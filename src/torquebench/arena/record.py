@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, mean_of, rank
+from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, chattering_of, mean_of, rank
 from torquebench.errors import ResultError, did_you_mean
 from torquebench.experiment.arena_section import CHATTERING
 from torquebench.experiment.values import from_json
@@ -169,7 +169,7 @@ class Record:
                 notes[row.entry] = row.state or str(error)
                 continue
             known[row.entry] = own
-            chattering[row.entry] = mean_of(measured._replace(values=np.maximum(measured.values, LEAST)))[0]
+            chattering[row.entry] = chattering_of(measured, LEAST)
             above = f"chatters {chattering[row.entry]:.3g} % on test draws"
             seen = chattering[row.entry] if not held_out else 0.0
             notes[row.entry] = row.state or (above if seen > TOLERANCE * level else "")
