@@ -47,8 +47,12 @@ def registries() -> Iterator[None]:
 
 
 def pytest_collection_finish() -> None:
-    """Keep what was imported and collected out of garbage collections: it lives to the end, and takes a second each."""
+    """Keep what was imported and collected out of garbage collections: it lives to the end, and takes a second each.
+
+    Collect seldom: a figure is tens of thousands of objects, and was looked through dozens of times while it grew.
+    """
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -275,27 +275,26 @@ def _gain_matters(law: Law, gain: str, joint: int, tried: Case) -> bool:
         changed[joint] *= factor
         return replace(tried, gains={**tried.gains, gain: changed})
 
-    lively = motions(arm(tried.arm).n)[::-1]
-    return _differ(law, (((tried, motion), (scaled(x), motion)) for motion in lively for x in FACTORS))
+    others = [scaled(factor) for factor in FACTORS]
+    return any(_differ(law, tried, others, motion) for motion in motions(arm(tried.arm).n)[::-1])
 
 
 def _option_matters(law: Law, name: str) -> bool:
     """Whether some value of an option gives another torque than its first."""
     first, *others = law.options[name].values
     choices = [options for options in combinations(law) if options[name] == first]
-    pairs = (
-        ((case(law, "two-link", options), motion), (case(law, "two-link", options | {name: other}), motion))
-        for options, other, motion in itertools.product(choices, others, motions(2))
+    return not others or any(
+        _differ(
+            law, case(law, "two-link", options), [case(law, "two-link", options | {name: x}) for x in others], motion
+        )
+        for options, motion in itertools.product(choices, motions(2))
     )
-    return not others or _differ(law, pairs)
 
 
-Trial = tuple[Case, Motion]
-
-
-def _differ(law: Law, pairs: Iterable[tuple[Trial, Trial]], joint: int | slice = slice(None)) -> bool:
-    """Whether a law gives another torque in some pair of trials, on one joint or on any."""
-    return any(drive(law, *a).tau[:, joint].tobytes() != drive(law, *b).tau[:, joint].tobytes() for a, b in pairs)
+def _differ(law: Law, tried: Case, others: Iterable[Case], motion: Motion) -> bool:
+    """Whether a law gives another torque in some other case than in the one that is tried."""
+    own = drive(law, tried, motion, watched=False).tau.tobytes()
+    return any(drive(law, other, motion, watched=False).tau.tobytes() != own for other in others)
 
 
 def check_joints(law: Law, report: Report) -> None:
@@ -310,7 +309,9 @@ def _idle_joint(law: Law, tried: Case) -> str:
     for j in range(n):
         column = np.arange(n) == j
         moved = [Motion(a.t, *(np.where(column, *xs) for xs in zip(b[1:], a[1:], strict=True))) for a, b in stretches]
-        if not _differ(law, (((tried, a), (tried, b)) for (a, _), b in zip(stretches, moved, strict=True)), j):
+        both = [(a, b) for (a, _), b in zip(stretches, moved, strict=True)]
+        torques = ([drive(law, tried, x, watched=False).tau[:, j].tobytes() for x in pair] for pair in both)
+        if all(own == other for own, other in torques):
             return f"{tried}: joint {j + 1}'s torque does not depend on that joint's state or reference"
     return ""
 

@@ -76,6 +76,7 @@ class Motion(NamedTuple):
     qdd_ref: Array
 
 
+@cache
 def motions(n: int, seed: int = 0) -> list[Motion]:
     """Draw ordinary stretches of motion: at rest on the reference, as every run begins; near to it; far from it."""
     rng = np.random.default_rng(seed)
@@ -136,14 +137,16 @@ class Driver:
     Args:
         law: The law.
         case: What it is tried on.
+        watched: Whether it is written down which inputs the law changes.
     """
 
-    def __init__(self, law: Law, case: Case) -> None:
+    def __init__(self, law: Law, case: Case, watched: bool = True) -> None:
         self.law, n = law, arm(case.arm).n
         self.belief = replace(own_copy(arm(case.arm).flat), control_period=CONTROL_PERIOD)
         self.gains = law.pack_gains(n, case.gains, case.options)
         self.memory = law.new_memory(n)
         self._call = Call(law, self.gains, self.belief, self.memory)
+        self._inputs = list(_arrays({"gains": self.gains, "model": self.belief})) if watched else []
         self.answer = Answer(np.full((LENGTH, n), np.nan), np.zeros((LENGTH, len(self.memory), n)))
         """What it did so far."""
 
@@ -157,10 +160,10 @@ class Driver:
         answer = self.answer
         q, qd, *desired = (x[k].copy() for x in motion[1:])
         ref = Reference(*desired)
-        inputs = {"gains": self.gains, "model": self.belief, "q": q, "qd": qd, "ref": ref}
-        before = {name: x.tobytes() for name, x in _arrays(inputs)}
+        inputs = [*self._inputs, *_arrays({"q": q, "qd": qd, "ref": ref})] if self._inputs else []
+        before = [x.tobytes() for _, x in inputs]
         tau, status, detail = self._call(float(motion.t[k]), q, qd, ref)
-        answer.changed += [name for name, x in _arrays(inputs) if before[name] != x.tobytes()]
+        answer.changed += [name for (name, x), was in zip(inputs, before, strict=True) if was != x.tobytes()]
         if status == COMPLETED:
             answer.tau[k] = tau
             for c, channel in enumerate(self.memory):
@@ -171,9 +174,9 @@ class Driver:
             answer.wrong.setdefault(name, f"t = {motion.t[k]:g} s: {detail}")
 
 
-def drive(law: Law, case: Case, motion: Motion) -> Answer:
-    """Call a law that starts anew at every instant of a stretch."""
-    driver = Driver(law, case)
+def drive(law: Law, case: Case, motion: Motion, watched: bool = True) -> Answer:
+    """Call a law that starts anew at every instant of a stretch; arguments as of `Driver`."""
+    driver = Driver(law, case, watched)
     for k in range(LENGTH):
         driver.call(motion, k)
     return driver.answer

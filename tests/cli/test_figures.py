@@ -6,12 +6,32 @@ import re
 
 import pytest
 
+from torquebench.cli.app import main
 from torquebench.experiment.folder import read_result
 from torquebench.experiment.store import check_run
 from torquebench.figures import FIGURES
 from torquebench.report.figures import files
 from torquebench.report.figures.files import Wish
 from torquebench.report.run import draw_run
+
+CONFIG = """\
+name: quick
+plant: {engine: mujoco, model: two-link}
+controllers:
+  - {name: conventional, law: smc, switching: sign, gains: {lam: 10, k: 0.3}}
+  - {name: linear-band, law: linear-band-smc, gains: {lam: 10, k: 0.3, phi: 0.3, kv: 20}}
+reference: {kind: sine, amplitude: 0.8, frequency_hz: 1.0}
+run: {duration: 0.8, metrics_from: 0.2}
+"""
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """Return the folder of a finished run of two joints, which tests copy."""
+    folder = tmp_path_factory.mktemp("two")
+    (folder / "quick.yaml").write_text(CONFIG)
+    assert main(["run", str(folder / "quick.yaml"), "--out", str(folder / "one"), "--quiet"]) == 0
+    return folder / "one"
 
 
 def drawn(folder):

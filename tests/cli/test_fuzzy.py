@@ -44,6 +44,12 @@ def small(tmp_path, monkeypatch):
     return path
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Draw no page of a system: what is said of it is looked at."""
+    monkeypatch.setattr("torquebench.report.figures.fuzzy.system_figures", lambda *_: {})
+
+
 def test_run_draws_and_describes_the_systems_in_use(small, command):
     """Each controller's rules where they are asked for; method, bound and warnings in terminal and manifest."""
     status, out, err = command("run", small, "--out", "result", "--set", "figures=[rules]")
@@ -82,13 +88,17 @@ def test_a_built_in_system(tmp_path, monkeypatch, command):
     assert {p.name for p in folder.iterdir()} == {f"pd-9-{page}.{fmt}" for page in pages for fmt in ("svg", "png")}
 
 
-def test_the_systems_of_a_file(small, command):
-    """All of them, its own first, or the one that is named; bound and lint are printed."""
+def test_the_systems_of_a_file(small, command, undrawn):
+    """All of them, its own first; bound and lint are printed."""
     status, out, _ = command("fuzzy", small, "--out", "all")
     assert status == 0
     assert out.index("fuzzy system lopsided") < out.index("fuzzy system pd-49")
     assert "error at most 0." in out
     assert "asymmetric" in out
+
+
+def test_one_system_of_a_file(small, command):
+    """The one that is named is described and drawn, and no other."""
     status, out, _ = command("fuzzy", small, "--name", "pd-49", "--out", "one")
     assert status == 0
     assert "lopsided" not in out
@@ -150,7 +160,7 @@ def rules_only(gains, model, t, q, qd, ref, memory, tau):
 """
 
 
-def test_a_law_of_ones_own_with_a_fuzzy_system(small, command):
+def test_a_law_of_ones_own_with_a_fuzzy_system(small, command, undrawn):
     """A plug-in declares a field of type `Fis`, the config chooses its system; without scaling, no page of rules."""
     (small.parent / "mine.py").write_text(LAW)
     small.write_text(
@@ -175,7 +185,7 @@ def test_a_law_of_ones_own_with_a_fuzzy_system(small, command):
     assert (status, "fuzzy system pd-9" in out) == (0, True)
 
 
-def test_the_oracle_is_asked(tmp_path, command, monkeypatch):
+def test_the_oracle_is_asked(tmp_path, command, monkeypatch, undrawn):
     """Status 0, the largest difference with its place, the grid and what bounds it; the same as data."""
     monkeypatch.chdir(tmp_path)
     status, out, err = command("fuzzy", "s-7", "--oracle")
@@ -190,7 +200,7 @@ def test_the_oracle_is_asked(tmp_path, command, monkeypatch):
     assert json.loads(out)["systems"]["s-7"]["oracle"]["within"] is True
 
 
-def test_a_difference_above_the_bound_is_a_failure(tmp_path, command, monkeypatch):
+def test_a_difference_above_the_bound_is_a_failure(tmp_path, command, monkeypatch, undrawn):
     """Status 1, and the word ABOVE."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(oracle, "scikit_fuzzy", lambda system, x, y: (oracle.CONTROL, x))

@@ -20,7 +20,7 @@ from torquebench.sim.plants import INTEGRATORS, Plant
 from torquebench.sim.session import Controller
 from torquebench.sim.trajectory import SIGNALS, Outcome, Trajectory
 
-N_STEPS = 40
+N_STEPS = 24
 BAD, ERROR, DIVERGED = Outcome.BAD_TORQUE, Outcome.CONTROLLER_ERROR, Outcome.DIVERGED
 HUGE = (1e10, -1e12, 1e20, -1e100, 1e300, -1.7e308)
 """1e10 N m on 10 kg m^2 for a millisecond is 1e6 rad/s, a hundred times the bound; the last overflows in the step."""

@@ -19,7 +19,7 @@ def test_interpreted_and_native_runs_give_the_same_bytes(
     The interpreted side runs in processes of its own with numba switched off: law, loop and analytic plant are then
     the Python source itself. The large size is 20,000 instants.
     """
-    n_steps, chosen = size(60, 20_000), cases(large)
+    n_steps, chosen = size(40, 20_000), cases(large)
     wrong, seen, completed = [], set(), 0
     for index, digest in interpreted_digests(n_steps, large, min(os.cpu_count() or 1, size(2, 8))):
         run = chosen[index].run(n_steps, "native")

@@ -41,7 +41,7 @@ def test_both_paths_give_the_same_bytes(
 ) -> None:
     """Every array, the outcome and the failing step of each run; and nearly all runs complete, so that they count."""
     runs, completed, wrong, bytes_apart = chosen(plant, large), 0, [], 0
-    n_steps = size(60, 1000)
+    n_steps = size(40, 1000)
     for i, case in enumerate(runs):
         readable, native = case.run(n_steps, "python"), case.run(n_steps, "native")
         assert (readable.path, native.path, native.path_reason) == ("python", "native", "")

@@ -421,11 +421,12 @@ def _loci(chain: Chain, period: float, frequency: Array, terms: Terms) -> tuple[
         + s * (terms.B + terms.J * summed) * seen.velocity[:, None, None]
     )
     values, ways = np.linalg.eig(C @ P)
-    alike, order = np.abs(np.swapaxes(ways[:-1].conj(), 1, 2) @ ways[1:]), list(range(len(M)))
-    for k, sizes in enumerate(alike, 1):
-        order = _paired(sizes[order])
-        values[k], ways[k] = values[k, order], ways[k][:, order]
-    return values, ways
+    alike = np.abs(np.swapaxes(ways[:-1].conj(), 1, 2) @ ways[1:])
+    nearest, each = np.argmax(alike, axis=2), np.arange(len(M))
+    is_clear, order = np.all(np.sort(nearest, axis=1) == each, axis=1), np.tile(each, (len(frequency), 1))
+    for k, clear in enumerate(is_clear.tolist()):
+        order[k + 1] = nearest[k, order[k]] if clear else _paired(alike[k, order[k]])
+    return np.take_along_axis(values, order, axis=1), np.take_along_axis(ways, order[:, None], axis=2)
 
 
 def _margins(joint: int, time: float, frequency: Array, gain: Complex, late: Complex, rigid_to: float) -> Margins:

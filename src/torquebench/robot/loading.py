@@ -43,6 +43,4 @@ def load_model(source: ArmSource, structure: str = "exact", constants: str = "fi
         raise ValueError(f"model '{source}' has structure 'exact' and constants 'fitted' only")
     from torquebench.robot import mjcf
 
-    arm = mjcf.read_arm(source)
-    compiled, passive = mjcf.compile_arm(arm)
-    return RobotModel(arm.name, tuple(mjcf.joint_names(compiled)), mjcf.flatten(compiled, str(arm)), passive)
+    return mjcf.analytic_model(mjcf.read_arm(source))

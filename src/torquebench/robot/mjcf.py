@@ -15,7 +15,7 @@ import numpy as np
 
 from torquebench.errors import ModelError, Problem
 from torquebench.kernel import Array
-from torquebench.robot.flat_model import HINGE, SLIDE, Model, rigid_model
+from torquebench.robot.flat_model import HINGE, SLIDE, Model, own_copy, rigid_model
 from torquebench.robot.library import ArmFile, ArmSource, file_of_arm
 from torquebench.robot.links import check_physical
 from torquebench.robot.mjcf_links import (
@@ -293,6 +293,18 @@ def check_smooth(m: Any, where: str) -> None:
 
 def _gravity(m: Any) -> Array:
     return np.zeros(3) if _is_off(m, "GRAVITY") else np.array(m.opt.gravity)
+
+
+def analytic_model(arm: ArmFile) -> RobotModel:
+    """Return the EXACT model of an arm that was read, with scratch space of its own; see `flatten`."""
+    kept = _analytic_model(arm)
+    return RobotModel(kept.name, kept.joint_names, own_copy(kept.flat), kept.passive)
+
+
+@functools.lru_cache(maxsize=32)
+def _analytic_model(arm: ArmFile) -> RobotModel:
+    m, passive = _compiled(arm)
+    return RobotModel(arm.name, tuple(joint_names(m)), flatten(m, str(arm)), passive)
 
 
 def flatten(m: Any, where: str) -> Model:

@@ -101,7 +101,7 @@ def draw_all() -> dict[str, Figure]:
         **common,  # type: ignore[arg-type]
     )
     found = draw_figures(view)
-    many = {f"law {k}": make(N, 1.0 + k) for k in range(6)} | {"wild": diverged(N)}
+    many = {f"law {k}": make(N, 1.0 + k) for k in range(5)} | {"wild": diverged(N)}
     of_many = RunView(many, title="t", subtitle="s", slides=(False, True), **common)  # type: ignore[arg-type]
     cells = draw_figures(of_many, ("position", "error", "torque", "sliding", "spectrum"))
     found |= {f"{name} of many": figure for name, figure in cells.items()}

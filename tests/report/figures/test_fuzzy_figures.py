@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,12 @@ ONE = FuzzySystem(
 SYSTEMS = [builtin_system("pd-49"), uneven(), ONE]
 
 
+@pytest.fixture(scope="session")
+def pages() -> Callable[[FuzzySystem], dict[str, Figure]]:
+    """Pages of a system, drawn once."""
+    return cache(lambda system: system_figures(prepare(system)))
+
+
 def texts(fig: Figure) -> str:
     """Return everything written on a page."""
     from matplotlib.text import Text
@@ -35,37 +43,36 @@ def texts(fig: Figure) -> str:
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.name)
-def test_pages_say_what_they_show(system: FuzzySystem) -> None:
+def test_pages_say_what_they_show(system: FuzzySystem, pages: Callable[[FuzzySystem], dict[str, Figure]]) -> None:
     """Each page names the system, its operators, how it is evaluated and how wrong that may be."""
-    prepared = prepare(system)
-    pages = system_figures(prepared)
-    assert set(pages) == {"membership", "surface", "scaling"}
-    for fig in pages.values():
+    prepared, drawn = prepare(system), pages(system)
+    assert set(drawn) == {"membership", "surface", "scaling"}
+    for fig in drawn.values():
         written = texts(fig)
         assert f"fuzzy system {system.name}" in written
         assert f"{len(system.rules)} rules" in written.replace("\n", " ")
         assert prepared.method in written.replace("\n", " ")
         assert (f"error at most {prepared.bound:.2g}" in written.replace("\n", " ")) == (prepared.bound > 0.0)
         assert "input 1" in written
-    names = texts(pages["membership"])
+    names = texts(drawn["membership"])
     for variable in (*system.inputs, system.output):
         assert all(name in names for name in variable.names)
         assert f"range {variable.low:g} to {variable.high:g}" in names
 
 
-def test_membership_page_draws_the_terms() -> None:
+def test_membership_page_draws_the_terms(pages: Callable[[FuzzySystem], dict[str, Figure]]) -> None:
     """The curves of a panel have their peaks and feet where the definition has them, in its own units."""
     system = uneven()
-    ax = system_figures(prepare(system))["membership"].axes[0]
+    ax = pages(system)["membership"].axes[0]
     for line, term in zip(ax.get_lines(), system.inputs[0].terms, strict=True):
         assert np.ravel(line.get_xdata()).tolist() == [term.a, term.b, term.c, term.d]
         assert np.ravel(line.get_ydata()).tolist() == [0.0, 1.0, 1.0, 0.0]
 
 
-def test_surface_page_draws_what_the_kernels_compute() -> None:
+def test_surface_page_draws_what_the_kernels_compute(pages: Callable[[FuzzySystem], dict[str, Figure]]) -> None:
     """The sections are the outputs themselves, beside the clipped sum of the inputs."""
-    prepared = prepare(builtin_system("pd-25"))
-    ax = system_figures(prepared)["surface"].axes[1]
+    system = builtin_system("pd-49")
+    prepared, ax = prepare(system), pages(system)["surface"].axes[1]
     sections, sums = ax.get_lines()[::2], ax.get_lines()[1::2]
     for line, second in zip(sections, (lambda x: 0.0 * x, lambda x: x, lambda x: 0.0 * x - 0.5), strict=True):
         x, y = (np.asarray(data, dtype=np.float64) for data in line.get_data())
@@ -73,10 +80,10 @@ def test_surface_page_draws_what_the_kernels_compute() -> None:
     assert len(sums) == 3
 
 
-def test_scaling_page_compares_three_scales() -> None:
+def test_scaling_page_compares_three_scales(pages: Callable[[FuzzySystem], dict[str, Figure]]) -> None:
     """Too small a scale clips most of the signal, too large a one leaves most terms unused."""
-    prepared = prepare(builtin_system("pd-49"))
-    fig = system_figures(prepared)["scaling"]
+    system = builtin_system("pd-49")
+    prepared, fig = prepare(system), pages(system)["scaling"]
     above, below = fig.axes[:3], fig.axes[3:]
     for ax, (name, scale) in zip(above, SCALES.items(), strict=True):
         assert ax.get_title(loc="left").startswith(name)
@@ -88,9 +95,10 @@ def test_scaling_page_compares_three_scales() -> None:
 
 
 @pytest.mark.parametrize("fmt", ["svg", pytest.param("png", marks=pytest.mark.slow)])
-def test_the_same_system_gives_the_same_bytes(fmt: Any) -> None:
+def test_the_same_system_gives_the_same_bytes(fmt: Any, pages: Callable[[FuzzySystem], dict[str, Figure]]) -> None:
     """Drawing twice changes nothing."""
-    first, second = ([figure_bytes(fig, fmt) for fig in system_figures(prepare(uneven())).values()] for _ in range(2))
+    both = pages(uneven()), system_figures(prepare(uneven()))
+    first, second = ([figure_bytes(fig, fmt) for fig in drawn.values()] for drawn in both)
     assert first == second
     assert all(len(data) < 1_500_000 for data in first)
 

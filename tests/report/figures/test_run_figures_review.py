@@ -9,7 +9,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from tests.report.figures.test_run_figures import PAGES, T, diverged, draw, legend_texts, make, panel
+from tests.report.figures.test_run_figures import PAGES, T, diverged, draw, legend_texts, make, page, panel
 from torquebench.errors import ResultError
 from torquebench.metrics import Metrics, from_joints, per_joint
 from torquebench.report.figures.files import figure_bytes
@@ -53,7 +53,7 @@ def looks(fig: Figure, count: int) -> list[tuple[str, object]]:
 @pytest.mark.parametrize("samples", [1500, 1501])
 def test_line_of_a_torque_that_switches_every_instant_is_seen(samples: int) -> None:
     """+-5 N m of 20 N m: a marked line of 25 % at the end of the spectrum, clear of the right border."""
-    ax = draw({"a": alternating(samples)}, 1)["spectrum"].axes[0]
+    ax = page("spectrum", {"a": alternating(samples)}, 1).axes[0]
     (marker,) = markers(ax)
     f, a = np.ravel(marker.get_xdata()), np.ravel(marker.get_ydata())
     assert f == pytest.approx([500.0], abs=1.1)  # of an odd number of samples the last line lies half a line lower
@@ -67,10 +67,10 @@ def test_line_of_a_torque_that_switches_every_instant_is_seen(samples: int) -> N
 
 def test_spectrum_marks_only_lines_that_stand_alone() -> None:
     """Random switching has no such line, and then no entry in the legend; 50 Hz alone has one at 50 Hz."""
-    noisy = draw({"a": make(1, 5.0, switching=True)}, 1)["spectrum"]
+    noisy = page("spectrum", {"a": make(1, 5.0, switching=True)}, 1)
     assert markers(noisy.axes[0]) == []
     assert not any("alone" in text for text in legend_texts(noisy))
-    pure = draw({"a": make(1, 5.0)}, 1)["spectrum"]
+    pure = page("spectrum", {"a": make(1, 5.0)}, 1)
     assert [np.ravel(line.get_xdata()).tolist() for line in markers(pure.axes[0])] == [[pytest.approx(50.0)]]
     assert sum("alone" in text for text in legend_texts(pure)) == 1
 
@@ -79,7 +79,7 @@ def test_spectrum_says_what_lies_below_its_axis() -> None:
     """1e-6 N m of 20 N m is 5e-6 %, below 1e-4 %; a run that shows in one joint only is not marked as below."""
     quiet = make(2, 1e-6)
     half = replace(quiet, tau=quiet.tau * np.array([1.0, 1e6]))
-    texts = legend_texts(draw({"loud": make(2, 5.0), "quiet": quiet, "half": half}, 2)["spectrum"])
+    texts = legend_texts(page("spectrum", {"loud": make(2, 5.0), "quiet": quiet, "half": half}, 2))
     assert texts[:3] == ["loud", "quiet (below axis)", "half"]
 
 
@@ -103,16 +103,16 @@ def test_colour_and_dash_do_not_follow_what_chatters() -> None:
 
 def test_torque_limit_stands_in_the_legend_only_where_it_is_drawn() -> None:
     """No entry and no line at 5 % of the limit, where it is written; both at 75 %, in one joint of two."""
-    low = draw({"a": make(2, 1.0)}, 2)["torque"]
+    low = page("torque", {"a": make(2, 1.0)}, 2)
     assert not any("torque limit" in text for text in legend_texts(low))
     assert all(levels(ax) == {} for ax in low.axes)
     assert "limit \u00b120 N m" in [text.get_text() for text in panel(low, "joint 1").texts]
     run = make(2, 1.0)
-    high = draw({"a": replace(run, tau=run.tau * np.array([1.0, 15.0]))}, 2)["torque"]
+    high = page("torque", {"a": replace(run, tau=run.tau * np.array([1.0, 15.0]))}, 2)
     assert legend_texts(high)[1] == "torque limit"
     assert levels(panel(high, "joint 1")) == {}
     assert set(levels(panel(high, "joint 2"))) == {20.0, -20.0}
-    leaning = draw({"a": replace(run, tau=run.tau - 15.0)}, 2)["torque"]  # as under gravity: one side only
+    leaning = page("torque", {"a": replace(run, tau=run.tau - 15.0)}, 2)  # as under gravity: one side only
     assert set(levels(panel(leaning, "joint 1"))) == {-20.0}
     assert legend_texts(leaning)[1] == "torque limit"
 
@@ -121,7 +121,7 @@ def test_errors_are_quoted_in_one_unit() -> None:
     """Errors of 2 rad, 20 mrad and 3 urad amplitude, over sqrt 2, all in mrad."""
     runs = {name: make(1, 1.0, error=error) for name, error in (("a", 2.0), ("b", 0.02), ("c", 3e-6))}
     metrics = {name: measured(run) for name, run in runs.items()}
-    texts = legend_texts(draw(runs, 1, metrics=metrics)["error"])
+    texts = legend_texts(page("error", runs, 1, metrics=metrics))
     # The window [0.5 s, 1.5 s) is one period.
     assert texts[:3] == ["a (RMSE 1414 mrad)", "b (RMSE 14.14 mrad)", "c (RMSE 0.002121 mrad)"]
 
@@ -131,7 +131,7 @@ def test_no_zoom_of_a_run_that_ended_at_once(samples: int) -> None:
     """A run too short to be enlarged, or without any torque, gets one panel per joint and no zoom in the legend."""
     run = replace(make(2, 5.0, samples), outcome=Outcome.BAD_TORQUE, failed_at=samples - 1)
     for tau in (run.tau, np.full_like(run.tau, np.nan)):
-        fig = draw({"a": replace(run, tau=tau)}, 2)["torque"]
+        fig = page("torque", {"a": replace(run, tau=tau)}, 2)
         assert len(fig.axes) == 2
         assert not any("zoomed" in text for text in legend_texts(fig))
         assert fig.axes[1].get_xlabel() == "time [s]"
@@ -139,10 +139,10 @@ def test_no_zoom_of_a_run_that_ended_at_once(samples: int) -> None:
 
 def test_zoom_stays_where_one_of_the_runs_has_data() -> None:
     """A run that failed early does not take the zoom from the others; its length is a plain number."""
-    fig = draw({"dead": diverged(1, 3), "a": make(1, 5.0)}, 1)["torque"]
+    fig = page("torque", {"dead": diverged(1, 3), "a": make(1, 5.0)}, 1)
     assert len(panel(fig, "joint 1 zoom").get_lines()) == 1
     slow = make(1, 5.0, 2000)
-    fig = draw({"a": replace(slow, t=50.0 * slow.t)}, 1, control_period=50.0 * T)["torque"]
+    fig = page("torque", {"a": replace(slow, t=50.0 * slow.t)}, 1, control_period=50.0 * T)
     assert "zoomed at the right (1000 ms)" in legend_texts(fig)
 
 
@@ -150,23 +150,23 @@ def test_bands_are_drawn_where_they_are() -> None:
     """Equal bands once, in grey; another in its controller's colour and named; both signs; in the axis' unit."""
     runs = {name: make(2, 5.0, error=0.03) for name in "abc"}  # |s| up to 300 and 330 mrad/s
     phi = np.array([0.2, 0.1])
-    fig = draw(runs, 2, bands={"a": phi, "c": phi})["sliding"]
+    fig = page("sliding", runs, 2, bands={"a": phi, "c": phi})
     for label, level in (("joint 1", 200.0), ("joint 2", 100.0)):
         drawn = levels(panel(fig, label))
         assert set(drawn) == {level, -level}
         assert {line.get_color() for line in drawn.values()} == {"0.4"}
     assert legend_texts(fig)[3] == "band \u00b1phi"
-    fig = draw(runs, 2, bands={"a": phi, "c": phi, "b": 2.0 * phi})["sliding"]
+    fig = page("sliding", runs, 2, bands={"a": phi, "c": phi, "b": 2.0 * phi})
     drawn = levels(panel(fig, "joint 1"))
     assert set(drawn) == {200.0, -200.0, 400.0, -400.0}
     assert to_hex(drawn[400.0].get_color()) == to_hex(looks(fig, 2)[1][0])
     assert legend_texts(fig)[3:5] == ["band \u00b1phi of b", "band \u00b1phi"]
-    assert levels(panel(draw(runs, 2)["sliding"], "joint 1")) == {}
+    assert levels(panel(page("sliding", runs, 2), "joint 1")) == {}
 
 
 def test_band_far_outside_is_written_and_does_not_flatten_the_signal() -> None:
     """|s| of 0.1 rad/s in a band of 3 rad/s keeps its own scale."""
-    ax = draw({"a": make(1, 5.0)}, 1, bands={"a": np.array([3.0])})["sliding"].axes[0]
+    ax = page("sliding", {"a": make(1, 5.0)}, 1, bands={"a": np.array([3.0])}).axes[0]
     assert levels(ax) == {}
     assert ax.get_ylim()[1] < 200.0
     assert [text.get_text() for text in ax.texts] == ["band \u00b13000 mrad/s"]
@@ -191,8 +191,8 @@ def test_slides_have_their_own_units() -> None:
     assert "limit \u00b120 N" in [text.get_text() for text in panel(figures["torque"], "joint 2").texts]
     assert set(levels(panel(figures["sliding"], "joint 1"))) == {8.0, -8.0}
     assert set(levels(panel(figures["sliding"], "joint 2"))) == {90.0, -90.0}
-    force = draw({"a": make(1, 15.0)}, 1, slides=[True])
-    assert legend_texts(force["torque"])[1] == "force limit"
+    force = page("torque", {"a": make(1, 15.0)}, 1, slides=[True])
+    assert legend_texts(force)[1] == "force limit"
 
 
 def test_bands_and_slides_keep_bytes_equal() -> None:
