@@ -15,11 +15,12 @@ from trust.workshop import Workshop
 
 # isort: off
 # the order of the table
-from trust import inputs, laws, stored, processes, web, same_bytes, numbers
+from trust import inputs, laws, stored, processes, web, environments, same_bytes, numbers
 
 # isort: on
 
-__all__ = ["ROWS", "Counted", "attack", "inputs", "laws", "numbers", "processes", "run", "same_bytes", "stored", "web"]
+__all__ = ["ROWS", "Counted", "attack", "environments", "inputs", "laws", "numbers", "processes", "run", "same_bytes"]
+__all__ += ["stored", "web"]
 
 MOST_FINDINGS = 5
 """Sentences kept of a row: the count tells the rest."""
