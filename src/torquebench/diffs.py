@@ -15,6 +15,7 @@ from torquebench.arena.ranking import compare as compare_scores
 from torquebench.arena.record import SELF, TUNED, read_record
 from torquebench.errors import ConfigError, Problem, ResultError
 from torquebench.experiment.falsify_section import LIMITS, parts_of_claim
+from torquebench.experiment.store import MANIFEST, other_machines, read_manifest
 from torquebench.metrics import METRICS
 from torquebench.plain import plain
 from torquebench.results import load_result
@@ -100,6 +101,8 @@ class Diff(NamedTuple):
     verdicts: Mapping[str, tuple[str, ...]]
     """Controller, in its case, of A -> limits that it passes, in words; so is a run that fails in B alone, one that B
     lacks, and a metric that cannot be judged. Empty where no limit was named."""
+    remarks: tuple[str, ...] = ()
+    """That B was made where numbers have other last bits; see `torquebench.experiment.store.other_machines`."""
 
     @property
     def broken(self) -> tuple[str, ...]:
@@ -165,7 +168,16 @@ def diff(a: str | Path, b: str | Path, limits: Sequence[Limit | str] = (), plugi
         raise ConfigError(
             [Problem("B", str(b), "has other draws", got=str(other[0]), wanted=f"those of {a}: {one[0]}")]
         )
-    return _compared(one[1], other[1], asked)
+    made_on = {name: machine_of(folder) for name, folder in zip("AB", folders, strict=True)}
+    return _compared(one[1], other[1], asked)._replace(remarks=other_machines(made_on))
+
+
+def machine_of(path: Path) -> Mapping[str, str]:
+    """Return the machine on which a finished run, sweep or arena was made."""
+    if kind_of(path) == "an arena":
+        return read_record(path).machine
+    made_on = read_manifest(path / MANIFEST)[0].get("machine")
+    return {key: str(value) for key, value in made_on.items()} if isinstance(made_on, dict) else {}
 
 
 def kind_of(path: Path) -> str:

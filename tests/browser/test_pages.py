@@ -11,7 +11,9 @@ from tests.browser.conftest import TWO_LINK
 from tests.video.films import camera_of_scene, pixel, tool_mark
 from torquebench.audits import run_audit
 from torquebench.cli.app import main
+from torquebench.report import render
 from torquebench.robot.puma560.puma import Puma560
+from torquebench.shipped import from_checkout
 from torquebench.sim.trajectory import load_trajectory
 from torquebench.view.server import serve
 
@@ -67,6 +69,23 @@ def test_a_report_is_read_in_a_browser(browse, pages, keep, name):
     assert np.median(shown["light"][:, :40]) > 240
     assert np.median(shown["dark"][:, :40]) < 40
     assert shown["phone"].shape[1] == 2 * 390
+
+
+@pytest.mark.parametrize("escaped", [True, False])
+def test_no_text_becomes_markup(browse, tmp_path, monkeypatch, escaped):
+    """Hostile texts stay texts, in the page and in its data; if they were not escaped, each would be noticed."""
+    web = from_checkout("tests/trust").web
+    monkeypatch.setattr(render._environment(), "autoescape", escaped)
+    render._environment().cache.clear()
+    page = browse(False)
+    for payload in web.PAYLOADS if escaped else web.PAYLOADS[::3]:
+        (tmp_path / "page.html").write_bytes(
+            render.render("base", title=payload, lead=f"{payload} <pwned>", scripts=["page"], data={payload: payload})
+        )
+        found = web.looked_at(page._browser, tmp_path / "page.html", f"{payload} <pwned>")
+        assert (found == "") == escaped, (payload, found)
+    page.close()
+    render._environment().cache.clear()
 
 
 def canvas_colours(page, number):

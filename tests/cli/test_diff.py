@@ -53,6 +53,24 @@ def test_a_limit_is_passed_by_the_ratio_of_a_single_run(command, run, softer):
     assert command("diff", softer, run, "--fail-if", "rmse > 1.05")[0] == 0  # the other way it is better
 
 
+def test_another_arithmetic_is_told_and_an_unknown_one_is_not(command, run, tmp_path):
+    """Both kinds of processor are named, by `diff` and on the page of both runs; a manifest of before tells nothing."""
+    shutil.copytree(run, tmp_path / "other")
+    path = tmp_path / "other" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["machine"] |= {"arithmetic": "0" * 16, "processor": "x86_64, Elsewhere <b>"}
+    path.write_text(json.dumps(manifest))
+    _, _, err = command("diff", run, path.parent)
+    assert "B was made on another processor or C library than A (x86_64, Elsewhere <b>," in err
+    assert command("report", run, path.parent, "--out", tmp_path / "both.html")[0] == 0
+    page = (tmp_path / "both.html").read_text()
+    assert "other was made on another processor or C library than" in page
+    assert "Elsewhere &lt;b&gt;" in page
+    del manifest["machine"]["arithmetic"]
+    path.write_text(json.dumps(manifest))
+    assert diff(run, path.parent).remarks == diff(run, run).remarks == ()
+
+
 def test_mistakes_come_at_once_and_before_anything_is_read(command, tmp_path):
     """Every limit that is none is told with what was wanted; nothing is written."""
     limits = ("rms > 1.05", "rmse > 3 mrad", "rmse", "effort > -1")

@@ -9,8 +9,8 @@ import pytest
 from torquebench.shipped import from_checkout
 
 trust = from_checkout("tests/trust")
-QUICK = {"configs": 12, "typos": 10, "slow-files": 4, "arms": 8, "closed-forms": 40, "engines": 40}
-"""Row -> tries here; ``.ci/run`` runs the size ``ci`` of every row."""
+QUICK = {"configs": 12, "typos": 10, "slow-files": 4, "arms": 8, "closed-forms": 40, "engines": 40, "trajectories": 1}
+"""Row -> tries here; ``.ci/run`` runs the size ``tiny`` of others, and the rest waits for ``torquebench trust``."""
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_a_row_that_is_unknown(command):
 
 @pytest.mark.parametrize("name", QUICK)
 def test_a_small_size_holds(name, tmp_path):
-    """No try of a row is wrong, with other random choices than ``.ci/run`` makes."""
+    """No try of a row is wrong, with other random choices than the page's."""
     shop = trust.Workshop(tmp_path)
     shop.random = random.Random(7)
     done = trust.attack(trust.ROWS[name], shop, QUICK[name], lambda k: None)

@@ -87,6 +87,13 @@ def read(text: str) -> Any:
     return value
 
 
+@pytest.mark.parametrize("text", [text for text in [*dict(SCALARS), *TEXTS] if yaml_tree._PLAIN.fullmatch(text)])
+def test_a_value_that_needs_no_parser_is_what_the_parser_makes_of_it(text):
+    """With a blank before it the parser reads it; the value and its type are the same."""
+    direct, parsed = (parse_value(before + text, Document("f.yaml").add)[0] for before in ("", " "))
+    assert (direct, type(direct)) == (parsed, type(parsed))
+
+
 @pytest.mark.parametrize(("text", "value"), SCALARS)
 def test_unquoted_scalars_that_are_not_text(text: str, value: object) -> None:
     """Numbers, true, false and null are recognised, of exactly the expected type."""

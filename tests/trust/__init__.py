@@ -15,11 +15,12 @@ from trust.workshop import Workshop
 
 # isort: off
 # the order of the table
-from trust import inputs, laws, stored, processes, same_bytes, numbers
+from trust import inputs, laws, stored, processes, web, environments, same_bytes, numbers, engines
 
 # isort: on
 
-__all__ = ["ROWS", "Counted", "attack", "inputs", "laws", "numbers", "processes", "run", "same_bytes", "stored"]
+__all__ = ["ROWS", "Counted", "attack", "engines", "environments", "inputs", "laws", "numbers", "processes", "run"]
+__all__ += ["same_bytes", "stored", "web"]
 
 MOST_FINDINGS = 5
 """Sentences kept of a row: the count tells the rest."""
@@ -29,7 +30,7 @@ def run(size: str, only: Sequence[str], seed: int, tell: Callable[[str, int, int
     """Attack every promise and return the rows of the table, as values that JSON can hold.
 
     Args:
-        size: ``ci``, ``nightly`` or ``release``: how many tries of each row.
+        size: ``tiny``, ``ci``, ``nightly`` or ``release``: how many tries of each row.
         only: Names of the rows to run; empty for all.
         seed: Of every random choice; each row has its own sequence.
         tell: Told the row's name, and how many tries of how many are done in all.

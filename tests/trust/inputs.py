@@ -276,6 +276,8 @@ def attack_patience(shop: Workshop, tries: int) -> Iterator[str]:
     }  # type: ignore[misc]
     sets = {
         "2,000 edits": [f"run.duration={k + 5}" for k in range(2000)],
+        "1,000 edits of unknown keys": [f"k{k}=1" for k in range(1000)],
+        "1,000 edits of unknown controllers": [f"controllers.c{k}.gains.k=1" for k in range(1000)],
         "a far index": ["controllers[999999].name=1"],
     }
     sets |= {"an edit 30,000 deep": [".".join(["a"] * 30_000) + "=1"], "an edit of 60 kB": ["run.seed=" + "[" * 60_000]}

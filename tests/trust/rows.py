@@ -23,7 +23,7 @@ class Row:
     how: str
     """How it is attacked, in words."""
     sizes: dict[str, int]
-    """Tries of the sizes ``ci``, ``nightly`` (a tenth of a release) and ``release``."""
+    """Tries of the sizes ``tiny`` (a sixth of ``ci``), ``ci``, ``nightly`` (a tenth of a release) and ``release``."""
     attack: Attack
 
 
@@ -52,13 +52,14 @@ def row(name: str, promise: str, ci: int, release: int) -> Callable[[Attack], At
     Args:
         name: One word.
         promise: What users may rely on, in one sentence.
-        ci: Tries of the small size.
+        ci: Tries of the usual size.
         release: Tries of the large one.
     """
 
     def declare(attack: Attack) -> Attack:
         how = (attack.__doc__ or "").strip().splitlines()[0].rstrip(".")
-        ROWS[name] = Row(name, promise, how, {"ci": ci, "nightly": max(ci, release // 10), "release": release}, attack)
+        sizes = {"tiny": -(-ci // 6), "ci": ci, "nightly": max(ci, release // 10), "release": release}
+        ROWS[name] = Row(name, promise, how, sizes, attack)
         return attack
 
     return declare

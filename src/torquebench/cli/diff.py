@@ -54,6 +54,8 @@ def diff(a: Path, b: Path, limits: Sequence[str], junit: Path | None, plugin: Se
     for title, names in (("only in A", found.only_a), ("only in B", found.only_b)):
         for name in names:
             warn(f"torquebench: {name} is {title}")
+    for sentence in found.remarks:
+        warn(f"torquebench: {sentence}")
     for sentence in (*found.failed, *found.mended):
         say(sentence)
     tables = shown(found.changes, [limit.metric for limit in found.limits])

@@ -43,6 +43,8 @@ def doctor(gl: str | None) -> int:
             say(f"for {x['name']}: {x['install']}")
     for line in found["install"]:
         say(line)
+    if found["machine"]["arithmetic"] != found["machine"]["arithmetic_compiled"]:
+        say(bad("compiled code has other last bits than Python's numbers here: the two paths leave other bytes"))
     return 0
 
 
@@ -53,6 +55,7 @@ def findings(gl: str | None) -> dict[str, Any]:
         gl: The user's MUJOCO_GL.
     """
     from torquebench.experiment.store import PACKAGES, machine
+    from torquebench.kernel import arithmetic
     from torquebench.kernel.cache import cache_folder
     from torquebench.video.encode import ffmpeg_program
     from torquebench.video.opengl import STICK, advice, candidates, probe
@@ -75,7 +78,7 @@ def findings(gl: str | None) -> dict[str, Any]:
     return {
         "software": {"torquebench": torquebench.__version__, "python": platform.python_version()}
         | {name: _version(name) for name in (*PACKAGES, *MORE_PACKAGES)},
-        "machine": machine(),
+        "machine": machine() | {"arithmetic_compiled": arithmetic.compiled()},
         "threads": {"cores": os.cpu_count(), "usable": usable},
         "kernel_cache": str(cache_folder()),
         "ffmpeg": ffmpeg,

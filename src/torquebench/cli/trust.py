@@ -15,7 +15,7 @@ from torquebench.shipped import from_checkout
 
 
 @command(example="torquebench trust --only configs --only arms")
-@option("--size", type=Choice(["ci", "nightly", "release"]), default="ci", help="how many tries (default ci)")
+@option("--size", type=Choice(["tiny", "ci", "nightly", "release"]), default="ci", help="how many tries (default ci)")
 @option("--only", multiple=True, metavar="ROW", help="this row alone; may be given several times")
 @option("--seed", type=Number(int, 0, 2**32), default=1, help="of every random choice (default 1)")
 @option("--page", type=Path, metavar="FILE", help="write the table as Markdown too")
@@ -23,8 +23,8 @@ def trust(size: str, only: tuple[str, ...], seed: int, page: Path | None) -> int
     """Attack what torquebench promises, and count what gave way.
 
     Each row is a promise: hostile configs and arms, laws with faults, kills and signals, damaged files, equal bytes,
-    numbers against closed forms and other programs. The size ci takes minutes on two cores, nightly an hour, release
-    many. The exit status is 1 if any try was wrong. Needs a checkout.
+    texts in pages, odd environments, numbers against closed forms and other programs. The size tiny takes a minute on
+    two cores, ci some, nightly an hour, release many. The exit status is 1 if any try was wrong. Needs a checkout.
     """
     attacks: Any = from_checkout("tests/trust")
     if unknown := [name for name in only if name not in attacks.ROWS]:

@@ -132,7 +132,8 @@ class Group(Node):
         if elsewhere is not None:
             here.document.add_fault(elsewhere, here.path)
             return ""
-        near = near or nearest(key, every, TYPO) or nearest(key, first) or nearest(key, every) or ""
+        more = every if len(first) < len(every) else ()
+        near = near or nearest(key, more, TYPO) or nearest(key, first) or nearest(key, more) or ""
         wanted = "" if near else f"one of {', '.join(every)}" if every else "none"
         here.add(f"unknown {self.noun}", (key,), at="key", nearest=near, wanted=wanted)
         return near

@@ -19,6 +19,7 @@ from typing import Any, BinaryIO
 import torquebench
 from torquebench.begun import BEGUN
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean_path
+from torquebench.kernel import arithmetic
 from torquebench.robot.library import PRESETS, ArmFile, ArmSource, model_folder
 
 PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
@@ -194,13 +195,39 @@ _installed = functools.cache(metadata.version)
 
 
 def machine() -> dict[str, str]:
-    """What else can move the last bits: system, processor, C library."""
+    """What else can move the last bits: system, processor, C library; and a digest of the bits that they give."""
     return {
         "system": f"{platform.system()} {platform.release()}",
-        "processor": platform.machine(),
+        "processor": ", ".join(filter(None, (platform.machine(), _processor()))),
         "libc": " ".join(platform.libc_ver()),
         "byteorder": sys.byteorder,
+        "arithmetic": arithmetic.interpreted(),
     }
+
+
+@functools.cache
+def _processor() -> str:
+    """Name of the processor's kind; empty where the system does not tell it."""
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+    return platform.processor()
+
+
+def other_machines(machines: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
+    """Return a line for each result that was made where numbers have other last bits than where the first was made.
+
+    Args:
+        machines: Name of a result -> the machine in its manifest; older ones do not tell, and are not told of.
+    """
+    first, *others = [name for name, made_on in machines.items() if "arithmetic" in made_on] or [""]
+    kinds = {name: f"{made_on.get('processor')}, {made_on.get('libc')}" for name, made_on in machines.items()}
+    return tuple(
+        f"{name} was made on another processor or C library than {first} ({kinds[name]}; {kinds[first]}): last bits "
+        "differ by themselves, and so do the samples of a loop that chatters"
+        for name in others
+        if machines[name]["arithmetic"] != machines[first]["arithmetic"]
+    )
 
 
 def checksums(paths: Iterable[Path]) -> dict[str, str]:
@@ -260,7 +287,7 @@ def check_run(folder: Path, leave_out: Collection[str] = ()) -> dict[str, Any]:
             changed.
     """
     refuse_without_manifest(folder)
-    manifest, files = _read_manifest(folder / MANIFEST)
+    manifest, files = read_manifest(folder / MANIFEST)
     for name, checksum in files.items():
         path = folder / name
         if name not in leave_out and (not path.is_file() or file_digest(path) != checksum):
@@ -268,7 +295,7 @@ def check_run(folder: Path, leave_out: Collection[str] = ()) -> dict[str, Any]:
     return manifest
 
 
-def _read_manifest(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+def read_manifest(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
     """Return a manifest, and the checksums in it of the folder's files."""
     try:
         if not path.is_file():

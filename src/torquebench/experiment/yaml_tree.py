@@ -31,6 +31,8 @@ FORBIDDEN = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ufeff\ud800-\udfff\ufffe\uffff]"
 )
 _ODD_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u3000]")
+_PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
+"""What YAML's parser would hand over as it is: most values of a command line."""
 _LINE_END = re.compile(r"\r\n|\r|\n")
 
 
@@ -146,6 +148,8 @@ def parse_value(
         written.
     """
     start = place or Place(0, 1, 1, file)
+    if _PLAIN.fullmatch(text):
+        return resolve(text), start
     bad = FORBIDDEN.search(text)
     if bad:
         lines = _LINE_END.split(text[: bad.start()])

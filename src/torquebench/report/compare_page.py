@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from torquebench.experiment.dump import plain
 from torquebench.experiment.run import ExperimentResult
+from torquebench.experiment.store import other_machines
 from torquebench.metrics import MetricInfo
 from torquebench.report.render import render
 from torquebench.report.run_page import Cell, changed_arm, number_cells
@@ -58,7 +59,10 @@ def comparison_page(results: Mapping[str, ExperimentResult]) -> bytes:
         failed=any(row.outcome != "completed" or row.bad for row in rows),
         alone=alone(results),
         tables={name: headline_table(result) for name, result in results.items()},
-        changed=[f"{name}: {line}" for name, result in results.items() for line in changed_arm(result)],
+        changed=[
+            *other_machines({name: result.facts["machine"] for name, result in results.items()}),
+            *(f"{name}: {line}" for name, result in results.items() for line in changed_arm(result)),
+        ],
         differences=(["key", *results], differences(keys)),
     )
 
