@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.test_causes import NOISE, PLANT, experiment, pd, sliding
-from torquebench.diagnosis import Margins, Remedy, diagnose
+from torquebench.diagnosis import Cause, Diagnosis, Margins, Remedy, diagnose
 from torquebench.diagnosis.diagnose import _Search
 from torquebench.diagnosis.margins import backwards, slopes_of
 from torquebench.diagnosis.parts import Variant, with_chain
@@ -197,6 +197,28 @@ def test_a_cure_that_leaves_30_deg_is_preferred(
     monkeypatch.setattr(_Search, "_margins", margins)
     best, _ = search._first("shakes", "a change", variants)
     assert (best.text.split()[0], best.phase) == (f"v{taken}", phases[taken])
+
+
+@pytest.mark.parametrize(
+    ("in_law", "in_chain", "first"),
+    [
+        (Remedy("law", cures=True, phase=26.0), Remedy("chain", cures=True, phase=85.0), "chain"),
+        (Remedy("law", cures=True, phase=35.0), Remedy("chain", cures=True, phase=85.0), "law"),
+        (Remedy("law", cures=True, phase=26.0), Remedy("chain", cures=False, left=0.3, phase=85.0), "law"),
+        (Remedy("law", cures=False, left=0.2, phase=12.0), Remedy("chain", cures=False, left=0.3, phase=50.0), "law"),
+        (Remedy("law", cures=False, left=0.4, phase=50.0), Remedy("chain", cures=False, left=0.3, phase=12.0), "chain"),
+        (Remedy("law", cures=True, phase=12.0), Remedy("chain", cures=True, phase=None), "chain"),
+    ],
+)
+def test_the_change_to_make_first(in_law: Remedy, in_chain: Remedy, first: str) -> None:
+    """Effect comes before margin, and margin, up to the 30 deg that are enough, before where it is changed."""
+    seen: Any = None
+    cause = Cause("command_delay", "the delay", "shakes", 1.0, "", "", remedy=in_chain)
+    given = Diagnosis("e", "c", "pd", ("joint",), seen, ("shakes",), (cause,), None, (in_law,), 1, 1.0, False, None)
+    assert given.remedy.text == first
+    other = replace(cause, symptom="errs", remedy=Remedy("elsewhere"))
+    assert replace(given, causes=(other,)).remedy.text == "law", "a cure of the first symptom"
+    assert replace(given, causes=(other,), cures=()).remedy.text == "elsewhere"
 
 
 @pytest.mark.parametrize("chain", ["ideal", "slow-delay", {"encoder_noise": 1e-3, "velocity": "differentiated"}])

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from tests.diagnosis.drawn import ARMS, ENGINES, HARMLESS, Draw, Seeded, base, drawn
+from tests.diagnosis.drawn import ARMS, ENGINES, HARMLESS, LATER, Draw, Seeded, base, drawn, with_changes
 from torquebench.diagnosis import diagnose
 from torquebench.experiment.schema import Experiment
 
@@ -26,6 +27,15 @@ def test_drawn_causes_are_named(case: Seeded) -> None:
     judge(case)
 
 
+@pytest.mark.parametrize("arm", [ARMS[0], *(pytest.param(arm, marks=pytest.mark.slow) for arm in ARMS[1:])])
+@pytest.mark.parametrize("key", LATER)
+def test_faults_of_drives_and_brakes_are_named(key: str, arm: str) -> None:
+    """A wrong gain, one that weakens, leaks between joints and a joint that locks are each named, and no other."""
+    d = Draw(np.random.default_rng(1761), arm, "analytic")
+    changes, allowed = LATER[key](d)
+    judge(Seeded(f"{key}, {arm}", frozenset([key]), frozenset(allowed), with_changes(d, changes)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", MANY, ids=[case.label for case in MANY])
 def test_many_drawn_causes_are_named(case: Seeded) -> None:
@@ -37,8 +47,6 @@ def test_many_drawn_causes_are_named(case: Seeded) -> None:
 @pytest.mark.parametrize("arm", ARMS[:2])
 def test_the_base_is_sound(arm: str, engine: str) -> None:
     """Without a cause there is no symptom, even with a chain that does no harm: what is named comes of the cause."""
-    import numpy as np
-
     sections = base(Draw(np.random.default_rng(0), arm, engine))
     for chain in ({}, HARMLESS):
         assert diagnose(Experiment.from_dict({**sections, "chain": chain})).symptoms == ()

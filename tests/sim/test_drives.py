@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from tests.arms import pack, slider, still
 from tests.sim.loops import PLANTS, arm, go, law_of, plant_of
-from torquebench.chain import Chain, CrossTalk, CurrentLoop, Derating, Drawn, ThermalLimit, TorqueSpeed
+from torquebench.chain import Chain, CrossTalk, CurrentLoop, Derating, Drawn, ThermalLimit, TorqueSpeed, mixing
 from torquebench.kernel import Array
 from torquebench.references import Reference
 from torquebench.sim.closed_loop import actuate, give
@@ -120,8 +120,10 @@ def test_rounded_and_shifted_commands() -> None:
 def test_gains_and_cross_talk_are_a_matrix() -> None:
     """The joints get C (g tau + offset), with 1 on the diagonal of C; 1e-13 N m of rounding."""
     talk = CrossTalk(following=(0.1, 9.0), preceding=(9.0, -0.2))  # the 9.0 stand for joints that there are not
-    commands, torques, means = given(Chain(torque_gain=(0.8, 1.2), torque_offset=(0.7, 0.0), cross_talk=talk), some())
+    chain = Chain(torque_gain=(0.8, 1.2), torque_offset=(0.7, 0.0), cross_talk=talk)
+    commands, torques, means = given(chain, some())
     wanted = (commands * [0.8, 1.2] + [0.7, 0.0]) @ np.array([[1.0, 0.1], [-0.2, 1.0]]).T
+    assert mixing(chain, 2, 0.0) == pytest.approx(np.array([[0.8, 0.12], [-0.16, 1.2]]), rel=1e-15)
     assert torques == pytest.approx(held(wanted), abs=1e-13)
     assert means == pytest.approx(wanted, abs=1e-13)
 
@@ -135,6 +137,8 @@ def test_weakening_motors() -> None:
     assert torques == pytest.approx(np.repeat(wanted[:, None], 3, axis=1), abs=1e-12)
     _, at_once, _ = given(Chain(derating=Derating(0.04, gain=0.5)), np.full((N_STEPS, 2), (70.0, -20.0)))
     assert at_once[39:41, 0, 0].tolist() == [70.0, 35.0]
+    for time, left in ((0.0, 1.0), (0.06, 0.85), (0.5, 0.4)):
+        assert mixing(Chain(derating=weak), 2, time) == pytest.approx(np.diag([1.0, left]))
 
 
 def test_a_lag_is_the_inductance_of_mujoco_s_dcmotor(figure: Any) -> None:

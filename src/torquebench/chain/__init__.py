@@ -14,7 +14,7 @@ from torquebench.chain.chain import (
     rate_remarks,
 )
 from torquebench.chain.drives import CrossTalk, CurrentLoop, Derating, ThermalLimit, TorqueSpeed
-from torquebench.chain.response import Response, response
+from torquebench.chain.response import Response, mixing, response
 from torquebench.chain.robots import ROBOT_CHAINS
 from torquebench.chain.sensors import Ripple
 
@@ -37,6 +37,7 @@ __all__ = [
     "TorqueSpeed",
     "chain",
     "late_steps",
+    "mixing",
     "rate_remarks",
     "response",
 ]

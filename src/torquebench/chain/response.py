@@ -10,6 +10,7 @@ import numpy.typing as npt
 from torquebench.chain.chain import Chain
 from torquebench.chain.sensors import kalman_gains
 from torquebench.kernel import Array
+from torquebench.keys import as_vector
 
 Complex: TypeAlias = npt.NDArray[np.complex128]
 
@@ -27,6 +28,8 @@ class Response(NamedTuple):
 
 def response(chain: Chain, omega: Array, control_period: float) -> Response:
     """Return what a chain does to a small sine, between rounding, limits and offsets, which are not linear.
+
+    Gains of single joints, and what leaks between them, are not in it: see `mixing`.
 
     With z = exp(j omega T): a delay d is exp(-j omega d); a filter a/(1 - (1 - a)/z), of velocities or commands; a
     difference (1 - 1/z)/(j omega T); the steady Kalman filter (beta/T) r/(1 - 1/z) with its residual r; the hold (1 -
@@ -54,6 +57,27 @@ def response(chain: Chain, omega: Array, control_period: float) -> Response:
     taken = chain.command_gain(T)
     waiting = waiting * taken / (1.0 - (1.0 - taken) * back)
     return Response(seen, seen * velocity, _mean(rate, T) * _mean(rate, chain.jitter) * kept * waiting * acting)
+
+
+def mixing(chain: Chain, n: int, time: float) -> Array:
+    """Return what the drives multiply torques by, away from their limits: (I + cross-talk) diag(gains), (n, n) [1].
+
+    It has no frequency, and so stands beside `response`, whose gains are the same for all joints.
+
+    Args:
+        chain: Sensors and actuators.
+        n: Number of joints.
+        time: Time since the start, at which motors may have weakened [s].
+    """
+    gains, weak, talk = as_vector(chain.torque_gain, n), chain.derating, chain.cross_talk
+    if weak is not None and time >= weak.at:
+        gone = min((time - weak.at) / weak.over, 1.0) if weak.over > 0.0 else 1.0
+        gains = gains * (1.0 + gone * (as_vector(weak.gain, n) - 1.0))
+    if talk is None:
+        return np.diag(gains)
+    following, preceding = as_vector(talk.following, n), as_vector(talk.preceding, n)
+    leaks = np.diag(following[:-1], 1) + np.diag(preceding[1:], -1)
+    return np.asarray((np.eye(n) + leaks) * gains)
 
 
 def _mean(rate: Complex, time: float) -> Complex:

@@ -75,6 +75,8 @@ class Remedy(NamedTuple):
     """What was tried, as ``--set`` takes it; empty for words."""
     cures: bool = True
     """Whether nothing is left of the symptom but what is left without its cause; else at most half."""
+    left: float = 0.0
+    """Share of the symptom that it leaves, of what was tried and does not cure [1]."""
     phase: float | None = None
     """Least phase margin that it leaves [deg]; None where none was worked out."""
     delay: float | None = None
@@ -158,13 +160,18 @@ class Diagnosis:
 
     @property
     def remedy(self) -> Remedy:
-        """The change to make first, which was tried or follows from the cause; empty where there is none."""
-        remedies = [cause.remedy for cause in self.causes]
+        """The change to make first, which was tried or follows from the cause; empty where there is none.
+
+        It is one for the first symptom, if there is one. What cures comes before what leaves some of it, and what
+        leaves less before what leaves more; then what leaves more of a phase margin, up to `ENOUGH`, or of which none
+        is known. Of equals, a law that shakes has its gains changed first, else the cause is cured.
+        """
+        remedies = [cause.remedy for cause in self.causes if cause.symptom == self.symptoms[0]]
         shakes = self.symptoms[:1] in (("shakes",), ("fails",))
         filters = any("velocity_filter" in text for one in remedies[:1] for text in one.settings)
         found = [*self.cures, *remedies] if shakes and not filters else [*remedies, *self.cures]
-        told = [one for one in found if one.text]
-        return next((one for one in told if one.cures), told[0] if told else Remedy())
+        told = [one for one in found if one.text] or [cause.remedy for cause in self.causes if cause.remedy.text]
+        return max(told, key=_worth, default=Remedy())
 
     @property
     def advice(self) -> str:
@@ -552,10 +559,11 @@ class _Search:
         phase, delay = (None, None) if margins is None else (margins.phase, margins.delay)
         of = "" if cures else f" of {self.whole.text(kind, joint)}"
         left = "completes" if kind == "fails" else f"leaves {seen.text(kind, joint)}{of}"
+        share = 0.0 if cures else seen.size(kind, joint) / self.whole.size(kind, joint)
         if phase is not None:
             left += f" and {phase:.0f} deg of phase" + (f", {1e3 * delay:.2g} ms of delay" if delay else "")
         changes = settings_between(self.experiment, variant.experiment)
-        return Remedy(f"{variant.text} (tried: {left})", changes, cures, phase, delay)
+        return Remedy(f"{variant.text} (tried: {left})", changes, cures, share, phase, delay)
 
     def _first(
         self, kind: Kind, what: str, variants: Iterable[Variant], left: float = 0.0
@@ -600,7 +608,7 @@ class _Search:
         if part is None:
             return Remedy()
         if part.owner == "robot":
-            return Remedy(f"the {robot_of(self.experiment)} has it: change the law", cures=False)
+            return Remedy(f"the {robot_of(self.experiment)} has it: change the law", cures=False, left=1.0)
         found, _ = self._first(cause.symptom, f"less of {part.key}", part.cures(self.experiment), left)
         if found.text:
             return found
@@ -706,6 +714,11 @@ class _Search:
             return ""
         at = f"at the crossover of {margins.crossover:.3g} Hz"
         return f"costs {lost:.0f} deg of phase {at}, where {margins.phase or 0.0:.0f} deg are left"
+
+
+def _worth(one: Remedy) -> tuple[bool, float, float]:
+    """Return what remedies are ordered by: whether one cures, what it leaves, and its phase margin."""
+    return one.cures, -one.left, ENOUGH if one.phase is None else min(one.phase, ENOUGH)
 
 
 def _called(joint: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from torquebench.certificates import Phases
-from torquebench.chain import Chain, response
+from torquebench.chain import Chain, mixing, response
 from torquebench.diagnosis.owners import OWNERS, Owner, owner_of
 from torquebench.experiment.build import Loop
 from torquebench.experiment.certify import truth_of
@@ -97,6 +97,8 @@ class Margins:
     """Part of the chain, hold of the control period included -> phase lost to it at the crossover [degrees]."""
     owners: Mapping[str, Owner] = field(default_factory=dict)
     """Whose each of these is."""
+    damping: float = 1.0
+    """Damping ratio that arm and law without the chain have at the crossover; 1 where nothing swings [1]."""
 
     @property
     def costs(self) -> str:
@@ -114,6 +116,17 @@ class Margins:
         return 0.5 / math.sin(math.radians(self.phase / 2.0)) if self.phase is not None and self.phase > 0.0 else None
 
     @property
+    def is_soft(self) -> bool:
+        """Whether the phase margin is little for want of damping, as a soft spring has it, and not of what is late.
+
+        Then it would be little without the chain, too, and all that costs phase would have to grow threefold at least
+        to make the loop unstable.
+        """
+        lost = sum(self.lost.values())
+        soft = self.phase is not None and 2.0 * lost <= self.phase and 0.0 < self.phase < ENOUGH - lost
+        return soft and 0.0 < self.damping < 1.0
+
+    @property
     def rule(self) -> str:
         """What a phase margin means by the rule of `ENOUGH` to `AMPLE`; empty where the loop does not cross."""
         usual = f"{ENOUGH:.0f} to {AMPLE:.0f} deg are usual (Astrom and Murray)"
@@ -121,8 +134,12 @@ class Margins:
             return ""
         if self.swell is None:
             return f"that is unstable, an error grows by itself; {usual}"
+        grown = f"what shakes it near {self.crossover:.3g} Hz becomes {self.swell:.2g} times as large"
+        if self.is_soft:
+            kept = math.exp(-math.tau * self.damping / math.sqrt(1.0 - self.damping * self.damping))
+            own = f"that is the law's own damping, a ratio of {self.damping:.2g}, and far from unstable"
+            return f"{own}: a swing loses {100.0 * (1.0 - kept):.0f} % each time, {grown}; {usual}"
         if self.phase < ENOUGH:
-            grown = f"what shakes it near {self.crossover:.3g} Hz becomes {self.swell:.2g} times as large"
             return f"that is little: {grown}; {usual}"
         return f"that is {'as usual' if self.phase <= AMPLE else 'ample'}; {usual}"
 
@@ -144,6 +161,7 @@ class Margins:
             "delay_margin_s": self.delay,
             "oscillation_hz": self.oscillation,
             "gain_margin": self.factor,
+            "damping_ratio": self.damping,
             "rule": self.rule,
             "phase_lost_deg": dict(self.lost),
             "phase_lost_to": dict(self.owners),
@@ -253,6 +271,8 @@ class Terms(NamedTuple):
     """Its integral of position errors [N m/(rad s)]."""
     J: Array
     """Its integral of velocity errors [N m/rad]."""
+    drives: Array
+    """What the drives multiply the law's torques by [1]."""
     joints: Joints | None
     """Springs between motors and links; None for rigid joints."""
     on_link: bool
@@ -274,7 +294,8 @@ def terms_at(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int)
     weight = arm.bias_forces(np.concatenate([near, 2.0 * q - near]), np.zeros((2 * n, n)))
     G = (weight[:n] - weight[n:]).T / 2e-5
     own = slopes.stiffness[m], slopes.damping[m], slopes.integral[m], slopes.integral_damping[m]
-    return Terms(M, np.diag(drag), G, *own, joints, between is not None and between.sensor == "link")
+    drives = mixing(experiment.chain, n, k * experiment.run.control_period)
+    return Terms(M, np.diag(drag), G, *own, drives, joints, between is not None and between.sensor == "link")
 
 
 def _links(experiment: Experiment, q: Array) -> tuple[Array, Joints | None]:
@@ -322,8 +343,9 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
     """Return the margins of the loop where the phase margin is least along the motion; None where none crosses.
 
     With P = (M s^2 + D s + G)^-1, or from motor to sensor through the springs of the joints, and what the chain makes
-    of the law, C = H_tau ((K + I/s) H_q + (s B + J) H_qd), the open loop of all joints is C P. Each of its eigenvalues
-    is looked at as a single loop is (generalised Nyquist criterion): what one joint does moves the others.
+    of the law, C = H_tau A ((K + I/s) H_q + (s B + J) H_qd) with the gains A of the drives, the open loop of all joints
+    is C P. Each of its eigenvalues is looked at as a single loop is (generalised Nyquist criterion): what one joint
+    does moves the others.
 
     Args:
         experiment: With one controller.
@@ -370,11 +392,30 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
     lost["hold"] = 180.0 * worst.crossover * period
     lost = {name: x for name, x in lost.items() if abs(x) >= 0.05}
     owners = {name: owner_of(experiment, name) for name in lost}
-    worst = replace(worst, joint=joint, delay=None, lost=lost, owners=owners)
+    damping = _damping(kept, 2.0 * math.pi * worst.crossover)
+    worst = replace(worst, joint=joint, delay=None, lost=lost, owners=owners, damping=damping)
     if worst.phase is None or worst.phase <= 0.0:
         return worst
     limit = (most, swings) if math.isfinite(most) else (None, None)
     return replace(worst, delay=least, factor=limit[0], oscillation=limit[1])
+
+
+def _damping(terms: Terms, omega: float) -> float:
+    """Return the damping ratio of M s^2 + (D + A B) s + G + A K in the mode nearest to a frequency; 1 for none.
+
+    Args:
+        terms: What the loop is made of; joints that give are as good as rigid.
+        omega: The frequency [rad/s].
+    """
+    n = len(terms.M)
+    M = terms.M if terms.joints is None else terms.M + np.diag(terms.joints.inertia)
+    rates = np.linalg.solve(M, -np.hstack([terms.G + terms.drives @ terms.K, terms.D + terms.drives @ terms.B]))
+    poles = np.linalg.eigvals(np.vstack([np.eye(n, 2 * n, n), rates]))
+    swinging = poles[poles.imag > 0.0]
+    if not len(swinging):
+        return 1.0
+    nearest = swinging[np.argmin(np.abs(np.log(np.abs(swinging) / omega)))]
+    return float(-nearest.real / np.abs(nearest))
 
 
 def _lesser(chain: Chain) -> dict[str, Chain]:
@@ -416,7 +457,7 @@ def _loci(chain: Chain, period: float, frequency: Array, terms: Terms) -> tuple[
         P = P[:, :n] if terms.on_link else P[:, n:]
     back = np.exp(-s * period)
     summed = period * back / (1.0 - back)
-    C = seen.torque[:, None, None] * (
+    C = (seen.torque[:, None, None] * terms.drives) @ (
         (terms.K + terms.I * summed) * seen.position[:, None, None]
         + s * (terms.B + terms.J * summed) * seen.velocity[:, None, None]
     )

@@ -81,7 +81,7 @@ def _step(chain: Chain, T: float, terms: Terms) -> Array:
     else:
         rate = qd if chain.velocity == "tachometer" else (q - before) / T
         velocity = velocity + chain.velocity_gain(T) * (rate - velocity)
-    torque = -(terms.K @ q + terms.I @ summed + terms.B @ velocity + terms.J @ summed_rate)
+    torque = -terms.drives @ (terms.K @ q + terms.I @ summed + terms.B @ velocity + terms.J @ summed_rate)
     taken = chain.command_gain(T)
     torque = (1.0 - taken) * torques[0] + taken * torque
     torques = [torque, *torques]
