@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from torquebench.chain import Chain, CurrentLoop, Ripple, ThermalLimit, TorqueSpeed
+from torquebench.chain import Chain, CrossTalk, CurrentLoop, Derating, Ripple, ThermalLimit, TorqueSpeed
 from torquebench.chain.drives import command, drive, receive
 from torquebench.chain.sensors import measure
 from torquebench.kernel import Array
@@ -49,11 +49,17 @@ DRIVES = {
     "jitter": ("5 ms", Chain(jitter=T)),
     "command_delay": ("15 ms", Chain(command_delay=3 * T)),
     "torque_quantum": ("3 N m", Chain(torque_quantum=3.0)),
+    "torque_gain": ("0.7", Chain(torque_gain=0.7)),
     "torque_offset": ("3 N m", Chain(torque_offset=3.0)),
     "actuator_lag": ("15 ms", Chain(actuator_lag=0.015)),
     "current_loop": ("80 rad/s, damping 0.3", Chain(current_loop=CurrentLoop(80.0, 0.3))),
     "torque_speed": ("0.5 to 3 rad/s", Chain(torque_speed=TorqueSpeed(0.5, 3.0))),
     "thermal_limit": ("5 N m, 0.5 s", Chain(thermal_limit=ThermalLimit(5.0, 0.5))),
+    "derating": (
+        "at 100 ms to gain 0.8, limit 50 %",
+        Chain(derating=Derating(N * T - SHOWN + 0.1, limit=0.5, gain=0.8, over=0.1)),
+    ),
+    "cross_talk": ("half of a cosine", Chain(cross_talk=CrossTalk(following=0.5))),
     "torque_delay": ("7 ms", Chain(torque_delay=7 * H)),
 }
 
@@ -72,20 +78,24 @@ def sensed(chain: Chain) -> tuple[Array, Array, Array]:
 
 
 def driven(chain: Chain) -> tuple[Array, Array, Array]:
-    """Return time, the motor's torque and the law's, (N SUBSTEPS,), on a joint that moves by the sine above."""
-    drives = chain.drives(1, N, H, T, chain.draw(1, N, seed=1, draw=0))
-    t, most = H * np.arange(N * SUBSTEPS), np.array([TORQUE])
-    before, output, torque, given, out = np.zeros(1), np.zeros(1), np.zeros((3, 1)), np.zeros(1), np.zeros(len(t))
+    """Return time, the motor's torque and the law's, (N SUBSTEPS,), on a joint that moves by the sine above.
+
+    The joint beside it is asked for the cosine.
+    """
+    drives = chain.drives(2, N, H, T, chain.draw(2, N, seed=1, draw=0))
+    t, most = H * np.arange(N * SUBSTEPS), np.full(2, TORQUE)
+    before, output, torque, given, out = np.zeros(2), np.zeros(2), np.zeros((3, 2)), np.zeros(2), np.zeros(len(t))
     commands, receives, acts = on_numbers(command), on_numbers(receive), on_numbers(drive)
     for i, time in enumerate(t):
         k, s = divmod(i, SUBSTEPS)
         if s == 0:
-            commands(drives, k, np.array([TORQUE * math.sin(OMEGA * time)]), before, most, given)
+            asked = TORQUE * np.array([math.sin(OMEGA * time), math.cos(OMEGA * time)])
+            commands(drives, k, asked, before, most, given)
             before[:] = given
             receives(drives, k, given)
         if s == (drives.late[k] if len(drives.late) and k else 0):
             drives.held[:] = drives.target
-        acts(drives, i, np.array([ANGLE * OMEGA * math.cos(OMEGA * time)]), most, output, torque)
+        acts(drives, i, np.array([ANGLE * OMEGA * math.cos(OMEGA * time), 0.0]), most, output, torque)
         out[i] = torque[0, 0]
         if len(drives.late) and s + 1 == SUBSTEPS == drives.late[k]:
             drives.held[:] = drives.target
@@ -107,7 +117,7 @@ def main() -> None:
         label = "torque [N m]" if key in DRIVES else "q [mrad]" if chain.velocity == "exact" else "qd [rad/s]"
         panels.append((key, words, label, *(driven if key in DRIVES else sensed)(chain)))
     plt.rcParams.update({"font.size": 8, "axes.titlesize": 8.5, "axes.spines.top": False, "axes.spines.right": False})
-    fig, axes = plt.subplots(8, 3, figsize=(9.0, 14.9), sharex=True, layout="constrained")
+    fig, axes = plt.subplots(9, 3, figsize=(9.0, 16.7), sharex=True, layout="constrained")
     for ax, (key, words, label, t, out, sine) in zip(axes.flat, panels, strict=False):
         late, scale = t >= t[-1] - SHOWN, 1e3 if "mrad" in label else 1.0
         ms = 1e3 * (t[late] - t[late][0])
@@ -115,7 +125,8 @@ def main() -> None:
         ax.step(ms, scale * out[late], where="post", color=INK, linewidth=1.1)
         ax.set_title(f"{key}\n", loc="left", fontweight="bold")
         ax.text(0.0, 1.04, words, transform=ax.transAxes, color="0.35", fontsize=7.5)
-        ax.text(1.0, 1.04, in_words(t, out, sine), transform=ax.transAxes, ha="right", fontsize=7.5)
+        said = in_words(t, out, sine) if key != "derating" else ""  # it is not the same all the time
+        ax.text(1.0, 1.04, said, transform=ax.transAxes, ha="right", fontsize=7.5)
         ax.set_ylabel(label)
     for ax in axes.flat[len(panels) :]:
         ax.remove()

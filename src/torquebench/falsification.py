@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
 import os
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ from torquebench.report.figures.convergence import draw_convergence
 from torquebench.report.figures.files import Wish, figure_files
 from torquebench.report.figures.style import Unit
 from torquebench.sweep.falsify import FAILED, Hunt, Space, Tried, breaks, hunt
-from torquebench.sweep.search import METHODS, TITLES, Method, check_method
+from torquebench.sweep.search import COMPARED, METHODS, TITLES, Method, check_method
 from torquebench.sweeps import document_from
 
 if TYPE_CHECKING:
@@ -60,15 +60,18 @@ class Falsification:
         return tuple(own.controller for own in self.hunts if breaks(self.asked, own.worst.score))
 
     @property
-    def ratios(self) -> dict[str, float]:
-        """Controller -> worst value of CMA-ES over that of random search, medians over the seeds; none of failures."""
-        found = {}
-        for own in self.hunts:
-            cma, random = (own.worst_of(method) for method in METHODS)
-            if cma and random and self.info.better == "lower":
-                above, below = statistics.median(cma), statistics.median(random)
+    def ratios(self) -> dict[Method, dict[str, float]]:
+        """Method -> controller -> worst value of CMA-ES over that of the method, medians over the seeds.
+
+        Where runs fail there is no ratio, and where a larger value is better.
+        """
+        found: dict[Method, dict[str, float]] = {}
+        for own, method in itertools.product(self.hunts if self.info.better == "lower" else (), METHODS[1:]):
+            cma, other = own.worst_of("cma"), own.worst_of(method)
+            if cma and other:
+                above, below = statistics.median(cma), statistics.median(other)
                 if max(above, below) < FAILED and below > 0.0:
-                    found[own.controller] = above / below
+                    found.setdefault(method, {})[own.controller] = above / below
         return found
 
     def worst_case(self, controller: str) -> Experiment:
@@ -149,7 +152,7 @@ class Falsification:
             "seeds": asked.seeds,
             "variables": [{fact: getattr(v, fact) for fact in facts} for v in self.space.variables],
             "controllers": {own.controller: self._json(own) for own in self.hunts},
-            "cma_over_random": self.ratios,
+            "cma_over": self.ratios,
         }
 
     def _json(self, own: Hunt) -> dict[str, Any]:
@@ -214,7 +217,7 @@ class Falsification:
         courses: dict[str, dict[str, list[list[float]]]] = {}
         for own in self.hunts:
             for (method, _), runs in own.tried.items():
-                worst = accumulate((one.score for one in runs), max)
+                worst = itertools.accumulate((one.score for one in runs), max)
                 courses.setdefault(own.controller, {}).setdefault(method, []).append([value(x) for x in worst])
         claim, count = self.asked.claim, len(self.space.variables)
         told = f"{count} variable{'s' * (count != 1)}, {self.asked.evaluations} runs a search"
@@ -271,7 +274,7 @@ def falsify(
     config: str | Path | Mapping[str, Any],
     *,
     changes: Mapping[str, Any] | Sequence[str] = (),
-    methods: Sequence[Method] = METHODS,
+    methods: Sequence[Method] = COMPARED,
     workers: int | None = None,
     folder: str | Path | None = None,
     outside: bool = False,
@@ -283,7 +286,7 @@ def falsify(
     Args:
         config: A YAML file, the name of a shipped config, or the keys of one.
         changes: Dotted key -> value, or edits ``key=value``, set before the check.
-        methods: ``cma``, ``random``, or both with the same number of runs each.
+        methods: Some of ``cma``, ``random`` and ``corners``, with the same number of runs each.
         workers: How many runs are made at once; None for one per core. Results do not depend on it.
         folder: Where to store it, new or empty; None to store nothing.
         outside: Whether the arm's file may be outside the folder of the config.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from torquebench.experiment.source import OptionChange
     from torquebench.falsification import Falsification
 
-BOTH = "both"
+BOTH, ALL = "both", "all"
 SCALE = 21
 """Characters of the line on which a variable's value stands in its range."""
 FEW = 3
@@ -67,7 +67,12 @@ class Until(click.ParamType[Any]):
     metavar="METRIC>LIMIT",
     help="end at the first run that does this, for example 'max_error > 5 mrad': the claim is that none does",
 )
-@option("--method", type=Choice([BOTH, "cma", "random"]), default=BOTH, help="how to search (default: both)")
+@option(
+    "--method",
+    type=Choice([BOTH, ALL, "cma", "random", "corners"]),
+    default=BOTH,
+    help="how to search: CMA-ES, evenly drawn points, these and corners in turn, or the first two (default) or all",
+)
 @workers_option(help="how many runs are made at once (default: one per core)")
 @settings(help="change one key, for example falsify.evaluations=100")
 @model
@@ -94,9 +99,10 @@ def falsify(
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.falsification import WORST, Falsification, space_of
     from torquebench.sweep.falsify import hunt
-    from torquebench.sweep.search import METHODS, check_method
+    from torquebench.sweep.search import COMPARED, METHODS, check_method
 
-    methods = METHODS if method == BOTH else tuple(own for own in METHODS if own == method)
+    sets = {BOTH: COMPARED, ALL: METHODS}
+    methods = sets.get(method, tuple(own for own in METHODS if own == method))
     check_method(methods, "--method")
     changes = list(with_arm(overrides, model))
     if until is not None:
@@ -125,6 +131,8 @@ def falsify(
 
 def report(found: Falsification) -> None:
     """Say what came out: a sentence and a row for each law, and where in its range each variable stands."""
+    from statistics import median
+
     from torquebench.sweep.search import TITLES
 
     for own in found.hunts:
@@ -143,11 +151,9 @@ def report(found: Falsification) -> None:
         )
     say()
     say(table([found.info.title, "nominal", *(TITLES[method] for method in used), "smallest"], rows))
-    if found.ratios and found.asked.claim is None:
-        from statistics import median
-
-        ratio = median(found.ratios.values())
-        say(f"the worst of CMA-ES is {ratio:.3g} times that of random search with as many runs, median over the laws")
+    for method, ratios in found.ratios.items() if found.asked.claim is None else ():
+        ratio, other = median(ratios.values()), TITLES[method]
+        say(f"the worst of CMA-ES is {ratio:.3g} times that of {other} with as many runs, median over the laws")
     for own in found.hunts:
         if own.smallest is None:
             continue

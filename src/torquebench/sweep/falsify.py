@@ -26,7 +26,7 @@ from torquebench.experiment.yaml_tree import KeyPath, Place, tree_of, value_at
 from torquebench.keys import altered
 from torquebench.metrics import METRICS, MetricInfo, headlines, measured
 from torquebench.sweep.checking import corners
-from torquebench.sweep.search import METHODS, Method, Point, drive, shrink, start_search
+from torquebench.sweep.search import COMPARED, Method, Point, drive, shrink, start_search
 from torquebench.sweep.table import REFUSED
 from torquebench.sweep.worker import Ended, Runner
 
@@ -324,7 +324,7 @@ def breaks(asked: Falsify, score: float) -> bool:
 
 def hunt(
     space: Space,
-    methods: Sequence[Method] = METHODS,
+    methods: Sequence[Method] = COMPARED,
     workers: int = 1,
     progress: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> list[Hunt]:

@@ -19,9 +19,11 @@ Asking: TypeAlias = Generator[list[Point], Sequence[S], None]
 """Yields points, is sent the score of each, and ends when its evaluations are used up."""
 Search: TypeAlias = Asking[float]
 """One for the highest score."""
-Method: TypeAlias = Literal["cma", "random"]
-METHODS: tuple[Method, ...] = ("cma", "random")
-TITLES: Mapping[Method, str] = {"cma": "CMA-ES", "random": "random search"}
+Method: TypeAlias = Literal["cma", "corners", "random"]
+METHODS: tuple[Method, ...] = ("cma", "corners", "random")
+COMPARED: tuple[Method, ...] = ("cma", "random")
+"""Those that are used unless others are asked for."""
+TITLES: Mapping[Method, str] = {"cma": "CMA-ES", "corners": "random corners", "random": "random search"}
 K = TypeVar("K")
 T = TypeVar("T")
 
@@ -84,17 +86,19 @@ def corner(groups: Sequence[int], rng: np.random.Generator) -> list[float]:
     return found
 
 
-def random_search(groups: Sequence[int], evaluations: int, rng: np.random.Generator) -> Search:
-    """Search evenly drawn points and corners in turn: points that are drawn evenly hardly ever come near a face.
+def random_search(groups: Sequence[int], evaluations: int, rng: np.random.Generator, corners: bool = False) -> Search:
+    """Search evenly drawn points, or, as these hardly ever come near a face, such points and corners in turn.
 
     Args:
         groups: As of `corner`.
         evaluations: Number of points.
         rng: Source of all randomness.
+        corners: Whether every other point is a corner.
     """
     for first in range(0, evaluations, BATCH):
         batch = range(first, min(first + BATCH, evaluations))
-        yield [tuple(corner(groups, rng) if i % 2 else rng.random(sum(groups)).tolist()) for i in batch]
+        drawn = (corner(groups, rng) if corners and i % 2 else rng.random(sum(groups)).tolist() for i in batch)
+        yield list(map(tuple, drawn))
 
 
 def cma_search(groups: Sequence[int], evaluations: int, rng: np.random.Generator) -> Search:
@@ -149,7 +153,9 @@ def start_search(method: Method, groups: Sequence[int], evaluations: int, seed: 
         seed: Source of all randomness.
     """
     rng = np.random.default_rng([seed, METHODS.index(method)])
-    return (cma_search if method == "cma" else random_search)(groups, evaluations, rng)
+    if method == "cma":
+        return cma_search(groups, evaluations, rng)
+    return random_search(groups, evaluations, rng, corners=method == "corners")
 
 
 def sampler_search(

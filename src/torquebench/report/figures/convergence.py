@@ -15,6 +15,7 @@ from torquebench.report.figures.style import Unit, journal_style
 LINES: Mapping[str, Mapping[str, Any]] = {
     "cma": {"color": "#0b5fa5", "linestyle": "-"},
     "random": {"color": "#b5651d", "linestyle": (0, (4, 2))},
+    "corners": {"color": "#4a7a3a", "linestyle": (0, (1, 1))},
 }
 """Method -> its look."""
 
