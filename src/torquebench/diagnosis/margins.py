@@ -123,7 +123,9 @@ class Margins:
         if self.phase < ENOUGH:
             grown = f"what shakes it near {self.crossover:.3g} Hz becomes {self.swell:.2g} times as large"
             return f"that is little: {grown}; {usual}"
-        return f"that is {'as usual' if self.phase <= AMPLE else 'ample'}; {usual}"
+        if self.phase <= AMPLE:
+            return f"as usual, which is {ENOUGH:.0f} to {AMPLE:.0f} deg (Astrom and Murray)"
+        return f"that is ample; {usual}"
 
     def words(self, joints: Sequence[str]) -> str:
         """Return crossover, phase and delay margin in words; `joints` are the joints' names."""
