@@ -183,7 +183,7 @@ def test_what_matters_is_named_as_it_does() -> None:
     assert [text for text, _, _ in found.effects] == ["g1 x Im2 +0.67 [0.43, 0.90]", "I2 -0.40 [-0.60, -0.20]"]
     assert [bar for _, *bar in found.effects] == [pytest.approx([50.0, 33.5]), pytest.approx([30.0, 20.0])]
     text = silent_text(FOUND)
-    assert "RMSE of b: none of 1 and of their 3 products shows in 7 draws" in text
+    assert "RMSE of b: of the drawn number and of their 3 products none shows an influence in 7 draws" in text
     assert "chattering of b: it is the same in every draw" in text
     assert silent_text(FOUND[:1]) == ""
 

@@ -110,7 +110,7 @@ def show(found: Diagnosis, try_it: str) -> None:
             table(
                 header,
                 [
-                    [c.title.rstrip(","), c.symptom, c.without or "-", c.alone, c.remedy.text or "-"]
+                    [c.title.rstrip(","), c.symptom, c.without or "-", c.alone, found.cure_of(c) or "-"]
                     for c in found.causes
                 ],
                 left=5,
@@ -119,9 +119,12 @@ def show(found: Diagnosis, try_it: str) -> None:
         )
         say()
         for cause in found.causes:
-            say(f"{cause.key}: {'; '.join(filter(None, (cause.detail, cause.whose)))}")
+            whose = "" if cause.owner == cause.key else cause.whose
+            if told := "; ".join(filter(None, (cause.detail, whose))):
+                say(f"{cause.key}: {told}")
     for one in found.cures:
-        say(f"in the law: {one.text}")
+        if one.text != found.advice:
+            say(f"in the law: {one.text}")
     if found.margins is not None and found.margins.crossover is not None:
         for line in filter(None, (found.margins.words(found.joints), found.margins.rule, found.margins.costs)):
             say(line)

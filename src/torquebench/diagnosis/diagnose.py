@@ -178,6 +178,11 @@ class Diagnosis:
         """The text of `remedy`."""
         return self.remedy.text
 
+    def cure_of(self, cause: Cause) -> str:
+        """Return a cause's remedy, of the law itself the first change of its gains; "as above" if that is the advice."""
+        text = cause.remedy.text or (self.cures[0].text if cause.key == "law" and self.cures else "")
+        return "as above" if text and text == self.advice else text
+
     def _symptom(self, kind: Kind) -> str:
         seen, joint = self.seen, self.seen.joint(kind)
         who = f"{self.joints[joint]} of '{self.controller}'"

@@ -141,7 +141,9 @@ class Margins:
             return f"{own}: a swing loses {100.0 * (1.0 - kept):.0f} % each time, {grown}; {usual}"
         if self.phase < ENOUGH:
             return f"that is little: {grown}; {usual}"
-        return f"that is {'as usual' if self.phase <= AMPLE else 'ample'}; {usual}"
+        if self.phase <= AMPLE:
+            return f"as usual, which is {ENOUGH:.0f} to {AMPLE:.0f} deg (Astrom and Murray)"
+        return f"that is ample; {usual}"
 
     def words(self, joints: Sequence[str]) -> str:
         """Return crossover, phase and delay margin in words; `joints` are the joints' names."""

@@ -27,7 +27,7 @@ def answer(result: ExperimentResult) -> Markup:
     """
     if told := impossible(result):
         return Markup(" ").join([told, *_failures(result)])
-    sentences = [*_following(result), *_chattering(result), *_costs(result), *_failures(result)]
+    sentences = [*_following(result), *_chattering(result), *_chattering_too(result), *_costs(result), *_failures(result)]
     return Markup(" ").join(sentences)
 
 
@@ -145,6 +145,16 @@ def _one_joint(result: ExperimentResult, quiet: Sequence[str]) -> list[Markup]:
             joint = result.joints.names[shares.index(most)]
             lines.append(Markup("{} has {} % in {} alone.").format(_bold([name]), number(most), joint))
     return lines
+
+
+def _chattering_too(result: ExperimentResult) -> list[Markup]:
+    """Return who else chatters, where more than four that do not are only counted, and at most three are left."""
+    values = values_of(result, "chattering")
+    loud = [name for name in values if not is_still(values[name])]
+    others = [name for name in loud if number(values[name]) != number(values[loud[-1]])]
+    if len(values) - len(loud) <= 4 or not 1 <= len(others) <= 3:
+        return []
+    return [Markup("{} {} too.").format(_bold(others), "chatters" if len(others) == 1 else "chatter")]
 
 
 def _costs(result: ExperimentResult) -> list[Markup]:

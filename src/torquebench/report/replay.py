@@ -43,12 +43,13 @@ def replay_data(result: ExperimentResult, colours: Mapping[str, str]) -> dict[st
     longest = max(runs.values(), key=lambda run: len(run.t))
     every = math.ceil(sum(3 * run.q.size for run in runs.values()) / MOST_VALUES)
     arm, why = _arm(result)
-    reference = result.experiment.reference
+    reference, (joint, told) = result.experiment.reference, _telling_joint(result)
     return {
         "period": result.experiment.run.control_period * every,
         "every": every,
         "samples": len(thinned(longest.q_ref, every)),
-        "joint": _telling_joint(result),
+        "joint": joint,
+        "joint_why": told,
         "joints": [
             {"name": name, "limit": limit, "angle": "m" if slides else "rad", "torque": "N" if slides else "N m"}
             for name, limit, slides in zip(joints.names, joints.tau_max, joints.slides, strict=True)
@@ -72,14 +73,14 @@ def replay_data(result: ExperimentResult, colours: Mapping[str, str]) -> dict[st
     }
 
 
-def _telling_joint(result: ExperimentResult) -> int:
-    """Return the joint that chatters most, or else the one that is followed worst; 0 where nothing is known."""
-    for key in ("chattering", "rmse"):
+def _telling_joint(result: ExperimentResult) -> tuple[int, str]:
+    """Return the joint that chatters most, or else the one that is followed worst, and that; 0 where nothing is."""
+    for key, told in (("chattering", ", which chatters most"), ("rmse", ", of the largest error")):
         rows = [[x or 0.0 for x in metrics[key].per_joint] for metrics in result.metrics.values()]
         worst = np.max(rows, axis=0, initial=0.0) if rows else np.zeros(1)
         if np.max(worst) > (0.1 if key == "chattering" else 0.0):
-            return int(np.argmax(worst))
-    return 0
+            return int(np.argmax(worst)), told
+    return 0, ""
 
 
 def _signals(run: Trajectory, every: int) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import json
 import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
 from torquebench.experiment.dump import dump_experiment
@@ -38,9 +39,9 @@ from torquebench.robot.library import ArmFile, scene_path
 SIGNALS = ("error", "torque", "position", "sliding", "deflection")
 """Signals that a page may show; of the last two those that some run has."""
 
-MORE = ("hf", "total_variation", "effort")
+MORE = ("hf", "total_variation")
 """Metrics whose columns are shown when they are asked for: few ask, and they make the table wider than a screen."""
-TOLD = ("chattering", "chattering_peak", "limit_cycle", *MORE)
+TOLD = ("chattering", "chattering_peak", "limit_cycle", "effort", *MORE)
 """Metrics that a line under the table explains; of the others the title of the column tells enough."""
 
 
@@ -57,9 +58,9 @@ class Title(NamedTuple):
     """Whether it is one of `TOLD`."""
 
     @classmethod
-    def of(cls, info: MetricInfo, slides: bool) -> Title:
-        """Return the title of a metric of the joints that slide, or that turn."""
-        meaning = info.meaning.removesuffix(", see below").replace("f_c", "the corner frequency")
+    def of(cls, info: MetricInfo, slides: bool, corner: float) -> Title:
+        """Return the title of a metric of the joints that slide, or that turn; `corner` is f_c [Hz]."""
+        meaning = info.meaning.removesuffix(", see below").replace("f_c", f"{corner:g} Hz")
         return cls(heading(info, (slides,)), info.title, meaning, info.key in MORE, info.key in TOLD)
 
 
@@ -100,7 +101,7 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         ranked=not cannot,
         none_well=all_shake or bool(cannot),
         result=result,
-        titles=[Title.of(info, slides) for info, slides, _ in headline_columns(result)],
+        titles=[Title.of(info, slides, experiment.chattering_from_hz) for info, slides, _ in page_columns(result)],
         rows=rows,
         same=all(row["name"] == row["law"] for row in rows),
         failed=any(not run.completed for run in result.runs.values()) or bool(result.unexpected),
@@ -111,7 +112,8 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         short=without_common_words(result.joints.names),
         unit=joint_units(METRICS["rmse"].shown_unit, result.slides),
         by_joint=by_joint(result),
-        certificates=certificate_words(result),
+        certificates=sorted(certificate_words(result), key=lambda found: order.index(found[0])),
+        uncertified=[name for name in order if name in result.metrics and name not in result.certified],
         flags=[*result.flags, *changed_arm(result)],
         uncovered=uncovered(result),
         drawn_as=drawn_as(experiment.plant.model),
@@ -120,7 +122,11 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
         config=dump_experiment(experiment),
         facts=json.dumps(result.facts, indent=2),
         video=None if film is None else base64.b64encode(film).decode(),
-        drawn=figures,
+        telling=(data["joint"], data["joint_why"]),
+        drawn={
+            name: [path for path in figures if PurePosixPath(path).stem == name]
+            for name in dict.fromkeys(PurePosixPath(path).stem for path in figures)
+        },
         commands={
             "run it again": "torquebench run RUN/experiment.yaml" + plugin_flags(experiment.laws.values()),
             "this page, playing": "torquebench view RUN",
@@ -131,6 +137,11 @@ def run_page(result: ExperimentResult, film: bytes | None = None, figures: Seque
     )
 
 
+def page_columns(result: ExperimentResult) -> list[tuple[MetricInfo, bool, dict[str, float | None]]]:
+    """Return the columns of the table of controllers: error and chattering first, which a phone has room for."""
+    return sorted(headline_columns(result), key=lambda column: column[0].key not in ("rmse", "chattering"))
+
+
 def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
     """Return a row for each controller with its headline metrics, by error; failed ones come last.
 
@@ -138,7 +149,7 @@ def controller_rows(result: ExperimentResult) -> list[dict[str, Any]]:
     """
     names = [keys.name for keys in result.experiment.controllers]
     columns, none_best = [], bool(impossible(result))
-    for info, _, values in headline_columns(result):
+    for info, _, values in page_columns(result):
         known = [values[name] for name in names]
         cells = number_cells([None if x is None else x * info.scale for x in known])
         some = [x for x in known if x is not None]

@@ -361,9 +361,11 @@ def silent_text(found: Sequence[Sensitivity]) -> str:
             continue
         else:
             count = len(one.effects.effects)
-            reason = f"none of {count} and of their {one.effects.pairs} products shows in {one.draws} draws"
+            numbers = f"the {count} drawn numbers" if count > 1 else "the drawn number"
+            products = f" and of their {one.effects.pairs} products" if one.effects.pairs else ""
+            reason = f"of {numbers}{products} none shows an influence in {one.draws} draws"
         reasons.setdefault(reason, []).append(f"{METRICS[one.metric].short_title} of {one.controller}")
     return "; ".join(
-        f"{'all of them' if len(names) == len(found) > 2 else ', '.join(dict.fromkeys(names))}: {reason}"
+        f"{'every metric of every law' if len(names) == len(found) > 2 else ', '.join(dict.fromkeys(names))}: {reason}"
         for reason, names in reasons.items()
     )

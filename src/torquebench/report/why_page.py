@@ -45,10 +45,12 @@ def why_page(found: Diagnosis, try_it: str = "") -> bytes:
             facts.append((f"phase lost to {name.replace('_', ' ')}", f"{number(x)} deg, {whose}"))
     return render(
         "why",
+        scripts=["page"],
         figures=pictures,
         title=f"Why {found.controller} does what it does",
         lead=f"{found.experiment}, law {found.law}; {found.runs} closed loops run.",
         found=found,
         try_it=try_it,
+        cures=[one for one in found.cures if one.text != found.advice],
         facts=facts,
     )

@@ -43,6 +43,7 @@ const folder = location.protocol === "file:" ? decodeURIComponent(location.pathn
 for (const command of document.querySelectorAll("dl.commands code")) {
   command.textContent = command.textContent.replace(/RUN(\/\S+)?/, (_, file) => quoted(folder + (file ?? "")));
 }
+if (folder !== "RUN") document.querySelectorAll(".where").forEach((told) => told.remove());
 for (const button of document.querySelectorAll("button.copy")) {
   button.addEventListener("click", async () => {
     await navigator.clipboard?.writeText(button.previousElementSibling.textContent);

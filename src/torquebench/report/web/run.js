@@ -29,11 +29,15 @@ const SIGNALS = {
   deflection: { unit: ({ angle }) => `m${angle}`, of: (c, j) => c.deflection && each(signal(c, "deflection", j), (x) => 1000 * x), more: () => [] },
 };
 
-// One chart; what chatters most is drawn first, so that the others stay seen.
+// One chart; what swings most from sample to sample is drawn first and widest, so that the others stay seen.
+const swing = (values) => values.reduce((sum, x, k) => sum + (k && x !== null ? Math.abs(x - values[k - 1]) : 0), 0) / values.length;
+const reach = (values) => values.reduce((most, x) => Math.max(most, Math.abs(x)), 0);
 function draw(parent, key, j, more = {}) {
   const { unit, of, stepped, more: beside } = SIGNALS[key];
-  const order = [...shown].sort((a, b) => (b.chattering ?? Infinity) - (a.chattering ?? Infinity));
-  const lines = order.map((c) => ({ name: c.name, values: of(c, j), colour: () => shade(c.colour), stepped })).filter((line) => line.values);
+  const lines = [...shown].map((c) => ({ name: c.name, values: of(c, j), colour: () => shade(c.colour), stepped })).filter((line) => line.values);
+  lines.sort((a, b) => swing(b.values) - swing(a.values));
+  lines.forEach((line, k) => { line.width = 1.25 + Math.min(0.35 * (lines.length - 1 - k), 1.75); });
+  if (at("fit")?.checked) [...lines].sort((a, b) => reach(b.values) - reach(a.values)).slice(0, lines.length / 2).forEach((line) => { line.fixed = true; });
   for (const line of lines) line.values = Array.from(times, (_, k) => line.values[k] ?? null); // a failed run is shorter
   return chart(parent, { x: [times, "t [s]"], label: `${key} [${unit(joints[j])}]`, lines: [...lines, ...beside(j)], ...more });
 }
@@ -45,13 +49,16 @@ function drawSignals() {
   at("signals").replaceChildren();
   for (const key of Object.keys(SIGNALS).filter((name) => signals.has(name))) {
     const { name, limit, torque } = joints[joint], unit = SIGNALS[key].unit(joints[joint]);
-    const rest = `${name}: ${key}${key === "torque" ? `, limit ± ${limit} ${torque}` : { sliding: " variable, dashed: the bands", deflection: " of the joint, motor - link" }[key] ?? ""}`;
+    let rest = `${name}: ${key}${key === "torque" ? `, limit ± ${limit} ${torque}` : { sliding: " variable", deflection: " of the joint, motor - link" }[key] ?? ""}`;
+    const said = rest, bands = key === "sliding" ? controllers.map(({ band }) => band?.[joint] ?? Infinity) : [];
     const caption = made("figcaption", {}, rest), figure = made("figure", { class: "plot" }, caption), mark = made("div", { class: "now" });
     at("signals").append(figure);
     const plot = draw(figure, key, joint, { told: (text) => { caption.textContent = text ? `t = ${text} ${unit}` : rest; } });
     plot.over.append(mark);
     plot.over.addEventListener("click", (event) => plot.select.width < 2 && seek(plot.posToVal(event.offsetX, "x")));
     plot.hooks.setScale = [() => { zoomed = [plot.scales.x.min, plot.scales.x.max]; stale = true; }];
+    const isIn = (x) => x > plot.scales.y.min && x < plot.scales.y.max;
+    plot.hooks.draw = [() => { caption.textContent = rest = said + (bands.some((x) => isIn(x) || isIn(-x)) ? ", dashed: the bands" : ""); }];
     plot.setScale("x", { min: zoomed[0], max: zoomed[1] });
     marks.push([plot, mark]);
   }
@@ -210,6 +217,7 @@ addEventListener("keydown", (event) => {
   KEYS[event.key](event.shiftKey ? 0.1 : Math.max(period, (zoomed[1] - zoomed[0]) / 400));
 });
 const on = (id, kind, act) => at(id).addEventListener(kind, (event) => act(Number(event.target.value)));
+at("fit")?.addEventListener("change", drawSignals);
 on("joint", "change", (value) => { joint = value; drawSignals(); });
 on("speed", "change", (value) => { speed = value; });
 on("exaggerate", "change", () => { stale = true; });
@@ -222,11 +230,12 @@ dark.addEventListener("change", () => { stale = true; });
 addEventListener("beforeprint", () => {
   onPaper = true;
   at("print").hidden = false;
-  at("print").replaceChildren(made("h2", {}, "Over time"));
+  const own = (c) => made("span", { class: "own" }, made("span", { class: "swatch", style: `--own: ${c.colour}` }), c.name);
+  at("print").replaceChildren(made("h2", {}, "Over time"), made("p", { class: "legend" }, ...[...shown].map(own)));
   joints.forEach(({ name }, j) => ["error", "torque"].forEach((key) => {
     const figure = made("figure", {}, made("figcaption", {}, `${name}: ${key}`));
     at("print").append(figure);
-    draw(figure, key, j, { width: 340, height: 165 });
+    draw(figure, key, j, { width: 340, height: 140 });
   }));
 });
 addEventListener("afterprint", () => {
