@@ -8,12 +8,25 @@ unset PYTHONDONTWRITEBYTECODE
 
 say() { printf '%s\n' "$*" >&2; }
 
-# step WHAT COMMAND...: tells what is done and how long it took; what the command prints is shown if it fails.
+# step WHAT COMMAND...: tells what is done, on a terminal each second for how long; what it prints is shown if it fails.
 step() {
-    printf '%s ... ' "$1" >&2
+    what=$1
+    printf '%s ... ' "$what" >&2
     shift
     begun=$(date +%s)
-    if printed=$("$@" 2>&1); then
+    ticking=
+    if [ -t 2 ]; then
+        # Ctrl-C does not reach what runs in the background: it looks whether this script is still there
+        while sleep 1 && kill -0 $$ 2>/dev/null; do printf '\r%s ... %s s ' "$what" $(($(date +%s) - begun)) >&2; done >/dev/null &
+        ticking=$!
+    fi
+    printed=$("$@" 2>&1)
+    failed=$?
+    if [ -n "$ticking" ]; then
+        { kill "$ticking" && wait "$ticking"; } 2>/dev/null
+        printf '\r%s ... ' "$what" >&2
+    fi
+    if [ "$failed" = 0 ]; then
         say "done in $(($(date +%s) - begun)) s"
     else
         say "FAILED after $(($(date +%s) - begun)) s"
@@ -22,12 +35,24 @@ step() {
     fi
 }
 
+# What to do where packages could not be installed.
+advise() {
+    say "torquebench: not everything could be installed; what is above says why."
+    say "  Without a network: docs/installing.md, \"Without a network\". With a mirror or a proxy: PIP_INDEX_URL, HTTPS_PROXY."
+    say "  Without pip: apt-get install python3-pip on Debian or Ubuntu, or PYTHON=/path/to/python3 of one that has it."
+    say "  Disk full: $root/.venv takes 0.8 GB, with all for the tests 1.8 GB. The same command goes on from here."
+}
+
+# The Python outside of ./.venv: where that is activated, python3 is its own, which has no pip.
 find_python() {
     for candidate in ${PYTHON:-} python3 python3.14 python3.13 python3.12 python3.11; do
-        if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then
-            printf '%s' "$candidate"
-            return 0
-        fi
+        "$candidate" - "$root/.venv" 2>/dev/null <<'END' && return 0
+import os, sys
+if sys.version_info < (3, 11):
+    sys.exit(1)
+inside = os.path.realpath(sys.prefix) == os.path.realpath(sys.argv[1])
+print(sys._base_executable if inside else sys.executable)
+END
     done
     say "torquebench: needs Python 3.11 or newer, or uv, which fetches one (set PYTHON=/path/to/python3 if it is elsewhere)"
     return 1
@@ -81,9 +106,7 @@ make_environment() {
     case $1 in *-dev*) size="about 500 MB, 1 to 2 minutes" ;; *) size="about 230 MB, 20 to 60 s" ;; esac
     if ! step "1/2 packages ($size)" install --no-deps --require-hashes -r "$lock" ||
         ! step "2/2 torquebench itself (2 s)" install --no-deps --no-build-isolation -e "$root"; then
-        say "torquebench: not everything could be installed; what is above says why."
-        say "  Without a network: docs/installing.md, \"Without a network\". With a mirror or a proxy: PIP_INDEX_URL, HTTPS_PROXY."
-        say "  Disk full: $root/.venv takes 0.8 GB, with all for the tests 1.8 GB. The same command goes on from here."
+        advise
         return 1
     fi
     printf '%s' "$wanted" >"$stamp"

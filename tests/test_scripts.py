@@ -2,9 +2,12 @@
 
 import hashlib
 import os
+import pty
+import re
 import shutil
 import subprocess
 import sys
+import venv
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -68,6 +71,62 @@ def test_what_fails_is_shown_whole_and_tried_again(
         assert words in failed.stderr
     assert (tmp_path / "clone" / ".venv").is_dir()
     assert clone("laws").stdout == "ran -m torquebench laws\n"
+
+
+def functions(
+    command: str, root: Path, error: int = subprocess.PIPE, **settings: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a command of sh that uses the functions of `environment.sh`, without setting anything up."""
+    (root / "scripts").mkdir(parents=True, exist_ok=True)
+    text = (data_root() / "scripts" / "environment.sh").read_text().partition("\nmade=\n")[0].replace("$0", "$PROGRAM")
+    settings = {"PATH": os.environ["PATH"], "PROGRAM": str(root / "scripts" / "extras"), **settings}
+    program = ["sh", "-c", f"{text}\n{command}"]
+    return subprocess.run(program, env=settings, stdout=subprocess.PIPE, stderr=error, text=True, check=False)
+
+
+def test_an_active_environment_is_not_asked_for_pip(tmp_path: Path) -> None:
+    """The interpreter that installs is the one that ./.venv was made from, whether ./.venv is activated or not."""
+    venv.create(tmp_path / ".venv", symlinks=True)
+    inside = tmp_path / ".venv" / "bin"
+    active = functions("find_python", tmp_path, PATH=f"{inside}:{os.environ['PATH']}")
+    assert active.returncode == 0
+    named = functions("find_python", tmp_path, PYTHON=str(inside / "python3"))
+    for found in (active, named):
+        base = Path(found.stdout.strip())
+        assert base.is_file()
+        assert tmp_path not in base.parents
+    elsewhere = functions("find_python", tmp_path / "other", PYTHON=str(inside / "python3"))
+    assert Path(elsewhere.stdout.strip()).parent == inside
+
+
+def test_what_could_not_be_installed_says_what_to_do(
+    clone: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    """`scripts/extras` too ends with what to try, after all that the installer printed."""
+    clone("laws")
+    (tmp_path / "clone" / ".venv" / "bin" / "python").write_text("#!/bin/sh\necho tune\n")
+    path = f"{tmp_path / 'bin'}:{os.environ['PATH']}"
+    failed = subprocess.run(
+        [str(tmp_path / "clone" / "scripts" / "extras"), "tune"],
+        cwd=tmp_path,
+        env={"PATH": path, "BROKEN": "yes"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert failed.returncode == 3
+    for words in ("no route to index", "apt-get install python3-pip", "goes on from here"):
+        assert words in failed.stderr
+
+
+def test_a_step_on_a_terminal_counts_its_seconds(tmp_path: Path) -> None:
+    """A step of minutes is never silent where somebody looks, and what ticks ends with it."""
+    reader, writer = pty.openpty()
+    assert functions("step packages sleep 1.5", tmp_path, writer).returncode == 0
+    os.close(writer)
+    shown = os.read(reader, 4096).decode()
+    os.close(reader)
+    assert re.search(r"packages \.\.\. \r(packages \.\.\. [12] s \r)+packages \.\.\. done in [12] s", shown)
 
 
 def test_the_command_that_installs_an_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

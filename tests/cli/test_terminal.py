@@ -7,6 +7,7 @@ import os
 import re
 import sys
 import threading
+import time
 
 import pytest
 
@@ -165,7 +166,23 @@ def test_progress_is_for_people(monkeypatch, is_terminal, quiet, seen):
     written = stream.getvalue()
     assert bool(written) == seen
     if seen:
-        assert re.search(r"going on .* 50% +2 steps +0:00:00 +left +\S+", visible(written))
+        assert re.search(r"going on .* 50% +2 steps +0:00:00 so far", visible(written))
+
+
+def test_what_is_left_is_told_where_it_is_known(monkeypatch):
+    """Without an estimate nothing is called left, and nothing is counted of which there may be none."""
+    shown = []
+    for total in (0, 4):
+        monkeypatch.setattr(sys, "stderr", stream := Terminal())
+        with progress_bar(total, "figure", "writing") as bar:
+            for _ in range(3 if total else 0):
+                bar.update(1)
+                time.sleep(0.01)
+        shown.append(visible(stream.getvalue()))
+    assert re.search(r"writing .* 0:00:00 so far", shown[0])
+    assert "left" not in shown[0]
+    assert "0 figures" not in shown[0]
+    assert re.search(r"3 figures 0:00:0\d so far, 0:00:0\d left", shown[1])
 
 
 def test_progress_inside_progress(monkeypatch):

@@ -543,6 +543,8 @@ def test_a_mesh_gives_mass_or_looks(put, tmp_path: Path) -> None:
     assert kinds == {1: int(mujoco.mjtGeom.mjGEOM_BOX), 2: int(mujoco.mjtGeom.mjGEOM_MESH)}
     (tmp_path / "m.stl").unlink()
     assert ("dropped", "mesh files") in verdicts(import_arm(path).findings)
+    files = write_folder(import_arm(path), tmp_path / "arms" / "three", "")
+    assert set(files) == {"arm.xml", "README.md"}  # the boxes alone would be odd pieces: each link is a capsule then
     with pytest.raises(ModelError, match="mass of some bodies comes from mesh files that are not there"):
         import_arm(put(two(settings=assets, inside=heavy)))
 

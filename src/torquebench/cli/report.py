@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from torquebench.cli.app import command
 from torquebench.cli.parameters import File, argument, check_out, out_file, plugins, refuse
-from torquebench.cli.run import summary
+from torquebench.cli.run import outcome
 from torquebench.cli.run_folder import read_run, read_sweep
 from torquebench.cli.sweep import report_with_bar
 from torquebench.cli.terminal import say, tell, warn
@@ -85,5 +85,5 @@ def _print_page(page: Path, stored: Mapping[Path, ExperimentResult]) -> None:
     for folder, result in stored.items():
         for line in (*result.flags, *changed_arm(result)):
             warn(f"torquebench: {folder}: {line}")
-        say(f"{folder}: {summary(result)}\n")
+        say(f"{folder}: {outcome(result)}\n")
     say(f"report: {page}")

@@ -71,10 +71,8 @@ def run(
     from torquebench.experiment.store import RunDirectory, claim_folder
     from torquebench.laws.plugin import load_plugin
     from torquebench.metrics.shaking import shaking
-    from torquebench.report.answer import answer
     from torquebench.report.render import PAGE
     from torquebench.report.run import write_run
-    from torquebench.report.tables import certificate_table, uncovered
     from torquebench.robot.library import ArmFile
 
     for file in plugin:
@@ -109,14 +107,7 @@ def run(
         write_run(directory, result, plugin, not no_figures, following(bar), os.cpu_count() or 1)
     certificates, fuzzy = result.certified, fuzzy_facts(experiment)
     tell(directory=directory.folder, **result.to_json(), certificates=certificates, fuzzy=fuzzy)
-    say(summary(result))
-    say()
-    say(answer(result).striptags())
-    say()
-    if certificates:
-        say(table(*certificate_table(result)))
-        if lines := uncovered(result):
-            say("\n".join(["", *lines]))
+    say(outcome(result))
     for line in fuzzy_remarks(experiment):
         say(line)
     say()
@@ -153,7 +144,12 @@ def _row_of_sweep(folder: Path, index: int, plugin: Sequence[Path]) -> Experimen
     plan = open_sweep(folder, tuple(plugin), "--from-sweep").plan
     if index >= plan.rows:
         refuse([Problem("--index", got=str(index), wanted=f"0 to {plan.rows - 1}")])
-    return plan.experiment_of(plan.row(index))
+    row = plan.row(index)
+    numbers = [plan.drawn(random, row.draw) for random in plan.continuous]
+    keys = [f"{key}={value.word}" for key, value in plan.assigned(row.case, plan.combination(row.draw), numbers)]
+    name = plan.controllers[row.controller]
+    say(f"row {index} of {folder}: {', '.join(keys) or 'no key varied'}; draw {row.draw}, controller {name}")
+    return plan.experiment_of(row)
 
 
 def _print_failures(result: ExperimentResult) -> int:
@@ -174,11 +170,15 @@ def _print_failures(result: ExperimentResult) -> int:
     return 1 if result.unexpected else 0
 
 
-def summary(result: ExperimentResult) -> str:
-    """Return the table of headline metrics, one row a controller."""
-    from torquebench.report.tables import headline_table
+def outcome(result: ExperimentResult) -> str:
+    """Return what came out: the table of headline metrics, the answer in sentences, certificates."""
+    from torquebench.report.answer import answer
+    from torquebench.report.tables import certificate_table, headline_table, uncovered
 
     header, rows = headline_table(result)
     ended = [bad(row[2]) if row[0] in result.unexpected else good(row[2]) for row in rows]
     cells = [[*row[:2], text, *row[3:]] for row, text in zip(rows, ended, strict=True)]
-    return f"{result.experiment.name}\n{result.conditions}\n\n{table(header, cells)}"
+    certificates = [table(*certificate_table(result))] if result.certified else []
+    parts = [table(header, cells), answer(result).striptags(), *certificates]
+    parts += ["\n".join(lines)] if (lines := uncovered(result)) else []
+    return "\n\n".join([f"{result.experiment.name}\n{result.conditions}", *parts])

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from datetime import timedelta
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
@@ -391,24 +392,29 @@ def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[B
 def _display() -> Progress:
     """Return an empty display of progress on standard error; warnings written meanwhile appear above it."""
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
+    from rich.text import Text
+
+    class Count(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            """Show how many units are done, once it is known of how many, or one is."""
+            known = task.total is not None or task.completed > 0
+            return Text(f"{task.completed:,.0f} {task.fields['unit']}s" if known else "")
+
+    class Clock(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            """Show the time that passed, and the time that is left where that can be told."""
+            left = task.time_remaining
+            passed = f"{timedelta(seconds=int(task.elapsed or 0.0))} so far"
+            return Text(passed if left is None else f"{passed}, {timedelta(seconds=int(left))} left", "cyan")
 
     console = Console(file=sys.stderr, force_terminal=True, no_color=not coloured(sys.stderr), legacy_windows=False)
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
-        TextColumn("{task.completed:,.0f} {task.fields[unit]}s"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
+        Count(),
+        Clock(),
         console=console,
         transient=True,
         redirect_stdout=False,

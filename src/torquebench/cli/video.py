@@ -135,7 +135,10 @@ def _announce(path: Path, film: Film) -> None:
     if sound := facts.get("sound"):
         ears = zip(("left", "right"), sound["rms_over_limit"], strict=True)
         heard = ", ".join(f"{side} {sound[side]} {100.0 * rms:.3g} %" for side, rms in ears)
-        say(f"sound: {heard} of the torque limit, RMS above {sound['from_hz']:g} Hz")
+        say(
+            f"sound: {heard} of the torque limit: RMS above {sound['from_hz']:g} Hz of the loudest joint in the whole "
+            "run, the jolt of its start too; chattering in the tables is the mean of all joints, from metrics_from on"
+        )
     if film.advice:
         warn(f"torquebench: drawn as a stick figure; for the whole arm: {film.advice}")
 

@@ -14,7 +14,7 @@ from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
-from torquebench.laws import find_law
+from torquebench.laws import Law, find_law
 from torquebench.references import Reference
 from torquebench.robot import RobotModel
 from torquebench.robot.flat_model import SLIDE, force_unit
@@ -235,19 +235,32 @@ def planned(experiment: schema.Experiment, loop: Loop) -> list[str]:
     return [*motion, *planned_torque(experiment, loop)]
 
 
+def _slides(law: Law, options: Mapping[str, str | bool]) -> bool:
+    units = {name: law.gains[name].unit for name in ("lam", "k") if name in law.gains}
+    return units == {"lam": "1/s", "k": "1"} and law.gains["k"].acts(options)
+
+
+def takes_its_own(keys: Controller) -> bool:
+    """Return whether a controller's law slides, and takes from the model what no option of it says."""
+    law = find_law(keys.law)
+    options = {name: keys.options.get(name, option.values[0]) for name, option in law.options.items()}
+    takes = "equivalent_control" not in options and bool(law.terms or law.has_model(options))
+    return takes and _slides(law, options)
+
+
 def sliding_law(keys: Controller, loop: Loop, n: int) -> SlidingLaw | None:
     """Return what a controller's certificates need, or None where they are not defined for its law.
 
     They are for laws with a slope ``lam`` [1/s], a switching gain ``k`` over the torque limit [1] that acts, and the
     surface s = de + lambda e, whose equivalent control, if any, is the model's without the measured acceleration. Gains
-    of these names in other units are something else.
+    of these names in other units are something else. A law that takes from the model what it likes, without an option
+    ``equivalent_control``, has none: what K is left with is known to nobody but the law.
     """
     law = find_law(keys.law)
-    units = {name: law.gains[name].unit for name in ("lam", "k") if name in law.gains}
-    if units != {"lam": "1/s", "k": "1"}:
-        return None
     options = {name: keys.options.get(name, option.values[0]) for name, option in law.options.items()}
-    if options.get("surface", "pd") != "pd" or not law.gains["k"].acts(options):
+    if not _slides(law, options) or takes_its_own(keys):
+        return None
+    if options.get("surface", "pd") != "pd":
         return None
     if options.get("equivalent_control") == "measured-acceleration":
         return None

@@ -86,7 +86,8 @@ def new_law(name: str, folder: str | Path = ".") -> tuple[Path, Path]:
     paths = Path(folder) / f"{file}.py", Path(folder) / f"test_{file}.py"
     if not Path(folder).is_dir():
         problems.append(Problem("--out", text=f"{folder} is not a folder"))
-    problems += [Problem("NAME", text=f"{path} exists", wanted="another name") for path in paths if path.exists()]
+    wanted = f"a name of which no file is in {Path(folder).resolve()}, or another folder by --out"
+    problems += [Problem("NAME", text=f"{path} exists", wanted=wanted) for path in paths if path.exists()]
     if problems:
         raise ConfigError(problems)
     for path, text in zip(paths, (LAW, TEST), strict=True):

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from torquebench.experiment.certify import takes_its_own
 from torquebench.experiment.reference import joint_units
 from torquebench.experiment.run import ExperimentResult
 from torquebench.laws import find_law
@@ -173,8 +174,15 @@ def certificate_table(result: ExperimentResult) -> Cells:
 
 
 def uncovered(result: ExperimentResult) -> list[str]:
-    """Return a line for each joint of which a controller's certificate shows nothing, its layer being too wide."""
-    lines = []
+    """Return a line for each controller without a certificate as its law takes from the model what no option says.
+
+    And one for each joint of which a certificate shows nothing, its layer being too wide.
+    """
+    lines = [
+        f"no certificate of '{keys.name}': what K must exceed depends on what {keys.law} takes from the model by itself"
+        for keys in result.experiment.controllers
+        if keys.name not in result.certified and takes_its_own(keys)
+    ]
     for name, facts in result.certified.items():
         for one in facts.get("too_wide", ()):
             joint = one["joint"] - 1

@@ -65,8 +65,9 @@ def check_method(methods: Sequence[str], place: str) -> None:
         packages, extra = NEEDS.get(method, ((), ""))
         for package in packages:
             if importlib.util.find_spec(package) is None:
-                text = f"{method} needs the package {package}: {how_to_install(extra)}"
-                raise ConfigError([Problem(place, text=text, wanted="random, or the package")])
+                other = f"--set {place}=random" if "." in place else f"{place} random"
+                text = f"{method} needs the package {package}: {how_to_install(extra)}; {other} needs none"
+                raise ConfigError([Problem(place, text=text)])
 
 
 def corner(groups: Sequence[int], rng: np.random.Generator) -> list[float]:

@@ -105,6 +105,8 @@ def _looks(path: Path) -> Any:
         readable[name] = not mesh.file or (file is not None and file.suffix.lower() in MESHES)
         if file is not None:
             mesh.file = str(file)
+    if readable and not any(readable.values()):  # what else it has are odd pieces of an arm
+        raise ValueError("none of its mesh files is there and of a kind that MuJoCo reads")
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     spec.compiler.settotalmass = -1
     for body in spec.bodies[1:]:
