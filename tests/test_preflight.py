@@ -203,6 +203,13 @@ def test_published_laws_pass_on_their_robots(
     assert {"jump at start", "loses the motion", "speed", "range"} <= {one.reason for one in report.closest}
 
 
+def test_the_command_of_the_help_passes() -> None:
+    """Gains that are chosen for a robot pass on it: what swings take above 8 Hz at each turn is no limit cycle."""
+    report = fly("joint-impedance", "fr3", {})
+    assert report.passed, report.findings
+    assert max(one.value for one in report.seen if one.reason == "chatters") > 0.1, "it is more than counts as still"
+
+
 def test_what_holds_nothing_steps_by_gravity_and_has_a_wrong_sign_named() -> None:
     """A servo told to hold the FR3 begins gravity's torque too low; a turned joint is named without a motion."""
     experiment = experiment_of("position-servo", "fr3", "fr3", {**FRANKA, "ki": 0})

@@ -33,8 +33,8 @@ from torquebench.experiment.schema import Experiment
 from torquebench.kernel import Array
 from torquebench.keys import altered, as_vector
 from torquebench.metrics import from_joints, per_joint
-from torquebench.metrics.chattering import STILL
-from torquebench.metrics.shaking import shaking
+from torquebench.metrics.chattering import STILL, is_of_motion
+from torquebench.metrics.shaking import Shaking, shaking
 from torquebench.metrics.torque import SATURATED
 from torquebench.references import Reference
 from torquebench.robot import RobotModel, load_model
@@ -488,7 +488,7 @@ def judge(
         yield _swing(run, names)
     metrics = from_joints(per_joint(run, tau_max=tau_max, metrics_from=SETTLED, control_period=period, step_like=False))
     shakes = shaking(metrics, tau_max.tolist())
-    is_cycle = shakes is not None and shakes.is_cycle
+    is_cycle = shakes is not None and shakes.is_cycle and not _moves(run, arm, shakes)
     reason, limit = ("limit cycle", STILL) if is_cycle else ("chatters", ROUGH)
     if shakes is None:
         yield Finding(reason, "", None, SETTLED, metrics.chattering.value or 0.0, limit, "% of tau_max", False)
@@ -496,6 +496,19 @@ def judge(
     unit = "% of tau_max" + (f" at {shakes.frequency:.3g} Hz" if math.isfinite(shakes.frequency) else "")
     refused = is_cycle or shakes.chattering > ROUGH
     yield Finding(reason, "", names[shakes.joint], SETTLED, shakes.chattering, limit, unit, refused)
+
+
+def _moves(run: Trajectory, arm: RobotModel, shakes: Shaking) -> bool:
+    """Whether the arm's torque at the frequency at which it shakes is what its motion takes, with each turn of a swing.
+
+    Args:
+        run: The run.
+        arm: The arm.
+        shakes: How it shakes.
+    """
+    late = run.t >= SETTLED
+    needed = arm.inverse_dynamics(run.q_ref[late], run.qd_ref[late], run.qdd_ref[late])[:, shakes.joint]
+    return is_of_motion(run.tau[late, shakes.joint], needed, float(run.t[1] - run.t[0]), shakes.frequency)
 
 
 def _most(reason: str, t: Array, names: Sequence[str], values: Array, limits: Array, unit: str) -> Finding:

@@ -17,7 +17,7 @@ from torquebench.experiment.run import run_experiment
 from torquebench.kernel import Array, clip, sign
 from torquebench.laws.parts import Slope, Switching, UseModel, equivalent_control
 from torquebench.metrics import Metrics, from_joints, per_joint
-from torquebench.metrics.chattering import chattering_index
+from torquebench.metrics.chattering import chattering_index, is_of_motion
 from torquebench.metrics.shaking import shaking
 from torquebench.references.reference import highest_frequency
 from torquebench.registry import restored
@@ -365,3 +365,11 @@ def test_corners_of_saturation_are_no_shaking() -> None:
         seen = shaking(of_torque(cut, other), limits)
         assert seen is not None
         assert seen.joint == 1
+
+
+@pytest.mark.parametrize(("share", "is_motion"), [(0.45, False), (0.55, True)])
+def test_torque_that_a_motion_takes_is_a_quarter_of_the_power(share: float, is_motion: bool) -> None:
+    """Half the amplitude is a quarter of the power; what the motion takes at other frequencies does not count."""
+    t = np.arange(1500) * 1e-3
+    tau, slow = np.sin(2.0 * np.pi * 12.0 * t), 50.0 * np.sin(2.0 * np.pi * 1.0 * t)
+    assert is_of_motion(tau, share * tau + slow, 1e-3, 12.0) == is_motion

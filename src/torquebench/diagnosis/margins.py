@@ -42,6 +42,9 @@ ENOUGH, AMPLE = 30.0, 60.0
 SMALL = 0.02
 """Share of gravity's torque that a law without gravity may give at no error [1]."""
 
+NEAR = 1.5
+"""Times a frequency up to which modes are near it [1]."""
+
 Complex = npt.NDArray[np.complex128]
 
 
@@ -98,7 +101,7 @@ class Margins:
     owners: Mapping[str, Owner] = field(default_factory=dict)
     """Whose each of these is."""
     damping: float = 1.0
-    """Damping ratio that arm and law without the chain have at the crossover; 1 where nothing swings [1]."""
+    """Least damping ratio that arm and law without the chain have near the crossover; 1 where nothing swings [1]."""
 
     @property
     def costs(self) -> str:
@@ -403,7 +406,7 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
 
 
 def _damping(terms: Terms, omega: float) -> float:
-    """Return the damping ratio of M s^2 + (D + A B) s + G + A K in the mode nearest to a frequency; 1 for none.
+    """Return the least damping ratio of M s^2 + (D + A B) s + G + A K in the modes near a frequency; 1 for none.
 
     Args:
         terms: What the loop is made of; joints that give are as good as rigid.
@@ -416,8 +419,9 @@ def _damping(terms: Terms, omega: float) -> float:
     swinging = poles[poles.imag > 0.0]
     if not len(swinging):
         return 1.0
-    nearest = swinging[np.argmin(np.abs(np.log(np.abs(swinging) / omega)))]
-    return float(-nearest.real / np.abs(nearest))
+    off = np.abs(np.log(np.abs(swinging) / omega))
+    near = swinging[off <= max(math.log(NEAR), float(np.min(off)))]
+    return float(np.min(-near.real / np.abs(near)))
 
 
 def _lesser(chain: Chain) -> dict[str, Chain]:

@@ -185,8 +185,26 @@ def _spectrum_of(disturbance: Array, control_period: float) -> tuple[Array, Arra
 
 def _forces(lines: Array, power: Array, whole: Array, frequency: float) -> bool:
     """Whether some joint has `FORCED` of its power at a frequency [Hz]."""
-    near = np.abs(lines - frequency) <= np.maximum(0.05 * frequency, 1.5 * lines[1])
-    return bool(np.any(np.sum(power[near], axis=0) > FORCED * whole))
+    return bool(np.any(np.sum(power[_near(lines, frequency)], axis=0) > FORCED * whole))
+
+
+def _near(lines: Array, frequency: float) -> npt.NDArray[np.bool_]:
+    """Return which lines [Hz] are near a frequency, to 5 % of it or one line."""
+    return np.asarray(np.abs(lines - frequency) <= np.maximum(0.05 * frequency, 1.5 * lines[1]))
+
+
+def is_of_motion(tau: Array, needed: Array, control_period: float, frequency: float) -> bool:
+    """Whether what a motion takes has a quarter of the power that a joint's torque has at a frequency, to 5 %.
+
+    Args:
+        tau: The torque, (N,) [N m].
+        needed: Torque that the desired motion takes, (N,) [N m].
+        control_period: Time between samples [s].
+        frequency: The frequency [Hz].
+    """
+    lines, power, _ = _spectrum_of(np.stack([tau, needed], axis=1), control_period)
+    whole, own = np.sum(power[_near(lines, frequency)], axis=0)
+    return bool(own > FORCED * whole)
 
 
 def is_harmonic(power: Array, spacing: float, peak: float, motion_hz: float) -> bool:
