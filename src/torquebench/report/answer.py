@@ -27,8 +27,8 @@ def answer(result: ExperimentResult) -> Markup:
     """
     if told := impossible(result):
         return Markup(" ").join([told, *_failures(result)])
-    sentences = [*_following(result), *_chattering(result), *_chattering_too(result), *_costs(result), *_failures(result)]
-    return Markup(" ").join(sentences)
+    chattering = [*_chattering(result), *_chattering_too(result)]
+    return Markup(" ").join([*_following(result), *chattering, *_costs(result), *_failures(result)])
 
 
 def impossible(result: ExperimentResult) -> Markup:
