@@ -44,7 +44,7 @@ def doctor(gl: str | None) -> int:
     for line in found["install"]:
         say(line)
     if found["machine"]["arithmetic"] != found["machine"]["arithmetic_compiled"]:
-        say(bad("compiled code has other last bits than Python's numbers here: the two paths leave other bytes"))
+        say("compiled code has other last bits than Python's numbers here: the two paths leave other bytes")
     return 0
 
 
