@@ -127,6 +127,15 @@ def panel_grid(
 
 def finish_page(fig: Figure, title: str, subtitle: str, handles: Sequence[Artist]) -> None:
     """Set title, subtitle and the shared legend above the panels, make room for them, freeze the layout."""
+    columns = dict[int, list[Axes]]()
+    for ax in fig.axes:
+        place = ax.get_subplotspec()
+        if place is not None and ax.get_label() != "<colorbar>":
+            columns.setdefault(place.colspan.start, []).append(ax)
+    for panels in columns.values():
+        if len({(ax.get_xscale(), ax.get_xlim()) for ax in panels}) > 1:  # the lowest panel's numbers are its own alone
+            for ax in panels:
+                ax.tick_params(labelbottom=True)
     rows = [(line, 10.0, "bold", "black") for line in textwrap.wrap(printable(title), 78)]
     for part in subtitle.splitlines():
         rows += [(line, 7.5, "normal", "0.3") for line in textwrap.wrap(printable(part), 116)]
