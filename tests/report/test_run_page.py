@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import itertools
 import json
 import re
 
@@ -81,6 +82,17 @@ def test_the_answer_when_the_best_does_not_chatter(result):
     )
     quiet = with_metrics(result, rmse=(3e-3, 1e-3, 2e-3), chattering=(0.02, 4e-4, 0.01), effort=(0.4, 0.1, 0.2))
     assert "None chatters: at most 0.02 % of the torque limit." in plain(answer(quiet))
+
+
+def test_the_answer_names_all_that_chatter_where_they_are_few(result):
+    """More than four that do not are counted; who does beside the loudest is named; up to four quiet ones tell it."""
+    metrics = dict(zip("abcdefg", itertools.cycle(result.metrics.values()), strict=False))
+    many = dataclasses.replace(result, metrics=metrics)
+    loud = with_metrics(many, chattering=(4e-4, 4e-4, 4e-4, 4e-4, 4e-4, 9.0, 30.0))
+    assert "5 of 7 do not chatter (below 0.1 %), g chatters most (30 % of the torque limit). f chatters too." in plain(
+        answer(loud)
+    )
+    assert "too." not in plain(answer(with_metrics(many, chattering=(4e-4, 4e-4, 4e-4, 4e-4, 2.0, 9.0, 30.0))))
 
 
 @pytest.mark.parametrize(("asked", "shares", "told"), [(9.0, 0.5, True), (9.0, 0.01, False), (0.5, 0.5, False)])

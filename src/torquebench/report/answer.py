@@ -27,7 +27,13 @@ def answer(result: ExperimentResult) -> Markup:
     """
     if told := impossible(result):
         return Markup(" ").join([told, *_failures(result)])
-    sentences = [*_following(result), *_chattering(result), *_chattering_too(result), *_costs(result), *_failures(result)]
+    sentences = [
+        *_following(result),
+        *_chattering(result),
+        *_chattering_too(result),
+        *_costs(result),
+        *_failures(result),
+    ]
     return Markup(" ").join(sentences)
 
 
