@@ -13,8 +13,8 @@ HUES = {
     "computed-torque": "#CC79A7",
     "pid": "#E69F00",
     "pd": "#56B4E9",
-    "pd-gravity": "#882255",
     "super-twisting": "#665533",
+    "pd-gravity": "#882255",
 }
 """Law -> its colour wherever it occurs: Okabe and Ito's, readable for the colour-blind, with a wine red for their
 yellow, which is lost on white, and an olive brown. Every other law has one of these that is free."""
