@@ -102,7 +102,7 @@ def scatter(points: Sequence[Point], across: str, up: str, little: tuple[float, 
         )
         if size > LETTER * len(told):
             end, rows = LEFT + 6 + LETTER * len(told), range(TOP + LINE, HEIGHT - BOTTOM, LINE)
-            base = next((y for y in rows if all(a > end or abs(y - b) >= 1.5 * LINE for a, _, b in taken)), rows[0])
+            base = max(rows, key=lambda y: min((abs(y - b) for a, _, b in taken if a < end), default=HEIGHT))
             taken.append((LEFT, end, base))
             parts.append(Markup('<text class="hint" x="{}" y="{}">{}</text>').format(LEFT + 6, base, told))
     for value in x.ticks():
