@@ -84,17 +84,6 @@ def test_the_answer_when_the_best_does_not_chatter(result):
     assert "None chatters: at most 0.02 % of the torque limit." in plain(answer(quiet))
 
 
-def test_the_answer_names_all_that_chatter_where_they_are_few(result):
-    """More than four that do not are counted; who does beside the loudest is named; up to four quiet ones tell it."""
-    metrics = dict(zip("abcdefg", itertools.cycle(result.metrics.values()), strict=False))
-    many = dataclasses.replace(result, metrics=metrics)
-    loud = with_metrics(many, chattering=(4e-4, 4e-4, 4e-4, 4e-4, 4e-4, 9.0, 30.0))
-    assert "5 of 7 do not chatter (below 0.1 %), g chatters most (30 % of the torque limit). f chatters too." in plain(
-        answer(loud)
-    )
-    assert "too." not in plain(answer(with_metrics(many, chattering=(4e-4, 4e-4, 4e-4, 4e-4, 2.0, 9.0, 30.0))))
-
-
 @pytest.mark.parametrize(("asked", "shares", "told"), [(9.0, 0.5, True), (9.0, 0.01, False), (0.5, 0.5, False)])
 def test_a_motion_that_the_arm_cannot_do_has_no_winner(result, tmp_path, asked, shares, told):
     """Too much torque asked for and the best law at its limit: that is said first, nobody is best; one alone is not it.
@@ -121,6 +110,17 @@ def test_a_page_of_which_all_controllers_shake_is_marked_and_asks_why(result):
     )
     assert ["answer shaky" in page for page in (one, all_of_them, none)] == [False, True, False]
     assert ["torquebench why RUN" in page for page in (one, all_of_them, none)] == [True, True, False]
+
+
+def test_the_answer_names_all_that_chatter_where_they_are_few(result):
+    """More than four that do not are counted; who does beside the loudest is named; up to four quiet ones tell it."""
+    metrics = dict(zip("abcdefg", itertools.cycle(result.metrics.values()), strict=False))
+    many = dataclasses.replace(result, metrics=metrics)
+    loud = with_metrics(many, chattering=(4e-4, 4e-4, 4e-4, 4e-4, 4e-4, 9.0, 30.0))
+    assert "5 of 7 do not chatter (below 0.1 %), g chatters most (30 % of the torque limit). f chatters too." in plain(
+        answer(loud)
+    )
+    assert "too." not in plain(answer(with_metrics(many, chattering=(4e-4, 4e-4, 4e-4, 4e-4, 2.0, 9.0, 30.0))))
 
 
 def test_ratios_are_written_as_they_are_said():
