@@ -18,6 +18,10 @@ EXPERIMENTS = {
     "one law": {"a": "smc", "b": "smc"},
     "five of one law": {name: "smc" for name in "abcde"},
     "seven laws": {law: law for law in FAMILIES},
+    "nine on a page": {
+        **{"conventional": "smc", "band": "smc", "a": "linear-band-smc", "b": "computed-torque", "c": "pd-gravity"},
+        **{"d": "pid", "e": "super-twisting", "f": "integral-smc", "g": "lqr"},
+    },
     "the paper's three": {"a": "smc", "b": "linear-band-smc", "c": "fuzzy-linear-band-smc"},
     **{
         name: load_experiment(name).laws

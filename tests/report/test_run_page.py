@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import itertools
 import json
 import re
 
@@ -139,6 +140,17 @@ def test_a_joint_that_chatters_alone_is_named(result):
     assert "pd and band do not chatter" in told
     assert f"band has 0.12 % in {result.joints.names[1]} alone." in told
     assert "pd has" not in told
+
+
+def test_the_answer_names_all_that_chatter_where_they_are_few(result):
+    """More than four that do not are counted; who does beside the loudest is named; up to four quiet ones tell it."""
+    metrics = dict(zip("abcdefg", itertools.cycle(result.metrics.values()), strict=False))
+    many = dataclasses.replace(result, metrics=metrics)
+    loud = with_metrics(many, chattering=(4e-4, 4e-4, 4e-4, 4e-4, 4e-4, 9.0, 30.0))
+    assert "5 of 7 do not chatter (below 0.1 %), g chatters most (30 % of the torque limit). f chatters too." in plain(
+        answer(loud)
+    )
+    assert "too." not in plain(answer(with_metrics(many, chattering=(4e-4, 4e-4, 4e-4, 4e-4, 2.0, 9.0, 30.0))))
 
 
 def test_ratios_are_written_as_they_are_said():

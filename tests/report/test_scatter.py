@@ -103,4 +103,8 @@ def test_what_is_little_is_shaded_and_not_blown_up():
     edge = LEFT + float(re.search(r'<rect [^>]*width="([\d.]+)"', mixed)[1])
     assert places(mixed) == places(str(scatter(POINTS, "x", "y")))
     assert places(mixed)["band"][0] < edge < places(mixed)["b&lt;c"][0]
+    at_top = [Point(name, 1e-5, y, "#000000") for name, y in (("top", 9.0), ("low", 1.0))]
+    covered = str(scatter(at_top, "x", "y", (0.002, "still")))
+    base = float(re.search(r'class="hint" x="[\d.]+" y="([\d.]+)"', covered)[1])
+    assert all(abs(base - 4 - y) > 9 for _, y in places(covered).values())  # no circle lies on the word
     assert "<rect" not in str(scatter([p for p in POINTS if p.x > 0.1], "x", "y", little))

@@ -179,7 +179,7 @@ class Diagnosis:
         return self.remedy.text
 
     def cure_of(self, cause: Cause) -> str:
-        """Return a cause's remedy, of the law itself the first change of its gains; "as above" if it is the advice."""
+        """Return a cause's remedy, of the law the first change of its gains; "as above" if that is the advice."""
         text = cause.remedy.text or (self.cures[0].text if cause.key == "law" and self.cures else "")
         return "as above" if text and text == self.advice else text
 

@@ -13,10 +13,11 @@ HUES = {
     "computed-torque": "#CC79A7",
     "pid": "#E69F00",
     "pd": "#56B4E9",
+    "super-twisting": "#665533",
     "pd-gravity": "#882255",
 }
 """Law -> its colour wherever it occurs: Okabe and Ito's, readable for the colour-blind, with a wine red for their
-yellow, which is lost on white. Every other law has one of these that is free."""
+yellow, which is lost on white, and an olive brown. Every other law has one of these that is free."""
 DASHES: tuple[tuple[float, ...], ...] = ((), (5.0, 1.6), (6.0, 1.4, 1.2, 1.4), (1.4, 1.2), (9.0, 2.0))
 """Lengths of stroke and gap, in turn [line widths]; none for a solid line."""
 SERIES = ("#4818F0", "#86B300", "#784860", "#A8A8F0", "#486000", "#C0A890", "#7830A8")
@@ -39,7 +40,7 @@ def looks(laws: Mapping[str, str]) -> dict[str, Look]:
 
     A law keeps its hue from one experiment to the next as far as the laws of each can be kept apart, whatever their
     order. A lone controller of a law, and the first of two, have the law's own colour; more go from dark to light, and
-    so do laws that share a hue because there are more than seven.
+    so do laws that share a hue because there are more than eight.
 
     Args:
         laws: Controller -> name of its law.

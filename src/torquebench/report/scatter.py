@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from markupsafe import Markup
 
-WIDTH, HEIGHT = 560, 330
+WIDTH, HEIGHT = 440, 330
 LEFT, RIGHT, TOP, BOTTOM = 66, 14, 14, 46
 LINE = 14
 """Height of a line of text."""
@@ -101,8 +101,10 @@ def scatter(points: Sequence[Point], across: str, up: str, little: tuple[float, 
             Markup('<rect x="{}" y="{}" width="{}" height="{}"/>').format(LEFT, TOP, size, HEIGHT - BOTTOM - TOP)
         )
         if size > LETTER * len(told):
-            taken.append((LEFT, LEFT + 6 + LETTER * len(told), TOP + LINE))
-            parts.append(Markup('<text class="hint" x="{}" y="{}">{}</text>').format(LEFT + 6, TOP + LINE, told))
+            end, rows = LEFT + 6 + LETTER * len(told), range(TOP + LINE, HEIGHT - BOTTOM, LINE)
+            base = max(rows, key=lambda y: min((abs(y - b) for a, _, b in taken if a < end), default=HEIGHT))
+            taken.append((LEFT, end, base))
+            parts.append(Markup('<text class="hint" x="{}" y="{}">{}</text>').format(LEFT + 6, base, told))
     for value in x.ticks():
         parts.append(
             Markup('<path d="M{0} {1}V{2}"/><text x="{0}" y="{3}" text-anchor="middle">{4:g}</text>').format(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from tests.source_tree import FILES, TREES
 from tests.sweep.tables import made
 from torquebench.certificates import Certificate
 from torquebench.fuzzy import prepare
-from torquebench.report.figures.layout import PAGE_WIDTH
+from torquebench.report.figures.layout import PAGE_WIDTH, PAPER, Sheet, on_sheet
 from torquebench.report.figures.pareto import Front, Spot, draw_pareto
 from torquebench.report.figures.run_view import FiredRules, RunView, draw_figures
 from torquebench.report.figures.style import journal_style
@@ -178,6 +180,38 @@ def test_every_text_is_legible_in_print(every: dict[str, Figure], swept: dict[st
         for text in fig.findobj(Text):
             if text.get_text().strip() and text.get_visible():  # type: ignore[attr-defined]
                 assert text.get_fontsize() * scale >= SMALLEST - 0.01, (name, text.get_text())  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("sheet", "only"),
+    [
+        (PAPER[0], ("spectrum", "certificates")),  # labels longer than a panel, and of two lines
+        *(pytest.param(sheet, (), marks=pytest.mark.slow) for sheet in PAPER),
+    ],
+    ids=["two at 85mm", "85mm", "180mm"],
+)
+def test_no_label_of_an_axis_is_cut_off_or_meets_another(sheet: Sheet, only: tuple[str, ...]) -> None:
+    """In a journal's column, and in two, each is within the page to half a pixel, and covers no other by more."""
+    names, limits = [f"joint {i + 1}" for i in range(6)], np.full(6, 20.0)
+    with on_sheet(sheet):
+        found = {} if only else draw_all()
+        proof = certificate()
+        proof = replace(proof, V_rate=1e-4 * proof.V_rate)  # of many figures, so that its numbers are wide
+        six = RunView({"a": make(6, 9.0)}, "t", "s", names, limits, 0.5, 0.001, 8.0, certificates={"a": proof})
+        found |= {f"{name} of six": fig for name, fig in draw_figures(six, only).items()}
+    wrong = []
+    for name, fig in found.items():
+        page, renderer = fig.bbox, fig.canvas.get_renderer()  # type: ignore[attr-defined]
+        labels = [axis.label for ax in fig.axes for axis in (ax.xaxis, ax.yaxis)]
+        labels += [text for text in fig.texts if text.get_text() in (fig.get_supxlabel(), fig.get_supylabel())]
+        boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in labels if text.get_text().strip()]
+        for text, box in boxes:
+            if min(box.x0, box.y0, page.width - box.x1, page.height - box.y1) < -0.5:
+                wrong.append(f"{name}: {text!r} leaves the page")
+        for (one, a), (other, b) in itertools.combinations(boxes, 2):
+            if min(a.x1, b.x1) - max(a.x0, b.x0) > 0.5 and min(a.y1, b.y1) - max(a.y0, b.y0) > 0.5:
+                wrong.append(f"{name}: {one!r} meets {other!r}")
+    assert wrong == []
 
 
 def test_pages_are_white_in_light_and_dark(every: dict[str, Figure], swept: dict[str, Figure]) -> None:

@@ -97,7 +97,8 @@ def panel_grid(
     """Return a page with one panel per name, rows filled first.
 
     The x label and its numbers stand under the lowest panel of each column. A panel's y label stands beside it in the
-    first column, and in the others where it differs from the one at its left.
+    first column, and in the others where it differs from the one at its left. In one column of a journal panels that
+    have the same y label share one.
 
     Args:
         names: Titles of the panels, which are their labels too.
@@ -114,6 +115,9 @@ def panel_grid(
     for ax in places[n:]:
         ax.remove()
     panels = places[:n]
+    if is_narrow() and rows > 1 and len(set(y_labels)) == 1:
+        fig.supylabel(y_labels[0].replace("\n", " "), fontsize=8.0)
+        y_labels = [""] * n
     for i, (ax, name) in enumerate(zip(panels, names, strict=True)):
         ax.set_label(name)
         ax.set_title(printable(name))
@@ -181,7 +185,10 @@ def _solve(fig: Figure) -> None:
 
 
 def _pin_labels(fig: Figure, renderer: Any) -> None:
-    """Leave the labels of all axes where they are, those of the y axes of panels above one another on one line."""
+    """Leave the labels of all axes where they are, those of the y axes of panels above one another on one line.
+
+    A label that would leave the page there stays as near to that line as it can.
+    """
     for axis in [axis for ax in fig.axes for axis in (ax.xaxis, ax.yaxis) if axis.label.get_text()]:
         axis.get_tightbbox(renderer)  # puts the label beside the numbers
         at = axis.label.get_transform().transform(axis.label.get_position())
@@ -194,6 +201,9 @@ def _pin_labels(fig: Figure, renderer: Any) -> None:
         least = min((axis.label.get_position()[0] for axis in named), default=0.0)
         for axis in named:
             axis.set_label_coords(least, axis.label.get_position()[1])
+            beyond = 0.004 * fig.bbox.width - axis.label.get_window_extent(renderer).x0  # of two lines beside one
+            if beyond > 0.0:
+                axis.set_label_coords(least + beyond / axis.axes.bbox.width, axis.label.get_position()[1])
 
 
 def printable(text: str) -> str:

@@ -36,7 +36,7 @@ function draw(parent, key, j, more = {}) {
   const { unit, of, stepped, more: beside } = SIGNALS[key];
   const lines = [...shown].map((c) => ({ name: c.name, values: of(c, j), colour: () => shade(c.colour), stepped })).filter((line) => line.values);
   lines.sort((a, b) => swing(b.values) - swing(a.values));
-  lines.forEach((line, k) => { line.width = 1.25 + Math.min(0.35 * (lines.length - 1 - k), 1.75); });
+  lines.forEach((line, k) => { line.width = 1.25 + 0.3 * (lines.length - 1 - k); });
   if (at("fit")?.checked) [...lines].sort((a, b) => reach(b.values) - reach(a.values)).slice(0, lines.length / 2).forEach((line) => { line.fixed = true; });
   for (const line of lines) line.values = Array.from(times, (_, k) => line.values[k] ?? null); // a failed run is shorter
   return chart(parent, { x: [times, "t [s]"], label: `${key} [${unit(joints[j])}]`, lines: [...lines, ...beside(j)], ...more });
@@ -148,7 +148,7 @@ function stage(canvas) {
   return (factor) => { // a part of the canvas for each controller that is shown
     const all = [...shown], { clientWidth: width, clientHeight: height } = canvas.parentNode;
     if (!width || !all.length) return;
-    const across = Math.min(all.length, Math.ceil(Math.sqrt((all.length * width) / height / 1.3)));
+    const across = Math.min(all.length, Math.ceil(Math.sqrt((all.length * width) / height / 1.3)), Math.ceil(width / 130)); // room for a name
     const h = height / Math.ceil(all.length / across), k = Math.round(time / period), step = Math.max(1, Math.round(0.02 / period));
     renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     renderer.setSize(width, height, false);
