@@ -1,6 +1,9 @@
 """What the README shows works as it stands."""
 
+import json
 import re
+import shlex
+import shutil
 
 import numpy as np
 import pytest
@@ -91,6 +94,36 @@ def test_the_law_of_the_guide_runs(run_law, capsys):
     assert np.all(np.isfinite(run.s))
     assert set(run.extra) == {"integral", "qdd"}
     assert np.max(np.abs(run.q_ref - run.q)) < 1e-3
+
+
+def test_the_walk_with_an_arm_of_your_own(tmp_path, monkeypatch, capsys):
+    """docs/your-own-arm.md, each command as it is typed; of the film one picture. Only what is refused exits with 2."""
+    guide = (data_root() / "docs" / "your-own-arm.md").read_text()
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(data_root() / "examples", tmp_path / "examples")
+    config = re.search(r"^```yaml\n(plant: .*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)[1]
+    (tmp_path / "mine.yaml").write_text(config)
+    typed = "".join(re.findall(r"^```sh\n(.*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)).splitlines()
+    assert [line.split()[1] for line in typed] == ["import", "import", "show", "run", "report", "video"]
+    still = ["--still", "1", "--out", "one.png", "--size", "640x240"]
+    for i, line in enumerate(typed):
+        assert main(shlex.split(line)[1:] + still * ("video" in line)) == (0 if i else 2), line
+        told = capsys.readouterr()
+        if i == 0:
+            shown = re.search(r"^```\n(refused .*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)[1]
+            said = " ".join((told.out + told.err).split())
+            assert all(" ".join(part.rstrip(". ").split()) in said for part in shown.splitlines())
+        if line.split()[1] in ("run", "report"):
+            assert "band follows best" in told.out
+            assert "certificate of" in told.out
+    numbers = json.loads((tmp_path / "runs" / "mine" / "metrics.json").read_text())["controllers"]
+    for name, number in zip(("band", "computed-torque", "pd"), re.findall(r"(\d\.\d+) mrad", guide)[:3], strict=True):
+        assert 1e3 * numbers[name]["rmse"]["value"] == pytest.approx(float(number), rel=0.05)
+    scope = {}
+    source = re.search(r"^```python\n(.*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)[1]
+    exec(compile(source, "your-own-arm.md", "exec"), scope)
+    assert scope["arm"].joints == ("waist", "shoulder", "elbow")
 
 
 def test_the_python_of_the_readme_runs(capsys):

@@ -54,6 +54,6 @@ def test_a_file_that_exists_is_left_alone(tmp_path, command):
     (tmp_path / "test_mine.py").write_text("kept")
     status, _, err = command("new-law", "mine", "--out", tmp_path)
     assert status == 2
-    assert "test_mine.py exists" in err
+    assert f"test_mine.py exists, wanted a name of which no file is in {tmp_path}, or another folder" in err
     assert [x.name for x in tmp_path.iterdir()] == ["test_mine.py"]
     assert (tmp_path / "test_mine.py").read_text() == "kept"

@@ -195,8 +195,8 @@ def test_a_speed_alone_is_that_of_the_file_s_friction(config: Path) -> None:
     assert own.experiment.to_dict()["plant"]["friction"]["speed"] == 0.5
 
 
-def test_a_sweep_over_arms_stands_alone(config: Path, tmp_path: Path) -> None:
-    """Its folder keeps them: rows run again, and the sweep from its own file, without the files it was given."""
+def test_a_sweep_over_arms_stands_alone(config: Path, tmp_path: Path, capsys: Any) -> None:
+    """Its folder keeps them: rows, told with their keys, and the sweep run again without the files it was given."""
     config.write_text(CONFIG + "sweep: {grid: {plant.model: [arms/my-arm.xml, arms/b.xml]}}\n")
     (config.parent / "arms" / "b.xml").write_text(ARM.replace('mass="2"', 'mass="3"'))
     sweep = run_sweep(config, workers=1, folder=tmp_path / "s")
@@ -205,6 +205,7 @@ def test_a_sweep_over_arms_stands_alone(config: Path, tmp_path: Path) -> None:
     for path in (config.parent / "arms").iterdir():
         path.unlink()
     assert main(["run", "--from-sweep", str(tmp_path / "s"), "--index", "1", "--out", str(tmp_path / "row")]) == 0
+    assert f"row 1 of {tmp_path / 's'}: plant.model=arms/b.xml; draw 0, controller " in capsys.readouterr().out
     assert (tmp_path / "row" / "b.xml").read_bytes() == (tmp_path / "s" / "arms" / "b.xml").read_bytes()
     again = run_sweep(tmp_path / "s" / "sweep.yaml", workers=1)
     assert again.to_dataframe().equals(sweep.to_dataframe())

@@ -314,7 +314,12 @@ def test_all_cores_are_asked_for_by_name_of_the_package() -> None:
         patch.setattr("importlib.util.find_spec", lambda name: None)
         check_method(["random"], "tune.sampler")
         for sampler in ("tpe", "cma-es", "nsga-ii"):
-            with pytest.raises(ConfigError, match=re.escape(f"{NEEDS[sampler][0][0]}: {how_to_install('tune')}")):
+            with pytest.raises(
+                ConfigError,
+                match=re.escape(
+                    f"{NEEDS[sampler][0][0]}: {how_to_install('tune')}; --set tune.sampler=random needs none"
+                ),
+            ):
                 check_method([sampler], "tune.sampler")
 
 

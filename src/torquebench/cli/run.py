@@ -108,8 +108,7 @@ def run(
     certificates, fuzzy = result.certified, fuzzy_facts(experiment)
     tell(directory=directory.folder, **result.to_json(), certificates=certificates, fuzzy=fuzzy)
     say(outcome(result))
-    for line in fuzzy_remarks(experiment):
-        say(line)
+    say("\n".join(["", *fuzzy_remarks(experiment)]))
     say()
     say(f"results: {directory.folder}, page: {directory.folder / PAGE}")
     if not no_figures and experiment.video is not None:

@@ -428,11 +428,12 @@ def following(bar: Bar, every: int = 1) -> Callable[[str, int, int], None]:
         bar: The bar.
         every: Units of work that must be done before the bar moves.
     """
-    shown = 0
+    shown, told = 0, ""
 
     def progress(what: str, done: int, whole: int) -> None:
-        nonlocal shown
-        if done - shown >= every or done >= whole:
+        nonlocal shown, told
+        if what != told or done - shown >= every or done >= whole:
+            told = what
             bar.total = whole or None
             bar.describe(what)
             bar.update(done - shown)

@@ -159,15 +159,24 @@ class Trials:
         self._rows = [METRICS.names().index(key) for key in metrics]
         self._steps = 1000 * sum(condition.experiment.n_steps for condition in conditions)
 
-    def __call__(self, asked: Sequence[Controller], draws: range) -> list[list[Run]]:
+    def __call__(
+        self,
+        asked: Sequence[Controller],
+        draws: range,
+        ended: Callable[[int, int], None] = lambda done, total: None,
+    ) -> list[list[Run]]:
         """Return the runs of each controller: of each draw in turn those of all conditions.
 
         Args:
             asked: The controllers, with gains.
             draws: Numbers of the draws.
+            ended: Called with the number of runs that ended, and of all.
         """
         jobs = [(own, i, draw) for own in asked for draw in draws for i in range(len(self._conditions))]
-        found, size = list(self._pool.map(self._run, jobs)), len(draws) * len(self._conditions)
+        found, size = list[Run](), len(draws) * len(self._conditions)
+        for run in self._pool.map(self._run, jobs):
+            found.append(run)
+            ended(len(found), len(jobs))
         return [found[first : first + size] for first in range(0, len(found), size)]
 
     def _run(self, job: tuple[Controller, int, int]) -> Run:
@@ -354,11 +363,12 @@ def tune_laws(
     keys = [info.key for info in budget.infos] + [claim.metric for claim in budget.constraints]
     trials = Trials(conditions, keys, pool)
     tuned = {own.name: Tuned(own, box_of(base, own)) for own in base.controllers}
-    total, done = len(tuned) * budget.seeds * budget.evaluations, 0
+    total, done, what = len(tuned) * budget.seeds * budget.evaluations, 0, "gains as they are"
 
     def evaluate(asked: Sequence[tuple[str, int, int, Mapping[str, Vector]]]) -> list[Evaluation]:
         missing = [one for one in asked if one[:3] not in known]
-        ran = trials([altered(tuned[name].controller, gains=dict(gains)) for name, *_, gains in missing], draws)
+        changed = [altered(tuned[name].controller, gains=dict(gains)) for name, *_, gains in missing]
+        ran = trials(changed, draws, lambda ended, of: progress(f"{what}: loop {ended} of {of}", done, total))
         made = {one[:3]: evaluation_of(one[2], one[3], runs, budget) for one, runs in zip(missing, ran, strict=True)}
         made |= {one[:3]: known[one[:3]] for one in asked if one[:3] in known}
         for one in asked:
@@ -397,5 +407,6 @@ def tune_laws(
         for i in range(budget.seeds)
         if own.box.sides
     }
+    what = "next gains"
     drive(searches, run, lambda one: one.scores, note)
     return list(tuned.values())
