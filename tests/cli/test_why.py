@@ -27,7 +27,7 @@ def test_a_run_that_shakes_says_where_to_ask(command, tmp_path, monkeypatch):
     status, out, _ = command("run", "late.yaml", "--out", "a run", "--no-figures")
     assert status == 0
     hint = next(line for line in out.splitlines() if "torquebench why" in line)
-    assert hint == "stiff shakes: torquebench why 'a run'"
+    assert hint == "stiff shakes: torquebench why 'a run' --controller stiff"
     status, out, _ = command("why", "a run")
     assert status == 0
     assert out.startswith(("joint shoulder of 'stiff' limit-cycles", "joint elbow of 'stiff' limit-cycles"))
