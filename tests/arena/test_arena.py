@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+import re
 import runpy
 import sys
 from dataclasses import replace
@@ -444,3 +445,15 @@ def test_an_entry_that_is_gone_or_fails_is_told(
     for one in found["ended"]:
         assert (one["outcomes"]["first"], one["outcomes"]["second"], one["outcomes"]["p"]) == (1, 0, 1.0)
     assert all(change["ratio"]["ratio"] is not None for change in found["changes"])
+
+
+def test_what_is_said_of_the_arena_stands_in_its_tables() -> None:
+    """Each ratio with its interval, and each error with its rank, of the sentences is a figure of the tables below."""
+    text, tables = Path("docs/arena.md").read_text(encoding="utf-8").split("<!-- arena -->")
+    said = text.split("## What may be said of it")[1].split("\n## ")[0]
+    ratios = re.findall(r"x[\d.]+ \[[\d.]+, [\d.]+\]", said)
+    placed = re.findall(r"([\d.]+)(?: mrad)?, (?:rank )?(\d+-\d+)[;.]", said)
+    assert len(ratios) == 6
+    assert len(placed) == 5
+    assert [x for x in ratios if f"| {x} |" not in tables] == []
+    assert [x for x in placed if f"| {x[1]}: {x[0]} |" not in tables] == []
