@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from torquebench.arena.ranking import Scores, best_at, compare, fails_more, is_better, rank
+from torquebench.arena.ranking import Scores, best_at, compare, fails_more, rank, verdict
 from torquebench.statistics import paired_ratio
 
 RNG = np.random.default_rng(11)
@@ -69,7 +69,7 @@ def test_null_arenas_are_decided_wrongly_in_one_of_twenty_at_most() -> None:
         wrong = 0
         for _ in range(400):
             a, b = drawn(1.0, tuning), drawn(1.0, tuning)
-            wrong += is_better(a, b) or is_better(b, a)
+            wrong += verdict(a, b) != 0
         assert wrong <= 0.083 * 400, (tuning, wrong)
 
 
@@ -79,8 +79,7 @@ def test_a_difference_below_the_spread_of_tunings_is_a_tie() -> None:
     for spread, wins in ((1.001, True), (1.2, False)):
         factors = np.array([1.0 / spread, 1.0, spread])[:, None, None]
         a, b = Scores(0.95 * base * factors, np.zeros(40)), Scores(base * factors, np.zeros(40))
-        assert is_better(a, b) is wins
-        assert not is_better(b, a)
+        assert (verdict(a, b), verdict(b, a)) == (int(wins), -int(wins))
 
 
 def test_failures_are_counted_and_never_averaged() -> None:
@@ -119,7 +118,7 @@ def test_tunings_that_fail_by_chance_decide_nothing() -> None:
     One tuning of three that fails makes a law no worse, though it fails in all draws; it keeps it from being better.
     """
     pairs = [[with_fragile_tunings(drawn(1.0, 0.1), 0.3) for _ in "ab"] for _ in range(100)]
-    assert sum(is_better(a, b) or is_better(b, a) for a, b in pairs) <= 11
+    assert sum(verdict(a, b) != 0 for a, b in pairs) <= 11
     base = np.ones((3, 2, 10))
     values = 0.9 * base
     values[0, 0] = np.nan

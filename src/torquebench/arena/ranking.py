@@ -5,6 +5,7 @@ Nothing here knows a law: entries are their scores. Two entries tie where the in
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -94,24 +95,25 @@ def fails_more(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
     return found.first > found.second and found.p < 1.0 - confidence
 
 
-def is_better(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
-    """Whether a beats b: it fails less, or no more and its error is smaller, by more than chance and tuning explain.
+def verdict(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> int:
+    """Return 1 where a beats b, -1 where b beats a, 0 where they tie.
 
-    It fails less where `fails_more` says so of b, and Welch's interval of the shares of runs that the single tunings
-    fail in holds no zero: one tuning of three that fails everywhere keeps a law from being better, and makes it no
-    worse.
+    Who beats fails less, or no more and its error is smaller, by more than chance and tuning explain. It fails less
+    where `fails_more` says so of the other, and Welch's interval of the shares of runs that the single tunings fail in
+    holds no zero: one tuning of three that fails everywhere keeps a law from being better, and makes it no worse.
 
     Args:
         a, b: Scores under the same conditions and draws.
         confidence: Of the decision [1].
     """
-    if fails_more(a, b, confidence):
-        return False
-    if fails_more(b, a, confidence):
+    fails = int(fails_more(a, b, confidence)) - int(fails_more(b, a, confidence))
+    if fails:
         own, other = (np.isnan(scores.values).mean(axis=(1, 2)) for scores in (a, b))
-        if other.mean() - own.mean() > _welch(own, other, confidence):
-            return True
-    return compare(a, b, confidence).high < 1.0
+        if fails * (own.mean() - other.mean()) > _welch(own, other, confidence):
+            return -fails
+    found = compare(a, b, confidence)
+    better = int(found.below) - int(found.above)
+    return 0 if better == fails else better
 
 
 class Standing(NamedTuple):
@@ -147,13 +149,15 @@ def rank(scores: Mapping[str, Scores], confidence: float = CONFIDENCE) -> dict[s
         scores: Entry -> what it has to show, all under the same conditions and draws.
         confidence: Of each comparison [1].
     """
-    beats = {
-        name: {other for other, its in scores.items() if other != name and is_better(own, its, confidence)}
-        for name, own in scores.items()
-    }
-    return {
-        name: (1 + sum(name in worse for worse in beats.values()), len(scores) - len(beats[name])) for name in scores
-    }
+    names = list(scores)
+    better, worse = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+    for name, other in itertools.combinations(names, 2):
+        found = verdict(scores[name], scores[other], confidence)
+        if found:
+            winner, loser = (name, other) if found > 0 else (other, name)
+            better[loser] += 1
+            worse[winner] += 1
+    return {name: (1 + better[name], len(names) - worse[name]) for name in names}
 
 
 def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[float, float, float, float]:
