@@ -42,7 +42,7 @@ def test_a_law_that_passes(command):
     assert out.count("o o o o") == 4
     assert " x " not in out.replace("; x: something", "")
     assert "of 1000 N m/s" in out
-    assert "deg are usual" in out
+    assert "30 to 60 deg" in out
     assert "(the robot's)" in out
     assert "(yours)" in out
 

@@ -284,9 +284,10 @@ def test_a_printed_page_breaks_between_figures_and_rows(run):
     text = (run / "report.html").read_text()
     rules = re.search(r"@media print \{(.*)\}\n@media", text)[1]
     assert re.findall(r"([^{}]+)\{([^{}]*)\}", rules) == [
-        (" .scroll:not(.prose) tr > :first-child ", " position: static; "),
-        (" body ", " max-width: none; font-size: 10pt; "),
-        (" figure, tr, svg, .halves section ", " break-inside: avoid; "),
-        (" h2 ", " break-after: avoid; "),
+        (" html ", " font-size: 12px; "),
+        (" .scroll, .scroll:not(.prose) tr > :first-child ", " position: static; background: none; "),
+        (" body ", " max-width: none; padding: 0; font-size: 10pt; "),
+        (" figure, tr, svg, dl, .halves section ", " break-inside: avoid; "),
+        (" h2, h3 ", " break-after: avoid; "),
         (" button, details:not([open]), .screen ", " display: none; "),
     ]

@@ -61,14 +61,14 @@ def test_a_unit_that_means_the_same_everywhere_has_one_number_for_all_joints() -
 
 
 def test_other_units_are_multiples_of_what_auto_chooses_beside_the_other_gains() -> None:
-    """k_I = multiple x k_V lambda^2 / 4 with the lambda and k_V of the very point, whatever the config has.
+    """k_I = multiple x k_V lambda min(k_V, lambda) / 4 with both of the very point, whatever the config has.
 
     The tolerance is that of the digits: three of the rule, four of the product.
     """
     box = Box("computed-torque", ARM, given=SET)
     for shares, multiple in (((0.3, 0.7, 0.0), MULTIPLES[0]), ((0.6, 0.2, 1.0), MULTIPLES[1])):
         gains = box.gains(shares)
-        wanted = multiple * gains["kv"] * gains["lam"] ** 2 / 4.0
+        wanted = multiple * gains["kv"] * gains["lam"] * min(gains["kv"], gains["lam"]) / 4.0
         assert gains["ki"] == pytest.approx(wanted, rel=6e-3)
     stiff = Box("joint-impedance", load_model("puma560"))
     chosen = find_law("joint-impedance").choose_gains(load_model("puma560"))
