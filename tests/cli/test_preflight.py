@@ -36,8 +36,8 @@ FRANKA = ("--gain", "kp=600,600,600,600,250,150,50", "--gain", "kd=50,50,50,50,3
 
 def test_a_law_that_passes(command):
     """Status 0: a dot for each motion, a bar for each limit, and nothing to change."""
-    status, out, err = command("preflight", "joint-impedance", "--robot", "fr3", *FRANKA)
-    assert (status, err) == (0, "")
+    status, out, _ = command("preflight", "joint-impedance", "--robot", "fr3", *FRANKA)
+    assert status == 0
     assert out.startswith("joint-impedance on fr3: passes\n")
     assert out.count("o o o o") == 4
     assert " x " not in out.replace("; x: something", "")
@@ -47,12 +47,35 @@ def test_a_law_that_passes(command):
     assert "(yours)" in out
 
 
-def test_a_law_that_is_refused(command):
+def test_a_law_that_is_refused(command, tmp_path, monkeypatch):
     """Status 1, and the document has reason, joint, time and number of what was found, the share, and no more."""
-    gains = ("--gain", "kp=600,600,600,600,250,150,50", "--gain", "kd=250,250,250,250,150,125,75")
-    status, out, err = command("preflight", "joint-impedance", "--robot", "fr3", "--payload", "0", *gains, "--json")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(CONFIG.replace("{lam: 4, kv: 8}", "{lam: 20, kv: 200}"))
+    status, out, err = command("preflight", "mine.yaml", "--robot", "two-link", "--chain", "fast", "--json")
     document = json.loads(out)
-    assert (status, err, document["passed"], document["payload"]) == (1, "", False, 0.0)
+    assert (status, err, document["passed"], document["payload"]) == (1, "", False, 1.0)
+    law = document["laws"][0]
+    assert len(law["flights"]) == 16
+    first = law["findings"][0]
+    assert (first["reason"], first["beyond"], first["limit"], first["unit"]) == (
+        "saturates",
+        True,
+        2.0,
+        "% of the time",
+    )
+    assert first["value"] > 2.0
+    assert first["flight"].startswith("hold, from ")
+    assert law["scaled_gains"] == ["kv"]
+    assert 0.0 < law["largest_share"] < 1.0
+
+
+@pytest.mark.slow
+def test_gains_too_large_for_a_franka_are_refused(command):
+    """For the rate of the torque at rest, which the robot's own reflex would answer."""
+    gains = ("--gain", "kp=600,600,600,600,250,150,50", "--gain", "kd=250,250,250,250,150,125,75")
+    status, out, _ = command("preflight", "joint-impedance", "--robot", "fr3", "--payload", "0", *gains, "--json")
+    document = json.loads(out)
+    assert (status, document["passed"], document["payload"]) == (1, False, 0.0)
     law = document["laws"][0]
     assert len(law["flights"]) == 8
     first = law["findings"][0]
