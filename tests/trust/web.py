@@ -145,8 +145,8 @@ def _pages(shop: Workshop, kind: str, text: str) -> list[Path] | str:
     for joint in ("shoulder", "elbow"):
         body = body.replace(f'"{joint}"', escape(joint + " " + text).join('""'))
     arm.write_text(body, encoding="utf-8")
-    said = json.dumps(text, ensure_ascii=False)
-    short = EXPERIMENT.replace("two-link", json.dumps(str(arm), ensure_ascii=False)).replace("1.2", "0.7")
+    said = json.dumps(text)
+    short = EXPERIMENT.replace("two-link", json.dumps(str(arm))).replace("1.2", "0.7")
     short = f"description: {said}\n" + short.replace("reference", RAISES if kind in ("run", "report") else "reference")
     more = {"run": "figures: [own, error]\n", "sweep": SWEEP.replace("draws: 6", "draws: 2"), "audit": AUDIT}
     config.write_text(short + more.get(kind, "").replace("{text}", said), encoding="utf-8")
@@ -158,6 +158,8 @@ def _pages(shop: Workshop, kind: str, text: str) -> list[Path] | str:
         "audit": ["audit", config, "--out", out],
     }
     done = shop.command(*line[kind], limit=300.0)
+    if "\u2066" in text:  # what turns the direction of text round is refused
+        return done.fault(2) or []
     if fault := done.fault(0, 1):
         return fault
     if kind == "report":
