@@ -33,7 +33,7 @@ class Scores(NamedTuple):
     @property
     def logs(self) -> Array:
         """Mean over conditions of ln, (tunings, draws); NaN where a run of the draw failed."""
-        return _mean(_logs(self), np.ones_like(self.values, dtype=bool), 1)
+        return np.asarray(np.mean(_logs(self), axis=1))
 
 
 NO_RATIO = Ratio(math.nan, math.nan, math.nan, 0, (0, 0), 0)

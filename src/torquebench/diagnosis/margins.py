@@ -398,11 +398,10 @@ def margins_of(experiment: Experiment, loop: Loop, slopes: Slopes) -> Margins | 
     lost = {name: x for name, x in lost.items() if abs(x) >= 0.05}
     owners = {name: owner_of(experiment, name) for name in lost}
     damping = _damping(kept, 2.0 * math.pi * worst.crossover)
-    worst = replace(worst, joint=joint, delay=None, lost=lost, owners=owners, damping=damping)
-    if worst.phase is None or worst.phase <= 0.0:
-        return worst
-    limit = (most, swings) if math.isfinite(most) else (None, None)
-    return replace(worst, delay=least, factor=limit[0], oscillation=limit[1])
+    told = replace(worst, joint=joint, delay=None, lost=lost, owners=owners, damping=damping)
+    if worst.phase <= 0.0:
+        return told
+    return replace(told, delay=least, factor=most if math.isfinite(most) else None, oscillation=swings)
 
 
 def _damping(terms: Terms, omega: float) -> float:

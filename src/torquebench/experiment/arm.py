@@ -175,6 +175,11 @@ def _worst(over: NDArray[np.bool_], size: Array, among: NDArray[np.bool_]) -> tu
     return worst, int(np.argmax(over[:, worst])), [int(j) for j in joints if j != worst]
 
 
+def also(others: Sequence[str]) -> str:
+    """Return that the same is so of other joints; nothing without any."""
+    return f"; so {'do' if len(others) > 1 else 'does'} {', '.join(others)}" if others else ""
+
+
 def _too_fast(experiment: Experiment, who: str, t: Array, qd: Array, among: NDArray[np.bool_]) -> list[str]:
     """Return a line where joints exceed their greatest speed, or none.
 
@@ -196,8 +201,7 @@ def _too_fast(experiment: Experiment, who: str, t: Array, qd: Array, among: NDAr
     unit, others = "m/s" if arm.flat.kind[worst] else "rad/s", [arm.joint_names[j] for j in rest]
     return [
         f"{who}{arm.joint_names[worst]} exceeds its speed limit, {most[worst]:.4g} {unit}, at {t[first]:.4g} s and "
-        f"reaches {speed[:, worst].max():.4g} {unit}"
-        + (f"; so {'do' if len(others) > 1 else 'does'} {', '.join(others)}" if others else "")
+        f"reaches {speed[:, worst].max():.4g} {unit}" + also(others)
     ]
 
 
@@ -240,7 +244,5 @@ def _leaving(experiment: Experiment, who: str, t: Array, q: Array, among: NDArra
     return [
         f"{who}{arm.joint_names[worst]} leaves its range, {arm.passive.low[worst]:.4g} to "
         f"{arm.passive.high[worst]:.4g} {unit}, at {t[first]:.4g} s and goes up to {beyond[:, worst].max():.3g} {unit} "
-        "beyond it"
-        + (f"; so {'do' if len(others) > 1 else 'does'} {', '.join(others)}" if others else "")
-        + ("" if experiment.plant.limits == "stop" else "; no plant holds a joint back")
+        "beyond it" + also(others) + ("" if experiment.plant.limits == "stop" else "; no plant holds a joint back")
     ]

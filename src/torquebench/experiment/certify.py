@@ -9,7 +9,7 @@ import numpy as np
 
 from torquebench.certificates import UNSTABLE, Certificate, Phases, SlidingLaw, certify, held_to, required_gain
 from torquebench.experiment import schema
-from torquebench.experiment.arm import planned_range, planned_speed
+from torquebench.experiment.arm import also, planned_range, planned_speed
 from torquebench.experiment.build import Loop, plant_factors
 from torquebench.experiment.controllers import Controller
 from torquebench.kernel import Array
@@ -223,7 +223,7 @@ def planned_torque(experiment: schema.Experiment, loop: Loop) -> list[str]:
     return [
         f"{TOO_MUCH}: {loop.joint_names[worst]} {abs(tau[at, worst]):.4g} {unit} "
         f"at {at * step * experiment.run.control_period:.4g} s, its limit is {limits[worst]:.4g} {unit}"
-        f" ({', '.join(told)})" + (f"; so do {', '.join(others)}" if others else ""),
+        f" ({', '.join(told)})" + also(others),
         *still,
     ]
 

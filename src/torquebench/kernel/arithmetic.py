@@ -1,4 +1,4 @@
-"""Which last bits processor and C library give: a digest of what the functions of laws give for fixed numbers."""
+"""A digest of the last bits that processor and C library give to the functions of laws, for fixed numbers."""
 
 from __future__ import annotations
 

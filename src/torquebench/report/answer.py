@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from markupsafe import Markup
 
@@ -17,6 +17,8 @@ from torquebench.report.tables import number
 
 ALIKE = 0.05
 """How far from 1 a ratio of efforts is worth no word [1]."""
+FEW = 4
+"""Names that a sentence lists; of more it says how many they are."""
 
 
 def answer(result: ExperimentResult) -> Markup:
@@ -66,12 +68,23 @@ def _bold(names: Sequence[str]) -> Markup:
 
 
 def _some(names: Sequence[str], of: Collection[str]) -> Markup:
-    """Return names, or how many they are of all where they are more than four."""
-    return _bold(names) if len(names) <= 4 else Markup("{} of {}").format(len(names), len(of))
+    """Return names, or how many they are of all where they are more than `FEW`."""
+    return _bold(names) if len(names) <= FEW else Markup("{} of {}").format(len(names), len(of))
 
 
 def _verb(word: str, names: Sequence[str]) -> str:
     return f"{word}s" if len(names) == 1 else word
+
+
+def _ends(shown: Mapping[str, str]) -> tuple[list[str], list[str]]:
+    """Return the names whose number reads as the first one's, and those whose number reads as the last one's."""
+    numbers = [*shown.values()]
+    first, last = ([name for name in shown if shown[name] == number] for number in (numbers[0], numbers[-1]))
+    return first, last
+
+
+def _all(shown: Mapping[str, str], result: ExperimentResult) -> str:
+    return "All" if len(shown) == len(result.runs) else "All that completed"
 
 
 def times(a: float, b: float) -> str:
@@ -96,12 +109,11 @@ def _following(result: ExperimentResult) -> list[Markup]:
     if not errors:
         return []
     unit, shown = joint_units(info.shown_unit, result.slides), {x: number(y, info.scale) for x, y in errors.items()}
-    best, worst = ([name for name in shown if shown[name] == shown[end]] for end in (next(iter(shown)), [*shown][-1]))
+    best, worst = _ends(shown)
     if len(shown) == 1:
         return [Markup("{} follows: RMS error {} {}.").format(_bold(best), shown[best[0]], unit)]
     if best == worst:
-        who = "All" if len(shown) == len(result.runs) else "All that completed"
-        return [Markup("{} follow alike: RMS error {} {}.").format(who, shown[best[0]], unit)]
+        return [Markup("{} follow alike: RMS error {} {}.").format(_all(shown, result), shown[best[0]], unit)]
     return [
         Markup("{} {} best: RMS error {} {}; {} worst, {} {}.").format(
             _some(best, shown), _verb("follow", best), shown[best[0]], unit, _some(worst, shown), shown[worst[0]], unit
@@ -116,22 +128,21 @@ def _chattering(result: ExperimentResult) -> list[Markup]:
     names, limit = list(values), "of the torque limit"
     quiet = [name for name in names if is_still(values[name])]
     shown = {name: number(value) for name, value in values.items()}
-    least, most = ([name for name in shown if shown[name] == shown[end]] for end in (names[0], names[-1]))
+    least, most = _ends(shown)
     loud = Markup("{} {}{} ({} % {})").format(
         _some(most, shown), _verb("chatter", most), " most" if len(names) > 1 else "", shown[names[-1]], limit
     )
     alone = _one_joint(result, quiet)
     if len(quiet) == len(names):
         who = "None chatters" if len(names) > 1 else "It does not chatter"
-        return [Markup("{}: at most {} % {}.").format(who, number(values[names[-1]]), limit), *alone]
+        return [Markup("{}: at most {} % {}.").format(who, shown[names[-1]], limit), *alone]
     if quiet:
         verb = "does not chatter" if len(quiet) == 1 else "do not chatter"
         return [Markup("{} {} (below {:g} %), {}.").format(_some(quiet, shown), verb, STILL, loud), *alone]
     if len(names) == 1:
         return [loud + "."]
     if least == most:
-        who = "All" if len(shown) == len(result.runs) else "All that completed"
-        return [Markup("{} chatter alike: {} % {}.").format(who, shown[names[0]], limit)]
+        return [Markup("{} chatter alike: {} % {}.").format(_all(shown, result), shown[names[0]], limit)]
     who, verb = _some(least, shown), _verb("chatter", least)
     return [Markup("{} {} least ({} %), {}.").format(who, verb, shown[names[0]], loud)]
 
@@ -148,13 +159,13 @@ def _one_joint(result: ExperimentResult, quiet: Sequence[str]) -> list[Markup]:
 
 
 def _chattering_too(result: ExperimentResult) -> list[Markup]:
-    """Return who else chatters, where more than four that do not are only counted, and at most three are left."""
+    """Return who else chatters, where those that do not are only counted, and at most three are left."""
     values = values_of(result, "chattering")
     loud = [name for name in values if not is_still(values[name])]
     others = [name for name in loud if number(values[name]) != number(values[loud[-1]])]
-    if len(values) - len(loud) <= 4 or not 1 <= len(others) <= 3:
+    if len(values) - len(loud) <= FEW or not 1 <= len(others) <= 3:
         return []
-    return [Markup("{} {} too.").format(_bold(others), "chatters" if len(others) == 1 else "chatter")]
+    return [Markup("{} {} too.").format(_bold(others), _verb("chatter", others))]
 
 
 def _costs(result: ExperimentResult) -> list[Markup]:

@@ -18,6 +18,7 @@ from torquebench.experiment.run import ExperimentResult, band_of
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.references.reference import depends_on_arm
+from torquebench.robot.flat_model import force_unit
 from torquebench.scene.shapes import Triangles
 from torquebench.sim.trajectory import Trajectory
 
@@ -51,7 +52,7 @@ def replay_data(result: ExperimentResult, colours: Mapping[str, str]) -> dict[st
         "joint": joint,
         "joint_why": told,
         "joints": [
-            {"name": name, "limit": limit, "angle": "m" if slides else "rad", "torque": "N" if slides else "N m"}
+            {"name": name, "limit": limit, "angle": "m" if slides else "rad", "torque": force_unit(slides)}
             for name, limit, slides in zip(joints.names, joints.tau_max, joints.slides, strict=True)
         ],
         "reference": packed(longest.q_ref[::every] if every > 1 else longest.q_ref),

@@ -34,6 +34,7 @@ from torquebench.report.tables import (
     uncovered,
     without_common_words,
 )
+from torquebench.robot.flat_model import force_unit
 from torquebench.robot.library import ArmFile, scene_path
 
 SIGNALS = ("error", "torque", "position", "sliding", "deflection")
@@ -243,7 +244,7 @@ def certificate_words(result: ExperimentResult) -> list[tuple[str, list[tuple[bo
     found = []
     for name, facts in result.certified.items():
         worst, outside = facts["worst_margin"], facts["share_outside"]
-        joint, force = result.joints.names[worst["joint"] - 1], "N" if result.slides[worst["joint"] - 1] else "N m"
+        joint, force = result.joints.names[worst["joint"] - 1], force_unit(result.slides[worst["joint"] - 1])
         enough, where = worst["value"] >= 0.0, f"{joint}, t = {worst['t']:.4g} s"
         gain = f"{'large enough, by' if enough else 'too small, by'} {number(abs(worst['value']))} {force} ({where})"
         set_point = facts.get("set_point")

@@ -14,6 +14,7 @@ from torquebench.experiment.run import ExperimentResult
 from torquebench.laws import find_law
 from torquebench.metrics import Metric, MetricInfo, applicable
 from torquebench.references.reference import depends_on_arm
+from torquebench.robot.flat_model import force_unit
 
 Cells: TypeAlias = tuple[list[str], list[list[str]]]
 """Header and rows of a table."""
@@ -155,7 +156,7 @@ def certificate_table(result: ExperimentResult) -> Cells:
     rows = []
     for name, facts in result.certified.items():
         worst = facts["worst_margin"]
-        joint, force = result.joints.names[worst["joint"] - 1], "N" if result.slides[worst["joint"] - 1] else "N m"
+        joint, force = result.joints.names[worst["joint"] - 1], force_unit(result.slides[worst["joint"] - 1])
         vacuous, set_point = facts.get("vacuous", not facts["share_outside"]), facts.get("set_point")
         rows.append(
             [

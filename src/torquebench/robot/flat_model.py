@@ -25,7 +25,7 @@ SLIDE = 1
 
 
 def force_unit(kind: int) -> str:
-    """Return the unit of what drives a joint, HINGE or SLIDE."""
+    """Return the unit of what drives a joint, HINGE or SLIDE, or of which it is said whether it slides."""
     return "N" if kind == SLIDE else "N m"
 
 
