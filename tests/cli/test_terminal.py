@@ -157,7 +157,7 @@ def test_silence(capsys):
     ("is_terminal", "quiet", "seen"), [(True, False, True), (True, True, False), (False, False, False)]
 )
 def test_progress_is_for_people(monkeypatch, is_terminal, quiet, seen):
-    """On a terminal: what is being done, how much, the time left; else, and with --quiet, nothing at all."""
+    """On a terminal: what is being done, how much, the time left; with --quiet, and of short work else, nothing."""
     stream = Terminal() if is_terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
     with speaking(quiet, as_json=False), progress_bar(4, "step", "starting", done=1) as bar:
@@ -167,6 +167,20 @@ def test_progress_is_for_people(monkeypatch, is_terminal, quiet, seen):
     assert bool(written) == seen
     if seen:
         assert re.search(r"going on .* 50% +2 steps +0:00:00 so far", visible(written))
+
+
+def test_without_a_terminal_a_line_now_and_then_tells_what_is_left(monkeypatch):
+    """What is done, of how many and what is left, for a log; not more often than `EVERY`, and nothing with --quiet."""
+    told = {}
+    for every, quiet in ((0.0, False), (60.0, False), (0.0, True)):
+        monkeypatch.setattr(terminal, "EVERY", every)
+        monkeypatch.setattr(sys, "stderr", stream := io.StringIO())
+        with speaking(quiet, as_json=False), progress_bar(0, "loop", "starting", done=1000) as bar:
+            following(bar)("tuning", 0, 5000)
+            bar.update(1000)
+        told[every, quiet] = stream.getvalue().splitlines()
+    assert told[0.0, False][-1] == "tuning: 2,000 of 5,000 loops, 0:00:00 so far, 0:00:00 left"
+    assert told[60.0, False] == told[0.0, True] == []
 
 
 def test_what_is_left_is_told_where_it_is_known(monkeypatch):

@@ -320,8 +320,12 @@ def _watched() -> bool:
     return not voice().quiet and sys.stderr is not None and sys.stderr.isatty()
 
 
+EVERY = 30.0
+"""Time between two lines of progress where standard error is no terminal [s]."""
+
+
 class Bar:
-    """Progress of one piece of work; silent where there is nobody to see it."""
+    """Progress of one piece of work; silent where only errors are wanted."""
 
     def __init__(self, progress: Progress | None = None, task: TaskID | None = None, total: float | None = None):
         self._progress, self._task, self._total = progress, task, total
@@ -349,6 +353,43 @@ class Bar:
             self._progress.update(self._task, description=text)
 
 
+class Log(Bar):
+    """Progress where standard error is a file or a pipe: a line now and then, with what is done and what is left.
+
+    Args:
+        total: Number of units of work, when it is known.
+        unit: What one unit is called.
+        what: What is being done.
+        done: Units that were finished before.
+    """
+
+    def __init__(self, total: float | None, unit: str, what: str, done: float) -> None:
+        super().__init__(total=total)
+        self._unit, self._what, self._done, self._before = unit, what, done, done
+        self._begun = self._told = time.monotonic()
+
+    def update(self, n: float = 1) -> None:
+        """Advance by `n`."""
+        self._done += n
+        self._tell()
+
+    def describe(self, text: str) -> None:
+        """Say what is being done."""
+        self._what = text
+        self._tell()
+
+    def _tell(self) -> None:
+        now = time.monotonic()
+        if now - self._told < EVERY:
+            return
+        self._told, passed, ran = now, now - self._begun, self._done - self._before
+        whole = f" of {self.total:,.0f}" if self.total else ""
+        text = f"{self._what}: {self._done:,.0f}{whole} {self._unit}s, {timedelta(seconds=int(passed))} so far"
+        if self.total and ran > 0:
+            text += f", {timedelta(seconds=int(passed * max(self.total - self._done, 0.0) / ran))} left"
+        complain(text)
+
+
 _PROGRESS: list[Progress] = []
 """The display that is on the screen; a bar inside another one's work is a second line of it."""
 
@@ -357,7 +398,7 @@ _PROGRESS: list[Progress] = []
 def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[Bar]:
     """Show progress and the time left on standard error, and clear it at the end.
 
-    Silent when standard error is not a terminal, or only errors are wanted.
+    Where that is no terminal, it is a line now and then; silent when only errors are wanted.
 
     Args:
         total: Number of units of work; 0 while it is not known.
@@ -366,7 +407,7 @@ def progress_bar(total: int, unit: str, begin: str, done: int = 0) -> Iterator[B
         done: Units that were finished before.
     """
     if not _watched():
-        yield Bar(total=total or None)
+        yield Bar(total=total or None) if voice().quiet else Log(total or None, unit, begin, done)
         return
     if _PROGRESS:
         task = _PROGRESS[0].add_task(begin, total=total or None, completed=done, unit=unit)
