@@ -10,9 +10,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from torquebench.arena.pages import latex, markdown, write_files
+from torquebench.arena.pages import Duel, by_condition, duels, latex, markdown, write_files
 from torquebench.arena.ranking import Standing
-from torquebench.arena.record import RULESETS, TUNED, Record, Row, read_record
+from torquebench.arena.record import RULESETS, SHIPPED, TUNED, Record, Row, picks, read_record
 from torquebench.arena.run import loops_of, run_rows
 from torquebench.arena.study import Study, Track, take_study
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
@@ -31,6 +31,7 @@ from torquebench.experiment.store import (
 )
 from torquebench.experiment.yaml_tree import value_at
 from torquebench.keys import altered
+from torquebench.laws import law_names
 from torquebench.robot.library import ArmFile, arm_name
 from torquebench.sim.sandbox import load_sandboxed
 from torquebench.sweep.tune import threads
@@ -75,6 +76,14 @@ class Arena:
             if value not in known:
                 raise ResultError(f"no {what} '{value}'{did_you_mean(value, known)}")
         return self.record.standings(chain, level, metric, ruleset, held_out)
+
+    def duels(self, entry: str, level: float, metric: str = "") -> list[Duel]:
+        """Return what comes of an entry against each other one on each chain; see `duels`."""
+        return duels(self.record, entry, level, metric)
+
+    def by_condition(self, entry: str, level: float, metric: str = "") -> dict[str, dict[str, dict[str, float]]]:
+        """Return the errors of an entry and of the best other one under each condition; see `by_condition`."""
+        return by_condition(self.record, entry, level, metric)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row for each chain, level, ruleset and entry: rank, error, interval, chattering, failures."""
@@ -146,8 +155,10 @@ def run_arena(
     Raises:
         ConfigError: the study has mistakes, or the folder holds something else.
     """
-    _load(plugins)
+    added = _load(plugins)
     asked = study_of(study, changes, quick)
+    if asked.asked.laws == "all":
+        _entries(asked, added)
     secret = new_secret() if seed is None else f"seed {seed}"
     directory = None
     if store:
@@ -189,7 +200,8 @@ def against(
 
     Args:
         path: ``arena.json``, or its folder.
-        laws: Names of the laws; those that the plug-ins add if left out. Each enters with ``gains: auto``.
+        laws: Names of the laws, or of the stored entries that are made anew; the laws that the plug-ins add if left
+            out. Each enters with ``gains: auto``.
         plugins: Python files that register them.
         folder: Where to store the arena with them; new or empty, None for ``runs/NAME-UTC``.
         store: Whether to store anything.
@@ -204,9 +216,10 @@ def against(
     entering = list(laws) or added
     if not entering:
         raise ConfigError([Problem("--against", "", "no law enters", wanted="--plugin FILE, or --law NAME")])
-    study = _stored_study(record, entering)
-    rows = _again(record, study, entering, record.chains, workers, progress)
-    kept = tuple(row for row in record.rows if row.entry not in entering)
+    study = _stored_study(record)
+    entries = _entries(study, entering)
+    rows = _again(record, study, entries, record.chains, workers, progress)
+    kept = tuple(row for row in record.rows if row.entry not in entries)
     found = replace(record, rows=kept + rows, date=today(), software=versions(), machine=machine())
     if not store:
         return Arena(found)
@@ -242,7 +255,7 @@ def check_row(
     row = record.row(name)
     if row.state:
         raise ResultError(f"row '{name}' {row.state}")
-    (made,) = _again(record, _stored_study(record, [row.law]), [row.entry], [row.chain], workers, progress)
+    (made,) = _again(record, _stored_study(record), [row.entry], [row.chain], workers, progress)
     return difference(asdict(row), asdict(made))
 
 
@@ -270,19 +283,33 @@ def entry_config(record: Record, name: str) -> str:
     row = record.row(name)
     if row.state:
         raise ResultError(f"row '{name}' {row.state}")
-    track = _stored_study(record, [row.law]).tracks[row.chain].sealed(seed_of(record.seal["secret"]))
-    return config_of(track, row)
+    track = _stored_study(record).tracks[row.chain].sealed(seed_of(record.seal["secret"]))
+    return config_of(track, row, record.levels)
 
 
-def config_of(track: Track, row: Row) -> str:
-    """Return the config that replays a row under the last burden, which is the heaviest where there is an order."""
+def config_of(track: Track, row: Row, levels: Sequence[float]) -> str:
+    """Return the config that replays a row under the last burden, which is the heaviest where there is an order.
+
+    Args:
+        track: The row's chain, with its tests sealed.
+        row: The row.
+        levels: Chattering at which laws are compared, which names the controllers [% of the torque limit].
+    """
     (own,) = (controller for controller in track.base.controllers if controller.name == row.entry)
     controllers = []
     for i, one in enumerate(row.judged):
-        name = "as-given" if one.seed is None else f"tuned-{one.seed}-{i}"
+        name = "as-given"
+        if one.seed is not None:
+            at = [f"{level:g}".replace(".", "p") for level in levels if picks(row, level)[one.seed] is one]
+            name = f"tuned-{one.seed}-at-{'-'.join(at) or f'none-{i}'}"
         controllers.append(replace(own, name=name, gains=dict(one.gains)))
     experiment = track.burdens[-1].experiment
-    words = f"{row.name}: the gains that were judged, under {track.burdens[-1].name}."
+    words = (
+        f"{row.name}: the gains that were judged, under {track.burdens[-1].name}; those of tuned-0-at-3 are what "
+        "tuning 0 found for a chattering of 3 %."
+    )
+    if row.source != SHIPPED:
+        words += f" Run it with --plugin {row.source}."
     name = f"{row.entry}-{row.chain}"[:64].rstrip("-")
     return dump_experiment(altered(experiment, controllers=tuple(controllers), name=name, description=words))
 
@@ -309,18 +336,31 @@ def study_of(
     return take_study(document)
 
 
-def _stored_study(record: Record, laws: Sequence[str]) -> Study:
+def _stored_study(record: Record) -> Study:
     """Return the study of a stored arena, with laws that it may not have known."""
     document = read_document(record.study, RECORD)
     for path, text in record.arms.items():
         document.arms[path] = None, ArmFile(arm_name(path), text)
     set_key(document, "arena.laws", "all")
-    study = take_study(document)
-    known = {controller.law for track in study.tracks.values() for controller in track.base.controllers}
-    missing = [law for law in laws if law not in known]
-    if missing:
-        raise ConfigError([Problem("", "law", f"no law '{law}'{did_you_mean(law, known)}") for law in missing])
-    return study
+    return take_study(document)
+
+
+def _entries(study: Study, wanted: Sequence[str]) -> list[str]:
+    """Return the entries that are called by a name, or by their law's.
+
+    Raises:
+        ConfigError: there is none of a name; a law that has the name of another one's entry does not enter.
+    """
+    laws = {own.name: own.law for track in study.tracks.values() for own in track.base.controllers}
+    found = {name: [own for own, law in laws.items() if name in (own, law)] for name in wanted}
+    wrong = [Problem("", "law", f"no law '{name}'{did_you_mean(name, laws)}") for name, own in found.items() if not own]
+    for name in law_names():
+        if name in wanted and name in laws and name not in laws.values():
+            text = f"law '{name}' does not enter: an entry of law '{laws[name]}' has its name"
+            wrong.append(Problem("", "law", text, wanted="another name"))
+    if wrong:
+        raise ConfigError(wrong)
+    return list(dict.fromkeys(own for names in found.values() for own in names))
 
 
 def _again(
@@ -400,13 +440,15 @@ def _claim(folder: Path | None, study: Study, secret: str) -> tuple[RunDirectory
 def _write(record: Record, directory: RunDirectory) -> None:
     """Write the files of an arena; the manifest last."""
     directory.write(RECORD, record.to_json())
-    study = _stored_study(record, ())
+    study = _stored_study(record)
     tracks = {name: track.sealed(seed_of(record.seal["secret"])) for name, track in study.tracks.items()}
     for path, text in record.arms.items():
         directory.write(f"entries/{path}", text.encode())
     for row in record.rows:
         if not row.state:
-            directory.write(f"entries/{row.chain}/{row.entry}.yaml", config_of(tracks[row.chain], row).encode())
+            directory.write(
+                f"entries/{row.chain}/{row.entry}.yaml", config_of(tracks[row.chain], row, record.levels).encode()
+            )
     for name, content in write_files(record):
         directory.write(name, content)
     directory.finish({"name": record.name, "arena": True})

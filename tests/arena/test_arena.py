@@ -16,11 +16,13 @@ import yaml
 
 import torquebench
 from torquebench import diff
-from torquebench.arena.ranking import compare
-from torquebench.arena.record import Record, picks, read_record
+from torquebench.arena.pages import by_condition, duels, worth
+from torquebench.arena.ranking import compare, rank
+from torquebench.arena.record import Record, picks, plain_gains, read_record
 from torquebench.arenas import (
     ALIKE,
     Arena,
+    _entries,
     _stored_study,
     against,
     check_row,
@@ -187,6 +189,12 @@ def test_the_config_of_a_row_replays_what_is_stored(record: Record, folder: Path
     """An experiment run by itself has the stored figures of the last burden's first draw: 4 digits are stored."""
     row = record.row("slow/linear-band-smc")
     text = entry_config(record, row.name)
+    gains = {one["name"]: one["gains"] for one in yaml.safe_load(text)["controllers"]}
+    for level in record.levels:
+        for seed, one in enumerate(picks(row, level)):
+            (name,) = (x for x in gains if re.fullmatch(rf"tuned-{seed}-at-(\d+-)*{level:g}(-\d+)*", x))
+            assert one is not None
+            assert plain_gains(gains[name]) == one.gains
     assert (folder / "entries/slow/linear-band-smc.yaml").read_text() == text
     result = torquebench.run_experiment(torquebench.load_experiment(yaml.safe_load(text)))
     for one, found in zip(row.judged, result.to_dataframe()["rmse"], strict=True):
@@ -211,20 +219,89 @@ def test_a_stored_study_that_names_no_laws_is_read_again(record: Record) -> None
     """As the shipped one is, in which all laws enter: what is stored is that text."""
     text = "\n".join(line for line in record.study.splitlines() if "laws:" not in line)
     assert text != record.study
-    assert list(_stored_study(replace(record, study=text), ()).tracks) == ["slow"]
+    assert list(_stored_study(replace(record, study=text)).tracks) == ["slow"]
 
 
 def test_a_row_without_its_law_expires(record: Record) -> None:
     """It is shown and not ranked: one whose law is gone, and one whose law has changed."""
     a, b, *rest = record.rows
-    old = replace(record, rows=(replace(a, law="gone"), replace(b, digest="0"), *rest))
+    old = replace(record, rows=(replace(a, law="gone", source="my_law.py"), replace(b, digest="0"), *rest))
     notes = {own.entry: own for own in old.standings("slow", 20.0)}
     assert notes[a.entry].rank is None
-    assert "is not there any more" in notes[a.entry].note
+    assert notes[a.entry].note.endswith("is not there any more, unless --plugin names my_law.py")
     assert notes[b.entry].rank is None
     assert "has changed since" in notes[b.entry].note
     with pytest.raises(ResultError, match="expired"):
         entry_config(old, a.name)
+
+
+def test_ranks_are_worked_out_once_and_again_when_a_law_has_changed(
+    record: Record, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tables, figure and page share them; a caller that empties its list, and a law that expires, spoil nothing."""
+    asked, again = list[int](), replace(record)
+    monkeypatch.setattr("torquebench.arena.record.rank", lambda scores: asked.append(len(scores)) or rank(scores))
+    found = again.standings("slow", 20.0)
+    assert found == record.standings("slow", 20.0)
+    found.clear()
+    assert len(again.standings("slow", 20.0)) == 3
+    assert asked == [3]
+    gone = again.rows[0].law
+    monkeypatch.setattr("torquebench.arena.record.law_names", lambda: [x for x in law_names() if x != gone])
+    assert [own.rank for own in again.standings("slow", 20.0) if own.entry == gone] == [None]
+    assert asked == [3, 2]
+
+
+def test_duels_are_those_that_make_the_ranks(record: Record) -> None:
+    """Who is behind a rival is beaten by it with the inverse ratio (1e-12); the first rank counts rivals that beat it.
+
+    One entry's errors are made a million times as large, so that there is something to tell with two tunings.
+    """
+    names = [row.entry for row in record.rows]
+    worse = scaled(record, names[0], 1e6)
+    every = {(name, one.rival): one for name in names for one in duels(worse, name, 20.0)}
+    for (name, rival), one in every.items():
+        other = every[rival, name]
+        assert one.verdict == -other.verdict
+        assert one.ratio[:3] == pytest.approx((1 / other.ratio.ratio, 1 / other.ratio.high, 1 / other.ratio.low), 1e-12)
+    for own in worse.standings("slow", 20.0):
+        verdicts = [one.verdict for (name, _), one in every.items() if name == own.entry]
+        assert (own.rank, own.last) == (1 + verdicts.count(-1), len(names) - verdicts.count(1))
+    assert any(one.verdict for one in every.values())
+    with pytest.raises(ResultError, match=f"did you mean '{names[0]}'"):
+        duels(record, f"{names[0]}x", 20.0)
+
+
+def test_errors_under_each_burden_make_the_error_that_ranks(record: Record) -> None:
+    """Their geometric mean is the standing's value where nothing fails (1e-12); beside it stands the best other one."""
+    first, second, *_ = (own for own in record.standings("slow", 20.0))
+    for entry, other in ((first, second), (second, first)):
+        found = by_condition(record, entry.entry, 20.0)["slow"]
+        assert list(found) == [entry.entry, other.entry]
+        assert list(found[entry.entry]) == ["nominal", "noise", "payload"]
+        product = found[entry.entry]["nominal"] * found[entry.entry]["noise"]
+        assert product**0.5 == pytest.approx(entry.value, rel=1e-12)
+
+
+def test_an_arena_without_ablations_says_so(record: Record, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In its tables, on its page and in the terminal; with one variant of a law there is nothing to say."""
+    assert worth(record) in (folder / "arena.md").read_text()
+    assert "No part of any law is taken out" in (folder / "report.html").read_text()
+    assert main(["arena", str(folder), "--json"]) == 0
+    assert any("No part of any law is taken out" in text for text in json.loads(capsys.readouterr().out)["remarks"])
+    a, b, *rest = record.rows
+    assert worth(replace(record, rows=(a, replace(b, law=a.law), *rest))) == ""
+
+
+def test_who_enters_is_called_by_entry_or_law_and_takes_no_name(record: Record) -> None:
+    """A law's name means all its entries; one that has the name of another law's entry is refused, not passed over."""
+    own = {**STUDY, "controllers": [{"name": "mine", "law": "pd", "gains": "auto"}]}
+    text = yaml.safe_dump(own)
+    study = _stored_study(replace(record, study=text))
+    assert _entries(study, ["mine"]) == _entries(study, ["pd"]) == ["mine"]
+    own["controllers"][0]["name"] = "pid"
+    with pytest.raises(ConfigError, match="'pid' does not enter: an entry of law 'pd' has its name"):
+        _entries(_stored_study(replace(record, study=yaml.safe_dump(own))), ["pid"])
 
 
 def test_stored_arenas_are_ranked_again_by_another_level_and_metric(record: Record) -> None:
@@ -291,6 +368,8 @@ def test_the_command_ranks_and_prints(folder: Path, capsys: pytest.CaptureFixtur
     for flag, word in (("--markdown", "## As given"), ("--latex", "\\toprule"), ("--config", "controllers:")):
         assert main(["arena", stored, flag, *(["slow/pd-gravity"] if flag == "--config" else [])]) == 0
         assert word in capsys.readouterr().out
+    assert main(["arena", stored, "--law", "pd-gravity"]) == 0
+    assert "of pd-gravity and of the best other law" in capsys.readouterr().out
     assert main(["arena", stored, "--against", stored]) == 2
     assert main(["arena", "studies/arena", "--check", "slow/pid"]) == 2
     assert main(["arena"]) == 2

@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from torquebench.arena.ranking import TOLERANCE, Standing, compare
+from torquebench.arena.ranking import TOLERANCE, Standing, compare, mean_over_runs, verdict
 from torquebench.arena.record import RULESETS, SELF, TUNED, Record, Row
-from torquebench.errors import ResultError
+from torquebench.errors import ResultError, did_you_mean
 from torquebench.metrics import METRICS
 from torquebench.report.tables import Cells
 from torquebench.statistics import Ratio
@@ -181,6 +181,80 @@ def variants(record: Record, level: float, metric: str = "") -> list[tuple[str, 
     return found
 
 
+def worth(record: Record) -> str:
+    """Return what is to be said where no entry is a variant of another: nothing where there is one."""
+    if len({(row.chain, row.law) for row in record.rows}) < len(record.rows):
+        return ""
+    return (
+        "No part of any law is taken out here, so that nothing tells which part its error is due to: add controllers "
+        "with `extends:` that change an option, as studies/arena does for the proposed law."
+    )
+
+
+class Duel(NamedTuple):
+    """What comes of an entry against another one on a chain."""
+
+    chain: str
+    rival: str
+    verdict: int
+    """1 where the entry beats it, -1 where it is beaten, 0 for a tie."""
+    ratio: Ratio
+    """The entry's error over the rival's."""
+
+
+def duels(record: Record, entry: str, level: float, metric: str = "") -> list[Duel]:
+    """Return what comes of an entry against each other one, chain by chain, the best rival first.
+
+    A chain on which the entry is not ranked has none, nor has a rival that is not ranked there.
+
+    Args:
+        record: The arena.
+        entry: The entry.
+        level: Level of chattering.
+        metric: As of `lines`.
+
+    Raises:
+        ResultError: there is no such entry.
+    """
+    if entry not in (known := {row.entry for row in record.rows}):
+        raise ResultError(f"no entry '{entry}'{did_you_mean(entry, known)}")
+    found = []
+    for chain in record.chains:
+        names = [own.entry for own in record.standings(chain, level, metric) if own.rank is not None]
+        shown = {name: record.scores(record.row(f"{chain}/{name}"), level, metric) for name in names}
+        if own := shown.pop(entry, None):
+            found += [Duel(chain, name, verdict(own, it), compare(own, it)) for name, it in shown.items()]
+    return found
+
+
+def by_condition(record: Record, entry: str, level: float, metric: str = "") -> dict[str, dict[str, dict[str, float]]]:
+    """Return chain -> entry and the best other one -> condition -> geometric mean of the metric over what completed.
+
+    Args:
+        record: The arena.
+        entry: The entry; a chain that has no gains of this level of it is left out.
+        level: Level of chattering.
+        metric: As of `lines`.
+    """
+    found = dict[str, dict[str, dict[str, float]]]()
+    for chain in record.chains:
+        order = [own.entry for own in record.standings(chain, level, metric) if own.value == own.value]
+        if entry in order:
+            names = [entry, *(name for name in order if name != entry)][:2]
+            found[chain] = {name: _means(record, record.row(f"{chain}/{name}"), level, metric) for name in names}
+    return found
+
+
+def _means(record: Record, row: Row, level: float, metric: str) -> dict[str, float]:
+    found = {}
+    for names, held in ((record.burdens, False), (record.held_out, True)):
+        if names:
+            own = record.scores(row, level, metric, held_out=held)
+            for i, name in enumerate(names):
+                found[name] = mean_over_runs(own._replace(values=own.values[:, [i]]))
+    return found
+
+
 def budget(record: Record) -> str:
     """Return the budget in a sentence."""
     loops = max((row.loops for row in record.rows), default=0)
@@ -244,13 +318,10 @@ def markdown(record: Record, picture: str = "", heading: str = "") -> str:
         out += ["", f"{deeper} On the chain {chain}, at {level:g} %", ""]
         own = [line for line in found if line.chain == chain and line.level == level]
         out += _markdown_table(HEAD, [cells(record, line) for line in own])
-    if worth := variants(record, level):
-        out += ["", f"{deeper} What the parts of a law are worth", ""]
-        out += ["Error over that of the first entry of the same law [95 %].", ""]
-        out += _markdown_table(
-            ["chain", "variant", "of", "ratio"],
-            [[chain, entry, base, ratio_text(ratio)] for chain, entry, base, ratio in worth],
-        )
+    out += ["", f"{deeper} What the parts of a law are worth", ""]
+    out += [worth(record) or "Error over that of the first entry of the same law [95 %].", ""]
+    if parts := [[chain, entry, base, ratio_text(ratio)] for chain, entry, base, ratio in variants(record, level)]:
+        out += _markdown_table(["chain", "variant", "of", "ratio"], parts)
     out += ["", f"{deeper} Rules", "", *(f"* {rule}" for rule in rules(record))]
     made = ", ".join(f"{name} {version}" for name, version in record.software.items())
     out += ["", f"Made by {made}. Commitment of the draws: `{record.seal['commitment']}`.", ""]
@@ -264,7 +335,7 @@ def ratio_text(ratio: Ratio) -> str:
 
 def latex(record: Record) -> str:
     """Return a table for each chain at each level, for booktabs."""
-    unit = unit_of(record)[0]
+    unit, found = unit_of(record)[0], lines(record)
     out = []
     for chain in record.chains:
         for level in record.levels:
@@ -277,8 +348,8 @@ def latex(record: Record) -> str:
                 f"rank & law & error [{_tex(unit)}] & 95\\,\\% & tuning & chattering [\\%] & failed \\\\",
                 "\\midrule",
             ]
-            for line in lines(record, levels=[level]):
-                if line.chain == chain:
+            for line in found:
+                if (line.chain, line.level) == (chain, level):
                     out.append(" & ".join(_tex(cell) for cell in cells(record, line)[:7]) + " \\\\")
             out += ["\\bottomrule", "\\end{tabular}", "\\end{table}", ""]
     return "\n".join(out)
@@ -319,6 +390,7 @@ def write_files(record: Record) -> Iterator[tuple[str, bytes]]:
             chains=list(record.chains),
             levels=list(record.levels),
             level=level,
+            worth=worth(record),
             variants=[(chain, entry, base, ratio_text(ratio)) for chain, entry, base, ratio in variants(record, level)],
             rules=rules(record),
             facts=json.dumps({"software": record.software, "machine": record.machine, "seal": record.seal}, indent=2),

@@ -177,11 +177,11 @@ def mean_of(scores: Scores, confidence: float = CONFIDENCE) -> tuple[float, floa
     return *found[:3], math.exp(min(float(own.max() - own.min()), 700.0))
 
 
-def chattering_of(scores: Scores, least: float) -> float:
+def mean_over_runs(scores: Scores, least: float = 0.0) -> float:
     """Return the geometric mean over all runs that completed; NaN where none did.
 
     Args:
-        scores: Chattering of an entry.
+        scores: What an entry has to show.
         least: What each counts as at least.
     """
     found = _logs(scores._replace(values=np.maximum(scores.values, least)))

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import functools
 import hashlib
 import inspect
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, chattering_of, mean_of, rank
+from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, mean_of, mean_over_runs, rank
 from torquebench.errors import ResultError, did_you_mean
 from torquebench.experiment.arena_section import CHATTERING
 from torquebench.experiment.values import from_json
@@ -30,6 +31,8 @@ TUNED, SELF = "tuned", "self"
 RULESETS = {TUNED: "tuned", SELF: "as given: no evaluation but the law's own adaptation"}
 LEAST = 1e-6
 """Chattering counts as at least this where its geometric mean is taken [% of the torque limit]."""
+SHIPPED = "torquebench"
+"""Where a law is from that is no file of somebody's own."""
 DIGITS = 4
 """Significant digits of what is stored."""
 
@@ -60,7 +63,7 @@ class Row:
     options: dict[str, str | bool]
     fuzzy: str | None = None
     source: str
-    """``torquebench``, or the name of the file that has the law."""
+    """`SHIPPED`, or the name of the file that has the law."""
     digest: str
     """Of the law's source, without comments and docstrings."""
     loops: int
@@ -80,7 +83,8 @@ class Row:
     def state(self) -> str:
         """Why the row has expired; nothing while its law is there as it was."""
         if self.law not in law_names():
-            return f"expired: law '{self.law}' is not there any more"
+            where = f"any more, unless --plugin names {self.source}" if self.source != SHIPPED else "any more"
+            return f"expired: law '{self.law}' is not there {where}"
         return "" if digest_of(find_law(self.law)) == self.digest else "expired: its law has changed since"
 
 
@@ -153,26 +157,41 @@ class Record:
     ) -> list[Standing]:
         """Return where each entry of a chain stands, the best first; those that are not ranked come last, with why.
 
+        It is worked out once, for the tables, the figure and the page have the same ranks, and anew where a law of the
+        chain has come, gone or changed.
+
         Args:
             chain: The chain.
             level, metric, ruleset, held_out: As of `scores`.
         """
+        rows = [(row, row.state) for row in self.rows if row.chain == chain]
+        asked = chain, level, metric, ruleset, held_out, tuple(state for _, state in rows)
+        if asked not in self._found:
+            self._found[asked] = self._stand(rows, level, metric, ruleset, held_out)
+        return list(self._found[asked])
+
+    @functools.cached_property
+    def _found(self) -> dict[tuple[Any, ...], list[Standing]]:
+        return {}
+
+    def _stand(
+        self, rows: Sequence[tuple[Row, str]], level: float, metric: str, ruleset: str, held_out: bool
+    ) -> list[Standing]:
+        """Return where rows of a chain stand, each given with its state; other arguments as of `standings`."""
         known, notes = dict[str, Scores](), dict[str, str]()
         chattering = dict[str, float]()
-        for row in self.rows:
-            if row.chain != chain:
-                continue
+        for row, state in rows:
             try:
                 own = self.scores(row, level, metric, ruleset, held_out)
                 measured = self.scores(row, level, CHATTERING, ruleset, held_out)
             except ResultError as error:
-                notes[row.entry] = row.state or str(error)
+                notes[row.entry] = state or str(error)
                 continue
             known[row.entry] = own
-            chattering[row.entry] = chattering_of(measured, LEAST)
+            chattering[row.entry] = mean_over_runs(measured, LEAST)
             above = f"chatters {chattering[row.entry]:.3g} % on test draws"
             seen = chattering[row.entry] if not held_out else 0.0
-            notes[row.entry] = row.state or (above if seen > TOLERANCE * level else "")
+            notes[row.entry] = state or (above if seen > TOLERANCE * level else "")
         ranks = rank({name: own for name, own in known.items() if not notes[name]})
         found = []
         for name, note in notes.items():
@@ -224,7 +243,15 @@ def picks(row: Row, level: float, ruleset: str = TUNED) -> list[Judged | None]:
 
 def digest_of(law: Law) -> str:
     """Return the digest of a law's source file as it is parsed: comments, docstrings and layout do not count."""
-    tree = ast.parse(_text(law))
+    return _digest_of(law.function)
+
+
+@functools.cache
+def _digest_of(function: Any) -> str:
+    if isinstance(function, SandboxedLaw):
+        tree = ast.parse(function.text)
+    else:
+        tree = ast.parse(Path(inspect.getsourcefile(function) or "").read_text(encoding="utf-8"))
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if (
@@ -237,19 +264,12 @@ def digest_of(law: Law) -> str:
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16]
 
 
-def _text(law: Law) -> str:
-    """Return the text of a law's file."""
-    if isinstance(law.function, SandboxedLaw):
-        return law.function.text
-    return Path(inspect.getsourcefile(law.function) or "").read_text(encoding="utf-8")
-
-
 def source_of(law: Law) -> str:
-    """Return ``torquebench`` for a law that ships, else the name of its file."""
-    if isinstance(law.function, SandboxedLaw):
-        return law.function.file
-    module = law.function.__module__
-    return "torquebench" if module.startswith("torquebench.") else Path(inspect.getsourcefile(law.function) or "").name
+    """Return `SHIPPED` for a law that ships, else the name of its file."""
+    if law.ships:
+        return SHIPPED
+    file = law.function.file if isinstance(law.function, SandboxedLaw) else inspect.getsourcefile(law.function)
+    return Path(file or "").name
 
 
 def stored(x: float) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ from torquebench.cli.parameters import (
     settings,
 )
 from torquebench.cli.parameters import workers as workers_option
-from torquebench.cli.terminal import complain, emit, following, progress_bar, say, table, tell
+from torquebench.cli.terminal import complain, emit, following, progress_bar, say, table, tell, warn
 
 if TYPE_CHECKING:
     from torquebench.arenas import Arena
@@ -49,7 +50,13 @@ class Subject(Config):
 @out_folder(help="folder for the results: new, empty, or one in which this arena was begun (default: runs/NAME-UTC)")
 @option("--quick", is_flag=True, help="a handful of evaluations and draws on the first chain: for a look")
 @option("--against", type=File(STORED), metavar="FILE", help="judge the law of --plugin beside a stored arena's")
-@option("--law", type=Words(), default=None, metavar="NAME,...", help="with --against: the laws that enter")
+@option(
+    "--law",
+    type=Words(),
+    default=None,
+    metavar="NAME,...",
+    help="with --against: the laws that enter; with a stored arena: the entries that are set beside all others",
+)
 @option("--check", metavar="ROW", help="make a row of a stored arena again, such as slow/pid, and compare every figure")
 @option("--config", "replay", metavar="ROW", help="print the config that replays a row of a stored arena")
 @option("--metric", metavar="METRIC", help="rank a stored arena by another metric that it has")
@@ -111,7 +118,16 @@ def arena(
     if as_markdown or as_latex:
         emit(found.markdown() if as_markdown else found.latex())
         return 0
-    report(found, metric or "", level)
+    files = {file.name for file in plugin}
+    own = [*(law or ()), *(row.entry for row in found.record.rows if row.source in files)]
+    report(found, metric or "", level, list(dict.fromkeys(own)))
+    if found.folder is not None:
+        more = "".join(f" --plugin {shlex.quote(str(file))}" for file in plugin)
+        first = next((row for row in found.record.rows if row.entry in own), found.record.rows[0])
+        say(f"results: {found.folder}; ranked again from there, and a row's film:")
+        say(f"torquebench arena {shlex.quote(str(found.folder))}{more}", fold=False)
+        config = shlex.quote(str(found.folder / "entries" / f"{first.name}.yaml"))
+        say(f"torquebench run {config}{more} --set 'video={{}}'", fold=False)
     return 0
 
 
@@ -136,15 +152,16 @@ def _replay(path: Path, name: str, plugin: Sequence[Path]) -> int:
     return 0
 
 
-def report(found: Arena, metric: str = "", level: float | None = None) -> None:
-    """Say what came out: a dot for each chain and level, then a table for each chain.
+def report(found: Arena, metric: str = "", level: float | None = None, own: Sequence[str] = ()) -> None:
+    """Say what came out: a dot for each chain and level, a table for each chain, and entries beside all others.
 
     Args:
         found: The arena.
         metric: What ranks; the arena's own if left out.
         level: Chattering of the tables; the middle level if left out.
+        own: Entries that are set beside all others.
     """
-    from torquebench.arena.pages import HEAD, KEY, budget, by_rank, cells, dots, lines, main_level, unit_of
+    from torquebench.arena.pages import HEAD, KEY, budget, by_rank, cells, dots, lines, main_level, unit_of, worth
 
     record = found.record
     level = main_level(record) if level is None else level
@@ -153,6 +170,8 @@ def report(found: Arena, metric: str = "", level: float | None = None) -> None:
         directory=found.folder,
         budget={key: getattr(record, key) for key in ("evaluations", "seeds", "draws")},
         standings=[{"chain": line.chain, "level": line.level} | line.standing._asdict() for line in every],
+        duels={entry: found.duels(entry, level, metric) for entry in own},
+        conditions={entry: found.by_condition(entry, level, metric) for entry in own},
     )
     say(f"{budget(record)}.")
     say()
@@ -162,11 +181,45 @@ def report(found: Arena, metric: str = "", level: float | None = None) -> None:
     say(f"{KEY}; a dot for each level of chattering: {levels}")
     unit = unit_of(record, metric)[0]
     for chain in record.chains:
-        own = [cells(record, line, metric) for line in every if line.chain == chain and line.level == level]
+        shown = [cells(record, line, metric) for line in every if line.chain == chain and line.level == level]
         head = [f"error [{unit}]" if title == "error" else title for title in HEAD]
-        kept = [i for i in range(len(head)) if any(row[i] not in ("", "-") for row in own) or i < 2]
+        kept = [i for i in range(len(head)) if any(row[i] not in ("", "-") for row in shown) or i < 2]
         say()
         say(f"{chain}, at {level:g} % chattering")
-        say(table([head[i] for i in kept], [[row[i] for i in kept] for row in own], left=2, keys=2))
-    if found.folder is not None:
-        say(f"results: {found.folder}")
+        say(table([head[i] for i in kept], [[row[i] for i in kept] for row in shown], left=2, keys=2))
+    for entry in own:
+        _say_beside(found, entry, metric, level)
+    if remark := worth(record):
+        warn(f"torquebench: {remark}")
+
+
+def _say_beside(found: Arena, entry: str, metric: str, level: float) -> None:
+    """Say whom an entry beats and who beats it on each chain, and its errors beside the best other one's."""
+    from torquebench.arena.pages import number, ratio_text, unit_of
+
+    duels, (unit, scale) = found.duels(entry, level, metric), unit_of(found.record, metric)
+    marks = {1: "beats", -1: "behind", 0: "ties"}
+    told = {(one.rival, one.chain): f"{marks[one.verdict]} {ratio_text(one.ratio)}" for one in duels}
+    score = {rival: sum(one.verdict for one in duels if one.rival == rival) for rival, _ in told}
+    rivals = sorted({one.rival for one in duels if one.verdict}, key=lambda rival: (score[rival], rival))
+    say()
+    for chain in found.record.chains:
+        counts = [sum(one.verdict == sign for one in duels if one.chain == chain) for sign in marks]
+        text = f"beats {counts[0]}, is behind {counts[1]}, ties with {counts[2]}" if any(counts) else "is not ranked"
+        say(f"{chain}: {entry} {text}")
+    if rivals:
+        say()
+        say(f"{entry} against the others at {level:g} % chattering: its error over theirs [95 %]")
+        rows = [[rival, *(told.get((rival, chain), "-") for chain in found.record.chains)] for rival in rivals]
+        say(table(["law", *found.record.chains], rows, left=1 + len(found.record.chains)))
+    conditions = found.by_condition(entry, level, metric)
+    if conditions:
+        names = [*found.record.burdens, *found.record.held_out]
+        say()
+        say(f"error under each condition [{unit}], of {entry} and of the best other law")
+        rows = [
+            [chain, name, *(number(means[condition] * scale) for condition in names)]
+            for chain, both in conditions.items()
+            for name, means in both.items()
+        ]
+        say(table(["chain", "law", *names], rows, left=2, keys=2))
