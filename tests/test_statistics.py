@@ -10,15 +10,12 @@ from scipy import stats
 
 from torquebench.errors import ResultError
 from torquebench.statistics import (
-    anytime_ratio,
-    capital,
     clopper_pearson,
     cvar,
     draws_needed,
     mcnemar,
     median_interval,
     paired_ratio,
-    race,
     undominated,
 )
 
@@ -146,103 +143,6 @@ def test_median_intervals_by_hand() -> None:
     assert median == 2.0
     assert math.isnan(low)
     assert math.isnan(high)
-
-
-LEVEL = 40.0
-"""Capital at which a pair is decided at 95 %: 2/0.05."""
-NULLS = {
-    "normal": lambda rng, size: rng.normal(size=size),
-    "heavy tails": lambda rng, size: rng.standard_cauchy(size),
-    "two clusters": lambda rng, size: rng.choice([-1.0, 1.0], size) + 0.01 * rng.normal(size=size),
-    "growing": lambda rng, size: rng.normal(size=size) * 1.2 ** np.arange(size[-1]),
-}
-
-
-@pytest.mark.parametrize("name", NULLS)
-def test_at_most_one_null_arena_in_twenty_is_decided(name: str) -> None:
-    """Of 1,000 arenas of three equal laws, looked at after each of 30 draws, at most 5 % decide some pair."""
-    values = NULLS[name](np.random.default_rng(5), (1000, 3, 30))
-    pairs = ((0, 1), (0, 2), (1, 2))
-    # capital is the most it ever was, so that one call sees every look
-    wrong = sum(any(capital(s * (x[i] - x[j])) >= 3 * LEVEL for i, j in pairs for s in (1.0, -1.0)) for x in values)
-    assert wrong <= 50
-
-
-def test_the_capital_is_a_martingale_whatever_the_sizes() -> None:
-    """Over all signs of given differences the final capital has the mean 1, to round-off: no bet is favourable."""
-    sizes = np.array([0.3, 2.0, 0.01, 1.0, 1.0, 5.0, 0.4, 0.8])
-    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 8)).reshape(8, -1).T
-    finals = [_final_capital(sizes * s) for s in signs]
-    assert np.mean(finals) == pytest.approx(1.0, rel=1e-12)
-    for s, final in zip(signs[::17], finals[::17], strict=True):  # the most it ever was is that of some prefix
-        assert capital(sizes * s) == pytest.approx(max(_final_capital((sizes * s)[: k + 1]) for k in range(8)))
-        assert capital(sizes * s) >= final * (1.0 - 1e-12)
-
-
-def _final_capital(x: np.ndarray) -> float:
-    """Capital after the last bet, written as in the paper: the mean over stakes of the product of 1 + tanh."""
-    rms = [math.sqrt(sum(x[: k + 1] ** 2) / (k + 1)) for k in range(len(x))]
-    return sum(math.prod(1.0 + math.tanh(c * a / r) for a, r in zip(x, rms, strict=True)) for c in (0.5, 1.5, 5.0)) / 3
-
-
-@pytest.mark.parametrize("effect", [1.0, 2.0])
-def test_a_race_needs_half_the_runs_of_a_fixed_number(effect: float) -> None:
-    """Where laws differ by one standard deviation of ln a/b or more, a race of 30 ends after 15 or fewer on average.
-
-    The better law is found in 95 % of the races, and never the worse one.
-    """
-    rng, draws, right = np.random.default_rng(2), [], 0
-    for x in np.exp(rng.normal(effect, 1.0, (40, 30))):
-        found = race(lambda draw, laws, x=x: {"a": x[draw], "b": 1.0}, ("a", "b"), 30)
-        draws.append(found.draws["a"])
-        right += found.ratios["a", "b"].above
-        assert not found.ratios["a", "b"].below
-    assert np.mean(draws) <= 15
-    assert right >= 38
-
-
-def test_the_anytime_interval_is_what_no_bet_refutes() -> None:
-    """A ratio is inside where neither bettor against it ever had 40; scaling a law scales ratio and ends."""
-    rng, centre, missed = np.random.default_rng(8), 0.7, 0
-    for x in centre + 0.5 * rng.normal(size=(60, 20)):
-        found = anytime_ratio(np.exp(x).tolist(), [1.0] * 20)
-        inside = found.low <= math.exp(centre) <= found.high
-        assert inside == (max(capital(x - centre), capital(centre - x)) < LEVEL)
-        missed += not inside
-    assert missed <= 7  # 5 % of 60, and the 99 % quantile of that binomial
-    x = np.exp(x)
-    twice = anytime_ratio((2.0 * x).tolist(), [1.0] * 20)
-    assert (twice.low, twice.high) == pytest.approx((2.0 * found.low, 2.0 * found.high), rel=1e-9)
-    other = anytime_ratio([1.0] * 20, x.tolist())
-    assert (1.0 / other.high, 1.0 / other.low) == pytest.approx((found.low, found.high), rel=1e-9)
-
-
-def test_few_draws_exclude_nothing_and_equal_laws_tie() -> None:
-    """Five draws cannot decide at 95 %, however clear; the same law twice is a tie after any number of draws."""
-    assert anytime_ratio([2.0] * 5, [1.0] * 5)[1:3] == (0.0, math.inf)
-    same = race(lambda draw, laws: dict.fromkeys(laws, 1.0 + draw), ("a", "b"), 30)
-    assert same.draws == {"a": 30, "b": 30}
-    assert not same.ratios["a", "b"].below
-    assert not same.ratios["a", "b"].above
-
-
-def test_a_race_runs_a_law_only_while_a_pair_of_it_is_undecided() -> None:
-    """A law that loses to all stops early; failures are counted, never a draw of the ratio; none shared is no ratio."""
-    rng = np.random.default_rng(1)
-
-    def run(draw: int, laws: tuple[str, ...]) -> dict[str, float | None]:
-        good = math.exp(0.1 * rng.normal())
-        every = {"bad": 50.0, "good": good, "equal": math.exp(0.1 * rng.normal()), "failing": None}
-        return {law: every[law] for law in laws}
-
-    found = race(run, ("good", "equal", "bad"), 30)
-    assert found.draws["bad"] < 15
-    assert found.draws["good"] == found.draws["equal"] == 30
-    assert found.ratios["good", "bad"].below
-    assert found.ratios["good", "bad"].pairs == found.draws["bad"]
-    failing = race(run, ("good", "failing"), 4)
-    assert failing.ratios == {}
-    assert failing.draws == {"good": 4, "failing": 4}
 
 
 @pytest.mark.parametrize(("first", "second"), [(0, 0), (1, 0), (0, 6), (3, 9), (20, 21), (7, 7)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 from torquebench.arena.pages import Duel, by_condition, duels, latex, markdown, write_files
 from torquebench.arena.ranking import Standing
 from torquebench.arena.record import RULESETS, SHIPPED, TUNED, Record, Row, picks, read_record
-from torquebench.arena.run import loops_of, run_rows
+from torquebench.arena.run import draws_of, loops_of, run_rows
 from torquebench.arena.study import Study, Track, take_study
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
+from torquebench.experiment.controllers import Controller
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import Progress
 from torquebench.experiment.seal import commitment, new_secret, seed_of, today
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RECORD, SEAL, ROWS = "arena.json", "seal.json", "rows"
-QUICK = ("arena.evaluations=4", "arena.seeds=2", "arena.draws=2")
+QUICK = ("arena.evaluations=4", "arena.seeds=2", "arena.draws=2", "arena.looks=1")
 """Changes that make a look of an arena, on its first chain alone."""
 ALIKE, NOTHING = 1.1e-3, 1e-9
 """How far figures of a row that is made again may be from those that are stored: their last digit [1]; what is less
@@ -166,7 +167,8 @@ def run_arena(
     tracks = [track.sealed(seed_of(secret)) for track in asked.tracks.values()]
     wanted = [(track, controller) for track in tracks for controller in track.base.controllers]
     rows = None if directory is None else directory.folder / ROWS
-    record = _record(asked, _run(asked, wanted, workers, rows, progress), secret)
+    record = _record(asked, secret)
+    record = replace(record, rows=_run(asked, wanted, record, workers, rows, progress))
     if directory is not None:
         _write(record, directory)
     return Arena(record, None if directory is None else directory.folder)
@@ -218,9 +220,9 @@ def against(
         raise ConfigError([Problem("--against", "", "no law enters", wanted="--plugin FILE, or --law NAME")])
     study = _stored_study(record)
     entries = _entries(study, entering)
-    rows = _again(record, study, entries, record.chains, workers, progress)
-    kept = tuple(row for row in record.rows if row.entry not in entries)
-    found = replace(record, rows=kept + rows, date=today(), software=versions(), machine=machine())
+    rivals = replace(record, rows=tuple(row for row in record.rows if row.entry not in entries))
+    rows = _run(study, _wanted(rivals, study, entries, record.chains), rivals, workers, None, progress)
+    found = replace(record, rows=rivals.rows + rows, date=today(), software=versions(), machine=machine())
     if not store:
         return Arena(found)
     directory = RunDirectory(claim_folder(None if folder is None else Path(folder), found.name))
@@ -255,7 +257,13 @@ def check_row(
     row = record.row(name)
     if row.state:
         raise ResultError(f"row '{name}' {row.state}")
-    (made,) = _again(record, _stored_study(record), [row.entry], [row.chain], workers, progress)
+    study = _stored_study(record)
+    wanted, stored = _wanted(record, study, [row.entry], [row.chain]), list(map(draws_of, row.judged))
+
+    def draws(made: Row) -> list[int]:
+        return (stored + [max(stored)] * len(made.judged))[: len(made.judged)]
+
+    (made,) = _run(study, wanted, record, workers, None, progress, draws)
     return difference(asdict(row), asdict(made))
 
 
@@ -363,28 +371,28 @@ def _entries(study: Study, wanted: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(own for names in found.values() for own in names))
 
 
-def _again(
-    record: Record,
-    study: Study,
-    entries: Sequence[str],
-    chains: Sequence[str],
-    workers: int | None,
-    progress: Progress | None,
-) -> tuple[Row, ...]:
-    """Return rows of a stored arena, made by this version."""
+def _wanted(
+    record: Record, study: Study, entries: Sequence[str], chains: Sequence[str]
+) -> list[tuple[Track, Controller]]:
+    """Return chain, with its tests sealed as in a stored arena, and entry of rows."""
     secret = seed_of(record.seal["secret"])
-    wanted = [
+    return [
         (track.sealed(secret), controller)
         for name, track in study.tracks.items()
         if name in chains
         for controller in track.base.controllers
         if controller.name in entries
     ]
-    return _run(study, wanted, workers, None, progress)
 
 
 def _run(
-    study: Study, wanted: Sequence[Any], workers: int | None, folder: Path | None, progress: Progress | None
+    study: Study,
+    wanted: Sequence[tuple[Track, Controller]],
+    beside: Record,
+    workers: int | None,
+    folder: Path | None,
+    progress: Progress | None,
+    draws: Callable[[Row], Sequence[int]] | None = None,
 ) -> tuple[Row, ...]:
     total, done = sum(sum(loops_of(study, track)) for track, _ in wanted), 0
 
@@ -395,10 +403,11 @@ def _run(
             progress(what, done, total)
 
     with threads(workers or os.cpu_count() or 1) as pool:
-        return tuple(run_rows(study, wanted, pool, folder, tell))
+        return run_rows(study, wanted, pool, beside, folder, tell, draws)
 
 
-def _record(study: Study, rows: Sequence[Row], secret: str) -> Record:
+def _record(study: Study, secret: str) -> Record:
+    """Return the arena of a study, without rows."""
     asked = study.asked
     return Record(
         name=study.name,
@@ -417,7 +426,8 @@ def _record(study: Study, rows: Sequence[Row], secret: str) -> Record:
         evaluations=asked.evaluations,
         seeds=asked.seeds,
         draws=asked.tests,
-        rows=tuple(rows),
+        looks=asked.looks,
+        rows=(),
     )
 
 

@@ -6,8 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from itertools import combinations
+from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -101,7 +100,12 @@ def paired_ratio(a: Sequence[float | None], b: Sequence[float | None], confidenc
     Raises:
         ResultError: the lists have different lengths, no draw has both, or a value is not positive.
     """
-    if not (logs := _logs(a, b).tolist()):
+    if len(a) != len(b):
+        raise ResultError(f"{len(a)} draws of one law and {len(b)} of the other are not pairs")
+    pairs = [(x, y) for x, y in zip(a, b, strict=True) if x is not None and y is not None]
+    if any(not (x > 0.0 and y > 0.0) or math.isinf(x) or math.isinf(y) for x, y in pairs):
+        raise ResultError("a ratio needs metrics that are positive and finite")
+    if not (logs := [math.log(x / y) for x, y in pairs]):
         raise ResultError("there is no draw in which both laws completed")
     mean, half = mean_interval(logs, confidence)
     failed = sum(x is None for x in a), sum(y is None for y in b)
@@ -166,136 +170,6 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> Outcomes:
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     m, n = int(np.sum(a > b)), int(np.sum(b > a))
     return Outcomes(m, n, len(a), min(1.0, 2.0 * float(special.bdtr(min(m, n), m + n, 0.5))))
-
-
-STAKES = (0.5, 1.5, 5.0)
-"""How steeply a bet on the sign of a difference grows with its size, in units of the differences' RMS so far."""
-
-
-def anytime_ratio(a: Sequence[float | None], b: Sequence[float | None], confidence: float = 0.95) -> Ratio:
-    """Return a geometric-mean ratio over paired draws whose interval holds however often one looks, and stops.
-
-    The interval has every ratio r at which ln(a/b) - ln r may still be symmetric about 0. Against it a bettor stakes
-    the share tanh(theta x_i / rms(x_1 .. x_i)) of the capital on the sign of each difference x_i: given the sizes,
-    the capital is a martingale from 1, and by Ville's inequality it ever reaches 2/(1 - confidence), betting on
-    either sign, with probability at most 1 - confidence. No moment is assumed, and the size of the sample may depend
-    on what was seen. De la Pena, Ann. Probab. 27 (1999), 537; Ramdas, Ruf, Larsson and Koolen, arXiv:2009.03167,
-    section 5.
-
-    Args:
-        a, b: As of `paired_ratio`.
-        confidence: Probability that the interval never misses [1].
-
-    Returns:
-        The ratio; ends are 0 or infinite while nothing is excluded, as with fewer than seven draws at 95 %.
-
-    Raises:
-        ResultError: as of `paired_ratio`.
-    """
-    found, x, level = paired_ratio(a, b), _logs(a, b), 2.0 / (1.0 - confidence)
-    return found._replace(low=math.exp(_edge(x, level)), high=math.exp(-_edge(-x, level)))
-
-
-def capital(x: Array) -> float:
-    """Return the most that betting on positive differences has ever made of 1; see `anytime_ratio`.
-
-    Args:
-        x: The differences, in the order in which they came, (N,).
-    """
-    rms = np.sqrt(np.cumsum(x * x) / np.arange(1, len(x) + 1))
-    u = np.outer(STAKES, np.divide(x, rms, where=rms > 0.0, out=np.zeros(len(x))))
-    gains = np.cumsum(u - np.logaddexp(u, -u) + math.log(2.0), axis=1)  # of ln(1 + tanh u)
-    return float(np.exp(np.max(np.logaddexp.reduce(gains, axis=0)) - math.log(len(STAKES))))
-
-
-def _edge(x: Array, level: float) -> float:
-    """Return the largest centre that is too low for the differences; -inf where none is."""
-    span = float(np.max(np.abs(x)) + np.ptp(x))
-    low, high = float(np.min(x)) - 1e3 * span, float(np.max(x))  # of a centre at the largest nothing can be won
-    if capital(x - low) < level:
-        return -math.inf
-    if capital(x) >= level:
-        low = max(low, 0.0)
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        if capital(x - middle) >= level:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-class Race(NamedTuple):
-    """Laws compared draw by draw until every pair was decided, or the draws were used up."""
-
-    ratios: Mapping[tuple[str, str], Ratio]
-    """Pair of laws -> the first one's metric over the second one's; neither `below` nor `above` is a tie. A pair that
-    completed no draw together has none."""
-    draws: Mapping[str, int]
-    """Law -> draws that it was run in."""
-
-
-def race(
-    run: Callable[[int, Sequence[str]], Mapping[str, float | None]],
-    laws: Sequence[str],
-    most: int,
-    confidence: float = 0.95,
-) -> Race:
-    """Run laws in one draw after another, each until all its pairs are decided; see `anytime_ratio`.
-
-    With probability `confidence` no pair is decided wrongly: its level is divided by the number of pairs, by
-    Bonferroni.
-
-    Args:
-        run: Called with the number of a draw and the laws to run in it; returns a positive metric for each, None
-            where the run failed.
-        laws: Their names, at least two.
-        most: Draws after which a pair that is undecided is a tie, at least one.
-        confidence: Probability that every decision is right [1].
-
-    Raises:
-        ResultError: a metric is not positive and finite.
-    """
-    pairs = list(combinations(laws, 2))
-    each = 1.0 - (1.0 - confidence) / len(pairs)
-    seen: dict[str, list[float | None]] = {law: [] for law in laws}
-    undecided = dict.fromkeys(pairs)
-    for draw in range(most):
-        going = [law for law in laws if any(law in pair for pair in undecided)]
-        if not going:
-            break
-        found = run(draw, going)
-        for law in going:
-            seen[law].append(found[law])
-        undecided = {(a, b): None for a, b in undecided if not _decided(seen[a], seen[b], each)}
-    ratios = {}
-    for pair in pairs:
-        n = min(len(seen[law]) for law in pair)
-        one, other = (seen[law][:n] for law in pair)
-        if any(None not in both for both in zip(one, other, strict=True)):
-            ratios[pair] = anytime_ratio(one, other, each)
-    return Race(ratios, {law: len(values) for law, values in seen.items()})
-
-
-def _decided(a: Sequence[float | None], b: Sequence[float | None], confidence: float) -> bool:
-    """Return whether a pair, with as many draws each while it is undecided, has an interval on one side of 1."""
-    if not (x := _logs(a, b)).size:
-        return False
-    return max(capital(x), capital(-x)) >= 2.0 / (1.0 - confidence)
-
-
-def _logs(a: Sequence[float | None], b: Sequence[float | None]) -> Array:
-    """Return ln(a/b) in the draws that both completed.
-
-    Raises:
-        ResultError: as of `paired_ratio`, but for no draw at all.
-    """
-    if len(a) != len(b):
-        raise ResultError(f"{len(a)} draws of one law and {len(b)} of the other are not pairs")
-    pairs = [(x, y) for x, y in zip(a, b, strict=True) if x is not None and y is not None]
-    if any(not (x > 0.0 and y > 0.0) or math.isinf(x) or math.isinf(y) for x, y in pairs):
-        raise ResultError("a ratio needs metrics that are positive and finite")
-    return np.array([math.log(x / y) for x, y in pairs])
 
 
 def geometric_mean(values: Sequence[float | None]) -> Ratio:

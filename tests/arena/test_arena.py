@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import platform
 import re
@@ -17,8 +18,9 @@ import yaml
 import torquebench
 from torquebench import diff
 from torquebench.arena.pages import by_condition, duels, worth
-from torquebench.arena.ranking import compare, rank
-from torquebench.arena.record import Record, picks, plain_gains, read_record
+from torquebench.arena.ranking import compare, is_open, rank
+from torquebench.arena.record import Record, looks_at, picks, plain_gains, read_record
+from torquebench.arena.run import draws_of
 from torquebench.arenas import (
     ALIKE,
     Arena,
@@ -114,6 +116,41 @@ def test_rows_are_the_same_on_any_number_of_workers_and_resumed(folder: Path, tm
     assert (tmp_path / "one/report.html").read_bytes() == before
     with pytest.raises(ConfigError, match="another arena"):
         run_arena(edited(draws=4), folder=tmp_path / "one")
+
+
+def test_gains_are_judged_until_no_draw_decides_more(tmp_path: Path) -> None:
+    """What is told of decided and of hopeless pairs is the same as of all draws; only the gains of open ones go on.
+
+    Stopped in the middle it goes on to the same bytes, and a row made again alone has as many draws.
+    """
+    study = edited(draws=12, looks=3, levels=["2 %", "90 %"])
+    found = run_arena(study, folder=tmp_path / "out", seed=3, workers=2).record
+    counts = {(row.entry, i): draws_of(one) for row in found.rows for i, one in enumerate(row.judged)}
+    assert set(counts.values()) <= set(looks_at(12, 3))
+    assert len(set(counts.values())) > 1
+    whole = run_arena(edited(draws=12, levels=["2 %", "90 %"]), store=False, seed=3).record
+    for row, other in zip(found.rows, whole.rows, strict=True):
+        for one, more in zip(row.judged, other.judged, strict=True):
+            assert more.gains == one.gains
+            for name, table in one.values.items():
+                assert all(more.values[name][metric][: len(own)] == own for metric, own in table.items())
+    for level in found.levels:  # a pair that is left does not tie for want of draws
+        known = {row.entry: found.scores(row, level) for row in found.rows if None not in picks(row, level)}
+        for a, b in itertools.combinations(known, 2):
+            closed = min(known[x].values.shape[2] for x in (a, b)) < 12
+            assert not (closed and is_open(known[a], known[b], looks=3)) or not all(
+                one.rank for one in found.standings("slow", level) if one.entry in (a, b)
+            )
+    before = (tmp_path / "out/arena.json").read_bytes()
+    cut = tmp_path / "out/rows/slow--pd-gravity.json"
+    row = json.loads(cut.read_text())
+    for one in row["judged"]:
+        one["values"] = {}
+    cut.write_text(json.dumps(row))
+    (tmp_path / "out/arena.json").unlink()
+    run_arena(study, folder=tmp_path / "out", workers=1)
+    assert (tmp_path / "out/arena.json").read_bytes() == before
+    assert check_row(tmp_path / "out", "slow/pd-gravity") <= ALIKE
 
 
 def test_draws_are_sealed_and_apart_from_those_of_training(folder: Path, record: Record) -> None:
@@ -240,7 +277,12 @@ def test_ranks_are_worked_out_once_and_again_when_a_law_has_changed(
 ) -> None:
     """Tables, figure and page share them; a caller that empties its list, and a law that expires, spoil nothing."""
     asked, again = list[int](), replace(record)
-    monkeypatch.setattr("torquebench.arena.record.rank", lambda scores: asked.append(len(scores)) or rank(scores))
+
+    def counted(scores: Any, looks: int) -> Any:
+        asked.append(len(scores))
+        return rank(scores, looks=looks)
+
+    monkeypatch.setattr("torquebench.arena.record.rank", counted)
     found = again.standings("slow", 20.0)
     assert found == record.standings("slow", 20.0)
     found.clear()

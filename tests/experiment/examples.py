@@ -340,6 +340,7 @@ arena:
   sampler: nsga-ii
   training_draws: 1
   draws: 10
+  looks: 2
 """
 """The last one."""
 DRIVEN = SCENARIO.replace(

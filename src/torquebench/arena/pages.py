@@ -174,7 +174,8 @@ def variants(record: Record, level: float, metric: str = "") -> list[tuple[str, 
             base = first.setdefault(row.law, row)
             if base is not row:
                 try:
-                    ratio = compare(record.scores(row, level, metric), record.scores(base, level, metric))
+                    a, b = (record.scores(own, level, metric) for own in (row, base))
+                    ratio = compare(a, b, looks=record.looks)
                 except ResultError:
                     continue
                 found.append((chain, row.entry, base.entry, ratio))
@@ -223,7 +224,9 @@ def duels(record: Record, entry: str, level: float, metric: str = "") -> list[Du
         names = [own.entry for own in record.standings(chain, level, metric) if own.rank is not None]
         shown = {name: record.scores(record.row(f"{chain}/{name}"), level, metric) for name in names}
         if own := shown.pop(entry, None):
-            found += [Duel(chain, name, verdict(own, it), compare(own, it)) for name, it in shown.items()]
+            for name, it in shown.items():
+                ratio = compare(own, it, looks=record.looks)
+                found.append(Duel(chain, name, verdict(own, it, looks=record.looks), ratio))
     return found
 
 
@@ -263,7 +266,9 @@ def budget(record: Record) -> str:
         f"{record.seeds} tunings of {record.evaluations} sets of gains each, {loops:,} closed loops of {seconds:,.0f} s"
     )
     held = f" and of {len(record.held_out)} held out of kinds that no tuning saw" if record.held_out else ""
-    judged = f"{record.draws} paired draws of each of {len(record.burdens)} burdens{held}"
+    judged = (
+        f"{'up to ' * (record.looks > 1)}{record.draws} paired draws of each of {len(record.burdens)} burdens{held}"
+    )
     return f"Every law, on every chain: {tuning} together; judged on {judged}"
 
 

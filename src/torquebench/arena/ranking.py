@@ -23,23 +23,33 @@ TOLERANCE = 1.25
 
 
 class Scores(NamedTuple):
-    """Metric and failures of an entry at one level of chattering on one chain."""
+    """A metric of an entry at one level of chattering on one chain."""
 
     values: Array
     """A positive metric, (tunings, conditions, draws); NaN where the run failed."""
-    runs: Array
-    """Share of the tunings whose run failed, of each run that was made, (runs,)."""
+    once: frozenset[int] = frozenset()
+    """Numbers of the conditions in which nothing is random: one run stands for all draws."""
+
+    @property
+    def runs(self) -> Array:
+        """Share of the tunings whose run failed, of each run that was made, (runs,)."""
+        failed = np.isnan(self.values).mean(axis=0)
+        return np.concatenate([own[:1] if i in self.once else own for i, own in enumerate(failed)])
 
     @property
     def logs(self) -> Array:
         """Mean over conditions of ln, (tunings, draws); NaN where a run of the draw failed."""
         return np.asarray(np.mean(_logs(self), axis=1))
 
+    def first(self, draws: int | None) -> Scores:
+        """Return what the first draws had to show; None for all."""
+        return self._replace(values=self.values[..., :draws])
+
 
 NO_RATIO = Ratio(math.nan, math.nan, math.nan, 0, (0, 0), 0)
 
 
-def compare(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> Ratio:
+def compare(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1) -> Ratio:
     """Return the ratio of a's metric to b's over paired draws.
 
     The difference of ln, averaged over conditions and tunings, has Student's interval over draws; the means of single
@@ -48,22 +58,40 @@ def compare(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> Ratio:
     out by itself: who fails in one condition is compared in the others. Elsewhere the tunings that complete count.
 
     Args:
-        a, b: Scores under the same conditions and draws.
+        a, b: Scores under the same conditions; of one with more draws than the other the first ones count.
         confidence: Probability content of the interval [1].
+        looks: How often the pair is looked at while draws come in; the probability to miss over draws is divided by it
+            (Bonferroni), so that one may stop at any look.
     """
+    return _compared(a, b, confidence, looks)[0]
+
+
+def _compared(a: Scores, b: Scores, confidence: float, looks: int) -> tuple[Ratio, float, float, float]:
+    """Return the ratio, its ln, and the half-widths of that over draws and over tunings."""
+    a, b = _in_common(a, b)
     x, y = _logs(a), _logs(b)
     done = ~np.isnan(x), ~np.isnan(y)
     both: NDArray[np.bool_] = np.any(done[0], axis=0) & np.any(done[1], axis=0)
     known = both.any(axis=0)
     if not known.any():
-        return NO_RATIO
+        return NO_RATIO, math.nan, math.nan, math.nan
     own, other = _mean(x, done[0], 0), _mean(y, done[1], 0)
-    mean, half = mean_interval(_mean(own - other, both, 0)[known].tolist(), confidence)
+    mean, half = mean_interval(_mean(own - other, both, 0)[known].tolist(), _of_a_look(confidence, looks))
     single, singles = (_mean(z - 0.5 * (own + other), it & both, (1, 2)) for z, it in zip((x, y), done, strict=True))
     tuning = _welch(single[~np.isnan(single)], singles[~np.isnan(singles)], confidence)
-    whole = math.hypot(half, tuning)
     failed = [int((~it).any(axis=(0, 1)).sum()) for it in done]
-    return Ratio.of_logs(mean, whole, int(known.sum()), (failed[0], failed[1]), int((~known).sum()))
+    counts = int(known.sum()), (failed[0], failed[1]), int((~known).sum())
+    return Ratio.of_logs(mean, math.hypot(half, tuning), *counts), mean, half, tuning
+
+
+def _in_common(a: Scores, b: Scores) -> tuple[Scores, Scores]:
+    draws = min(a.values.shape[2], b.values.shape[2])
+    return a.first(draws), b.first(draws)
+
+
+def _of_a_look(confidence: float, looks: int) -> float:
+    """Return the confidence of one of several looks, all of which hold with the whole one."""
+    return 1.0 - (1.0 - confidence) / looks
 
 
 def _logs(scores: Scores) -> Array:
@@ -89,13 +117,14 @@ def _welch(x: Array, y: Array, confidence: float) -> float:
     return float(special.stdtrit(free, 0.5 + 0.5 * confidence)) * math.sqrt(variance)
 
 
-def fails_more(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> bool:
-    """Whether a fails in more runs than b by more than chance, by `mcnemar`."""
+def fails_more(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1) -> bool:
+    """Whether a fails in more runs than b by more than chance, by `mcnemar`; arguments as of `compare`."""
+    a, b = _in_common(a, b)
     found = mcnemar(a.runs, b.runs)
-    return found.first > found.second and found.p < 1.0 - confidence
+    return found.first > found.second and found.p < 1.0 - _of_a_look(confidence, looks)
 
 
-def verdict(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> int:
+def verdict(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1) -> int:
     """Return 1 where a beats b, -1 where b beats a, 0 where they tie.
 
     Who beats fails less, or no more and its error is smaller, by more than chance and tuning explain. It fails less
@@ -103,17 +132,37 @@ def verdict(a: Scores, b: Scores, confidence: float = CONFIDENCE) -> int:
     holds no zero: one tuning of three that fails everywhere keeps a law from being better, and makes it no worse.
 
     Args:
-        a, b: Scores under the same conditions and draws.
-        confidence: Of the decision [1].
+        a, b, confidence, looks: As of `compare`.
     """
-    fails = int(fails_more(a, b, confidence)) - int(fails_more(b, a, confidence))
-    if fails:
-        own, other = (np.isnan(scores.values).mean(axis=(1, 2)) for scores in (a, b))
-        if fails * (own.mean() - other.mean()) > _welch(own, other, confidence):
-            return -fails
-    found = compare(a, b, confidence)
+    a, b = _in_common(a, b)
+    fails = int(fails_more(a, b, confidence, looks)) - int(fails_more(b, a, confidence, looks))
+    if fails and fails * _more_failures(a, b, confidence) > 0:
+        return -fails
+    found = compare(a, b, confidence, looks)
     better = int(found.below) - int(found.above)
     return 0 if better == fails else better
+
+
+def _more_failures(a: Scores, b: Scores, confidence: float) -> int:
+    """Return 1 where a's tunings fail in a larger share of runs than other seeds would explain, -1 for b, else 0."""
+    own, other = (np.isnan(scores.values).mean(axis=(1, 2)) for scores in (a, b))
+    apart = float(own.mean() - other.mean())
+    return 0 if abs(apart) <= _welch(own, other, confidence) else round(math.copysign(1.0, apart))
+
+
+def is_open(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1) -> bool:
+    """Whether two that tie may do so for want of draws.
+
+    No draw decides a pair whose interval over draws lies within that over tunings: other tuning seeds would turn it
+    round. Where they fail in different numbers of runs, draws may tell if single tunings differ in it by as much.
+
+    Args:
+        a, b, confidence, looks: As of `compare`.
+    """
+    if verdict(a, b, confidence, looks):
+        return False
+    _, mean, half, tuning = _compared(a, b, confidence, looks)  # NaN of a pair that completed no draw in common
+    return abs(mean) + half > tuning or _more_failures(a, b, confidence) != 0
 
 
 class Standing(NamedTuple):
@@ -140,19 +189,19 @@ class Standing(NamedTuple):
     """Why it is not ranked."""
 
 
-def rank(scores: Mapping[str, Scores], confidence: float = CONFIDENCE) -> dict[str, tuple[int, int]]:
+def rank(scores: Mapping[str, Scores], confidence: float = CONFIDENCE, looks: int = 1) -> dict[str, tuple[int, int]]:
     """Return the first and the last rank that each entry may have: 1 + how many are better, and how many are not worse.
 
     Entries that tie may share ranks; where nothing can be told of an entry, it has all of them.
 
     Args:
-        scores: Entry -> what it has to show, all under the same conditions and draws.
-        confidence: Of each comparison [1].
+        scores: Entry -> what it has to show, all under the same conditions.
+        confidence, looks: Of each comparison, as of `compare`.
     """
     names = list(scores)
     better, worse = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
     for name, other in itertools.combinations(names, 2):
-        found = verdict(scores[name], scores[other], confidence)
+        found = verdict(scores[name], scores[other], confidence, looks)
         if found:
             winner, loser = (name, other) if found > 0 else (other, name)
             better[loser] += 1

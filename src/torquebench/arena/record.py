@@ -7,16 +7,17 @@ import dataclasses
 import functools
 import hashlib
 import inspect
+import itertools
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, mean_of, mean_over_runs, rank
+from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, is_open, mean_of, mean_over_runs, rank
 from torquebench.errors import ResultError, did_you_mean
 from torquebench.experiment.arena_section import CHATTERING
 from torquebench.experiment.values import from_json
@@ -112,6 +113,9 @@ class Record:
     evaluations: int
     seeds: int
     draws: int
+    """Of each condition in which something is random; where there are several looks, at most."""
+    looks: int = 1
+    """How often laws were compared while draws came in; see `looks_at`."""
     rows: tuple[Row, ...]
 
     def row(self, name: str) -> Row:
@@ -126,7 +130,7 @@ class Record:
         return found[name]
 
     def scores(self, row: Row, level: float, metric: str = "", ruleset: str = TUNED, held_out: bool = False) -> Scores:
-        """Return what a row has to show at a level of chattering.
+        """Return what a row has to show at a level of chattering, in the draws that all its gains were judged in.
 
         Args:
             row: The row.
@@ -147,10 +151,10 @@ class Record:
             few = f" in {missing} of {len(picked)} tunings" if missing < len(picked) else ""
             raise ResultError(f"does not reach {level:g} %{few}")
         tables = [[_row_of(one.values[name][metric or self.metric]) for name in names] for one in picked if one]
-        most = max((len(draws) for table in tables for draws in table), default=0)
-        values = np.array([[np.broadcast_to(x, most) if len(x) == 1 else x for x in table] for table in tables])
-        failed = [np.mean([np.isnan(table[i]) for table in tables], axis=0) for i in range(len(names))]
-        return Scores(values.reshape(len(tables), len(names), most), np.concatenate([*failed, np.zeros(0)]))
+        once = frozenset(i for i in range(len(names)) if all(len(table[i]) == 1 for table in tables))
+        draws = min((len(x) for table in tables for i, x in enumerate(table) if i not in once), default=1)
+        values = [[np.broadcast_to(x, draws) if i in once else x[:draws] for i, x in enumerate(t)] for t in tables]
+        return Scores(np.array(values).reshape(len(tables), len(names), draws), once)
 
     def standings(
         self, chain: str, level: float, metric: str = "", ruleset: str = TUNED, held_out: bool = False
@@ -164,35 +168,20 @@ class Record:
             chain: The chain.
             level, metric, ruleset, held_out: As of `scores`.
         """
-        rows = [(row, row.state) for row in self.rows if row.chain == chain]
-        asked = chain, level, metric, ruleset, held_out, tuple(state for _, state in rows)
+        states = tuple(row.state for row in self.rows if row.chain == chain)
+        asked = chain, level, metric, ruleset, held_out, states
         if asked not in self._found:
-            self._found[asked] = self._stand(rows, level, metric, ruleset, held_out)
+            self._found[asked] = self._stand(chain, level, metric, ruleset, held_out)
         return list(self._found[asked])
 
     @functools.cached_property
     def _found(self) -> dict[tuple[Any, ...], list[Standing]]:
         return {}
 
-    def _stand(
-        self, rows: Sequence[tuple[Row, str]], level: float, metric: str, ruleset: str, held_out: bool
-    ) -> list[Standing]:
-        """Return where rows of a chain stand, each given with its state; other arguments as of `standings`."""
-        known, notes = dict[str, Scores](), dict[str, str]()
-        chattering = dict[str, float]()
-        for row, state in rows:
-            try:
-                own = self.scores(row, level, metric, ruleset, held_out)
-                measured = self.scores(row, level, CHATTERING, ruleset, held_out)
-            except ResultError as error:
-                notes[row.entry] = state or str(error)
-                continue
-            known[row.entry] = own
-            chattering[row.entry] = mean_over_runs(measured, LEAST)
-            above = f"chatters {chattering[row.entry]:.3g} % on test draws"
-            seen = chattering[row.entry] if not held_out else 0.0
-            notes[row.entry] = state or (above if seen > TOLERANCE * level else "")
-        ranks = rank({name: own for name, own in known.items() if not notes[name]})
+    def _stand(self, chain: str, level: float, metric: str, ruleset: str, held_out: bool) -> list[Standing]:
+        """Return where each entry of a chain stands; arguments as of `standings`."""
+        known, chattering, notes = self._shown(chain, level, metric, ruleset, held_out)
+        ranks = rank({name: own for name, own in known.items() if not notes[name]}, looks=self.looks)
         found = []
         for name, note in notes.items():
             if name in known:
@@ -209,12 +198,65 @@ class Record:
             key=lambda one: (one.rank or math.inf, one.last or 0, one.value if one.value == one.value else math.inf),
         )
 
+    def _shown(
+        self, chain: str, level: float, metric: str, ruleset: str, held_out: bool, draws: int | None = None
+    ) -> tuple[dict[str, Scores], dict[str, float], dict[str, str]]:
+        """Return scores, and chattering, of entries that reach a level, and of all why they are not ranked, or "".
+
+        Args:
+            chain, level, metric, ruleset, held_out: As of `scores`.
+            draws: How many count; None for all.
+        """
+        known, notes = dict[str, Scores](), dict[str, str]()
+        chattering = dict[str, float]()
+        for row in self.rows:
+            if row.chain != chain:
+                continue
+            try:
+                own = self.scores(row, level, metric, ruleset, held_out).first(draws)
+                measured = self.scores(row, level, CHATTERING, ruleset, held_out).first(draws)
+            except ResultError as error:
+                notes[row.entry] = row.state or str(error)
+                continue
+            known[row.entry] = own
+            chattering[row.entry] = mean_over_runs(measured, LEAST)
+            above = f"chatters {chattering[row.entry]:.3g} % on test draws"
+            seen = chattering[row.entry] if not held_out else 0.0
+            notes[row.entry] = row.state or (above if seen > TOLERANCE * level else "")
+        return known, chattering, notes
+
+    def undecided(self, chain: str, draws: int) -> set[tuple[str, float]]:
+        """Return entries and levels of which a pair may tie for want of draws; see `is_open`.
+
+        Args:
+            chain: The chain.
+            draws: How many were looked at.
+        """
+        found = set[tuple[str, float]]()
+        for level in self.levels:
+            known, _, notes = self._shown(chain, level, "", TUNED, held_out=False, draws=draws)
+            shown = {name: own for name, own in known.items() if not notes[name]}
+            for a, b in itertools.combinations(shown, 2):
+                if is_open(shown[a], shown[b], looks=self.looks):
+                    found |= {(a, level), (b, level)}
+        return found
+
     def to_json(self) -> bytes:
         """Return the file: a line for each row."""
         facts = {key: value for key, value in dataclasses.asdict(self).items() if key != "rows"}
         head = json.dumps(facts, indent=1, ensure_ascii=False).removesuffix("\n}")
         rows = ",\n".join(json.dumps(dataclasses.asdict(row), separators=(",", ":")) for row in self.rows)
         return f'{head},\n "rows": [\n{rows}\n]}}\n'.encode()
+
+
+def looks_at(draws: int, looks: int) -> list[int]:
+    """Return the numbers of draws after which laws are compared: each look has about twice those of the one before.
+
+    Args:
+        draws: At most, two or more.
+        looks: How many looks.
+    """
+    return sorted({max(2, math.ceil(draws / 2**i)) for i in range(looks)})
 
 
 def _row_of(values: Iterable[float | None]) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from torquebench.arena.ranking import best_at
-from torquebench.arena.record import Judged, Row, Values, digest_of, plain_gains, source_of, stored
+from torquebench.arena.record import Judged, Record, Row, digest_of, looks_at, picks, plain_gains, source_of, stored
 from torquebench.arena.study import Study, Track
 from torquebench.experiment.arena_section import Arena
 from torquebench.experiment.controllers import Controller
@@ -50,37 +51,68 @@ def run_rows(
     study: Study,
     wanted: Sequence[tuple[Track, Controller]],
     pool: ThreadPoolExecutor,
+    beside: Record,
     folder: Path | None = None,
     tell: Tell = lambda what, loops: None,
-) -> Iterator[Row]:
-    """Tune and judge entries, one after another; rows that a folder has are read from there.
+    draws: Callable[[Row], Sequence[int]] | None = None,
+) -> tuple[Row, ...]:
+    """Tune entries one after another, then judge those of each chain together; what a folder has is read from there.
 
     Args:
         study: The study.
-        wanted: Chain, with its tests sealed, and entry of each row.
+        wanted: Chain, with its tests sealed, and entry of each row; those of a chain follow each other.
         pool: The threads; see `threads`. Rows do not depend on how many there are.
-        folder: Where each row is stored as soon as it is done; None for nowhere.
+        beside: The arena without these rows: how often they are compared, and with which others that it has.
+        folder: Where each row is stored after its tuning and after each look; None for nowhere.
         tell: Is told the progress.
+        draws: Tells in how many draws each of a row's sets of gains is judged; None for as many as comparing takes.
     """
-    for track, controller in wanted:
-        path = None if folder is None else folder / f"{track.name}--{controller.name}.json"
-        if path is not None and path.is_file():
-            tell(f"{track.name}: '{controller.name}'", sum(loops_of(study, track)))
-            yield from_json(Row, path.read_bytes())
-            continue
-        row = run_row(study.asked, track, controller, pool, tell)
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            atomic_write(path, json.dumps(dataclasses.asdict(row)).encode())
-        yield row
+    found = list[Row]()
+    for _, group in itertools.groupby(wanted, lambda pair: pair[0].name):
+        entries = list(group)
+        track = entries[0][0]
+        rows = list[Row]()
+        for _, controller in entries:
+            path = _path(folder, track, controller.name)
+            if path is not None and path.is_file():
+                tell(f"{track.name}: '{controller.name}'", loops_of(study, track)[0])
+                rows.append(from_json(Row, path.read_bytes()))
+            else:
+                rows.append(tune_row(study.asked, track, controller, pool, tell))
+                _store(path, rows[-1])
+        left = [_most(study.asked) * sum(_draws(study.asked, condition) for condition in track.tests)] * len(rows)
+
+        def done(place: int, row: Row, loops: int, track: Track = track, left: list[int] = left) -> None:
+            left[place] -= loops
+            tell(f"judging {row.chain}: '{row.entry}'", loops)
+            if loops:
+                _store(_path(folder, track, row.entry), row)
+
+        jury = _Jury(study.asked, entries, pool)
+        if draws is None:
+            found += jury.judge(rows, beside, done)
+        else:
+            found += [jury.run(i, row, draws(row), done) for i, row in enumerate(rows)]
+        tell(f"judging {track.name}", sum(left))
+    return tuple(found)
 
 
-def run_row(asked: Arena, track: Track, controller: Controller, pool: ThreadPoolExecutor, tell: Tell) -> Row:
-    """Tune and judge one entry on one chain.
+def _path(folder: Path | None, track: Track, entry: str) -> Path | None:
+    return None if folder is None else folder / f"{track.name}--{entry}.json"
+
+
+def _store(path: Path | None, row: Row) -> None:
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        atomic_write(path, json.dumps(dataclasses.asdict(row)).encode())
+
+
+def tune_row(asked: Arena, track: Track, controller: Controller, pool: ThreadPoolExecutor, tell: Tell) -> Row:
+    """Tune one entry on one chain, and pick its gains of each level; they are not judged yet.
 
     Args:
         asked: The section.
-        track: The chain, with its tests sealed.
+        track: The chain.
         controller: The entry, with the gains that it has by itself.
         pool: The threads.
         tell: Is told the progress.
@@ -95,8 +127,7 @@ def run_row(asked: Arena, track: Track, controller: Controller, pool: ThreadPool
     base = altered(track.base, controllers=(controller,))
     training = [altered_alone(condition, controller) for condition in track.training]
     (tuned,) = tune_laws(base, training, asked, pool, told)
-    best = [tuned.start]
-    seeds: list[int | None] = [None]
+    best: list[tuple[int | None, Evaluation]] = [(None, tuned.start)]
     fronts = []
     for seed, found in enumerate(tuned.searches):
         fine = [one for one in found if one.feasible]
@@ -105,11 +136,7 @@ def run_row(asked: Arena, track: Track, controller: Controller, pool: ThreadPool
         fronts.append(tuple((stored(x) or 0.0, stored(y) or 0.0) for x, y in map(_point, front)))
         points = [_point(one) for one in front]
         picked = dict.fromkeys(best_at(points, 100.0 * level) for level in asked.levels)
-        own = [front[i] for i in picked if i is not None]
-        best += own
-        seeds += [seed] * len(own)
-    tests = _judge(asked, track, [altered(controller, gains=dict(one.gains)) for one in best], pool)
-    tell(f"judging {name}", _most(asked) * sum(_draws(asked, condition) for condition in track.tests))
+        best += [(seed, front[i]) for i in picked if i is not None]
     law = find_law(controller.law)
     length = sum(condition.experiment.run.duration for condition in track.training)
     count = asked.seeds * asked.evaluations * asked.draws
@@ -130,9 +157,9 @@ def run_row(asked: Arena, track: Track, controller: Controller, pool: ThreadPool
                 gains=plain_gains(one.gains),
                 chattering=stored(one.objectives[1]),
                 error=stored(one.objectives[0]),
-                values=values,
+                values={},
             )
-            for seed, one, values in zip(seeds, best, tests, strict=True)
+            for seed, one in best
         ),
     )
 
@@ -147,17 +174,74 @@ def _point(one: Evaluation) -> tuple[float, float]:
     return one.objectives[1], one.objectives[0]
 
 
-def _judge(asked: Arena, track: Track, controllers: Sequence[Controller], pool: ThreadPoolExecutor) -> list[Values]:
-    """Return what came of each set of gains on the test draws; equal ones are run once."""
-    unlike = list({repr(one): one for one in controllers}.values())
-    found: list[Values] = [{} for _ in unlike]
-    for condition in track.tests:
-        trials = Trials([altered_alone(condition, unlike[0])], asked.stored, pool)
-        for values, runs in zip(found, trials(unlike, range(_draws(asked, condition))), strict=True):
-            values[condition.name] = {
-                metric: tuple(_value(run, i) for run in runs) for i, metric in enumerate(asked.stored)
-            }
-    return [found[next(i for i, own in enumerate(unlike) if repr(own) == repr(one))] for one in controllers]
+class _Jury:
+    """Judges the entries of a chain on its sealed draws."""
+
+    def __init__(self, asked: Arena, entries: Sequence[tuple[Track, Controller]], pool: ThreadPoolExecutor) -> None:
+        self._asked, self._track, self._pool = asked, entries[0][0], pool
+        self._controllers = [controller for _, controller in entries]
+
+    def judge(self, rows: Sequence[Row], beside: Record, done: Callable[[int, Row, int], None]) -> list[Row]:
+        """Return the rows, judged draw by draw until all is decided that draws decide.
+
+        Args:
+            rows: One for each entry; they may have been judged in some draws.
+            beside: The arena without these rows.
+            done: Is told the number of each row, the row and how many closed loops were run.
+        """
+        looks = looks_at(self._asked.tests, beside.looks)
+        asked = [[looks[0]] * len(row.judged) for row in rows]
+        found = list(rows)
+        for before, now in itertools.pairwise([0, *looks]):
+            if before:
+                going = dataclasses.replace(beside, rows=(*beside.rows, *found)).undecided(self._track.name, before)
+                asked = [[now if one else 0 for one in _further(row, going)] for row in found]
+            found = [self.run(i, row, draws, done) for i, (row, draws) in enumerate(zip(found, asked, strict=True))]
+        return found
+
+    def run(self, place: int, row: Row, draws: Sequence[int], done: Callable[[int, Row, int], None]) -> Row:
+        """Return a row whose sets of gains are judged in as many draws each, or in as many as they were if more.
+
+        Args:
+            place: Number of the entry.
+            row: The row.
+            draws: How many draws each of its sets of gains is judged in.
+            done: As of `judge`.
+        """
+        seen = [draws_of(one) for one in row.judged]
+        values = [{name: dict(table) for name, table in one.values.items()} for one in row.judged]
+        loops = 0
+        for span in sorted({(n, most) for n, most in zip(seen, draws, strict=True) if n < most}):
+            alike: dict[str, list[int]] = {}
+            for i, one in enumerate(row.judged):
+                if (seen[i], draws[i]) == span:
+                    alike.setdefault(repr(one.gains), []).append(i)
+            sets = [dict(row.judged[i].gains) for i, *_ in alike.values()]
+            controllers = [altered(self._controllers[place], gains=gains) for gains in sets]
+            for condition in self._track.tests:
+                numbers = range(*span) if condition.experiment.is_drawn else range(min(span[0], 1), 1)
+                trials = Trials([altered_alone(condition, controllers[0])], self._asked.stored, self._pool)
+                for places, runs in zip(alike.values(), trials(controllers, numbers), strict=True):
+                    for i in places:
+                        table = values[i].setdefault(condition.name, {})
+                        for j, metric in enumerate(self._asked.stored):
+                            table[metric] = (*table.get(metric, ()), *(_value(run, j) for run in runs))
+                loops += len(numbers) * len(controllers)
+        judged = (dataclasses.replace(one, values=own) for one, own in zip(row.judged, values, strict=True))
+        found = dataclasses.replace(row, judged=tuple(judged))
+        done(place, found, loops)
+        return found
+
+
+def draws_of(one: Judged) -> int:
+    """Return in how many draws a set of gains was judged."""
+    return max((len(own) for table in one.values.values() for own in table.values()), default=0)
+
+
+def _further(row: Row, going: Set[tuple[str, float]]) -> list[bool]:
+    """Return which sets of gains of a row are those of an undecided level."""
+    own = [one for entry, level in going if entry == row.entry for one in picks(row, level) if one is not None]
+    return [any(one is other for other in own) for one in row.judged]
 
 
 def _value(run: Run, place: int) -> float | None:

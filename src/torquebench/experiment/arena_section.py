@@ -96,6 +96,16 @@ class Arena:
             name="draws",
         ),
     ] = 30
+    looks: Annotated[
+        int,
+        Key(
+            "How often laws are compared while draws come in, the last time after all of them, each time after twice "
+            "as many: gains whose pairs are all decided, or are ties whatever the draws, are run no further",
+            "1",
+            at_least=1,
+            at_most=8,
+        ),
+    ] = 1
 
     def faults(self) -> Iterator[Fault]:
         """Yield what leaves it without meaning."""
