@@ -144,7 +144,18 @@ def report(found: Arena, metric: str = "", level: float | None = None) -> None:
         metric: What ranks; the arena's own if left out.
         level: Chattering of the tables; the middle level if left out.
     """
-    from torquebench.arena.pages import HEAD, KEY, budget, by_rank, cells, dots, lines, main_level, unit_of
+    from torquebench.arena.pages import (
+        HEAD,
+        KEY,
+        budget,
+        by_rank,
+        cells,
+        dots,
+        level_remark,
+        lines,
+        main_level,
+        unit_of,
+    )
 
     record = found.record
     level = main_level(record) if level is None else level
@@ -152,6 +163,7 @@ def report(found: Arena, metric: str = "", level: float | None = None) -> None:
     tell(
         directory=found.folder,
         budget={key: getattr(record, key) for key in ("evaluations", "seeds", "draws")},
+        remark=level_remark(record, level),
         standings=[{"chain": line.chain, "level": line.level} | line.standing._asdict() for line in every],
     )
     say(f"{budget(record)}.")
@@ -160,6 +172,8 @@ def report(found: Arena, metric: str = "", level: float | None = None) -> None:
     say(table(["law", *record.chains], rows, left=1 + len(record.chains)))
     levels = ", ".join(f"{own:g} %" for own in sorted({*record.levels, level}))
     say(f"{KEY}; a dot for each level of chattering: {levels}")
+    if remark := level_remark(record, level):
+        say(f"{remark}.")
     unit = unit_of(record, metric)[0]
     for chain in record.chains:
         own = [cells(record, line, metric) for line in every if line.chain == chain and line.level == level]
