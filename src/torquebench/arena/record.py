@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import ast
+import contextlib
+import copy
 import dataclasses
 import hashlib
 import inspect
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 
 from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, chattering_of, mean_of, rank
+from torquebench.dialect import definition, module_of, plain
 from torquebench.errors import ResultError, did_you_mean
 from torquebench.experiment.arena_section import CHATTERING
 from torquebench.experiment.values import from_json
 from torquebench.keys import Vector
 from torquebench.laws import find_law, law_names
-from torquebench.laws.law import Law
-from torquebench.sim.sandbox import SandboxedLaw
+from torquebench.laws.law import Law, functions_named
+from torquebench.sim.sandbox import SandboxedLaw, imports_of
 
 FORMAT = 1
 TUNED, SELF = "tuned", "self"
@@ -62,7 +68,7 @@ class Row:
     source: str
     """``torquebench``, or the name of the file that has the law."""
     digest: str
-    """Of the law's source, without comments and docstrings."""
+    """As of `digest_of`."""
     loops: int
     """Closed loops that tuning ran, over all seeds."""
     seconds: float
@@ -81,7 +87,11 @@ class Row:
         """Why the row has expired; nothing while its law is there as it was."""
         if self.law not in law_names():
             return f"expired: law '{self.law}' is not there any more"
-        return "" if digest_of(find_law(self.law)) == self.digest else "expired: its law has changed since"
+        return (
+            ""
+            if digest_of(find_law(self.law)) == self.digest
+            else "expired: its law, or a function that it shares with others, has changed since"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,26 +232,53 @@ def picks(row: Row, level: float, ruleset: str = TUNED) -> list[Judged | None]:
     return found
 
 
+@lru_cache(maxsize=256)
 def digest_of(law: Law) -> str:
-    """Return the digest of a law's source file as it is parsed: comments, docstrings and layout do not count."""
-    tree = ast.parse(_text(law))
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if (
-            isinstance(body, list)
-            and body
-            and isinstance(body[0], ast.Expr)
-            and isinstance(body[0].value, ast.Constant)
-        ):
-            node.body = body[1:]  # type: ignore[attr-defined]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16]
+    """Return the digest of a law as it is parsed: comments, docstrings and layout do not count.
+
+    In it are its file, and what it calls in files of `SHARED` besides. The arm's dynamics are not: they are those of
+    the plant, and belong to the version of the package.
+    """
+    own = law.function
+    if isinstance(own, SandboxedLaw):
+        tree, roots = ast.parse(own.text), list(_imported(own.text))
+    else:
+        tree, roots = module_of(own), [own]
+    named = {f: None for root in roots for f in (plain(root), *functions_named(root)) if hasattr(f, "__code__")}
+    others = [f for f in named if f.__module__.startswith(SHARED) and f.__module__ != own.__module__]
+    parts = [
+        _bare(tree),
+        *sorted(f"{f.__module__}.{f.__qualname__} {_bare(definition(f))} {_numbers_of(f)}" for f in others),
+    ]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
 
-def _text(law: Law) -> str:
-    """Return the text of a law's file."""
-    if isinstance(law.function, SandboxedLaw):
-        return law.function.text
-    return Path(inspect.getsourcefile(law.function) or "").read_text(encoding="utf-8")
+SHARED = ("torquebench.laws.", "torquebench.fuzzy.", "torquebench.kernel")
+"""Where functions are that laws share."""
+
+
+def _imported(text: str) -> Iterator[Any]:
+    """Yield what a file takes from the package by name."""
+    for module, *names in imports_of(text):
+        if module.partition(".")[0] == "torquebench":
+            with contextlib.suppress(ImportError):
+                yield from (getattr(import_module(module), name, None) for name in names)
+
+
+def _bare(node: ast.AST | None) -> str:
+    """Return what is parsed, without docstrings."""
+    node = copy.deepcopy(node or ast.Module([], []))
+    for part in ast.walk(node):
+        match getattr(part, "body", None):
+            case [ast.Expr(value=ast.Constant()), *rest]:
+                part.body = rest  # type: ignore[attr-defined]
+    return ast.dump(node)
+
+
+def _numbers_of(function: FunctionType) -> dict[str, Any]:
+    """Return the constants that a function reads."""
+    known = inspect.getclosurevars(function).globals
+    return {name: x for name, x in sorted(known.items()) if isinstance(x, int | float | str | tuple)}
 
 
 def source_of(law: Law) -> str:
