@@ -405,7 +405,7 @@ class _Reader:
             if home not in ("math", "numpy", "torquebench"):
                 self.complain(node, f"{text}, a number of another file", f"from {home} import {name}", STATE)
         elif type(value) in NUMBERS:
-            if any(name in x.names for x in ast.walk(_module_of(self.function)) if isinstance(x, ast.Global)):
+            if any(name in x.names for x in ast.walk(module_of(self.function)) if isinstance(x, ast.Global)):
                 self.complain(node, f"{text}, which changes", STATE_CURE, STATE)
             elif not text.isupper():
                 self.complain(node, f"the global {text}", f"call it {text.upper()}, as a constant is", STATE)
@@ -592,7 +592,7 @@ def line_of(structure: Any, name: str, function: Any) -> int:
         name: Its field; empty for the class.
         function: The law, whose file is read.
     """
-    for node in ast.walk(_module_of(function)):
+    for node in ast.walk(module_of(function)):
         if isinstance(node, ast.ClassDef) and node.name == getattr(structure, "__name__", None):
             fields = {ast.unparse(x.target): x.lineno for x in node.body if isinstance(x, ast.AnnAssign)}
             return fields.get(name, node.lineno)
@@ -613,8 +613,8 @@ def _line(function: Any) -> int:
     return getattr(getattr(plain(function), "__code__", None), "co_firstlineno", 0)
 
 
-def _module_of(function: Any) -> ast.Module:
-    """Return the syntax tree of a function's file, or of the notebook's cell; an empty one where there is none."""
+def module_of(function: Any) -> ast.Module:
+    """Return the syntax tree of a function's file as it was loaded, or of the cell; empty where there is none."""
     if not isinstance(function, FunctionType):
         return ast.Module([], [])
     return _parsed("".join(linecache.getlines(function.__code__.co_filename, function.__globals__)))
@@ -631,7 +631,7 @@ def _parsed(text: str) -> ast.Module:
 def definition(function: FunctionType) -> ast.FunctionDef | None:
     """Return a function's definition in the text of its file; None where that is not at hand."""
     code = function.__code__
-    for node in ast.walk(_module_of(function)):
+    for node in ast.walk(module_of(function)):
         if isinstance(node, ast.FunctionDef) and node.name == code.co_name:
             if min([node.lineno, *(x.lineno for x in node.decorator_list)]) == code.co_firstlineno:
                 return node

@@ -19,7 +19,7 @@ import torquebench
 from torquebench import diff
 from torquebench.arena.pages import by_condition, duels, worth
 from torquebench.arena.ranking import compare, is_open, rank
-from torquebench.arena.record import Record, looks_at, picks, plain_gains, read_record
+from torquebench.arena.record import Record, digest_of, looks_at, picks, plain_gains, read_record
 from torquebench.arena.run import draws_of
 from torquebench.arenas import (
     ALIKE,
@@ -36,7 +36,8 @@ from torquebench.arenas import (
 from torquebench.cli.app import main
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.seal import commitment
-from torquebench.laws import find_law, law_names
+from torquebench.kernel import clip
+from torquebench.laws import find_law, law_names, sliding_mode
 from torquebench.sim.sandbox import SandboxedLaw
 
 STUDY: dict[str, Any] = {
@@ -354,6 +355,26 @@ def test_stored_arenas_are_ranked_again_by_another_level_and_metric(record: Reco
     }
     with pytest.raises(ResultError, match="not stored"):
         record.scores(record.rows[0], 20.0, "effort")
+
+
+def test_a_law_is_its_file_and_what_it_shares_with_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A change of a function that a law calls in another file expires its rows, and those of no law that does not."""
+    text = "import os\nfrom torquebench import sat\n"
+    own = replace(find_law("pd"), function=SandboxedLaw(text, "own.py", "own", "own", "", ()))
+    laws = find_law("smc"), own, find_law("pd")
+    before = [digest_of.__wrapped__(law) for law in laws]
+    for module in (sliding_mode, torquebench):
+        monkeypatch.setattr(module, "sat", clip)
+    assert [a == digest_of.__wrapped__(law) for a, law in zip(before, laws, strict=True)] == [False, False, True]
+
+
+def test_a_level_between_those_of_the_arena_is_told(folder: Path, command: Any) -> None:
+    """Whose gains are shown is said, above and below all levels too; nothing is said of a level of the arena."""
+    told = {level: command("arena", folder, "--level", level)[1] for level in (1, 2, 7, 50)}
+    assert "no level of this arena" not in told[2]
+    for level, whose in ((1, "none, as a rule"), (7, "as a rule those of 2 %"), (50, "as a rule those of 20 %")):
+        assert f"{level} % is no level of this arena" in told[level]
+        assert whose in " ".join(told[level].split())
 
 
 def test_a_file_reads_back_as_it_was_written(record: Record, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import platform
 import sys
 from functools import cache
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import torquebench as tb
-from torquebench.dialect import read_file
+from torquebench.dialect import complaints, read_file
 from torquebench.errors import ConfigError
 from torquebench.laws.plugin import load_plugin
 from torquebench.registry import restored
@@ -165,6 +166,51 @@ def test_the_file_itself_changes_nothing_here(cheats: Path) -> None:
     assert law.summary == "A cheat."
     assert law.gains["k"].search == (1.0, 10.0, "log")
     assert law.gains["k"].unit == "1/s^2"
+
+
+DAWDLES = """
+@controller("dawdles", gains=Gains)
+def law(gains, model, t, q, qd, ref, memory, tau):
+    tau[:] = sum(range(1_000_000)) * 0.0
+"""
+
+
+@closed
+def test_the_time_of_all_answers_has_a_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """200 answers of 10 ms or more where 0.5 s are allowed: each is in time, and the run ends all the same, named."""
+    monkeypatch.setattr(sandbox, "PATIENCE", 0.5)
+    monkeypatch.setattr(sandbox, "PACE", 0.0)
+    (tmp_path / "dawdles.py").write_text(HEAD + DAWDLES)
+    with restored():
+        load_sandboxed(tmp_path / "dawdles.py")
+        found = run("dawdles", steps=200)
+    assert len(found.t) < 200
+    assert "the law took more than 0 times as long as the motion, and 0.5 s, for its answers" in found.detail
+
+
+@pytest.mark.parametrize("kind", ["declared", pytest.param("else", marks=closed)])
+def test_what_is_run_is_what_was_read(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that another one replaces once it was read: the first is run, and the first is what is looked at later.
+
+    Else whoever writes to the folder chooses, between reading and loading, what runs with the reader's rights.
+    """
+    file, text = tmp_path / "declared.py", DIALECT if kind == "declared" else DIALECT + "print()\n"
+    file.write_text(text)
+    read = sandbox.read_file
+
+    def swapped(text: str) -> Any:
+        found = read(text)
+        file.write_text(f"raise SystemExit('{kind}')")
+        return found
+
+    monkeypatch.setattr(sandbox, "read_file", swapped)
+    with restored():
+        assert load_sandboxed(file) == ("declared",)
+        law = tb.find_law("declared")
+        assert isinstance(law.function, SandboxedLaw) == (kind == "else")
+        if kind == "declared":
+            assert "bent" in inspect.getsource(law.function)
+            assert complaints(law) == ()
 
 
 HONEST = """

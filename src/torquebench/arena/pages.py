@@ -34,6 +34,19 @@ def main_level(record: Record) -> float:
     return record.levels[len(record.levels) // 2]
 
 
+def level_remark(record: Record, level: float) -> str:
+    """Return whose gains are shown at a level of chattering that is none of the arena's; nothing at one that is."""
+    if level in record.levels:
+        return ""
+    picked = " and ".join(f"{own:g}" for own in record.levels)
+    below = max((own for own in record.levels if own < level), default=None)
+    nearest = "none, as a rule" if below is None else f"as a rule those of {below:g} %"
+    return (
+        f"{level:g} % is no level of this arena: no gains were picked for it. Of those picked for {picked} %, each "
+        f"tuning's best are shown that chattered by no more than {level:g} % where they were tuned: {nearest}"
+    )
+
+
 def lines(record: Record, metric: str = "", levels: Sequence[float] = ()) -> list[Line]:
     """Return every line, chain by chain, the best first.
 

@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 import ast
+import contextlib
+import copy
 import dataclasses
-import functools
 import hashlib
 import inspect
 import itertools
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from importlib import import_module
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 
 from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, is_open, mean_of, mean_over_runs, rank
+from torquebench.dialect import definition, module_of, plain
 from torquebench.errors import ResultError, did_you_mean
 from torquebench.experiment.arena_section import CHATTERING
 from torquebench.experiment.values import from_json
 from torquebench.keys import Vector
 from torquebench.laws import find_law, law_names
-from torquebench.laws.law import Law
-from torquebench.sim.sandbox import SandboxedLaw
+from torquebench.laws.law import Law, functions_named
+from torquebench.sim.sandbox import SandboxedLaw, imports_of
 
 FORMAT = 1
 TUNED, SELF = "tuned", "self"
@@ -66,7 +71,7 @@ class Row:
     source: str
     """`SHIPPED`, or the name of the file that has the law."""
     digest: str
-    """Of the law's source, without comments and docstrings."""
+    """As of `digest_of`."""
     loops: int
     """Closed loops that tuning ran, over all seeds."""
     seconds: float
@@ -86,7 +91,9 @@ class Row:
         if self.law not in law_names():
             where = f"any more, unless --plugin names {self.source}" if self.source != SHIPPED else "any more"
             return f"expired: law '{self.law}' is not there {where}"
-        return "" if digest_of(find_law(self.law)) == self.digest else "expired: its law has changed since"
+        if digest_of(find_law(self.law)) == self.digest:
+            return ""
+        return "expired: its law, or a function that it shares with others, has changed since"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,7 +181,7 @@ class Record:
             self._found[asked] = self._stand(chain, level, metric, ruleset, held_out)
         return list(self._found[asked])
 
-    @functools.cached_property
+    @cached_property
     def _found(self) -> dict[tuple[Any, ...], list[Standing]]:
         return {}
 
@@ -283,27 +290,53 @@ def picks(row: Row, level: float, ruleset: str = TUNED) -> list[Judged | None]:
     return found
 
 
+@lru_cache(maxsize=256)
 def digest_of(law: Law) -> str:
-    """Return the digest of a law's source file as it is parsed: comments, docstrings and layout do not count."""
-    return _digest_of(law.function)
+    """Return the digest of a law as it is parsed: comments, docstrings and layout do not count.
 
-
-@functools.cache
-def _digest_of(function: Any) -> str:
-    if isinstance(function, SandboxedLaw):
-        tree = ast.parse(function.text)
+    In it are its file, and what it calls in files of `SHARED` besides. The arm's dynamics are not: they are those of
+    the plant, and belong to the version of the package.
+    """
+    own = law.function
+    if isinstance(own, SandboxedLaw):
+        tree, roots = ast.parse(own.text), list(_imported(own.text))
     else:
-        tree = ast.parse(Path(inspect.getsourcefile(function) or "").read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if (
-            isinstance(body, list)
-            and body
-            and isinstance(body[0], ast.Expr)
-            and isinstance(body[0].value, ast.Constant)
-        ):
-            node.body = body[1:]  # type: ignore[attr-defined]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16]
+        tree, roots = module_of(own), [own]
+    named = {f: None for root in roots for f in (plain(root), *functions_named(root)) if hasattr(f, "__code__")}
+    others = [f for f in named if f.__module__.startswith(SHARED) and f.__module__ != own.__module__]
+    parts = [
+        _bare(tree),
+        *sorted(f"{f.__module__}.{f.__qualname__} {_bare(definition(f))} {_numbers_of(f)}" for f in others),
+    ]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+
+
+SHARED = ("torquebench.laws.", "torquebench.fuzzy.", "torquebench.kernel")
+"""Where functions are that laws share."""
+
+
+def _imported(text: str) -> Iterator[Any]:
+    """Yield what a file takes from the package by name."""
+    for module, *names in imports_of(text):
+        if module.partition(".")[0] == "torquebench":
+            with contextlib.suppress(ImportError):
+                yield from (getattr(import_module(module), name, None) for name in names)
+
+
+def _bare(node: ast.AST | None) -> str:
+    """Return what is parsed, without docstrings."""
+    node = copy.deepcopy(node or ast.Module([], []))
+    for part in ast.walk(node):
+        match getattr(part, "body", None):
+            case [ast.Expr(value=ast.Constant()), *rest]:
+                part.body = rest  # type: ignore[attr-defined]
+    return ast.dump(node)
+
+
+def _numbers_of(function: FunctionType) -> dict[str, Any]:
+    """Return the constants that a function reads."""
+    known = inspect.getclosurevars(function).globals
+    return {name: x for name, x in sorted(known.items()) if isinstance(x, int | float | str | tuple)}
 
 
 def source_of(law: Law) -> str:

@@ -161,7 +161,19 @@ def report(found: Arena, metric: str = "", level: float | None = None, own: Sequ
         level: Chattering of the tables; the middle level if left out.
         own: Entries that are set beside all others.
     """
-    from torquebench.arena.pages import HEAD, KEY, budget, by_rank, cells, dots, lines, main_level, unit_of, worth
+    from torquebench.arena.pages import (
+        HEAD,
+        KEY,
+        budget,
+        by_rank,
+        cells,
+        dots,
+        level_remark,
+        lines,
+        main_level,
+        unit_of,
+        worth,
+    )
 
     record = found.record
     level = main_level(record) if level is None else level
@@ -169,6 +181,7 @@ def report(found: Arena, metric: str = "", level: float | None = None, own: Sequ
     tell(
         directory=found.folder,
         budget={key: getattr(record, key) for key in ("evaluations", "seeds", "draws")},
+        remark=level_remark(record, level),
         standings=[{"chain": line.chain, "level": line.level} | line.standing._asdict() for line in every],
         duels={entry: found.duels(entry, level, metric) for entry in own},
         conditions={entry: found.by_condition(entry, level, metric) for entry in own},
@@ -179,6 +192,8 @@ def report(found: Arena, metric: str = "", level: float | None = None, own: Sequ
     say(table(["law", *record.chains], rows, left=1 + len(record.chains)))
     levels = ", ".join(f"{own:g} %" for own in sorted({*record.levels, level}))
     say(f"{KEY}; a dot for each level of chattering: {levels}")
+    if remark := level_remark(record, level):
+        say(f"{remark}.")
     unit = unit_of(record, metric)[0]
     for chain in record.chains:
         shown = [cells(record, line, metric) for line in every if line.chain == chain and line.level == level]

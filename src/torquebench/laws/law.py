@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -229,30 +229,43 @@ class Law:
 
 HasModel = bool | tuple[str | bool, ...] | None
 """Whether a law cancels the arm's dynamics: always or never; with (option, value, ...); None for what it calls."""
-_TERMS = {term.__name__: term for term in (mass_matrix, gravity, bias_forces, inverse_dynamics)}
+_TERMS = {
+    getattr(term, "py_func", term): term.__name__ for term in (mass_matrix, gravity, bias_forces, inverse_dynamics)
+}
 
 
-def terms_called(function: Any, seen: set[Any] | None = None) -> set[str]:
+def terms_called(function: Any) -> set[str]:
     """Return the terms of the dynamics that a function's source names, itself or in functions that it names.
 
     A law that runs in a process of its own has had that process look: they are its ``terms``.
 
     Args:
         function: A law or a kernel.
-        seen: Functions that were looked at already; changed.
+    """
+    return {_TERMS[own] for own in functions_named(function) if own in _TERMS} | set(getattr(function, "terms", ()))
+
+
+def functions_named(function: Any, seen: set[FunctionType] | None = None) -> Iterator[FunctionType]:
+    """Yield the functions that a function's source names, itself or in functions that it names, each once.
+
+    Terms of the dynamics are not looked into.
+
+    Args:
+        function: A law or a kernel.
+        seen: Those that were named already; changed.
     """
     function, seen = getattr(function, "py_func", function), set() if seen is None else seen
-    found = set[str](getattr(function, "terms", ()))
-    if not isinstance(function, FunctionType) or function in seen:
-        return found
-    seen.add(function)
+    if not isinstance(function, FunctionType) or function in _TERMS:
+        return
     scope, names = inspect.getclosurevars(function), function.__code__.co_names
     used = [*scope.globals.values(), *scope.nonlocals.values()]
     used += [getattr(x, name, None) for x in used if isinstance(x, ModuleType) for name in names]
     for value in used:
-        term = next((name for name, term in _TERMS.items() if term is value), None)
-        found |= {term} if term else terms_called(value, seen)
-    return found
+        own = getattr(value, "py_func", value)
+        if isinstance(own, FunctionType) and own not in seen:
+            seen.add(own)
+            yield own
+            yield from functions_named(own, seen)
 
 
 def _numbers(value: Any) -> Array | None:

@@ -7,6 +7,7 @@ import importlib.util
 import linecache
 import sys
 from importlib.machinery import SourceFileLoader
+from importlib.util import decode_source
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +20,29 @@ PYTHON = r"\.py"
 
 
 class SourceLoader(SourceFileLoader):
-    """Runs a file as it is now: stored bytecode may be that of another text of the same size and second."""
+    """Runs a file as it is now, read once, and has its lines ready for whoever looks at what was run.
+
+    Stored bytecode may be that of another text of the same size and second, and the file may be another one later.
+
+    Args:
+        name: Of the module.
+        path: The file.
+        text: Its text, where it was read already.
+    """
+
+    def __init__(self, name: str, path: str, text: str | None = None) -> None:
+        super().__init__(name, path)
+        self._text = text
 
     def get_code(self, fullname: str) -> Any:
-        """Compile the file's text, and forget the lines that were read of an earlier one."""
+        """Compile the file's text."""
         path = self.get_filename(fullname)
-        linecache.cache.pop(path, None)
-        return self.source_to_code(self.get_data(path), path)
+        text = decode_source(self.get_data(path)) if self._text is None else self._text
+        linecache.cache[path] = len(text), None, text.splitlines(keepends=True), path
+        return self.source_to_code(text, path)
 
 
-def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
+def load_plugin(path: Path, where: str = "--plugin", text: str | None = None) -> tuple[str, ...]:
     """Run a Python file that registers laws or things of other kinds, and return the names of the laws it added.
 
     A file that was loaded before is run again, and what it registers now replaces what it registered then.
@@ -36,6 +50,7 @@ def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
     Args:
         path: The file; its code runs with the user's rights.
         where: Argument of the command that names it, for messages.
+        text: What is run in place of what the file has by now: its text, where that was read already.
 
     Raises:
         ConfigError: the file cannot be read, raises, or registers nothing.
@@ -44,10 +59,10 @@ def load_plugin(path: Path, where: str = "--plugin") -> tuple[str, ...]:
     loaded = getattr(sys.modules.get(name), "__file__", None)
     again = loaded is not None and path.exists() and Path(loaded).resolve() == path.resolve()
     with registering_again(name) if again else contextlib.nullcontext():
-        return _load(path, where, name)
+        return _load(path, where, name, text)
 
 
-def _load(path: Path, where: str, name: str) -> tuple[str, ...]:
+def _load(path: Path, where: str, name: str, text: str | None) -> tuple[str, ...]:
     before = set(law_names())
     try:
         spec = importlib.util.spec_from_file_location(name, path)
@@ -55,7 +70,7 @@ def _load(path: Path, where: str, name: str) -> tuple[str, ...]:
             raise ControllerError(f"no such file{did_you_mean_path(path, PYTHON)}")
         if spec is None or spec.loader is None:
             raise ControllerError("not a Python file (wanted a name ending in .py)")
-        spec.loader = SourceLoader(name, str(path.absolute()))
+        spec.loader = SourceLoader(name, str(path.absolute()), text)
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
         spec.loader.exec_module(module)

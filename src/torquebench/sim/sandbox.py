@@ -13,6 +13,7 @@ import atexit
 import contextlib
 import io
 import json
+import math
 import os
 import select
 import signal
@@ -23,6 +24,7 @@ import sys
 import sysconfig
 import tempfile
 import threading
+import time
 import weakref
 from collections.abc import Iterable
 from pathlib import Path
@@ -43,6 +45,8 @@ from torquebench.sim.job import Job, Setup
 
 PATIENCE = 20.0
 """Longest time that a law may take to answer [s]."""
+PACE = 10.0
+"""How much longer than the motion its answers may take together, beside one `PATIENCE` [1]."""
 HEADER = struct.Struct("<qqq")
 """Of an answer: control instant, how the call went, bytes of text behind the numbers."""
 LONGEST_TEXT, LONGEST_DECLARATION = 1000, 1_000_000
@@ -68,7 +72,7 @@ def load_sandboxed(path: Path, where: str = "--plugin") -> tuple[str, ...]:
         raise ConfigError([Problem(where, str(path), f"{type(error).__name__}: {error}")]) from error
     module = _module_name(path)
     if not outside:
-        names = load_plugin(path, where)
+        names = load_plugin(path, where, text)
         if not (outside := _complaints_of(module, names)):
             return names
         for registry in REGISTRIES:
@@ -138,9 +142,9 @@ class SandboxedCall:
         self._memory, self._n = setup.job.memory, setup.plant.n
         self._own = ""
         """Why the process could not be shut off."""
-        started = self._cell.read_text(PATIENCE)
-        if started != "ready":
+        if (started := self._cell.read_text()) != "ready":
             self._own = started or self._cell.why()
+        self._cell.left = PATIENCE + PACE * setup.job.control_period * len(setup.job.q_ref)
 
     def at(self, job: Job, k: int) -> tuple[int, str]:
         """Call the law at control instant k of a loop, write down its torque, and return how that went."""
@@ -149,7 +153,7 @@ class SandboxedCall:
         own, cell = self._memory, self._cell
         given = (job.measured_q, job.measured_qd, job.q_ref[k], job.qd_ref[k], job.qdd_ref[k])
         cell.write(np.concatenate([[k, k * job.control_period], *given]).tobytes())
-        answer = cell.read(HEADER.size + 8 * (self._n + own.size), PATIENCE)
+        answer = cell.read(HEADER.size + 8 * (self._n + own.size))
         if answer is None:
             return CONTROLLER_ERROR, cell.why()
         at, status, length = HEADER.unpack(answer[: HEADER.size])
@@ -158,7 +162,7 @@ class SandboxedCall:
         numbers = np.frombuffer(answer, np.float64, offset=HEADER.size)
         job.record_tau_law[k] = numbers[: self._n]
         own[...] = numbers[self._n :].reshape(own.shape)
-        detail = (cell.read(length, PATIENCE) or b"").decode("utf-8", "replace") if length else ""
+        detail = (cell.read(length) or b"").decode("utf-8", "replace") if length else ""
         return status, "".join(c if c.isprintable() else " " for c in detail)
 
 
@@ -186,7 +190,9 @@ class Cell:
         self._pid = self._zygote.fork(text, (theirs, their_out))
         for fd in (theirs, their_out):
             os.close(fd)
-        self._late = False
+        self.left = math.inf
+        """Time that its answers may take together from now on [s]."""
+        self._late = ""
         self._state: dict[str, int] = {}
         self._finalize = weakref.finalize(self, _end, self._zygote, self._pid, self._in, self._out, self._state)
         parts = [json.dumps(ask).encode(), text.encode(), more]
@@ -198,26 +204,29 @@ class Cell:
             while data:
                 data = data[os.write(self._out, data) :]
 
-    def read(self, size: int, patience: float) -> bytes | None:
+    def read(self, size: int) -> bytes | None:
         """Return as many bytes, or None if the process ends before or takes too long."""
-        found = b""
+        found, begun = b"", time.monotonic()
+        patience = min(PATIENCE, self.left)
         poll = select.poll()
         poll.register(self._in, select.POLLIN)
         while len(found) < size:
-            if not poll.poll(1000.0 * patience):
-                self._late = True
+            if not poll.poll(max(0.0, 1000.0 * (begun + patience - time.monotonic()))):
+                of_all = f"took more than {PACE:g} times as long as the motion, and {PATIENCE:g} s, for its answers"
+                self._late = of_all if self.left <= PATIENCE else f"gave no answer within {PATIENCE:g} s"
                 return None
             part = os.read(self._in, size - len(found))
             if not part:
                 return None
             found += part
+        self.left -= time.monotonic() - begun
         return found
 
-    def read_text(self, patience: float) -> str:
+    def read_text(self) -> str:
         """Return a text that comes with its length; empty if none came."""
-        head = self.read(8, patience)
+        head = self.read(8)
         size = struct.unpack("<q", head)[0] if head else 0
-        body = self.read(size, patience) if 0 < size <= LONGEST_DECLARATION else None
+        body = self.read(size) if 0 < size <= LONGEST_DECLARATION else None
         return (body or b"").decode("utf-8", "replace")
 
     def why(self) -> str:
@@ -225,7 +234,7 @@ class Cell:
         self._finalize()
         code = self._state.get("code", 0)
         if self._late:
-            return f"the law gave no answer within {PATIENCE:g} s"
+            return f"the law {self._late}"
         if code < 0:
             name = signal.Signals(-code).name
             reason = {"SIGSEGV": ", as one is that reads the processor's counter, or memory that is not its own"}.get(
@@ -344,10 +353,10 @@ def _declared(text: str, path: Path, where: str, outside: list[Complaint]) -> li
         reason = "a law outside the dialect can be shut off on Linux on x86-64 only"
         raise ConfigError([Problem(where, str(path), f"{reason} ({outside[0]})")])
     cell = Cell(text, {"law": None, "file": path.name, "n": 1})
-    ready = cell.read_text(PATIENCE)
+    ready = cell.read_text()
     if ready != "ready":
         raise ConfigError([Problem(where, str(path), ready or cell.why())])
-    answer = cell.read_text(PATIENCE)
+    answer = cell.read_text()
     try:
         found: dict[str, Any] = json.loads(answer) if answer else {"error": cell.why()}
         if "error" in found:

@@ -15,7 +15,6 @@ import gc
 import importlib
 import io
 import json
-import linecache
 import mmap
 import os
 import platform
@@ -177,7 +176,6 @@ def serve(kernels: list[Any], read: int, write: int) -> NoReturn:
     os.closerange(1, WRITE)
     os.closerange(WRITE + 1, high)
     asked, text, more = json.loads(_part()), _part().decode(), _part()
-    linecache.cache[asked["file"]] = len(text), None, text.splitlines(keepends=True), asked["file"]
     arrays = dict(np.load(io.BytesIO(more), allow_pickle=False)) if more else {}
     del more
     random.seed(0)
@@ -272,27 +270,12 @@ def filter_program() -> bytes:
     return b"".join([*parts, refuse])
 
 
-class _Text(SourceLoader):
-    """Runs a text as the file that it is of."""
-
-    def __init__(self, name: str, path: str, text: str) -> None:
-        super().__init__(name, path)
-        self._text = text.encode()
-
-    def get_data(self, path: str) -> bytes:
-        """Return the text."""
-        return self._text
-
-
 def run_file(file: str, text: str) -> None:
     """Run the law's file."""
-    lines = linecache.cache[file]
-    loader = _Text(NAME, file, text)
-    spec = spec_from_file_location(NAME, file, loader=loader)
-    module = module_from_spec(spec)  # type: ignore[arg-type]  # there is a loader
+    loader = SourceLoader(NAME, file, text)
+    module = module_from_spec(spec_from_file_location(NAME, file, loader=loader))  # type: ignore[arg-type]
     sys.modules[NAME] = module
     loader.exec_module(module)
-    linecache.cache[file] = lines
 
 
 def declare(file: str, text: str) -> None:
