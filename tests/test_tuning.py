@@ -44,6 +44,10 @@ SLIDER = """
   <actuator><motor joint="lift" ctrlrange="-90 90"/><motor joint="turn" ctrlrange="-9 9"/></actuator></mujoco>"""
 
 
+UNEVEN = Chain(torque_gain=(2.0, 0.5, 1.4))
+"""Drives that give more than asked, and less."""
+
+
 @pytest.fixture
 def three(tmp_path: Path) -> Path:
     """The light arm's file."""
@@ -63,23 +67,23 @@ def masses(path: Path, count: int, seed: int) -> Array:
     return found
 
 
-@pytest.mark.parametrize("chain", ["ideal", "slow"])
+@pytest.mark.parametrize("chain", [CHAINS["ideal"], CHAINS["slow"], UNEVEN], ids=["ideal", "slow", "uneven"])
 @pytest.mark.parametrize("law", ["smc", "linear-band-smc", "pd"])
-def test_linear_terms_stay_within_what_the_inertia_stands(three: Path, law: str, chain: str) -> None:
+def test_linear_terms_stay_within_what_the_inertia_stands(three: Path, law: str, chain: Chain) -> None:
     """The terms keep r rho(M^-1 D) <= SHARE at poses that were not looked at, 5 % allowed, and more than 0.3 SHARE.
 
-    D is K / phi + Kd of the law, r the chain's reaction, M MuJoCo's.
+    D is K / phi + Kd of the law times the drives' gains, r the chain's reaction, M MuJoCo's.
     """
     arm = load_model(three)
     options = {"switching": "saturation"} if law == "smc" else {}
-    gains = find_law(law).choose_gains(arm, 0.001, CHAINS[chain], options)
+    gains = find_law(law).choose_gains(arm, 0.001, chain, options)
     D = np.zeros(3)
     if "k" in gains:
         D += np.array(gains["k"]) * arm.flat.tau_max / np.array(gains["phi"])
     if "kv" in gains:
         D += np.array(gains["kv"]) * arm.flat.inertia_scale
-    r = CHAINS[chain].reaction(0.001)
-    moved = r * np.max(np.abs(np.linalg.eigvals(np.linalg.inv(masses(three, 500, seed=7)) * D)))
+    D *= np.array(chain.torque_gain)
+    moved = chain.reaction(0.001) * np.max(np.abs(np.linalg.eigvals(np.linalg.inv(masses(three, 500, seed=7)) * D)))
     assert 0.3 * SHARE < moved <= 1.05 * SHARE
 
 
@@ -117,6 +121,25 @@ def test_gains_of_one_joint_by_hand(tmp_path: Path) -> None:
     assert given["phi"] == pytest.approx(0.06)
     wide = smc.choose_gains(arm, options=layer, given={"k": 0.3})
     assert wide["phi"] == pytest.approx(8.4 * 0.001 / (0.8 * 1e-4), rel=5e-3)
+
+
+@pytest.mark.parametrize("gain", [0.5, 2.0])
+def test_gains_times_those_of_the_drives_are_what_they_are_without(tmp_path: Path, gain: float) -> None:
+    """Of rates and switching torques, of a joint whose torque limit bounds none of them; slopes stay."""
+    path = tmp_path / "wrist.xml"
+    path.write_text(WRIST)
+    arm, drives = load_model(path), Chain(torque_gain=gain)
+    assert find_law("computed-torque").choose_gains(arm, chain=drives) == {
+        "lam": 20.0,
+        "kv": 80.0 / gain,
+        "ki": 8000.0 / gain,
+    }
+    assert find_law("pd").choose_gains(arm, chain=drives) == {"lam": 20.0, "kv": 80.0 / gain}
+    bare, behind = (
+        find_law("smc").choose_gains(arm, chain=c, options={"switching": "saturation"}) for c in (Chain(), drives)
+    )
+    assert (behind["lam"], behind["phi"]) == (bare["lam"], bare["phi"])
+    assert behind["k"] * gain == pytest.approx(bare["k"], rel=5e-3)  # three digits
 
 
 def test_joints_that_slide_are_masses(tmp_path: Path) -> None:

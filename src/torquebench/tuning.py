@@ -11,6 +11,9 @@ most D_i / I_i. The rest follows: a law that holds s within a layer phi = lambda
 A joint that the arm's file damps by b stands more: in a time r its velocity goes to tau / b as 1 - exp(-r b / I), so
 that r b / (1 - exp(-r b / I)) is in place of I. What its file says of friction, F = coulomb + b x 2 rad/s, gains are
 made to overcome: slopes may be quicker, and K is beyond F. What they leave of it, `friction_text` says.
+
+Drives that give g N m for 1 N m of a law (`chain.torque_gain`) make all that the arm takes, I, M, gravity, b and F, 1/g
+of it to the law. What they leak from joint to joint, and how they weaken on the way, is not looked at.
 """
 
 from __future__ import annotations
@@ -74,6 +77,16 @@ class Limits:
     coulomb: Array
     """Coulomb friction of the arm's file [N m]."""
 
+    def behind(self, drives: Array) -> Limits:
+        """Return the limits of the arm as it is to a law whose torque the drives multiply: all it takes is over that.
+
+        Args:
+            drives: Torque of each joint's drive for 1 N m of the law's, (n,) [1].
+        """
+        arm = self.least, self.heaviest, self.gravity, self.viscous, self.coulomb
+        least, heaviest, gravity, viscous, coulomb = (of_joints / drives for of_joints in arm)
+        return Limits(self.tau_max, least, heaviest, gravity, self.scale, viscous, coulomb)
+
     @property
     def drag(self) -> Array:
         """Friction of the arm's file at `RUBBED` [N m]."""
@@ -131,6 +144,7 @@ class Fit:
     """A law on an arm, as the rules of its gains see it: ``fit["lam"]`` is a gain that was given or is chosen."""
 
     limits: Limits
+    """Those of the arm behind its drives."""
     reaction: float
     """Time from a change of the state to the torque that answers it [s]; see `Chain.reaction`."""
     control_period: float
@@ -139,6 +153,8 @@ class Fit:
     """Gains that act in the law -> their rules."""
     has_model: bool
     """Whether the law cancels the arm's dynamics with its model."""
+    drives: Array
+    """Torque of each joint's drive for 1 N m of the law's, which `limits` have in them, (n,) [1]."""
     known: dict[str, Array] = field(default_factory=dict)
     """Gains that were given, and those chosen so far, (n,)."""
 
@@ -164,6 +180,11 @@ class Fit:
     def room(self) -> Array:
         """The most that one of them may be, D_i [N m s/rad]: `whole` is divided among them."""
         return self.whole / max(self.terms, 1)
+
+    @property
+    def answered(self) -> Array:
+        """Acceleration of the arm for 1 rad/s^2 that a law of accelerations asks for, (n,) [1]."""
+        return self.drives if self.has_model else np.ones_like(self.drives)
 
     @property
     def lam(self) -> Array:
@@ -193,7 +214,7 @@ def pole(fit: Fit) -> Array:
         asked = np.maximum(asked, limits.friction / (ERROR * fit.whole))
     most = braked(limits)
     if fit.rules.get("kv") is acceleration_rate and "kv" in fit.known:
-        most = np.minimum(most, fit.known["kv"] / 4.0)
+        most = np.minimum(most, fit.known["kv"] * fit.answered / 4.0)
     return np.minimum(most, np.minimum(np.maximum(QUICKEST, asked), SHARE / (4.0 * fit.reaction)))
 
 
@@ -281,8 +302,8 @@ def rate(fit: Fit) -> Array:
 
 
 def acceleration_rate(fit: Fit) -> Array:
-    """Rate gain kV of an acceleration: 4 lambda, critically damped."""
-    return 4.0 * fit.lam
+    """Rate gain kV of an acceleration: 4 lambda, critically damped, over what the drives make of it."""
+    return 4.0 * fit.lam / fit.answered
 
 
 def integral(fit: Fit) -> Array:
@@ -294,7 +315,7 @@ def integral(fit: Fit) -> Array:
     kv, lam, limits = fit["kv"] if "kv" in fit else rate(fit), fit.lam, fit.limits
     if fit.terms > 1:
         return kv * lam**2 / 4.0
-    decay = kv if fit.rules.get("kv") is acceleration_rate else kv * limits.scale / limits.heaviest
+    decay = kv * fit.answered if fit.rules.get("kv") is acceleration_rate else kv * limits.scale / limits.heaviest
     decay = decay + limits.viscous / limits.heaviest
     return kv * lam * np.where(decay < (1.0 - 2.0 * ROUNDING) * lam, decay, lam) / 4.0
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from torquebench.diagnosis import diagnose
 from torquebench.experiment.schema import Experiment
+from torquebench.robot import load_model
 
 SINE = {"kind": "sine", "amplitude": [1.0, -0.8], "frequency_hz": 0.5}
 PLANT = {"engine": "analytic", "model": "two-link"}
@@ -118,3 +120,13 @@ def test_nothing_is_named_where_nothing_is_wrong(chain: Any) -> None:
     found = diagnose(experiment(pd(20), chain=chain))
     assert found.symptoms == found.causes == ()
     assert "does not shake" in found.sentence
+
+
+def test_what_gravity_leaves_counts_the_drives() -> None:
+    """The sag is weight over the torque that drives give for 1 rad: twice that of whole ones where they give half."""
+    step = {"reference": {"kind": "step", "target": 0.5, "at": 0.2}, "run": {"duration": 4.0}}
+    found = diagnose(experiment(pd(20, "pd"), chain={"torque_gain": 0.5}, **step))
+    (gravity,) = (cause for cause in found.causes if cause.key == "gravity")
+    arm = load_model("two-link")
+    sags = np.abs(arm.gravity(np.full(2, 0.5))) / (0.5 * 20.0 * 10.0 * arm.flat.inertia_scale)
+    assert gravity.detail == f"gravity / Kp = {sags[found.seen.joint('errs')]:.2g} rad"

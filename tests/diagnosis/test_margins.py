@@ -128,6 +128,14 @@ def test_whose_each_part_is() -> None:
     assert set(owners("fast").values()) == {"config", "arm"}
 
 
+AT = [0.482, 0.301]
+STILL: dict[str, Any] = {
+    "reference": {"kind": "sine", "amplitude": 0.0, "frequency_hz": 0.5, "origin": AT},
+    "run": {"duration": 2.0, "control_period": 0.002, "initial_q": AT},
+}
+"""The arm at rest, as a resonance shows there."""
+
+
 LATE = {"command_delay": 0.04}
 """Brings computed torque with kv 20, lam 10 within a third of its limit."""
 
@@ -188,7 +196,45 @@ def test_cross_talk_is_a_matrix_in_the_loop(turns: float) -> None:
         assert (first_pole(at_rest(0.0, LATE | chain)).rate > 0.0) == is_unstable
 
 
+@pytest.mark.parametrize("free", [0, 1])
+def test_a_locked_joint_does_not_count(free: int) -> None:
+    """The other one is M s^2 + G alone under Kd (s + lambda): its crossover, 10 % or more from that with both free.
+
+    To 0.1 %, between lines of the response.
+    """
+    lam, kv = 5.0, 30.0
+    keys: dict[str, Any] = {"reference": STILL["reference"], "run": STILL["run"]}
+    both, alone = (
+        experiment(pd(kv, "pd", lam), plant={**PLANT, **lock}, **keys) for lock in ({}, {"lock": {"joint": 2 - free}})
+    )
+    found, before = (margins_of(built, build(built), slopes_of(built, build(built))) for built in (alone, both))
+    assert found is not None
+    assert before is not None
+    assert found.crossover is not None
+    assert before.crossover is not None
+    arm, q = load_model("two-link"), np.array(AT)
+    M, Kd = arm.mass_matrix(q[None])[0, free, free], kv * arm.flat.inertia_scale[free]
+    step = 1e-5 * np.eye(2)[free]
+    G = (arm.gravity(q + step) - arm.gravity(q - step))[free] / 2e-5
+    s = 2j * math.pi * found.crossover
+    assert abs(Kd * (s + lam) / (M * s * s + G)) == pytest.approx(1.0, rel=1e-3)
+    assert found.joint == free
+    assert abs(before.crossover / found.crossover - 1.0) > 0.1
+
+
 SPRINGS = {"stiffness": [14930.0, 1415.0], "inertia": [1.11, 0.105]}
+
+
+def test_a_locked_motor_leaves_its_link_on_the_spring() -> None:
+    """With joint 2 locked, links and motor 1 are three masses on two springs of which one end stands."""
+    built = experiment(pd(20), plant={**PLANT, "transmission": SPRINGS, "lock": {"joint": 2}}, **STILL)
+    k, B = np.array(SPRINGS["stiffness"]), SPRINGS["inertia"][0]
+    arm = load_model("two-link")
+    M = np.zeros((3, 3))
+    M[:2, :2], M[2, 2] = arm.mass_matrix(np.array(AT)[None])[0] - np.diag(arm.flat.armature), B
+    K = np.array([[k[0], 0.0, -k[0]], [0.0, k[1], 0.0], [-k[0], 0.0, k[0]]])
+    expected = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(M, K)).real)[1:]) / math.tau
+    assert np.sort(resonances(built, build(built))) == pytest.approx(expected, rel=1e-6)
 
 
 def test_resonances_of_elastic_joints() -> None:
@@ -217,14 +263,6 @@ def test_margins_of_elastic_joints(sensor: str, is_stable: bool) -> None:
     assert found is not None
     assert found.phase is not None
     assert (found.phase > 0.0) == is_stable
-
-
-AT = [0.482, 0.301]
-STILL: dict[str, Any] = {
-    "reference": {"kind": "sine", "amplitude": 0.0, "frequency_hz": 0.5, "origin": AT},
-    "run": {"duration": 2.0, "control_period": 0.002, "initial_q": AT},
-}
-"""The arm at rest, as a resonance shows there."""
 
 
 def a_pole_grows(law: dict[str, Any], **keys: Any) -> bool:

@@ -226,6 +226,16 @@ def test_every_multiple_of_a_step_is_as_likely(spacing: str) -> None:
     np.testing.assert_allclose(counts / counts.sum(), wide / wide.sum(), atol=2e-4)
 
 
+def test_gains_that_are_chosen_stay_those_of_the_config() -> None:
+    """A law with ``gains: auto`` has at the longest delay the numbers that it has at none: it does not know of it."""
+    controllers = [{"name": "st", "law": "super-twisting", "gains": "auto"}]
+    space = space_of({**config(variables={"chain.measurement_delay": [0, 0.01]}), "controllers": controllers})
+    own = torquebench.Experiment.from_dict({**ARM, "controllers": controllers}).controllers[0].gains
+    for late in (space.experiment((1.0,), "st"), space.checked((1.0,), "st")):
+        assert late.chain.measurement_delay == 0.01
+        assert late.controllers[0].gains == own
+
+
 def test_the_config_may_be_outside_the_range() -> None:
     """What has no value in its range where it starts is searched inside alone, and may go back to where it started."""
     found = torquebench.falsify(config(variables={"disturbances[0].value[0]": [1, 2]}, evaluations=20))

@@ -16,6 +16,8 @@ from torquebench.diagnosis.margins import (
     Margins,
     Slopes,
     backwards,
+    drives_at,
+    instants_of,
     margins_of,
     resonances,
     slopes_of,
@@ -32,6 +34,7 @@ from torquebench.experiment.build import Loop, build
 from torquebench.experiment.certify import Flag, flags
 from torquebench.experiment.run import Progress, metrics_of, trial_of
 from torquebench.experiment.schema import Controller, Experiment
+from torquebench.kernel import Array
 from torquebench.keys import Vector, as_vector
 from torquebench.laws import find_law
 from torquebench.metrics.chattering import CORNER_OVER_MOTION, is_forced
@@ -412,6 +415,12 @@ class _Search:
         return margins_of(self.experiment, self.loop, self.slopes_at_work)
 
     @property
+    def _held_by(self) -> Array:
+        """Stiffness with which law and drives hold each joint at the instants of the slopes, (m, n) [N m/rad]."""
+        drives = [drives_at(self.experiment, k) for k in instants_of(self.experiment)]
+        return np.diagonal(drives @ self.slopes.stiffness, axis1=1, axis2=2)
+
+    @property
     def unstable(self) -> bool:
         """Whether the loop's phase margin is negative, of a law whose torque does not jump."""
         return not self.slopes.jumps and self.margins is not None and (self.margins.phase or 0.0) < 0.0
@@ -690,13 +699,12 @@ class _Search:
             predicted = torque_noise(self.experiment, self.slopes)[joint]
             return f"through the gains {predicted:.2g} N m RMS, of {self.whole.torque[joint]:.2g} N m"
         if key == "gravity":
-            K = np.diagonal(self.slopes.stiffness, axis1=1, axis2=2)[:, joint]
             with np.errstate(all="ignore"):
-                sag = float(np.nanmax(np.abs(self.weight[:, joint] / K)))
+                sag = float(np.nanmax(np.abs(self.weight[:, joint] / self._held_by[:, joint])))
             return f"gravity / Kp = {sag:.2g} rad"
         if key == "friction":
             friction = self.experiment.plant.acting
-            least = float(np.max(np.diagonal(self.slopes.stiffness, axis1=1, axis2=2)[:, joint]))
+            least = float(np.max(self._held_by[:, joint]))
             n, held = self.experiment.n, () if friction is None else (friction.coulomb, friction.breakaway)
             dry = max((float(as_vector(torque, n)[joint]) for torque in held), default=0.0)
             return f"friction / Kp = {dry / least:.2g} rad" if least > 0.0 and dry > 0.0 else ""

@@ -294,22 +294,33 @@ def terms_at(experiment: Experiment, loop: Loop, slopes: Slopes, m: int, k: int)
     arm, n, q = true_arm(experiment), experiment.n, loop.reference.q[k]
     friction, between = experiment.plant.acting, experiment.plant.transmission
     drag = np.zeros(n) if friction is None else as_vector(friction.viscous, n)
-    M, joints = _links(experiment, q)
+    M, joints = _links(experiment, q, k)
     near = q + 1e-5 * np.eye(n)
     weight = arm.bias_forces(np.concatenate([near, 2.0 * q - near]), np.zeros((2 * n, n)))
     G = (weight[:n] - weight[n:]).T / 2e-5
     own = slopes.stiffness[m], slopes.damping[m], slopes.integral[m], slopes.integral_damping[m]
-    drives = mixing(experiment.chain, n, k * experiment.run.control_period)
+    drives = drives_at(experiment, k)
     return Terms(M, np.diag(drag), G, *own, drives, joints, between is not None and between.sensor == "link")
 
 
-def _links(experiment: Experiment, q: Array) -> tuple[Array, Joints | None]:
-    """Return the inertia of the links at `q` (n,) [rad], and the springs that turn them, if any."""
-    arm, between = true_arm(experiment), experiment.plant.transmission
-    M = arm.mass_matrix(q[None])[0]
+def drives_at(experiment: Experiment, k: int) -> Array:
+    """Return what the drives multiply torques by at control instant `k`, (n, n) [1]; see `mixing`."""
+    return mixing(experiment.chain, experiment.n, k * experiment.run.control_period)
+
+
+def _links(experiment: Experiment, q: Array, k: int) -> tuple[Array, Joints | None]:
+    """Return the inertia of the links at `q` (n,) [rad], and the springs that turn them, if any.
+
+    A joint that has locked by control instant `k` is held by its motor, as in the plant: no torque moves it.
+    """
+    arm, between, lock = true_arm(experiment), experiment.plant.transmission, experiment.plant.lock
+    if lock is not None and k < whole_steps(lock.at, experiment.run.control_period):
+        lock = None
+    M, rotors = arm.mass_matrix(q[None])[0], np.asarray(arm.flat.armature)
     if between is None:
-        return M, None
-    return M - np.diag(arm.flat.armature), between.of_joints(arm.flat.armature)
+        return M if lock is None else M + np.diag(lock.on(np.zeros_like(rotors))), None
+    joints = between.of_joints(rotors)
+    return M - np.diag(rotors), joints if lock is None else replace(joints, inertia=lock.on(joints.inertia))
 
 
 def true_arm(experiment: Experiment) -> RobotModel:
@@ -325,7 +336,8 @@ def resonances(experiment: Experiment, loop: Loop) -> Array:
     through the motion.
     """
     instants = instants_of(experiment)
-    M, joints = _links(experiment, loop.reference.q[instants[len(instants) // 2]])
+    middle = instants[len(instants) // 2]
+    M, joints = _links(experiment, loop.reference.q[middle], middle)
     if joints is None:
         return np.full(experiment.n, np.nan)
     root = np.sqrt(joints.stiffness)

@@ -16,6 +16,7 @@ from torquebench.chain import IDEAL, Chain
 from torquebench.errors import ControllerError, did_you_mean
 from torquebench.fuzzy import FuzzySystem, builtin_system, prepare
 from torquebench.kernel import Array
+from torquebench.keys import as_vector
 from torquebench.laws.declare import FixedRules, Gain, Option, Rules, check_conditions, declared_fields
 from torquebench.registry import Registry
 from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
@@ -201,7 +202,10 @@ class Law:
         rules = {name: gain.rule for name, gain in acting.items() if gain.rule is not None}
         known = {name: np.full(model.n, value, dtype=np.float64) for name, value in given.items()}
         reaction = chain.reaction(control_period)
-        return Fit(limits_of(model), reaction, control_period, rules, self.has_model(chosen), known)
+        gain = np.array(as_vector(chain.torque_gain, model.n))
+        drives = np.where(gain > 0.0, gain, 1.0)  # of a drive that gives nothing any gain will do
+        limits = limits_of(model).behind(drives)
+        return Fit(limits, reaction, control_period, rules, self.has_model(chosen), drives, known)
 
     def misfit(self, structure: str) -> str:
         """Return why the law cannot have a model of this structure; nothing where it can."""

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 
 from torquebench.errors import ConfigError, ModelError, Problem
 from torquebench.experiment.build import Builder
-from torquebench.experiment.config import MotionTorques, sized, unsized
+from torquebench.experiment.config import MotionTorques, sized, unsized, with_gains
 from torquebench.experiment.falsify_section import Allowed, Falsify, in_unit, spell_chain
 from torquebench.experiment.groups import FALSIFY
 from torquebench.experiment.reference import meanings_of, unit_of
@@ -123,7 +123,11 @@ class Space:
 
     def __init__(self, document: Document, asked: Falsify) -> None:
         self.asked, self._torques, self._document = asked, MotionTorques(), document.copy()
-        given = unsized(document.copy())
+        given = with_gains(unsized(document.copy()))
+        for i, keys in enumerate(given.controllers):
+            if keys.name in given.chosen:  # for the config as it is: a law does not know what the search will do to it
+                path = "controllers", i, "gains"
+                assign(self._document, path, tree_of(keys.gains), Place(0), Place(0))
         spell_chain(self._document, [allowed.key for allowed in asked.variables])
         found = [self._variables(allowed, given) for allowed in asked.variables]
         self.variables = tuple(variable for group in found for variable in group)
