@@ -1,10 +1,11 @@
-"""The built wheel brings its models and configs, and the checkout's own copies win over an installed one's."""
+"""The built wheel brings its models and configs, the source archive its tests; a checkout's copies come first."""
 
 import configparser
 import email
 import os
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 
@@ -113,3 +114,14 @@ def test_what_uvx_and_pipx_need_of_the_wheel(installed):
     )
     done = python(installed, start)
     assert (done.returncode, done.stdout.split()) == (0, ["torquebench", metadata["Version"]]), done.stderr
+
+
+@pytest.mark.skipif(not (CHECKOUT / ".git").exists(), reason="git says which files are the checkout's")
+def test_the_source_archive_has_what_its_tests_need(tmp_path):
+    """Every tracked file is in it but the hooks of git, so that tests run from the archive as from a clone."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)]
+    subprocess.run(build, cwd=CHECKOUT, check=True, capture_output=True)
+    with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
+        packed = {name.partition("/")[2] for name in archive.getnames()}
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=CHECKOUT, check=True, capture_output=True, text=True).stdout
+    assert set(listed.split("\0")) - packed - {""} == {".pre-commit-config.yaml"}
