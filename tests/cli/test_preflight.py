@@ -34,6 +34,7 @@ run: {duration: 3}
 FRANKA = ("--gain", "kp=600,600,600,600,250,150,50", "--gain", "kd=50,50,50,50,30,25,15")
 
 
+@pytest.mark.slow
 def test_a_law_that_passes(command):
     """Status 0: a dot for each motion, a bar for each limit, and nothing to change."""
     status, out, _ = command("preflight", "joint-impedance", "--robot", "fr3", *FRANKA)

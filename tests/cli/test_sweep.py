@@ -462,7 +462,7 @@ def test_an_interrupted_sweep_says_how_to_go_on(small, number, status, word):
 
 def test_the_processes_of_a_killed_sweep_end_too(small):
     """SIGKILL of the command alone, which can clean nothing up, while its workers are in the middle of long shards."""
-    small.write_text(SMALL.replace("duration: 0.6", "duration: 100"))
+    small.write_text(SMALL.replace("duration: 0.6", "duration: 25"))
     command = [sys.executable, "-m", "torquebench", "sweep", "small.yaml", "--out", "s", "--workers", "2", "--no-cap"]
     run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     workers = Path(f"/proc/{run.pid}/task/{run.pid}/children")
