@@ -302,8 +302,13 @@ def config_of(track: Track, row: Row, levels: Sequence[float]) -> str:
         track: The row's chain, with its tests sealed.
         row: The row.
         levels: Chattering at which laws are compared, which names the controllers [% of the torque limit].
+
+    Raises:
+        ResultError: the study has no such entry, as of a forged file.
     """
-    (own,) = (controller for controller in track.base.controllers if controller.name == row.entry)
+    own = next((controller for controller in track.base.controllers if controller.name == row.entry), None)
+    if own is None:
+        raise ResultError(f"row '{row.name}' is of no entry of the arena's study")
     controllers = []
     for i, one in enumerate(row.judged):
         name = "as-given"

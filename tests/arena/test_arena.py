@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 import platform
 import re
 import runpy
@@ -221,6 +222,27 @@ def test_a_row_can_be_made_again_and_a_forged_one_is_found_out(folder: Path, tmp
     assert main(["arena", str(tmp_path / "arena.json"), "--check", "slow/pd-gravity", "-q"]) == 1
     with pytest.raises(ResultError, match="did you mean 'slow/pd-gravity'"):
         check_row(folder, "slow/pd-gravit")
+
+
+def test_a_forged_arena_writes_nothing_outside_its_folder(tmp_path: Path, record: Record) -> None:
+    """Names of entries, chains and arms become names of files: what leads out of the folder is refused, in words."""
+    first, *rest = record.rows
+    forged = replace(record, rows=(replace(first, entry="../../../out"), *rest))
+    with pytest.raises(ResultError, match=r"'slow/\.\./\.\./\.\./out' is of no entry"):
+        Arena(forged).save(tmp_path / "one/two")
+    with pytest.raises(ResultError, match="leads out of the folder"):
+        Arena(replace(record, arms={"../../arm.xml": "<mujoco/>"})).save(tmp_path / "one/three")
+    (tmp_path / "arena.json").write_bytes(replace(record, rows=(replace(first, chain="../out"), *rest)).to_json())
+    with pytest.raises(ResultError, match="on a chain that the arena does not have"):
+        read_record(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"arena.json", "one"}
+
+
+def test_a_pipe_is_no_arena(tmp_path: Path) -> None:
+    """It is said at once, though nobody writes to it."""
+    os.mkfifo(tmp_path / "arena.json")
+    with pytest.raises(ResultError, match="is not a regular file"):
+        read_record(tmp_path)
 
 
 def test_the_config_of_a_row_replays_what_is_stored(record: Record, folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -122,6 +123,19 @@ def test_a_plan_that_is_not_ours_cannot_be_read(folder: Path, content: str) -> N
     """Another kind of JSON, one nested too deeply, or a fact of another type: said, in one line, with the folder."""
     (folder / "plan.json").write_text(content)
     with pytest.raises(ConfigError, match=r"is no folder of a sweep: plan\.json or sweep\.yaml is missing or damaged"):
+        open_sweep(folder, (), "--resume")
+
+
+@pytest.mark.parametrize("name", ["plan.json", "sweep.yaml"])
+def test_a_pipe_in_a_sweeps_folder_keeps_nobody_waiting(folder: Path, name: str) -> None:
+    """A pipe without a writer would be read for ever: it is damage like any other, and a shard that is one is none."""
+    stored = stored_in(folder)
+    stored.shard_path(0).parent.mkdir(exist_ok=True)
+    os.mkfifo(stored.shard_path(0))
+    assert stored.read_shard(0) is None
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+    with pytest.raises(ConfigError, match=r"is missing or damaged"):
         open_sweep(folder, (), "--resume")
 
 

@@ -25,6 +25,7 @@ from torquebench.arena.ranking import TOLERANCE, Scores, Standing, best_at, is_o
 from torquebench.dialect import definition, module_of, plain
 from torquebench.errors import ResultError, did_you_mean
 from torquebench.experiment.arena_section import CHATTERING
+from torquebench.experiment.store import read_stored
 from torquebench.experiment.values import from_json
 from torquebench.keys import Vector
 from torquebench.laws import find_law, law_names
@@ -368,11 +369,13 @@ def read_record(path: Path) -> Record:
     """
     path = path / "arena.json" if path.is_dir() else path
     try:
-        found = from_json(Record, path.read_bytes())
+        found = from_json(Record, read_stored(path))
     except OSError as error:
         raise ResultError(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:
         raise ResultError(f"{path}: is no arena ({str(error).splitlines()[0]})") from error
     if found.format != FORMAT:
         raise ResultError(f"{path}: has format {found.format}, this version reads {FORMAT}")
+    if strange := [row.name for row in found.rows if row.chain not in found.chains]:
+        raise ResultError(f"{path}: row '{strange[0]}' is on a chain that the arena does not have")
     return found

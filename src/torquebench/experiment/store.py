@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import errno
 import functools
 import hashlib
 import json
@@ -129,8 +130,14 @@ class RunDirectory:
         self._checksums: dict[str, str] = {}
 
     def write(self, name: str, content: bytes) -> None:
-        """Write one file, `name` relative to the folder."""
+        """Write one file, `name` relative to the folder.
+
+        Raises:
+            ResultError: the name leads out of the folder, as one that was read from a file may.
+        """
         path = self.folder / name
+        if ".." in path.parts or not path.is_relative_to(self.folder):
+            raise ResultError(f"'{name}' leads out of the folder: not written")
         path.parent.mkdir(parents=True, exist_ok=True)
         atomic_write(path, content)
         self._checksums[name] = hashlib.sha256(content).hexdigest()
@@ -293,6 +300,17 @@ def check_run(folder: Path, leave_out: Collection[str] = ()) -> dict[str, Any]:
         if name not in leave_out and (not path.is_file() or file_digest(path) != checksum):
             raise ResultError(f"{path}: missing or changed since the manifest was written")
     return manifest
+
+
+def read_stored(path: Path) -> bytes:
+    """Return the content of a stored file.
+
+    Raises:
+        OSError: it is missing, unreadable, or a pipe or device, which might never end.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is not a regular file", str(path))
+    return path.read_bytes()
 
 
 def read_manifest(path: Path) -> tuple[dict[str, Any], dict[str, str]]:

@@ -29,6 +29,7 @@ from torquebench.experiment.store import (
     json_bytes,
     machine,
     model_checksums,
+    read_stored,
     replaced,
     versions,
 )
@@ -122,10 +123,9 @@ class StoredSweep:
 
     def read_shard(self, shard: int) -> Table | None:
         """Return a shard's rows; None when it is missing, or is not what was written for this plan."""
-        try:
-            line, newline, content = self.shard_path(shard).read_bytes().partition(b"\n")
-        except FileNotFoundError:
+        if not self.shard_path(shard).is_file():
             return None
+        line, newline, content = self.shard_path(shard).read_bytes().partition(b"\n")
         if line + newline != self._line(shard, content):
             return None
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
@@ -166,9 +166,9 @@ def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str, to_read: bo
     if not folder.is_dir():
         raise ConfigError([Problem(option, "", f"{folder}: there is no such folder{did_you_mean_path(folder)}")])
     try:
-        facts = from_json(Facts, (folder / PLAN).read_bytes())
-        text = (folder / CONFIG).read_bytes()
-        kept = {path: (folder / file).read_bytes().decode() for path, file in facts.arms.items()}
+        facts = from_json(Facts, read_stored(folder / PLAN))
+        text = read_stored(folder / CONFIG)
+        kept = {path: read_stored(folder / file).decode() for path, file in facts.arms.items()}
     except (OSError, ValueError) as error:
         why = f"{PLAN} or {CONFIG} is missing or damaged"
         raise ConfigError([Problem(option, "", f"{folder} is no folder of a sweep: {why}")]) from error
