@@ -66,7 +66,11 @@ def test_another_arithmetic_is_told_and_an_unknown_one_is_not(command, run, tmp_
     page = (tmp_path / "both.html").read_text()
     assert "other was made on another processor or C library than" in page
     assert "Elsewhere &lt;b&gt;" in page
-    del manifest["machine"]["arithmetic"]
+    manifest["machine"]["arithmetic"] = json.loads((run / "manifest.json").read_text())["machine"]["arithmetic"]
+    manifest["machine"]["arrays"] = "0" * 16
+    path.write_text(json.dumps(manifest))
+    assert len(diff(run, path.parent).remarks) == 1
+    del manifest["machine"]["arithmetic"], manifest["machine"]["arrays"]
     path.write_text(json.dumps(manifest))
     assert diff(run, path.parent).remarks == diff(run, run).remarks == ()
 

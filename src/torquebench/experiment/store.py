@@ -201,14 +201,19 @@ _installed = functools.cache(metadata.version)
 """Version of a package; looking it up parses a page of text, and a sweep of many conditions asks each time."""
 
 
+DIGESTS = ("arithmetic", "arrays")
+"""Facts of a machine that are digests of last bits: of Python's numbers and of numpy's."""
+
+
 def machine() -> dict[str, str]:
-    """What else can move the last bits: system, processor, C library; and a digest of the bits that they give."""
+    """What else can move the last bits: system, processor, C library; and digests of the bits that they give."""
     return {
         "system": f"{platform.system()} {platform.release()}",
         "processor": ", ".join(filter(None, (platform.machine(), _processor()))),
         "libc": " ".join(platform.libc_ver()),
         "byteorder": sys.byteorder,
         "arithmetic": arithmetic.interpreted(),
+        "arrays": arithmetic.arrays(),
     }
 
 
@@ -233,7 +238,7 @@ def other_machines(machines: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]
         f"{name} was made on another processor or C library than {first} ({kinds[name]}; {kinds[first]}): last bits "
         "differ by themselves, and so do the samples of a loop that chatters"
         for name in others
-        if machines[name]["arithmetic"] != machines[first]["arithmetic"]
+        if any(machines[name].get(key, known) != known for key in DIGESTS if (known := machines[first].get(key)))
     )
 
 

@@ -1,4 +1,4 @@
-"""A digest of the last bits that processor and C library give to the functions of laws, for fixed numbers."""
+"""Digests of the last bits that processor and libraries give, for fixed numbers: to laws, and to numpy's arrays."""
 
 from __future__ import annotations
 
@@ -54,3 +54,24 @@ def interpreted() -> str:
 def compiled() -> str:
     """Return the digest of compiled code, which is compiled for it where it is not yet."""
     return digest(fill)
+
+
+@functools.cache
+def arrays() -> str:
+    """Return the digest of numpy's: functions of arrays, and products, solutions and eigenvalues of small matrices.
+
+    Its linear algebra picks other routines for other processors, in which sums have another order.
+    """
+    numbers = 0.3 * np.arange(SIZE) + 0.1
+    table = [
+        np.sin(numbers),
+        np.exp(-0.1 * numbers),
+        np.log(numbers),
+        np.cumsum(np.sqrt(numbers)),
+        np.fft.rfft(numbers),
+    ]
+    for n in (3, 6, 7, 24):
+        a = np.sin(numbers[: n * n]).reshape(n, n)
+        b = a @ a.T + n * np.eye(n)
+        table += [b, a @ numbers[:n], np.linalg.solve(b, numbers[:n]), np.linalg.eigvalsh(b), np.linalg.inv(b)]
+    return hashlib.sha256(b"".join(part.tobytes() for part in table)).hexdigest()[:16]
