@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any
 from torquebench.arena.pages import Duel, by_condition, duels, latex, markdown, write_files
 from torquebench.arena.ranking import Standing
 from torquebench.arena.record import RULESETS, SHIPPED, TUNED, Record, Row, picks, read_record
-from torquebench.arena.run import draws_of, loops_of, run_rows
+from torquebench.arena.run import Entry, draws_of, loops_of, run_rows
 from torquebench.arena.study import Study, Track, take_study
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
-from torquebench.experiment.controllers import Controller
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import Progress
 from torquebench.experiment.seal import commitment, new_secret, seed_of, today
@@ -79,7 +78,7 @@ class Arena:
         return self.record.standings(chain, level, metric, ruleset, held_out)
 
     def duels(self, entry: str, level: float, metric: str = "") -> list[Duel]:
-        """Return what comes of an entry against each other one on each chain; see `duels`."""
+        """Return an entry's duels with all others on each chain; see `duels`."""
         return duels(self.record, entry, level, metric)
 
     def by_condition(self, entry: str, level: float, metric: str = "") -> dict[str, dict[str, dict[str, float]]]:
@@ -318,8 +317,8 @@ def config_of(track: Track, row: Row, levels: Sequence[float]) -> str:
         controllers.append(replace(own, name=name, gains=dict(one.gains)))
     experiment = track.burdens[-1].experiment
     words = (
-        f"{row.name}: the gains that were judged, under {track.burdens[-1].name}; those of tuned-0-at-3 are what "
-        "tuning 0 found for a chattering of 3 %."
+        f"{row.name}: the gains that were judged, under {track.burdens[-1].name}; those of tuned-K-at-L are what "
+        "tuning K found for a chattering of L %."
     )
     if row.source != SHIPPED:
         words += f" Run it with --plugin {row.source}."
@@ -376,9 +375,7 @@ def _entries(study: Study, wanted: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(own for names in found.values() for own in names))
 
 
-def _wanted(
-    record: Record, study: Study, entries: Sequence[str], chains: Sequence[str]
-) -> list[tuple[Track, Controller]]:
+def _wanted(record: Record, study: Study, entries: Sequence[str], chains: Sequence[str]) -> list[Entry]:
     """Return chain, with its tests sealed as in a stored arena, and entry of rows."""
     secret = seed_of(record.seal["secret"])
     return [
@@ -392,7 +389,7 @@ def _wanted(
 
 def _run(
     study: Study,
-    wanted: Sequence[tuple[Track, Controller]],
+    wanted: Sequence[Entry],
     beside: Record,
     workers: int | None,
     folder: Path | None,

@@ -21,7 +21,7 @@ from torquebench import diff
 from torquebench.arena.pages import by_condition, duels, worth
 from torquebench.arena.ranking import compare, is_open, rank
 from torquebench.arena.record import Record, digest_of, looks_at, picks, plain_gains, read_record
-from torquebench.arena.run import draws_of
+from torquebench.arena.run import draws_of, run_rows
 from torquebench.arenas import (
     ALIKE,
     Arena,
@@ -40,6 +40,7 @@ from torquebench.experiment.seal import commitment
 from torquebench.kernel import clip
 from torquebench.laws import find_law, law_names, sliding_mode
 from torquebench.sim.sandbox import SandboxedLaw
+from torquebench.sweep.tune import threads
 
 STUDY: dict[str, Any] = {
     "name": "small",
@@ -153,6 +154,23 @@ def test_gains_are_judged_until_no_draw_decides_more(tmp_path: Path) -> None:
     run_arena(study, folder=tmp_path / "out", workers=1)
     assert (tmp_path / "out/arena.json").read_bytes() == before
     assert check_row(tmp_path / "out", "slow/pd-gravity") <= ALIKE
+
+
+def test_a_condition_in_which_nothing_is_random_is_run_once(tmp_path: Path, record: Record) -> None:
+    """However many draws are looked at: its one run stays the one of the first look, and the drawn ones go on."""
+    chains = {"slow": {"chain": "ideal"}}
+    study = study_of(edited(chains=chains, held_out={}, evaluations=2))
+    track = study.tracks["slow"].sealed(1)
+    with threads(1) as pool:
+        two, three = (
+            run_rows(study, [(track, track.base.controllers[1])], pool, record, tmp_path, draws=counts)[0]
+            for counts in (lambda row: [2] * len(row.judged), lambda row: [3] * len(row.judged))
+        )
+    for one, more in zip(two.judged, three.judged, strict=True):
+        assert one.values["nominal"] == more.values["nominal"]
+        assert len(more.values["nominal"]["rmse"]) == 1
+        assert len(more.values["noise"]["rmse"]) == 3
+        assert more.values["noise"]["rmse"][:2] == one.values["noise"]["rmse"]
 
 
 def test_draws_are_sealed_and_apart_from_those_of_training(folder: Path, record: Record) -> None:
@@ -299,7 +317,7 @@ def test_ranks_are_worked_out_once_and_again_when_a_law_has_changed(
     record: Record, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Tables, figure and page share them; a caller that empties its list, and a law that expires, spoil nothing."""
-    asked, again = list[int](), replace(record)
+    asked, again, known = list[int](), replace(record), record.standings("slow", 20.0)
 
     def counted(scores: Any, looks: int) -> Any:
         asked.append(len(scores))
@@ -307,7 +325,7 @@ def test_ranks_are_worked_out_once_and_again_when_a_law_has_changed(
 
     monkeypatch.setattr("torquebench.arena.record.rank", counted)
     found = again.standings("slow", 20.0)
-    assert found == record.standings("slow", 20.0)
+    assert found == known
     found.clear()
     assert len(again.standings("slow", 20.0)) == 3
     assert asked == [3]

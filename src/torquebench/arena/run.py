@@ -22,6 +22,8 @@ from torquebench.laws import find_law
 from torquebench.statistics import undominated
 from torquebench.sweep.tune import Evaluation, Run, Trials, tune_laws
 
+Entry = tuple[Track, Controller]
+"""A chain, with its tests sealed, and who is tuned and judged for it."""
 Tell = Callable[[str, int], None]
 """Is told what is being done, and how many closed loops were run since the last call."""
 
@@ -34,13 +36,12 @@ def loops_of(study: Study, track: Track) -> tuple[int, int]:
         track: The chain.
     """
     asked = study.asked
-    tuning = asked.seeds * asked.evaluations * asked.draws * len(track.training)
-    return tuning, _most(asked) * sum(_draws(asked, condition) for condition in track.tests)
+    return asked.seeds * asked.evaluations * asked.draws * len(track.training), judging_of(asked, track)
 
 
-def _most(asked: Arena) -> int:
-    """Return how many sets of gains of an entry are judged at most."""
-    return 1 + asked.seeds * len(asked.levels)
+def judging_of(asked: Arena, track: Track) -> int:
+    """Return how many closed loops an entry takes on a chain at most to be judged."""
+    return (1 + asked.seeds * len(asked.levels)) * sum(_draws(asked, condition) for condition in track.tests)
 
 
 def _draws(asked: Arena, condition: Condition) -> int:
@@ -49,7 +50,7 @@ def _draws(asked: Arena, condition: Condition) -> int:
 
 def run_rows(
     study: Study,
-    wanted: Sequence[tuple[Track, Controller]],
+    wanted: Sequence[Entry],
     pool: ThreadPoolExecutor,
     beside: Record,
     folder: Path | None = None,
@@ -70,31 +71,24 @@ def run_rows(
     found = list[Row]()
     for _, group in itertools.groupby(wanted, lambda pair: pair[0].name):
         entries = list(group)
-        track = entries[0][0]
-        rows = list[Row]()
-        for _, controller in entries:
-            path = _path(folder, track, controller.name)
-            if path is not None and path.is_file():
-                tell(f"{track.name}: '{controller.name}'", loops_of(study, track)[0])
-                rows.append(from_json(Row, path.read_bytes()))
-            else:
-                rows.append(tune_row(study.asked, track, controller, pool, tell))
-                _store(path, rows[-1])
-        left = [_most(study.asked) * sum(_draws(study.asked, condition) for condition in track.tests)] * len(rows)
-
-        def done(place: int, row: Row, loops: int, track: Track = track, left: list[int] = left) -> None:
-            left[place] -= loops
-            tell(f"judging {row.chain}: '{row.entry}'", loops)
-            if loops:
-                _store(_path(folder, track, row.entry), row)
-
-        jury = _Jury(study.asked, entries, pool)
-        if draws is None:
-            found += jury.judge(rows, beside, done)
-        else:
-            found += [jury.run(i, row, draws(row), done) for i, row in enumerate(rows)]
-        tell(f"judging {track.name}", sum(left))
+        rows = [_tuned(study, track, controller, pool, folder, tell) for track, controller in entries]
+        jury = _Jury(study.asked, entries, pool, folder, tell)
+        found += jury.judge(rows, beside) if draws is None else map(jury.run, entries, rows, map(draws, rows))
+        tell(f"judging {jury.track.name}", jury.left)
     return tuple(found)
+
+
+def _tuned(
+    study: Study, track: Track, controller: Controller, pool: ThreadPoolExecutor, folder: Path | None, tell: Tell
+) -> Row:
+    """Return a row that is tuned, and as far judged as it was stored."""
+    path = _path(folder, track, controller.name)
+    if path is not None and path.is_file():
+        tell(f"{track.name}: '{controller.name}'", loops_of(study, track)[0])
+        return from_json(Row, path.read_bytes())
+    row = tune_row(study.asked, track, controller, pool, tell)
+    _store(path, row)
+    return row
 
 
 def _path(folder: Path | None, track: Track, entry: str) -> Path | None:
@@ -175,38 +169,52 @@ def _point(one: Evaluation) -> tuple[float, float]:
 
 
 class _Jury:
-    """Judges the entries of a chain on its sealed draws."""
+    """Judges the entries of a chain on its sealed draws.
 
-    def __init__(self, asked: Arena, entries: Sequence[tuple[Track, Controller]], pool: ThreadPoolExecutor) -> None:
-        self._asked, self._track, self._pool = asked, entries[0][0], pool
-        self._controllers = [controller for _, controller in entries]
+    Args:
+        asked: The section.
+        entries: Chain and entry of each row.
+        pool: The threads.
+        folder: Where each row is stored after each look; None for nowhere.
+        tell: Is told the progress.
+    """
 
-    def judge(self, rows: Sequence[Row], beside: Record, done: Callable[[int, Row, int], None]) -> list[Row]:
+    def __init__(
+        self,
+        asked: Arena,
+        entries: Sequence[Entry],
+        pool: ThreadPoolExecutor,
+        folder: Path | None,
+        tell: Tell,
+    ) -> None:
+        self._asked, self._entries, self._pool, self._folder, self._tell = asked, entries, pool, folder, tell
+        self.track = entries[0][0]
+        self.left = len(entries) * judging_of(asked, self.track)
+        """Closed loops that may be run yet."""
+
+    def judge(self, rows: Sequence[Row], beside: Record) -> list[Row]:
         """Return the rows, judged draw by draw until all is decided that draws decide.
 
         Args:
             rows: One for each entry; they may have been judged in some draws.
             beside: The arena without these rows.
-            done: Is told the number of each row, the row and how many closed loops were run.
         """
         looks = looks_at(self._asked.tests, beside.looks)
         asked = [[looks[0]] * len(row.judged) for row in rows]
-        found = list(rows)
-        for before, now in itertools.pairwise([0, *looks]):
-            if before:
-                going = dataclasses.replace(beside, rows=(*beside.rows, *found)).undecided(self._track.name, before)
-                asked = [[now if one else 0 for one in _further(row, going)] for row in found]
-            found = [self.run(i, row, draws, done) for i, (row, draws) in enumerate(zip(found, asked, strict=True))]
+        found = list(map(self.run, self._entries, rows, asked))
+        for before, now in itertools.pairwise(looks):
+            going = dataclasses.replace(beside, rows=(*beside.rows, *found)).undecided(self.track.name, before)
+            asked = [[now if one else 0 for one in _further(row, going)] for row in found]
+            found = list(map(self.run, self._entries, found, asked))
         return found
 
-    def run(self, place: int, row: Row, draws: Sequence[int], done: Callable[[int, Row, int], None]) -> Row:
+    def run(self, entry: Entry, row: Row, draws: Sequence[int]) -> Row:
         """Return a row whose sets of gains are judged in as many draws each, or in as many as they were if more.
 
         Args:
-            place: Number of the entry.
+            entry: Its chain and entry.
             row: The row.
             draws: How many draws each of its sets of gains is judged in.
-            done: As of `judge`.
         """
         seen = [draws_of(one) for one in row.judged]
         values = [{name: dict(table) for name, table in one.values.items()} for one in row.judged]
@@ -216,10 +224,11 @@ class _Jury:
             for i, one in enumerate(row.judged):
                 if (seen[i], draws[i]) == span:
                     alike.setdefault(repr(one.gains), []).append(i)
-            sets = [dict(row.judged[i].gains) for i, *_ in alike.values()]
-            controllers = [altered(self._controllers[place], gains=gains) for gains in sets]
-            for condition in self._track.tests:
-                numbers = range(*span) if condition.experiment.is_drawn else range(min(span[0], 1), 1)
+            controllers = [altered(entry[1], gains=dict(row.judged[i].gains)) for i, *_ in alike.values()]
+            for condition in self.track.tests:
+                numbers = range(span[0], min(span[1], _draws(self._asked, condition)))
+                if not numbers:  # nothing is random, and it was run
+                    continue
                 trials = Trials([altered_alone(condition, controllers[0])], self._asked.stored, self._pool)
                 for places, runs in zip(alike.values(), trials(controllers, numbers), strict=True):
                     for i in places:
@@ -229,7 +238,10 @@ class _Jury:
                 loops += len(numbers) * len(controllers)
         judged = (dataclasses.replace(one, values=own) for one, own in zip(row.judged, values, strict=True))
         found = dataclasses.replace(row, judged=tuple(judged))
-        done(place, found, loops)
+        self.left -= loops
+        self._tell(f"judging {found.chain}: '{found.entry}'", loops)
+        if loops:
+            _store(_path(self._folder, self.track, found.entry), found)
         return found
 
 
