@@ -196,7 +196,7 @@ def variants(record: Record, level: float, metric: str = "") -> list[tuple[str, 
 
 
 def worth(record: Record) -> str:
-    """Return what is to be said where no entry is a variant of another: nothing where there is one."""
+    """Return a remark where no entry is a variant of another; nothing where one is."""
     if len({(row.chain, row.law) for row in record.rows}) < len(record.rows):
         return ""
     return (
@@ -206,7 +206,7 @@ def worth(record: Record) -> str:
 
 
 class Duel(NamedTuple):
-    """What comes of an entry against another one on a chain."""
+    """An entry against another one on a chain."""
 
     chain: str
     rival: str
@@ -217,7 +217,7 @@ class Duel(NamedTuple):
 
 
 def duels(record: Record, entry: str, level: float, metric: str = "") -> list[Duel]:
-    """Return what comes of an entry against each other one, chain by chain, the best rival first.
+    """Return an entry's duels with all others, chain by chain, the best rival first.
 
     A chain on which the entry is not ranked has none, nor has a rival that is not ranked there.
 

@@ -42,7 +42,7 @@ class Scores(NamedTuple):
         return np.asarray(np.mean(_logs(self), axis=1))
 
     def first(self, draws: int | None) -> Scores:
-        """Return what the first draws had to show; None for all."""
+        """Return the scores of the first draws alone; None for all."""
         return self._replace(values=self.values[..., :draws])
 
 
@@ -134,20 +134,7 @@ def verdict(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1
     Args:
         a, b, confidence, looks: As of `compare`.
     """
-    a, b = _in_common(a, b)
-    fails = int(fails_more(a, b, confidence, looks)) - int(fails_more(b, a, confidence, looks))
-    if fails and fails * _more_failures(a, b, confidence) > 0:
-        return -fails
-    found = compare(a, b, confidence, looks)
-    better = int(found.below) - int(found.above)
-    return 0 if better == fails else better
-
-
-def _more_failures(a: Scores, b: Scores, confidence: float) -> int:
-    """Return 1 where a's tunings fail in a larger share of runs than other seeds would explain, -1 for b, else 0."""
-    own, other = (np.isnan(scores.values).mean(axis=(1, 2)) for scores in (a, b))
-    apart = float(own.mean() - other.mean())
-    return 0 if abs(apart) <= _welch(own, other, confidence) else round(math.copysign(1.0, apart))
+    return _decide(a, b, confidence, looks)[0]
 
 
 def is_open(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1) -> bool:
@@ -159,10 +146,28 @@ def is_open(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1
     Args:
         a, b, confidence, looks: As of `compare`.
     """
-    if verdict(a, b, confidence, looks):
-        return False
-    _, mean, half, tuning = _compared(a, b, confidence, looks)  # NaN of a pair that completed no draw in common
-    return abs(mean) + half > tuning or _more_failures(a, b, confidence) != 0
+    return _decide(a, b, confidence, looks)[1]
+
+
+def _decide(a: Scores, b: Scores, confidence: float, looks: int) -> tuple[int, bool]:
+    """Return the verdict, as of `verdict`, and whether further draws may change it, as of `is_open`."""
+    a, b = _in_common(a, b)
+    fails = int(fails_more(a, b, confidence, looks)) - int(fails_more(b, a, confidence, looks))
+    unlike = _more_failures(a, b, confidence)
+    if fails and fails == unlike:
+        return -fails, False
+    found, mean, half, tuning = _compared(a, b, confidence, looks)  # NaN of a pair that completed no draw in common
+    better = int(found.below) - int(found.above)
+    if better and better != fails:
+        return better, False
+    return 0, abs(mean) + half > tuning or unlike != 0
+
+
+def _more_failures(a: Scores, b: Scores, confidence: float) -> int:
+    """Return 1 where a's tunings fail in a larger share of runs than other seeds would explain, -1 for b, else 0."""
+    own, other = (np.isnan(scores.values).mean(axis=(1, 2)) for scores in (a, b))
+    apart = float(own.mean() - other.mean())
+    return 0 if abs(apart) <= _welch(own, other, confidence) else round(math.copysign(1.0, apart))
 
 
 class Standing(NamedTuple):

@@ -123,7 +123,7 @@ class Record:
     draws: int
     """Of each condition in which something is random; where there are several looks, at most."""
     looks: int = 1
-    """How often laws were compared while draws came in; see `looks_at`."""
+    """Number of comparisons made while draws came in; see `looks_at`."""
     rows: tuple[Row, ...]
 
     def row(self, name: str) -> Row:
@@ -138,7 +138,7 @@ class Record:
         return found[name]
 
     def scores(self, row: Row, level: float, metric: str = "", ruleset: str = TUNED, held_out: bool = False) -> Scores:
-        """Return what a row has to show at a level of chattering, in the draws that all its gains were judged in.
+        """Return a row's scores at a level of chattering, in the draws that all its gains were judged in.
 
         Args:
             row: The row.
@@ -325,7 +325,7 @@ def _imported(text: str) -> Iterator[Any]:
 
 
 def _bare(node: ast.AST | None) -> str:
-    """Return what is parsed, without docstrings."""
+    """Return the text of a syntax tree without its docstrings."""
     node = copy.deepcopy(node or ast.Module([], []))
     for part in ast.walk(node):
         match getattr(part, "body", None):
@@ -371,7 +371,7 @@ def read_record(path: Path) -> Record:
     try:
         found = from_json(Record, read_stored(path))
     except OSError as error:
-        raise ResultError(f"{path}: cannot be read ({error.strerror})") from error
+        raise ResultError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ValueError as error:
         raise ResultError(f"{path}: is no arena ({str(error).splitlines()[0]})") from error
     if found.format != FORMAT:

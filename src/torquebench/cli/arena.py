@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,8 @@ from torquebench.cli.parameters import workers as workers_option
 from torquebench.cli.terminal import complain, emit, following, progress_bar, say, table, tell, warn
 
 if TYPE_CHECKING:
+    from torquebench.arena.pages import Duel
+    from torquebench.arena.record import Record
     from torquebench.arenas import Arena
 
 STORED = ".json"
@@ -178,13 +180,16 @@ def report(found: Arena, metric: str = "", level: float | None = None, own: Sequ
     record = found.record
     level = main_level(record) if level is None else level
     every = lines(record, metric, sorted({*record.levels, level}))
+    duels = {entry: found.duels(entry, level, metric) for entry in own}
+    conditions = {entry: found.by_condition(entry, level, metric) for entry in own}
+    remark = level_remark(record, level)
     tell(
         directory=found.folder,
         budget={key: getattr(record, key) for key in ("evaluations", "seeds", "draws")},
-        remark=level_remark(record, level),
+        remark=remark,
         standings=[{"chain": line.chain, "level": line.level} | line.standing._asdict() for line in every],
-        duels={entry: found.duels(entry, level, metric) for entry in own},
-        conditions={entry: found.by_condition(entry, level, metric) for entry in own},
+        duels=duels,
+        conditions=conditions,
     )
     say(f"{budget(record)}.")
     say()
@@ -192,7 +197,7 @@ def report(found: Arena, metric: str = "", level: float | None = None, own: Sequ
     say(table(["law", *record.chains], rows, left=1 + len(record.chains)))
     levels = ", ".join(f"{own:g} %" for own in sorted({*record.levels, level}))
     say(f"{KEY}; a dot for each level of chattering: {levels}")
-    if remark := level_remark(record, level):
+    if remark:
         say(f"{remark}.")
     unit = unit_of(record, metric)[0]
     for chain in record.chains:
@@ -203,33 +208,41 @@ def report(found: Arena, metric: str = "", level: float | None = None, own: Sequ
         say(f"{chain}, at {level:g} % chattering")
         say(table([head[i] for i in kept], [[row[i] for i in kept] for row in shown], left=2, keys=2))
     for entry in own:
-        _say_beside(found, entry, metric, level)
-    if remark := worth(record):
-        warn(f"torquebench: {remark}")
+        _say_duels(record, entry, duels[entry], level)
+        _say_conditions(record, entry, conditions[entry], metric)
+    if alone := worth(record):
+        warn(f"torquebench: {alone}")
 
 
-def _say_beside(found: Arena, entry: str, metric: str, level: float) -> None:
-    """Say whom an entry beats and who beats it on each chain, and its errors beside the best other one's."""
-    from torquebench.arena.pages import number, ratio_text, unit_of
+def _say_duels(record: Record, entry: str, duels: Sequence[Duel], level: float) -> None:
+    """Say whom an entry beats and who beats it on each chain."""
+    from torquebench.arena.pages import ratio_text
 
-    duels, (unit, scale) = found.duels(entry, level, metric), unit_of(found.record, metric)
     marks = {1: "beats", -1: "behind", 0: "ties"}
     told = {(one.rival, one.chain): f"{marks[one.verdict]} {ratio_text(one.ratio)}" for one in duels}
     score = {rival: sum(one.verdict for one in duels if one.rival == rival) for rival, _ in told}
     rivals = sorted({one.rival for one in duels if one.verdict}, key=lambda rival: (score[rival], rival))
     say()
-    for chain in found.record.chains:
+    for chain in record.chains:
         counts = [sum(one.verdict == sign for one in duels if one.chain == chain) for sign in marks]
         text = f"beats {counts[0]}, is behind {counts[1]}, ties with {counts[2]}" if any(counts) else "is not ranked"
         say(f"{chain}: {entry} {text}")
     if rivals:
         say()
         say(f"{entry} against the others at {level:g} % chattering: its error over theirs [95 %]")
-        rows = [[rival, *(told.get((rival, chain), "-") for chain in found.record.chains)] for rival in rivals]
-        say(table(["law", *found.record.chains], rows, left=1 + len(found.record.chains)))
-    conditions = found.by_condition(entry, level, metric)
+        rows = [[rival, *(told.get((rival, chain), "-") for chain in record.chains)] for rival in rivals]
+        say(table(["law", *record.chains], rows, left=1 + len(record.chains)))
+
+
+def _say_conditions(
+    record: Record, entry: str, conditions: Mapping[str, Mapping[str, Mapping[str, float]]], metric: str
+) -> None:
+    """Say an entry's errors under each condition of each chain beside the best other one's."""
+    from torquebench.arena.pages import number, unit_of
+
     if conditions:
-        names = [*found.record.burdens, *found.record.held_out]
+        unit, scale = unit_of(record, metric)
+        names = [*record.burdens, *record.held_out]
         say()
         say(f"error under each condition [{unit}], of {entry} and of the best other law")
         rows = [

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import datetime
-import errno
 import functools
 import hashlib
 import json
@@ -314,16 +313,14 @@ def read_stored(path: Path) -> bytes:
         OSError: it is missing, unreadable, or a pipe or device, which might never end.
     """
     if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "it is not a regular file", str(path))
+        raise OSError("it is not a regular file")
     return path.read_bytes()
 
 
 def read_manifest(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
     """Return a manifest, and the checksums in it of the folder's files."""
     try:
-        if not path.is_file():
-            raise ValueError("it is not a regular file")
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = json.loads(read_stored(path).decode())
         files = manifest.get("files") if isinstance(manifest, dict) else None
         if not isinstance(files, dict) or not all(isinstance(checksum, str) for checksum in files.values()):
             raise ValueError("wanted a mapping with the checksums of files")
