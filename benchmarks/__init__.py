@@ -8,6 +8,7 @@ from benchmarks.loops import closed_loops
 from benchmarks.parts import parts
 from benchmarks.peers import peers
 from benchmarks.timing import Row, measure
+from benchmarks.tuning import tunings
 
 
 def run(
@@ -23,6 +24,6 @@ def run(
         progress: Called with a case's name before each timing.
     """
     others, left_out = peers()
-    cases = closed_loops(duration, threads) + parts() + others
+    cases = closed_loops(duration, threads) + parts() + tunings(threads) + others
     started(sum(min(case.most, rounds) + 1 for case in cases))
     return measure(cases, rounds, progress), left_out

@@ -30,7 +30,7 @@ class Case:
     note: str = ""
     """What exactly is done, in words."""
     unit: str = "steps/s"
-    """``steps/s`` or ``calls/s``."""
+    """``steps/s``, ``calls/s`` or ``loops/s``."""
     most: int = 1_000_000
     """Rounds at most, for cases too slow for all of them."""
 

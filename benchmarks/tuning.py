@@ -1,51 +1,78 @@
-"""Closed loops of 4 s per second: `torquebench tune`, a loop through `simulate`, and plain numpy; ratios in one run.
-
-    python -m benchmarks.tuning
-
-Both loops are spared what tuning does besides: samplers, most metrics, disturbances, and the plain one the chain too.
-"""
+"""Tuning: closed loops of 4 s per second of `tune`, of a loop through `simulate`, and of plain numpy."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
 import numpy as np
 
-import torquebench
-from benchmarks.timing import Case, measure
-from torquebench import Array
+from benchmarks.timing import Case
+from torquebench import Array, simulate
 from torquebench.experiment.build import build
 from torquebench.experiment.tune_section import take_tune
+from torquebench.keys import altered
+from torquebench.sweep.tune import threads, tune_laws
 from torquebench.sweeps import document_from
 
 STUDY = "studies/tuning"
-EVALUATIONS, DRAWS = 32, 2
-"""Sets of gains of each law and seed, and draws in which they are judged; files and figures are in the time too."""
+EVALUATIONS, SERIAL = 16, 10
+"""Sets of gains of each law that are tried, and how often the serial loop runs each law under each condition."""
+UNIT = "loops/s"
 
 
-def tune() -> None:
-    """Tune the five laws of the study on all cores."""
-    changes = [f"tune.evaluations={EVALUATIONS}", f"tune.test.draws={DRAWS}"]
-    with TemporaryDirectory() as folder:
-        torquebench.tune(STUDY, changes=changes, folder=Path(folder, "out"))
+def tunings(most_threads: int) -> list[Case]:
+    """Return tuning on one thread and on the most, and what it is compared with.
 
+    Both others are spared what tuning does besides: samplers, most metrics, disturbances, and the plain one the chain.
 
-def serial() -> None:
-    """Run each law of the study under each training condition, one after the other, and take the error."""
-    for condition in take_tune(document_from(STUDY)).training:
-        experiment = condition.experiment
-        loop = build(experiment)
-        for controller in loop.controllers:
-            run = torquebench.simulate(
-                loop.plant,
-                controller,
-                loop.model,
-                loop.reference,
-                duration=experiment.run.duration,
-                chain=experiment.chain,
-            )
-            float(np.sqrt(np.mean((run.q_ref - run.q) ** 2)))
+    Args:
+        most_threads: Threads of the largest case.
+    """
+    study = take_tune(document_from(STUDY))
+    asked = altered(study.asked, evaluations=EVALUATIONS, seeds=1)
+    loops = [(condition.experiment, build(condition.experiment)) for condition in study.training]
+    laws = len(study.base.controllers)
+
+    def tune(count: int) -> None:
+        with threads(count) as pool:
+            tune_laws(study.base, study.training, asked, pool)
+
+    def serial() -> None:
+        for experiment, loop in loops:
+            for controller in loop.controllers * SERIAL:
+                run = simulate(
+                    loop.plant,
+                    controller,
+                    loop.model,
+                    loop.reference,
+                    duration=experiment.run.duration,
+                    chain=experiment.chain,
+                )
+                float(np.sqrt(np.mean((run.q_ref - run.q) ** 2)))
+
+    amount, note = laws * EVALUATIONS * asked.draws * len(loops), f"`{STUDY}`, {EVALUATIONS} sets of gains of each law"
+    return [
+        *(
+            Case("tuning", lambda count=count: tune(count), amount, threads=count, note=note, unit=UNIT, most=3)
+            for count in sorted({1, most_threads})
+        ),
+        Case(
+            "tuning-simulate",
+            serial,
+            laws * len(loops) * SERIAL,
+            "tuning",
+            note="the same loops through `simulate`, one after the other, and their error",
+            unit=UNIT,
+            most=3,
+        ),
+        Case(
+            "tuning-naive-numpy",
+            lambda: naive() and None,
+            1,
+            "tuning",
+            note="computed torque on the arm in a Python loop",
+            unit=UNIT,
+            most=3,
+        ),
+    ]
 
 
 def inertia(q: Array) -> Array:
@@ -79,17 +106,3 @@ def naive(duration: float = 4.0) -> float:
         x = x + T / 6 * total
         squares += float(e @ e)
     return float(np.sqrt(squares * T / duration / 2))
-
-
-if __name__ == "__main__":
-    study = take_tune(document_from(STUDY))
-    laws, conditions, asked = len(study.training[0].experiment.controllers), len(study.training), study.asked
-    own = 1 + asked.seeds * (EVALUATIONS - 1)  # the law's own gains are run once for all seeds
-    loops = laws * (own * asked.draws * conditions + 2 * DRAWS * len(study.judged))
-    cases = [
-        Case("tune", tune, loops, "naive"),
-        Case("simulate", serial, laws * conditions, "naive"),
-        Case("naive", lambda: naive() and None, 1, "naive"),
-    ]
-    for row in measure(cases, 1):
-        print(f"{row.name}: {row.value:.3g} closed loops per second, {row.ratio:.3g} times the naive loop's")

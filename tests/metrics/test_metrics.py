@@ -1,5 +1,6 @@
 """Metrics of whole runs against closed forms: sinusoids, linear step responses, windows, undefined cases."""
 
+import itertools
 import json
 import math
 from collections.abc import Callable, Iterator
@@ -350,6 +351,16 @@ def many_runs(rng: np.random.Generator) -> Iterator[JointRecord]:
             step_like=i % 4 < 2,
             phi=rng.uniform(0.1, 1.0, n) if i % 5 else None,
         )
+
+
+def test_a_headline_asked_for_alone_is_that_of_all() -> None:
+    """Also one that is taken at the joint with the worst of another metric; others are not computed."""
+    for run in itertools.islice(many_runs(np.random.default_rng(5)), 6):
+        whole = headlines(measured(run))
+        for row, key in enumerate(METRICS.names()):
+            alone = headlines(measured(run, [key]))
+            assert alone[row].tobytes() == whole[row].tobytes(), key
+            assert np.isnan(alone).sum() >= len(alone) - 2
 
 
 def test_runs_side_by_side_have_the_bytes_of_runs_alone(monkeypatch: pytest.MonkeyPatch) -> None:

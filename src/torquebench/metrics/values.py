@@ -7,7 +7,7 @@ visible, and reduces each metric to its headline. Errors are those of the true p
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -296,16 +296,22 @@ def record_of(
     )
 
 
-def measured(run: JointRecord) -> PerJoint:
+def measured(run: JointRecord, only: Collection[str] | None = None) -> PerJoint:
     """Compute every metric of a run, joint by joint.
+
+    Args:
+        run: The run.
+        only: Keys of the metrics whose headlines are wanted, the others are NaN; None for all.
 
     Raises:
         ResultError: a metric of a plug-in does not return one number for each joint.
     """
     metrics, shape = METRICS.values(), run.tau_max.shape
     values = np.full((len(metrics), *shape), np.nan)
+    # a headline may be that of the joint with the worst of another metric
+    wanted_keys = None if only is None else {*only, *(METRICS[key].over_joints for key in only)}
     for row, info in enumerate(metrics):
-        if run.step_like or not info.steps_only:
+        if (wanted_keys is None or info.key in wanted_keys) and (run.step_like or not info.steps_only):
             try:
                 found, wanted = np.asarray(info.formula(run)), () if info.of_tool else shape
                 if found.shape != wanted:

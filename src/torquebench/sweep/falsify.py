@@ -271,7 +271,7 @@ def tried_of(ended: Ended, point: Point, info: MetricInfo, steps: int) -> Tried:
         return Tried(point, ended.outcome, math.nan, math.nan, -math.inf)
     if ended.record is None:
         return Tried(point, ended.outcome, math.nan, ended.failed_at, FAILED * (2.0 - ended.failed_at / steps))
-    value = float(headlines(measured(ended.record))[METRICS.names().index(info.key)])
+    value = float(headlines(measured(ended.record, [info.key]))[METRICS.names().index(info.key)])
     score = -math.inf if math.isnan(value) else value if info.better == "lower" else -value
     return Tried(point, ended.outcome, value, math.nan, score)
 

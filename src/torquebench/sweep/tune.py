@@ -156,7 +156,7 @@ class Trials:
 
     def __init__(self, conditions: Sequence[Condition], metrics: Sequence[str], pool: ThreadPoolExecutor) -> None:
         self._conditions, self._pool, self._own = tuple(conditions), pool, threading.local()
-        self._rows = [METRICS.names().index(key) for key in metrics]
+        self._metrics, self._rows = tuple(metrics), [METRICS.names().index(key) for key in metrics]
         self._steps = 1000 * sum(condition.experiment.n_steps for condition in conditions)
 
     def __call__(
@@ -190,7 +190,7 @@ class Trials:
         (ended,) = runners[place].ended(altered(with_draw(experiment, draw), controllers=(controller,)))
         if ended.record is None:
             return Run(1.0 - ended.failed_at / experiment.n_steps, (math.nan,) * len(self._rows))
-        return Run(0.0, tuple(headlines(measured(ended.record))[self._rows].tolist()))
+        return Run(0.0, tuple(headlines(measured(ended.record, self._metrics))[self._rows].tolist()))
 
 
 @dataclass
