@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from torquebench.arena.pages import Duel, by_condition, duels, latex, markdown, write_files
 from torquebench.arena.ranking import Standing
-from torquebench.arena.record import RULESETS, SHIPPED, TUNED, Record, Row, picks, read_record
+from torquebench.arena.record import RULESETS, SHIPPED, TUNED, Record, Row, digest_of, picks, read_record
 from torquebench.arena.run import Entry, draws_of, loops_of, run_rows
 from torquebench.arena.study import Study, Track, take_study
+from torquebench.begun import BEGUN
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.dump import dump_experiment
 from torquebench.experiment.run import Progress
@@ -31,7 +32,7 @@ from torquebench.experiment.store import (
 )
 from torquebench.experiment.yaml_tree import value_at
 from torquebench.keys import altered
-from torquebench.laws import law_names
+from torquebench.laws import find_law, law_names
 from torquebench.robot.library import ArmFile, arm_name
 from torquebench.sim.sandbox import load_sandboxed
 from torquebench.sweep.tune import threads
@@ -160,11 +161,11 @@ def run_arena(
     if asked.asked.laws == "all":
         _entries(asked, added)
     secret = new_secret() if seed is None else f"seed {seed}"
+    wanted = [(track, own) for track in asked.tracks.values() for own in track.base.controllers]
     directory = None
     if store:
-        directory, secret = _claim(None if folder is None else Path(folder), asked, secret)
-    tracks = [track.sealed(seed_of(secret)) for track in asked.tracks.values()]
-    wanted = [(track, controller) for track in tracks for controller in track.base.controllers]
+        directory, secret = _claim(None if folder is None else Path(folder), asked, wanted, secret)
+    wanted = [(track.sealed(seed_of(secret)), own) for track, own in wanted]
     rows = None if directory is None else directory.folder / ROWS
     record = _record(asked, secret)
     record = replace(record, rows=_run(asked, wanted, record, workers, rows, progress))
@@ -204,7 +205,8 @@ def against(
         laws: Names of the laws, or of the stored entries that are made anew; the laws that the plug-ins add if left
             out. Each enters with ``gains: auto``.
         plugins: Python files that register them.
-        folder: Where to store the arena with them; new or empty, None for ``runs/NAME-UTC``.
+        folder: Where to store the arena with them: new, empty, or one in which the same was begun, which then goes on;
+            None for ``runs/NAME-UTC``.
         store: Whether to store anything.
         workers, progress: As of `run_arena`.
 
@@ -220,13 +222,18 @@ def against(
     study = _stored_study(record)
     entries = _entries(study, entering)
     rivals = replace(record, rows=tuple(row for row in record.rows if row.entry not in entries))
-    rows = _run(study, _wanted(rivals, study, entries, record.chains), rivals, workers, None, progress)
+    wanted = _wanted(rivals, study, entries, record.chains)
+    directory = None
+    if store:
+        own = None if folder is None else Path(folder)
+        others = hashlib.sha256(rivals.to_json()).hexdigest()
+        directory, _ = _claim(own, study, wanted, record.seal["secret"], [others])
+    stored = None if directory is None else directory.folder / ROWS
+    rows = _run(study, wanted, rivals, workers, stored, progress)
     found = replace(record, rows=rivals.rows + rows, date=today(), software=versions(), machine=machine())
-    if not store:
-        return Arena(found)
-    directory = RunDirectory(claim_folder(None if folder is None else Path(folder), found.name))
-    _write(found, directory)
-    return Arena(found, directory.folder)
+    if directory is not None:
+        _write(found, directory)
+    return Arena(found, None if directory is None else directory.folder)
 
 
 def check_row(
@@ -433,15 +440,28 @@ def _record(study: Study, secret: str) -> Record:
     )
 
 
-def _claim(folder: Path | None, study: Study, secret: str) -> tuple[RunDirectory, str]:
-    """Return the folder to write to, and the secret of the test draws, whose hash is there before the first run."""
-    digest = hashlib.sha256(json.dumps([study.text, *sorted(study.arms.items())]).encode()).hexdigest()
+def _claim(
+    folder: Path | None, study: Study, wanted: Sequence[Entry], secret: str, more: Sequence[str] = ()
+) -> tuple[RunDirectory, str]:
+    """Return the folder to write to, and the secret of the test draws, whose hash is there before the first run.
+
+    Args:
+        folder: New, empty, or one in which the same rows of the same laws were begun; None for ``runs/NAME-UTC``.
+        study: The study.
+        wanted: Chain and entry of each row.
+        secret: The secret, unless the folder has one.
+        more: What else rows depend on.
+    """
+    laws = sorted({(own.name, own.law, digest_of(find_law(own.law))) for _, own in wanted})
+    parts = [study.text, *sorted(study.arms.items()), *laws, *more]
+    digest = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     if folder is not None and (folder / SEAL).is_file():
         kept = json.loads((folder / SEAL).read_bytes())
         if kept.get("study") != digest:
-            text = f"{folder} holds another arena, wanted a new or empty folder, or this study's own"
+            text = f"{folder} holds another arena, or of laws that have changed since, wanted a new or empty folder"
             raise ConfigError([Problem("--out", "", text)])
         (folder / MANIFEST).unlink(missing_ok=True)
+        BEGUN.append(folder)
         return RunDirectory(folder), str(kept["secret"])
     directory = RunDirectory(claim_folder(folder, study.name))
     kept = {"study": digest, "commitment": commitment(secret), "secret": secret}

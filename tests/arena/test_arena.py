@@ -8,6 +8,7 @@ import os
 import platform
 import re
 import runpy
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +35,7 @@ from torquebench.arenas import (
     run_arena,
     study_of,
 )
-from torquebench.cli.app import main
+from torquebench.cli.app import Terminated, main
 from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.seal import commitment
 from torquebench.kernel import clip
@@ -279,8 +280,13 @@ def test_the_config_of_a_row_replays_what_is_stored(record: Record, folder: Path
         assert found == pytest.approx(one.values["noise"]["rmse"][0], rel=1e-3)
 
 
-def test_one_law_enters_beside_the_stored_rivals(folder: Path, tmp_path: Path, record: Record) -> None:
-    """Its row is that of an arena in which it was from the start; the rivals stay as they stand."""
+def test_one_law_enters_beside_the_stored_rivals(
+    folder: Path, tmp_path: Path, record: Record, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its row is that of an arena in which it was from the start; the rivals stay as they stand.
+
+    What was interrupted after its last row goes on without a closed loop.
+    """
     found = against(folder, laws=["pd"], folder=tmp_path / "new")
     assert found.record.rows[: len(record.rows)] == record.rows
     whole = {**STUDY, "controllers": [{"law": "pd", "gains": "auto"}]}
@@ -291,6 +297,35 @@ def test_one_law_enters_beside_the_stored_rivals(folder: Path, tmp_path: Path, r
         against(folder, store=False)
     with pytest.raises(ConfigError, match="did you mean 'pd"):
         against(folder, laws=["pdd"], store=False)
+    stored = (tmp_path / "new/arena.json").read_bytes()
+    (tmp_path / "new/arena.json").unlink()
+    monkeypatch.setattr("torquebench.arena.run.Trials", None)
+    monkeypatch.setattr("torquebench.arena.run.tune_row", None)
+    against(folder, laws=["pd"], folder=tmp_path / "new")
+    assert (tmp_path / "new/arena.json").read_bytes() == stored
+    with pytest.raises(ConfigError, match="another arena"):
+        against(folder, laws=["pid"], folder=tmp_path / "new")
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, Terminated])
+def test_an_interrupted_arena_says_how_to_go_on(
+    error: type[KeyboardInterrupt], tmp_path: Path, command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The command that it names has every option of the first one, and finds the draws that were sealed."""
+
+    def interrupted(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("torquebench.arenas.run_rows", interrupted)
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(STUDY))
+    words = ["arena", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quick", "--set", "arena.draws=4"]
+    status, _, said = command(*words)
+    assert status == (130 if error is KeyboardInterrupt else 143)
+    again = shlex.split(said.split("go on with: ")[1])
+    assert sorted(again[1:]) == sorted(map(str, words))
+    sealed = (tmp_path / "out/seal.json").read_bytes()
+    assert command(*again[1:]) == (status, "", said)
+    assert (tmp_path / "out/seal.json").read_bytes() == sealed
 
 
 def test_a_stored_study_that_names_no_laws_is_read_again(record: Record) -> None:

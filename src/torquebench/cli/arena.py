@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from torquebench.begun import BEGUN
 from torquebench.cli.app import command
 from torquebench.cli.parameters import (
     Config,
@@ -102,21 +103,34 @@ def arena(
     if check is not None or replay is not None:
         path = subject or Path()
         return _check(path, check, plugin, workers) if check else _replay(path, str(replay), plugin)
-    with progress_bar(0, "loop", "starting (compiles on first use)") as bar:
-        if against is not None:
-            found = enter(against, laws=law or (), plugins=plugin, folder=out, workers=workers, progress=following(bar))
-        elif is_stored:
-            found = read_arena(subject or Path(), plugin)
-        else:
-            found = run_arena(
-                str(subject),
-                folder=out,
-                changes=overrides,
-                quick=quick,
-                workers=workers,
-                plugins=plugin,
-                progress=following(bar),
-            )
+    try:
+        with progress_bar(0, "loop", "starting (compiles on first use)") as bar:
+            if against is not None:
+                found = enter(
+                    against, laws=law or (), plugins=plugin, folder=out, workers=workers, progress=following(bar)
+                )
+            elif is_stored:
+                found = read_arena(subject or Path(), plugin)
+            else:
+                found = run_arena(
+                    str(subject),
+                    folder=out,
+                    changes=overrides,
+                    quick=quick,
+                    workers=workers,
+                    plugins=plugin,
+                    progress=following(bar),
+                )
+    except KeyboardInterrupt as error:  # SIGTERM is one too
+        if not BEGUN:
+            raise
+        words = [str(subject)] if against is None else ["--against", str(against)]
+        words += ["--law", ",".join(law)] if law else []
+        words += ["--quick"] if quick else []
+        words += [word for text in overrides for word in ("--set", text)]
+        words += [word for file in plugin for word in ("--plugin", str(file))]
+        again = shlex.join(["torquebench", "arena", *words, "--out", str(BEGUN[-1])])
+        raise type(error)(f"what is done is kept, go on with: {again}") from error
     if as_markdown or as_latex:
         emit(found.markdown() if as_markdown else found.latex())
         return 0
