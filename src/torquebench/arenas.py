@@ -18,7 +18,9 @@ from torquebench.arena.study import Study, Track, take_study
 from torquebench.begun import BEGUN
 from torquebench.errors import ConfigError, Problem, ResultError, did_you_mean
 from torquebench.experiment.dump import dump_experiment
+from torquebench.experiment.folder import write_experiment
 from torquebench.experiment.run import Progress
+from torquebench.experiment.schema import Experiment
 from torquebench.experiment.seal import commitment, new_secret, seed_of, today
 from torquebench.experiment.source import apply_overrides, read_document, set_key
 from torquebench.experiment.store import (
@@ -298,11 +300,11 @@ def entry_config(record: Record, name: str) -> str:
     if row.state:
         raise ResultError(f"row '{name}' {row.state}")
     track = _stored_study(record).tracks[row.chain].sealed(seed_of(record.seal["secret"]))
-    return config_of(track, row, record.levels)
+    return dump_experiment(replay_of(track, row, record.levels))
 
 
-def config_of(track: Track, row: Row, levels: Sequence[float]) -> str:
-    """Return the config that replays a row under the last burden, which is the heaviest where there is an order.
+def replay_of(track: Track, row: Row, levels: Sequence[float]) -> Experiment:
+    """Return the experiment that replays a row under the last burden, which is the heaviest where there is an order.
 
     Args:
         track: The row's chain, with its tests sealed.
@@ -330,7 +332,7 @@ def config_of(track: Track, row: Row, levels: Sequence[float]) -> str:
     if row.source != SHIPPED:
         words += f" Run it with --plugin {row.source}."
     name = f"{row.entry}-{row.chain}"[:64].rstrip("-")
-    return dump_experiment(altered(experiment, controllers=tuple(controllers), name=name, description=words))
+    return altered(experiment, controllers=tuple(controllers), name=name, description=words)
 
 
 def _load(plugins: Sequence[str | Path]) -> list[str]:
@@ -474,13 +476,10 @@ def _write(record: Record, directory: RunDirectory) -> None:
     directory.write(RECORD, record.to_json())
     study = _stored_study(record)
     tracks = {name: track.sealed(seed_of(record.seal["secret"])) for name, track in study.tracks.items()}
-    for path, text in record.arms.items():
-        directory.write(f"entries/{path}", text.encode())
     for row in record.rows:
         if not row.state:
-            directory.write(
-                f"entries/{row.chain}/{row.entry}.yaml", config_of(tracks[row.chain], row, record.levels).encode()
-            )
+            replay = replay_of(tracks[row.chain], row, record.levels)
+            write_experiment(directory, replay, f"entries/{row.chain}/{row.entry}.yaml")
     for name, content in write_files(record):
         directory.write(name, content)
     directory.finish({"name": record.name, "arena": True})

@@ -40,6 +40,7 @@ from torquebench.errors import ConfigError, ResultError
 from torquebench.experiment.seal import commitment
 from torquebench.kernel import clip
 from torquebench.laws import find_law, law_names, sliding_mode
+from torquebench.robot.library import mjcf_path
 from torquebench.sim.sandbox import SandboxedLaw
 from torquebench.sweep.tune import threads
 
@@ -249,12 +250,25 @@ def test_a_forged_arena_writes_nothing_outside_its_folder(tmp_path: Path, record
     forged = replace(record, rows=(replace(first, entry="../../../out"), *rest))
     with pytest.raises(ResultError, match=r"'slow/\.\./\.\./\.\./out' is of no entry"):
         Arena(forged).save(tmp_path / "one/two")
-    with pytest.raises(ResultError, match="leads out of the folder"):
-        Arena(replace(record, arms={"../../arm.xml": "<mujoco/>"})).save(tmp_path / "one/three")
     (tmp_path / "arena.json").write_bytes(replace(record, rows=(replace(first, chain="../out"), *rest)).to_json())
     with pytest.raises(ResultError, match="on a chain that the arena does not have"):
         read_record(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"arena.json", "one"}
+
+
+@pytest.mark.parametrize("path", ["arms/links.xml", "../../links.xml"])
+def test_an_arm_of_ones_own_lies_beside_each_config_that_replays_a_row(
+    path: str, tmp_path: Path, record: Record
+) -> None:
+    """Wherever it was when the arena was run, and never outside of the arena's folder."""
+    text = mjcf_path("two-link").read_text()
+    assert "model: two-link" in record.study
+    own = replace(record, study=record.study.replace("model: two-link", f"model: {path}"), arms={path: text})
+    Arena(own).save(tmp_path / "one/two")
+    replay = torquebench.load_experiment(tmp_path / "one/two/entries/slow/pd-gravity.yaml")
+    assert str(replay.plant.model) == "links.xml"
+    assert (tmp_path / "one/two/entries/slow/links.xml").read_text() == text
+    assert [file.name for file in tmp_path.rglob("*.xml")] == ["links.xml"]
 
 
 def test_a_pipe_is_no_arena(tmp_path: Path) -> None:

@@ -164,7 +164,10 @@ def _replay(path: Path, name: str, plugin: Sequence[Path]) -> int:
     """Print the config of a row."""
     from torquebench.arenas import entry_config, read_arena
 
-    emit(entry_config(read_arena(path, plugin).record, name).rstrip("\n"))
+    record = read_arena(path, plugin).record
+    emit(entry_config(record, name).rstrip("\n"))
+    if record.arms:
+        warn("torquebench: it needs its arm beside it; a folder that an arena wrote has both in entries/CHAIN")
     return 0
 
 

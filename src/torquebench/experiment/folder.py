@@ -7,7 +7,7 @@ import json
 import os
 import re
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
@@ -115,9 +115,10 @@ def write_trajectory(directory: RunDirectory, name: str, run: Trajectory) -> Non
 def write_experiment(directory: RunDirectory, experiment: Experiment, name: str = EXPERIMENT) -> None:
     """Write the experiment, every default filled in, and beside it its arm, where that is from a file."""
     if isinstance(experiment.plant.model, ArmFile):
-        directory.write(str(experiment.plant.model), experiment.plant.model.text.encode())
+        beside = PurePosixPath(name).parent
+        directory.write(str(beside / str(experiment.plant.model)), experiment.plant.model.text.encode())
         if looks := scene_path(experiment.plant.model):
-            directory.write(looks.name, _with_meshes(looks, directory.folder))
+            directory.write(str(beside / looks.name), _with_meshes(looks, directory.folder / beside))
     directory.write(name, dump_experiment(experiment).encode())
 
 
