@@ -327,7 +327,7 @@ def replay_of(track: Track, row: Row, levels: Sequence[float]) -> Experiment:
     experiment = track.burdens[-1].experiment
     words = (
         f"{row.name}: the gains that were judged, under {track.burdens[-1].name}; those of tuned-K-at-L are what "
-        "tuning K found for a chattering of L %."
+        "tuning K found for a chattering of L %, the mean over its training conditions: one burden may have more."
     )
     if row.source != SHIPPED:
         words += f" Run it with --plugin {row.source}."
