@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -121,6 +122,8 @@ def swings(run: Trajectory, since: float) -> Array:
 def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
     """Whether a joint's torque above the corner, and its error, is `GROWTH` times as large in the window's second half.
 
+    An error also grows that varies more, by the same measure, in each quarter than in the one before.
+
     Args:
         run: The run.
         since: Start of the window [s].
@@ -139,7 +142,11 @@ def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
         return bool(np.any(second > GROWTH * first + least))
 
     shakes = more(fast(tau[:half]), fast(tau[-half:]), LEAST * half * float(np.max(np.abs(tau))))
-    return shakes, more(np.std(e[:half], axis=0), np.std(e[-half:], axis=0), LEAST)
+    away = e - np.mean(e, axis=0)  # of the whole window: half of a swing may be its crest, which varies little
+    sizes = [np.sqrt(np.mean(np.square(part), axis=0)) for part in (away[:half], away[-half:])]
+    quarters = [np.std(part, axis=0) for part in np.array_split(e, 4)]  # what creeps away has no crest
+    creeps = [after > math.sqrt(GROWTH) * before + LEAST for before, after in itertools.pairwise(quarters)]
+    return shakes, more(*sizes, LEAST) or bool(np.any(np.all(creeps, axis=0)))
 
 
 def slips(run: Trajectory, since: float, joint: int) -> float:
