@@ -143,10 +143,10 @@ def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
 
     shakes = more(fast(tau[:half]), fast(tau[-half:]), LEAST * half * float(np.max(np.abs(tau))))
     away = e - np.mean(e, axis=0)  # of the whole window: half of a swing may be its crest, which varies little
-    sizes = [np.sqrt(np.mean(np.square(part), axis=0)) for part in (away[:half], away[-half:])]
+    first, second = (np.sqrt(np.mean(np.square(part), axis=0)) for part in (away[:half], away[-half:]))
     quarters = [np.std(part, axis=0) for part in np.array_split(e, 4)]  # what creeps away has no crest
     creeps = [after > math.sqrt(GROWTH) * before + LEAST for before, after in itertools.pairwise(quarters)]
-    return shakes, more(*sizes, LEAST) or bool(np.any(np.all(creeps, axis=0)))
+    return shakes, more(first, second, LEAST) or bool(np.any(np.all(creeps, axis=0)))
 
 
 def slips(run: Trajectory, since: float, joint: int) -> float:
