@@ -20,6 +20,8 @@ PLANT = {"engine": "analytic", "model": "two-link"}
 NOISE = {"encoder_noise": 2e-4, "velocity": "differentiated"}
 FRICTION = {**PLANT, "friction": {"coulomb": 6.0, "speed": 0.05}}
 BIAS = [{"kind": "bias", "value": [15.0, 8.0]}]
+FILTERED = {"velocity": "differentiated", "velocity_filter": 100.0}
+"""A filter that a loop bears: where delay makes it swing from limit to limit it swings less without the filter."""
 CURRENT = {"frequency": 25.0, "damping": 0.5}
 
 
@@ -49,6 +51,7 @@ def ids(cases: Iterable[tuple[Any, ...]]) -> list[str]:
 
 # M s^2 + Kp + Kd s/(1 + s/w) is stable for every w: a velocity filter shakes only together with the hold
 SEEDED: list[tuple[set[str], dict[str, Any], dict[str, Any]]] = [
+    ({"command_delay"}, pd(60), {"chain": {**FILTERED, "command_delay": 0.04}}),
     ({"command_delay"}, pd(60), {"chain": {"command_delay": 0.02}}),
     ({"command_delay"}, pd(120), {"chain": {"command_delay": 0.01}}),
     ({"measurement_delay"}, pd(60), {"chain": {"measurement_delay": 0.02}}),

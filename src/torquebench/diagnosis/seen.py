@@ -59,13 +59,21 @@ class Seen(NamedTuple):
     """Error then, (m, n) [rad]."""
     forced: bool = False
     """Whether a disturbance shakes it at its own frequency."""
+    motion_hz: float = math.inf
+    """Frequency above which an error that swings does not follow the motion [Hz]."""
+
+    @property
+    def hammers(self) -> bool:
+        """Whether the joint that errs most swings from limit to limit, faster than its motion: a cycle of the loop."""
+        joint = self.joint("errs")
+        return bool(self.saturated[joint] >= SATURATED and self.swings[joint] > self.motion_hz)
 
     def unstable(self, kind: Kind) -> bool:
-        """Whether a symptom grows, or has grown: what shakes to the torque limit, an error beyond the motion."""
+        """Whether a symptom grows, or has grown: what swings from limit to limit, an error beyond the motion."""
         if kind == "shakes":
             at_limit = self.shaking is not None and bool(np.max(self.saturated) >= SATURATED)
             return self.grows or self.strays or at_limit
-        return kind == "errs" and (self.strays or self.size("errs") >= GONE)
+        return kind == "errs" and (self.strays or self.hammers or self.size("errs") >= GONE)
 
     def size(self, kind: Kind, joint: int | None = None) -> float:
         """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
