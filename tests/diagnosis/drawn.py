@@ -322,29 +322,53 @@ SINGLE: dict[str, tuple[str, Callable[[Draw], Made]]] = {
 """Label -> key of the cause, and what makes it."""
 
 
-def short(d: Draw, kv: float, lam: float) -> float:
-    """Return what a share of the motion's torque that is missing makes of error, as a share of the amplitude [1]."""
-    rms = np.sqrt(np.mean(d.torque() ** 2, axis=0))
-    return float(np.max(rms / (kv * lam * d.inertia * d.a)))
+def at_one(d: Draw, joint: int, value: float, others: float) -> list[float]:
+    """Return a number for a joint, counted from 0, and another for all others."""
+    return [float(f"{value:.3g}") if i == joint else others for i in range(d.n)]
+
+
+def left_over(d: Draw, joint: int, kv: float, lam: float, share: float) -> float:
+    """Return the gain g of a drive that misses (1 - g)/g of its torque: gains answer with a share of the motion."""
+    rms = float(np.sqrt(np.mean(d.torque() ** 2, axis=0))[joint])
+    return 1.0 / (1.0 + share * kv * lam * float(d.inertia[joint]) * d.a / rms)
 
 
 def torque_gain(d: Draw) -> Made:
-    """Drives that give so much less than asked, (1 - g)/g of the torque, that gains answer with 15 to 30 %."""
-    missing = d.between(0.15, 0.3) / short(d, 12, 10)
-    return {**ct(12), "chain": {"torque_gain": round(1.0 / (1.0 + missing), 3)}}, set()
+    """A drive that gives so much less than asked that gains answer with 15 to 30 % of the amplitude."""
+    joint = int(d.rng.integers(d.n))
+    return {
+        **ct(12),
+        "chain": {"torque_gain": at_one(d, joint, left_over(d, joint, 12, 10, d.between(0.15, 0.3)), 1.0)},
+    }, set()
 
 
 def derating(d: Draw) -> Made:
-    """Likewise of motors that weaken before the metrics' window."""
-    missing = d.between(0.15, 0.3) / short(d, 12, 10)
-    return {**ct(12), "chain": {"derating": {"at": 0.4, "over": 0.4, "gain": round(1.0 / (1.0 + missing), 3)}}}, set()
+    """Likewise of a motor that weakens before the metrics' window."""
+    joint = int(d.rng.integers(d.n))
+    gain = at_one(d, joint, left_over(d, joint, 12, 10, d.between(0.15, 0.3)), 1.0)
+    return {**ct(12), "chain": {"derating": {"at": 0.4, "over": 0.4, "gain": gain}}}, set()
+
+
+def derated_limit(d: Draw) -> Made:
+    """A motor whose limit falls to 0.4 to 0.7 of what the motion takes at most."""
+    joint = int(d.rng.integers(d.n))
+    most = float(np.max(np.abs(d.torque()[:, joint])) / d.limit[joint])
+    return {
+        **ct(20),
+        "chain": {"derating": {"at": 0.4, "limit": at_one(d, joint, d.between(0.4, 0.7) * most, 1.0)}},
+    }, set()
 
 
 def cross_talk(d: Draw) -> Made:
-    """Leaks from the joint before that gains answer with 15 to 35 % of the amplitude at one joint or more."""
+    """A leak from the joint before, or behind, that gains answer with 15 to 35 % of the amplitude."""
     rms = np.sqrt(np.mean(d.torque() ** 2, axis=0))
-    leak = np.min(d.holding(12, 10, d.between(0.15, 0.35))[1:] / rms[:-1])
-    return {**ct(12), "chain": {"cross_talk": {"preceding": round(float(leak), 3)}}}, set()
+    joint, way = int(d.rng.integers(d.n - 1)), int(d.rng.integers(2))
+    to, of = (joint + 1, joint) if way else (joint, joint + 1)
+    leak = d.holding(12, 10, d.between(0.15, 0.35))[to] / rms[of]
+    return {
+        **ct(12),
+        "chain": {"cross_talk": {"preceding" if way else "following": at_one(d, to, float(leak), 0.0)}},
+    }, set()
 
 
 def lock(d: Draw) -> Made:
@@ -352,13 +376,14 @@ def lock(d: Draw) -> Made:
     return {**ct(5, 4), "plant": {"lock": {"joint": int(d.rng.integers(1, d.n + 1)), "at": 1.0}}}, set()
 
 
-LATER: dict[str, Callable[[Draw], Made]] = {
-    "torque_gain": torque_gain,
-    "derating": derating,
-    "cross_talk": cross_talk,
-    "lock": lock,
+FAULTS: dict[str, tuple[str, Callable[[Draw], Made]]] = {
+    "torque_gain": ("torque_gain", torque_gain),
+    "derating": ("derating", derating),
+    "derated limit": ("derating", derated_limit),
+    "cross_talk": ("cross_talk", cross_talk),
+    "lock": ("lock", lock),
 }
-"""Kinds that came later, by the key of their cause: they are not drawn from, so that a seed stays what it was."""
+"""Faults of one joint, likewise: those of `SINGLE` are drawn from without these, so that a seed stays what it was."""
 
 
 def both(*makers: Callable[[Draw], Made]) -> Callable[[Draw], Made]:

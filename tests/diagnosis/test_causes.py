@@ -9,14 +9,19 @@ import numpy as np
 import pytest
 
 from torquebench.diagnosis import diagnose
+from torquebench.diagnosis.seen import grows
 from torquebench.experiment.schema import Experiment
+from torquebench.kernel import Array
 from torquebench.robot import load_model
+from torquebench.sim.trajectory import SIGNALS, Trajectory
 
 SINE = {"kind": "sine", "amplitude": [1.0, -0.8], "frequency_hz": 0.5}
 PLANT = {"engine": "analytic", "model": "two-link"}
 NOISE = {"encoder_noise": 2e-4, "velocity": "differentiated"}
 FRICTION = {**PLANT, "friction": {"coulomb": 6.0, "speed": 0.05}}
 BIAS = [{"kind": "bias", "value": [15.0, 8.0]}]
+FILTERED = {"velocity": "differentiated", "velocity_filter": 100.0}
+"""A filter that a loop bears: where delay makes it swing from limit to limit it swings less without the filter."""
 CURRENT = {"frequency": 25.0, "damping": 0.5}
 
 
@@ -46,6 +51,7 @@ def ids(cases: Iterable[tuple[Any, ...]]) -> list[str]:
 
 # M s^2 + Kp + Kd s/(1 + s/w) is stable for every w: a velocity filter shakes only together with the hold
 SEEDED: list[tuple[set[str], dict[str, Any], dict[str, Any]]] = [
+    ({"command_delay"}, pd(60), {"chain": {**FILTERED, "command_delay": 0.04}}),
     ({"command_delay"}, pd(60), {"chain": {"command_delay": 0.02}}),
     ({"command_delay"}, pd(120), {"chain": {"command_delay": 0.01}}),
     ({"measurement_delay"}, pd(60), {"chain": {"measurement_delay": 0.02}}),
@@ -130,3 +136,21 @@ def test_what_gravity_leaves_counts_the_drives() -> None:
     arm = load_model("two-link")
     sags = np.abs(arm.gravity(np.full(2, 0.5))) / (0.5 * 20.0 * 10.0 * arm.flat.inertia_scale)
     assert gravity.detail == f"gravity / Kp = {sags[found.seen.joint('errs')]:.2g} rad"
+
+
+T = np.arange(3000) * 1e-3
+ERRORS = {
+    "swings": (0.6 * np.cos(np.pi * (T - 2.5)) + 0.3 * np.cos(2.0 * np.pi * (T - 2.5)), False),
+    "oscillates": (1.0 + 1e-3 * np.exp(2.0 * T) * np.cos(40.0 * T), True),
+    "creeps": (1e-3 * np.exp(T), True),
+    "settles": (np.exp(-T), False),
+}
+"""Error, and whether it grows by half of the window from 1 s on."""
+
+
+@pytest.mark.parametrize(("e", "strays"), ERRORS.values(), ids=ERRORS)
+def test_an_error_strays_that_grows_and_not_one_that_swings(e: Array, strays: bool) -> None:
+    """Half of a steady swing of 0.5 Hz may be flat, and half its crest; what grows, swinging or creeping, strays."""
+    column = e[:, None]
+    still = dict.fromkeys(SIGNALS, np.zeros_like(column))
+    assert grows(Trajectory(T, **still | {"q_ref": column}), 1.0, 8.0) == (False, strays)

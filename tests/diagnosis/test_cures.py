@@ -214,7 +214,7 @@ def test_the_change_to_make_first(in_law: Remedy, in_chain: Remedy, first: str) 
     """Effect comes before margin, and margin, up to the 30 deg that are enough, before where it is changed."""
     seen: Any = None
     cause = Cause("command_delay", "the delay", "shakes", 1.0, "", "", remedy=in_chain)
-    given = Diagnosis("e", "c", "pd", ("joint",), seen, ("shakes",), (cause,), None, (in_law,), 1, 1.0, False, None)
+    given = Diagnosis("e", "c", "pd", ("joint",), seen, ("shakes",), (cause,), None, (in_law,), 1, False, None)
     assert given.remedy.text == first
     other = replace(cause, symptom="errs", remedy=Remedy("elsewhere"))
     assert replace(given, causes=(other,)).remedy.text == "law", "a cure of the first symptom"

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.diagnosis.drawn import ARMS, ENGINES, HARMLESS, LATER, Draw, Seeded, base, drawn, with_changes
+from tests.diagnosis.drawn import ARMS, ENGINES, FAULTS, HARMLESS, Draw, Seeded, base, drawn, with_changes
 from torquebench.diagnosis import diagnose
 from torquebench.experiment.schema import Experiment
 
 FEW = tuple(case for case in drawn(1731) if "two-link" in case.label)[:6]
 MANY = (*drawn(1741), *drawn(1751))
+LARGER = (("puma560", 1761), ("ur5e", 1771), ("ur5e", 1772))
 
 
 def judge(case: Seeded) -> None:
@@ -27,13 +28,16 @@ def test_drawn_causes_are_named(case: Seeded) -> None:
     judge(case)
 
 
-@pytest.mark.parametrize("arm", [ARMS[0], *(pytest.param(arm, marks=pytest.mark.slow) for arm in ARMS[1:])])
-@pytest.mark.parametrize("key", LATER)
-def test_faults_of_drives_and_brakes_are_named(key: str, arm: str) -> None:
-    """A wrong gain, one that weakens, leaks between joints and a joint that locks are each named, and no other."""
-    d = Draw(np.random.default_rng(1761), arm, "analytic")
-    changes, allowed = LATER[key](d)
-    judge(Seeded(f"{key}, {arm}", frozenset([key]), frozenset(allowed), with_changes(d, changes)))
+@pytest.mark.parametrize(
+    ("arm", "seed"), [("two-link", 1761), *(pytest.param(*one, marks=pytest.mark.slow) for one in LARGER)]
+)
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_fault_of_one_joint_is_named(kind: str, arm: str, seed: int) -> None:
+    """A drive's wrong gain, one that weakens, a leak to another joint and a lock are named, and nothing else is."""
+    d = Draw(np.random.default_rng([seed, list(FAULTS).index(kind)]), arm, "analytic")
+    key, make = FAULTS[kind]
+    changes, allowed = make(d)
+    judge(Seeded(f"{kind}, {arm}", frozenset([key]), frozenset(allowed), with_changes(d, changes)))
 
 
 @pytest.mark.slow

@@ -134,8 +134,6 @@ class Diagnosis:
     """Changes of the law's own gains that were tried, and what came of them."""
     runs: int
     """Closed loops that were run."""
-    motion_hz: float
-    """Frequency above which an error that swings does not follow the motion [Hz]."""
     unstable: bool
     """Whether the loop's phase margin is negative, of a law whose torque does not jump."""
     cured: Seen | None = field(repr=False)
@@ -195,7 +193,7 @@ class Diagnosis:
             at = "" if math.isnan(seen.shaking.frequency) else f" at {seen.shaking.frequency:.3g} Hz"
             return f"{who} {seen.shaking.verb}{at}, {seen.text(kind, joint)}"
         if kind == "errs":
-            swing = f", swinging at {seen.swings[joint]:.2g} Hz" if seen.swings[joint] > self.motion_hz else ""
+            swing = f", swinging at {seen.swings[joint]:.2g} Hz" if seen.swings[joint] > seen.motion_hz else ""
             return f"{who} errs by {seen.text(kind, joint)} RMS, {100 * seen.error[joint]:.3g} % of its motion{swing}"
         return f"{who} is at its torque limit {seen.text(kind, joint)}"
 
@@ -343,6 +341,7 @@ class _Search:
             np.array([slips(run, since, i) for i in range(n)]),
             *shown,
             forced,
+            2.0 * corner / CORNER_OVER_MOTION,
         )
 
     def without(self, parts: Iterable[Part], what: str) -> Seen:
@@ -382,7 +381,6 @@ class _Search:
         causes = tuple(replace(c, remedy=self._remedy(c, x)) for c, x in zip(causes, left, strict=True))
         causes = tuple(replace(cause, detail=self._detail(cause, self.margins)) for cause in causes)
         name = self.experiment.name
-        motion_hz = 2.0 * self.experiment.chattering_from_hz / CORNER_OVER_MOTION
         return Diagnosis(
             name,
             self.keys.name,
@@ -394,7 +392,6 @@ class _Search:
             self.margins,
             cures,
             self.runs,
-            motion_hz,
             self.unstable,
             self.cured,
         )

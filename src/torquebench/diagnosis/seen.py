@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -58,13 +59,21 @@ class Seen(NamedTuple):
     """Error then, (m, n) [rad]."""
     forced: bool = False
     """Whether a disturbance shakes it at its own frequency."""
+    motion_hz: float = math.inf
+    """Frequency above which an error that swings does not follow the motion [Hz]."""
+
+    @property
+    def hammers(self) -> bool:
+        """Whether the joint that errs most swings from limit to limit, faster than its motion: a cycle of the loop."""
+        joint = self.joint("errs")
+        return bool(self.saturated[joint] >= SATURATED and self.swings[joint] > self.motion_hz)
 
     def unstable(self, kind: Kind) -> bool:
-        """Whether a symptom grows, or has grown: what shakes to the torque limit, an error beyond the motion."""
+        """Whether a symptom grows, or has grown: what swings from limit to limit, an error beyond the motion."""
         if kind == "shakes":
             at_limit = self.shaking is not None and bool(np.max(self.saturated) >= SATURATED)
             return self.grows or self.strays or at_limit
-        return kind == "errs" and (self.strays or self.size("errs") >= GONE)
+        return kind == "errs" and (self.strays or self.hammers or self.size("errs") >= GONE)
 
     def size(self, kind: Kind, joint: int | None = None) -> float:
         """Return how much of a symptom there is, at a joint or at the worst one; infinite where the run failed."""
@@ -121,6 +130,8 @@ def swings(run: Trajectory, since: float) -> Array:
 def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
     """Whether a joint's torque above the corner, and its error, is `GROWTH` times as large in the window's second half.
 
+    An error also grows that varies more, by the same measure, in each quarter than in the one before.
+
     Args:
         run: The run.
         since: Start of the window [s].
@@ -139,7 +150,11 @@ def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
         return bool(np.any(second > GROWTH * first + least))
 
     shakes = more(fast(tau[:half]), fast(tau[-half:]), LEAST * half * float(np.max(np.abs(tau))))
-    return shakes, more(np.std(e[:half], axis=0), np.std(e[-half:], axis=0), LEAST)
+    away = e - np.mean(e, axis=0)  # of the whole window: half of a swing may be its crest, which varies little
+    first, second = (np.sqrt(np.mean(np.square(part), axis=0)) for part in (away[:half], away[-half:]))
+    quarters = [np.std(part, axis=0) for part in np.array_split(e, 4)]  # what creeps away has no crest
+    creeps = [after > math.sqrt(GROWTH) * before + LEAST for before, after in itertools.pairwise(quarters)]
+    return shakes, more(first, second, LEAST) or bool(np.any(np.all(creeps, axis=0)))
 
 
 def slips(run: Trajectory, since: float, joint: int) -> float:
