@@ -203,3 +203,9 @@ def test_a_hold_between_control_instants_is_refused_from_python_too() -> None:
     with pytest.raises(ValueError, match="is not a whole multiple of control_period"):
         BandLimitedNoise(1.0, hold=0.0025).sample(2, T * np.arange(100), T, rng)
     assert len(np.unique(BandLimitedNoise(1.0, hold=7.7).sample(1, T * np.arange(100), T, rng))) == 1
+
+
+def test_noise_relative_to_a_motion_is_that_share_of_its_torque() -> None:
+    """By hand: a tenth of 20, 3 and 0 N m; a joint that needs no torque gets no noise."""
+    sized = BandLimitedNoise(relative=0.1).sized(np.array([20.0, 3.0, 0.0]))
+    assert (sized.sigma, sized.relative) == ((2.0, 0.3, 0.0), None)

@@ -14,6 +14,7 @@ from torquebench.statistics import (
     cvar,
     draws_needed,
     mcnemar,
+    mean_intervals,
     median_interval,
     paired_ratio,
     undominated,
@@ -169,3 +170,14 @@ def test_as_many_draws_as_are_needed_show_a_change_as_often_as_is_asked() -> Non
         assert seen == pytest.approx(share, abs=close)
     assert draws_needed(paired_ratio([2.0], [1.0]), 1.05) is None
     assert draws_needed(paired_ratio([2.0, 2.0], [1.0, 1.0]), 1.05) is None
+
+
+@pytest.mark.parametrize("confidence", [0.5, 0.99])
+def test_the_interval_of_a_mean_is_students(confidence: float) -> None:
+    """As scipy's t distribution gives it, of the values that are there; 1e-12, round-off."""
+    values = np.array([1.0, 2.5, math.nan, 4.0, 3.0])
+    known = values[np.isfinite(values)]
+    low, high = stats.t.interval(confidence, 3, loc=known.mean(), scale=stats.sem(known))
+    count, mean, half = mean_intervals(values, confidence)
+    assert count == 4
+    assert (mean - half, mean + half) == pytest.approx((low, high), rel=1e-12)

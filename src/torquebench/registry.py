@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import inspect
 import re
+import sys
+import textwrap
 from collections.abc import Iterator
 from typing import Any, Generic, TypeVar
 
@@ -16,6 +20,19 @@ REGISTRIES: list[Registry[Any]] = []
 """Every registry there is."""
 
 T = TypeVar("T")
+
+
+def docstring(thing: Any) -> str:
+    """Return the docstring of a function or class without its indentation, as written in its source.
+
+    ``python -OO`` removes docstrings; what is shown to users is then read from the source.
+    """
+    if sys.flags.optimize >= 2:
+        with contextlib.suppress(OSError, TypeError, SyntaxError):
+            node = ast.parse(textwrap.dedent(inspect.getsource(thing))).body[0]
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                return ast.get_docstring(node) or ""
+    return inspect.cleandoc(thing.__doc__ or "")
 
 
 class Registry(Generic[T]):

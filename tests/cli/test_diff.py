@@ -14,6 +14,7 @@ from torquebench import diff, run_sweep
 from torquebench.cli.app import main
 from torquebench.diffs import Limit, _compared, read_limit
 from torquebench.errors import ConfigError
+from torquebench.experiment.store import write_manifest
 from torquebench.statistics import draws_needed
 
 
@@ -59,7 +60,7 @@ def test_another_arithmetic_is_told_and_an_unknown_one_is_not(command, run, tmp_
     path = tmp_path / "other" / "manifest.json"
     manifest = json.loads(path.read_text())
     manifest["machine"] |= {"arithmetic": "0" * 16, "processor": "x86_64, Elsewhere <b>"}
-    path.write_text(json.dumps(manifest))
+    write_manifest(path.parent, manifest)
     _, _, err = command("diff", run, path.parent)
     assert "B was made on another processor or C library than A (x86_64, Elsewhere <b>," in err
     assert command("report", run, path.parent, "--out", tmp_path / "both.html")[0] == 0
@@ -68,10 +69,10 @@ def test_another_arithmetic_is_told_and_an_unknown_one_is_not(command, run, tmp_
     assert "Elsewhere &lt;b&gt;" in page
     manifest["machine"]["arithmetic"] = json.loads((run / "manifest.json").read_text())["machine"]["arithmetic"]
     manifest["machine"]["arrays"] = "0" * 16
-    path.write_text(json.dumps(manifest))
+    write_manifest(path.parent, manifest)
     assert len(diff(run, path.parent).remarks) == 1
     del manifest["machine"]["arithmetic"], manifest["machine"]["arrays"]
-    path.write_text(json.dumps(manifest))
+    write_manifest(path.parent, manifest)
     assert diff(run, path.parent).remarks == diff(run, run).remarks == ()
 
 

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import check_run, write_manifest
 from torquebench.report.compare_page import differences
 from torquebench.robot.library import data_root
 from torquebench.sim.session import Session
@@ -183,12 +183,17 @@ def test_stored_numbers_stay_what_they_were_when_the_arm_is_edited(own_data, run
 
 
 def test_a_folder_of_an_older_version_is_read_while_its_arm_is_there(own_data, run, command):
-    """Without stored joints they come from the arm, where its files are those of the run; else it is refused."""
-    path = run / "manifest.json"
-    old = {key: v for key, v in json.loads(path.read_text()).items() if key not in ("joints", "conditions", "flags")}
+    """Without stored joints they come from the arm, where its files are those of the run; else it is refused.
+
+    That nothing vouches for the manifest is told.
+    """
+    path, newer = run / "manifest.json", ("joints", "conditions", "flags", "manifest_sha256")
+    old = {key: value for key, value in json.loads(path.read_text()).items() if key not in newer}
     path.write_text(json.dumps(old))
     before = (run / "report.html").read_bytes()
-    assert command("report", run)[::2] == (0, "")
+    status, _, err = command("report", run)
+    assert (status, len(err.splitlines())) == (0, 1)
+    assert f"{path}: an older version wrote it, without manifest_sha256" in err
     assert (run / "report.html").read_bytes() == before
     with (own_data / "models" / "puma560" / "links.yaml").open("a") as file:
         file.write("# another remark\n")
@@ -204,7 +209,7 @@ def with_checksum(folder, name, content):
     manifest = json.loads(path.read_text())
     (folder / name).write_bytes(content)
     manifest["files"][name] = hashlib.sha256(content).hexdigest()
-    path.write_text(json.dumps(manifest))
+    write_manifest(folder, manifest)
 
 
 def swap_trajectories(folder):
@@ -268,8 +273,23 @@ def test_json_that_is_not_ours_is_bad_input(run, command, name, content):
         with_checksum(run, name, content.encode())
     status, out, err = command("report", run)
     assert (status, out) == (2, ""), err
-    assert len(err.splitlines()) == 1
+    assert len([line for line in err.splitlines() if "an older version wrote it" not in line]) == 1
     assert name in err or "another command" in err
+
+
+@pytest.mark.parametrize("line", ["report", "diff", "video --still 0 --out x.png", "view --no-open"])
+def test_a_manifest_of_which_one_bit_was_flipped_is_refused(run, command, line):
+    """Whatever reads it, exit 2 with its name: what it says is shown, such as conditions and limits of the joints."""
+    path = run / "manifest.json"
+    text = path.read_text()
+    path.write_text(text.replace("puma560", "quma560", 1))
+    assert path.read_text() != text
+    kind, *options = line.split()
+    status, out, err = command(kind, run, *[run] * (kind == "diff"), *options)
+    assert (status, out) == (2, ""), err
+    assert "manifest.json: changed since it was written" in err
+    path.write_text(json.dumps(json.loads(text), sort_keys=True))  # laid out in another way, it says the same
+    assert check_run(run)
 
 
 def test_a_pipe_in_place_of_the_manifest_is_refused(run, command):

@@ -9,7 +9,7 @@ import pytest
 from tests.cli.conftest import QUICK
 from tests.sweep.examples import SMALL
 from torquebench.cli.app import main
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import check_run, write_manifest
 
 COMMANDS = ("report", "video", "view")
 
@@ -32,7 +32,7 @@ def results(tmp_path_factory):
         shutil.copytree("swept", "half-swept")
         Path("half-swept/manifest.json").unlink()
         shutil.copytree("run", "other")  # a finished folder without experiment, as `paper` leaves one
-        Path("other/manifest.json").write_text('{"files": {}}')
+        write_manifest(Path("other"), {"files": {}})
         Path("other/experiment.yaml").unlink()
     return folder
 

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import check_run, write_manifest
 from torquebench.registry import restored
 from torquebench.video.job import FPS
 
@@ -205,7 +205,7 @@ def test_a_changed_arm_is_told(run, command, tmp_path, monkeypatch):
     """When the arm's file is no longer the one that was run, the film says that it shows another."""
     manifest = json.loads((run / "manifest.json").read_text())
     manifest["model_files"]["puma560.xml"] = "0" * 64
-    (run / "manifest.json").write_text(json.dumps(manifest))
+    write_manifest(run, manifest)
     out = tmp_path / "still.png"
     assert "has changed since the run" in command("video", run, "--still", "0.2", "--out", out)[2]
 

@@ -175,17 +175,18 @@ def test_super_twisting_by_hand() -> None:
     )
     mbar = float(case.arm.flat.inertia_scale[0])
 
-    def after(w: float, s: float) -> tuple[float, float]:
+    def after(w: float, s: float, qd: float = 0.0) -> tuple[float, float]:
         controller = pack("super-twisting", 1, {"equivalent_control": False}, lam=10.0, k1=4.0, k2=30.0)
         memory = filled("super-twisting", 1, {"w": np.array([w])})
         tau = np.zeros(1)
-        ref = case.ref._replace(qd=np.array([s]))
+        ref, speed = case.ref._replace(qd=np.array([qd + s])), np.array([qd])
         controller.law.function(
-            controller.gains, replace(case.arm.flat, control_period=T), 0.0, case.q, case.qd, ref, memory, tau
+            controller.gains, replace(case.arm.flat, control_period=T), 0.0, case.q, speed, ref, memory, tau
         )
         return float(tau[0]), float(memory.w[0])
 
     assert after(0.0, 0.25) == pytest.approx((mbar * 2.0, 30.0 * T), rel=EXACT)
+    assert after(0.0, 0.25, qd=1.5) == after(0.0, 0.25)  # of the error alone, however fast the arm moves
     assert after(3.0, -0.25) == pytest.approx((mbar * (3.0 - 2.0), 3.0 - 30.0 * T), rel=EXACT)
     beyond = 41.0 / mbar
     assert after(beyond, 0.25)[1] == beyond

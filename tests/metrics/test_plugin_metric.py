@@ -1,6 +1,8 @@
 """A metric of a user's own: one function in a plug-in file, and it is everywhere that the built-in ones are."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -106,3 +108,15 @@ def test_a_metric_declares_itself_or_is_refused() -> None:
         with pytest.raises(RegistryError, match=message):
             metric(key, title="99th percentile", unit="rad", **changes)(formula)
     assert METRICS.names() == before
+
+
+def test_without_docstrings_pages_say_the_same():
+    """`python -OO` removes docstrings; metrics, chains and keys have their words all the same."""
+    shown = "from torquebench.metrics import METRICS; from torquebench.chain import chain as c; import hashlib; "
+    shown += "print([m.meaning for m in METRICS.values()], sorted(c.ABOUT.items()))"
+    texts = [
+        subprocess.run([sys.executable, *how, "-c", shown], capture_output=True, text=True, check=True).stdout
+        for how in ([], ["-OO"])
+    ]
+    assert len(texts[0]) > 1000
+    assert texts[0] == texts[1]

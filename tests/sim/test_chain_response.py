@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torquebench.chain import Chain, CurrentLoop, Drawn, response
+from torquebench.chain import Chain, CrossTalk, CurrentLoop, Drawn, response
 from torquebench.chain.drives import command, drive, receive
+from torquebench.chain.response import mixing
 from torquebench.chain.sensors import measure
 from torquebench.kernel import Array
 from torquebench.kernel.twin import on_numbers
@@ -92,3 +93,10 @@ def test_what_reaches_the_joint(chain: Chain, tolerance: float) -> None:
     fourier = np.exp(-1j * OMEGA * start[kept]) * out[kept]
     mean = 2.0 * np.mean(fourier @ np.array([1.0, 4.0, 1.0]) / 6.0)
     assert mean == pytest.approx(response(chain, np.array([OMEGA]), T).torque[0], rel=tolerance)
+
+
+def test_torques_leak_to_both_neighbours() -> None:
+    """By the definition of cross-talk: joint i gets g_i u_i + following g_(i+1) u_(i+1) + preceding g_(i-1) u_(i-1)."""
+    chain = Chain(torque_gain=(2.0, 3.0, 5.0), cross_talk=CrossTalk(following=0.1, preceding=0.01))
+    wanted = [[2.0, 0.3, 0.0], [0.02, 3.0, 0.5], [0.0, 0.03, 5.0]]
+    assert mixing(chain, 3, 0.0) == pytest.approx(np.array(wanted), rel=1e-15)

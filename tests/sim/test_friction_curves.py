@@ -318,3 +318,9 @@ def test_bristles_add_to_the_stiffness_that_a_motor_rings_at() -> None:
     with pytest.raises(SpringError, match=r"joint 1 rings at 170 Hz"):
         AnalyticPlant(pendulum(), friction=Friction(coulomb=1.0, bristle_stiffness=7e4), transmission=spring)
     AnalyticPlant(pendulum(), friction=Friction(coulomb=1.0, bristle_stiffness=3e4), transmission=spring)
+
+
+def test_bent_bristles_are_steepest_where_they_are_bent_back() -> None:
+    """By hand: bent to the break-away torque while g is Coulomb's, dz/dt = v + |v| 3/2, of which 4 N m s/rad resist."""
+    friction = Friction(viscous=1.0, coulomb=2.0, breakaway=3.0, bristle_stiffness=1e3, bristle_damping=4.0)
+    assert friction.of_joints(1).steep == pytest.approx([1.0 + 4.0 * (1.0 + 3.0 / 2.0)], rel=1e-15)

@@ -107,13 +107,17 @@ def _apart(a: Any, b: Any) -> float:
 
 
 MUTATED: dict[str, list[str]] = {
-    "metrics/errors.py": ["tests/metrics/test_formulas.py"],
+    "metrics/errors.py": ["tests/metrics/test_metrics.py"],
     "metrics/torque.py": ["tests/metrics/test_formulas.py"],
     "metrics/chattering.py": ["tests/metrics/test_chattering.py", "tests/metrics/test_formulas.py"],
     "metrics/step_response.py": ["tests/metrics/test_formulas.py"],
     "statistics.py": ["tests/test_statistics.py"],
     "arena/ranking.py": ["tests/arena/test_ranking.py"],
-    "robot/dynamics.py": ["tests/robot/test_agreement.py"],
+    "robot/dynamics.py": [
+        "tests/robot/test_structure.py",
+        "tests/robot/test_agreement.py",
+        "tests/test_certificates.py",
+    ],
     "robot/rigid_body.py": ["tests/robot/test_agreement.py"],
     "certificates.py": ["tests/test_certificates.py"],
     "references/quintic.py": ["tests/test_references.py"],
@@ -128,7 +132,7 @@ MUTATED: dict[str, list[str]] = {
     "laws/parts.py": ["tests/laws/test_laws.py"],
     "laws/pd.py": ["tests/laws/test_laws.py"],
     "laws/sliding_mode.py": ["tests/laws/test_laws.py"],
-    "laws/super_twisting.py": ["tests/laws/test_sliding_modes.py"],
+    "laws/super_twisting.py": ["tests/laws/test_laws.py", "tests/laws/test_sliding_modes.py"],
     "laws/terminal_smc.py": ["tests/laws/test_sliding_modes.py"],
     "laws/disturbance_observer.py": ["tests/laws/test_observers.py"],
 }

@@ -17,6 +17,8 @@ import numpy as np
 from trust.rows import row
 from trust.workshop import Workshop, differing, sweep_words, tree
 
+from torquebench.experiment.store import write_manifest
+
 MANIFESTS = (
     "[]",
     "null",
@@ -167,11 +169,11 @@ def _npy(header: bytes) -> bytes:
 
 
 def _sealed(folder: Path, path: Path, content: bytes) -> None:
-    """Write a file of a run, and its checksum in the manifest."""
+    """Write a file of a run, its checksum in the manifest, and the manifest's of itself."""
     path.write_bytes(content)
     manifest = json.loads((folder / "manifest.json").read_text())
     manifest["files"][str(path.relative_to(folder))] = hashlib.sha256(content).hexdigest()
-    (folder / "manifest.json").write_text(json.dumps(manifest))
+    write_manifest(folder, manifest)
 
 
 @row("damaged-sweeps", "A damaged sweep is refused, or resumed to the same bytes.", ci=4, release=200)

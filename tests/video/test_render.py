@@ -11,7 +11,7 @@ from tests.video.films import camera_of_scene, frames_of, pixel, tool_mark
 from torquebench import load_trajectory
 from torquebench.cli.app import main
 from torquebench.experiment.schema import Video
-from torquebench.experiment.store import check_run
+from torquebench.experiment.store import check_run, write_manifest
 from torquebench.robot.puma560.puma import Puma560
 from torquebench.video.film import read_footage
 from torquebench.video.job import Job
@@ -125,7 +125,7 @@ def test_the_ghost_shows_the_reference(stored, tmp_path, monkeypatch, must_draw)
     np.savez(path, **arrays)
     manifest = json.loads((folder / "manifest.json").read_text())
     del manifest["files"]["linear-band/trajectory.npz"]
-    (folder / "manifest.json").write_text(json.dumps(manifest))
+    write_manifest(folder, manifest)
     out = tmp_path / "still.png"
     assert main(["video", str(folder), "--still", "0.4", "--controllers", "linear-band", "--out", str(out)]) == 0
     picture = np.round(255 * matplotlib.image.imread(out)).astype(int)

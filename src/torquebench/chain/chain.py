@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ from torquebench.disturbances import Stream, generator
 from torquebench.errors import Fault
 from torquebench.kernel import Array, IntArray
 from torquebench.keys import Key, Units, Vector, as_vector, check_numbers, in_words
-from torquebench.registry import Registry
+from torquebench.registry import Registry, docstring
 from torquebench.timing import Timing, control_instant, multiple_of, substeps_per_period, whole_steps
 
 VelocityName = Literal["exact", "differentiated", "tachometer", "kalman"]
@@ -495,7 +494,7 @@ def chain(
 
     def register(make: Callable[[], Chain]) -> Callable[[], Chain]:
         CHAINS.register(name, replace(make(), name=name), make)
-        summary, _, note = inspect.cleandoc(make.__doc__ or "").partition("\n\n")
+        summary, _, note = docstring(make).partition("\n\n")
         ABOUT[name] = About(" ".join(summary.split()), " ".join(note.split()), control_period, origins)
         return make
 

@@ -286,9 +286,8 @@ def _show_law(law: Law) -> None:
 
 def law_facts(law: Law) -> dict[str, Any]:
     """Return what a law is, for the terminal and for ``--json``."""
-    import inspect
-
     from torquebench.laws.box import side_of
+    from torquebench.registry import docstring
 
     def only(condition: str) -> str:
         return f"; only with {condition}" if condition.strip(": ") else ""
@@ -300,7 +299,7 @@ def law_facts(law: Law) -> dict[str, Any]:
     gains = f"auto}}  # or your own, {{{gains}}}" if chosen_by and acting else f"{{{gains}}}}}"
     return {
         "law": law.name,
-        "text": inspect.cleandoc(law.function.__doc__ or ""),
+        "text": docstring(law.function),
         "gains": [
             {
                 "name": name,

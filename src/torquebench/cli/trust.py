@@ -44,7 +44,7 @@ def trust(size: str, only: tuple[str, ...], seed: int, page: Path | None) -> int
 
 def cells(row: dict[str, Any]) -> list[Any]:
     """Return a row of the terminal's table."""
-    count = "left out" if row["left_out"] else f"{row['tried']:,}"
+    count = "left out" if row["left_out"] else f"{row['tried']:,}" if row["tried"] else "none in this size"
     return [row["name"], row["left_out"] or row["promise"], count, (bad if row["wrong"] else good)(f"{row['wrong']:,}")]
 
 

@@ -19,6 +19,7 @@ from torquebench.experiment.values import AnyOf, Here, Node, Slug, Value, Word, 
 from torquebench.experiment.words import SLUG_IN_WORDS, a_value, shown
 from torquebench.experiment.yaml_tree import BROKEN, KeyPath
 from torquebench.keys import Declared, Key, declared_keys
+from torquebench.registry import docstring
 from torquebench.robot.library import ArmFile
 from torquebench.sim.friction import FRICTIONS, Friction
 from torquebench.sim.joints import JOINTS, Transmission
@@ -229,7 +230,7 @@ def group_of(kind: Any, tag: tuple[str, str, str] | None = None, is_usual: bool 
     def make(values: dict[str, Any]) -> Any:
         return kind(**{declared.attribute: values[declared.name] for declared in keys})
 
-    doc = " ".join((kind.__doc__ or "").partition("\n\n")[0].split())
+    doc = " ".join(docstring(kind).partition("\n\n")[0].split())
     return Group(kind.__name__, doc, [*constants, *keys], make, one_of=getattr(kind, "one_of", False), kind=kind)
 
 

@@ -7,6 +7,7 @@ import datetime
 import functools
 import hashlib
 import json
+import logging
 import os
 import platform
 import shlex
@@ -24,10 +25,13 @@ from torquebench.robot.library import PRESETS, ArmFile, ArmSource, model_folder
 
 PACKAGES = ("mujoco", "numpy", "numba", "matplotlib", "pyyaml", "pydantic")
 MANIFEST = "manifest.json"
+OWN_DIGEST = "manifest_sha256"
+"""Key of a manifest: the digest of all others."""
 EXPERIMENT = "experiment.yaml"
 """The experiment of a run, resolved; written before anything is simulated."""
 CLAIM = "unfinished"
 """Empty file that marks a run directory until its manifest is written."""
+_log = logging.getLogger(__name__)
 
 
 def atomic_write(path: Path, content: bytes) -> None:
@@ -143,8 +147,7 @@ class RunDirectory:
 
     def finish(self, facts: dict[str, Any]) -> None:
         """Write the manifest: `facts`, versions, machine, and the checksum of every file written."""
-        manifest = facts | {"software": versions(), "machine": machine(), "files": self._checksums}
-        atomic_write(self.folder / MANIFEST, json_bytes(manifest))
+        write_manifest(self.folder, facts | {"software": versions(), "machine": machine(), "files": self._checksums})
         release_folder(self.folder)
 
 
@@ -162,7 +165,7 @@ def add_to_run(folder: Path, files: Mapping[str, bytes | None], facts: Mapping[s
     manifest, told = check_run(folder, leave_out=tuple(files)), dict(facts or {})
     for name in files:
         manifest["files"].pop(name, None)
-    atomic_write(folder / MANIFEST, json_bytes({key: value for key, value in manifest.items() if key not in told}))
+    write_manifest(folder, {key: value for key, value in manifest.items() if key not in told})
     for name, content in files.items():
         if content is None:
             (folder / name).unlink(missing_ok=True)
@@ -170,7 +173,7 @@ def add_to_run(folder: Path, files: Mapping[str, bytes | None], facts: Mapping[s
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             atomic_write(folder / name, content)
             manifest["files"][name] = hashlib.sha256(content).hexdigest()
-    atomic_write(folder / MANIFEST, json_bytes(manifest | told))
+    write_manifest(folder, manifest | told)
 
 
 def model_checksums(arm: ArmSource) -> dict[str, str]:
@@ -317,14 +320,42 @@ def read_stored(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Write a folder's manifest, with the digest by which a change of it is found."""
+    atomic_write(folder / MANIFEST, json_bytes(dict(manifest) | {OWN_DIGEST: own_digest(manifest)}))
+
+
+def own_digest(manifest: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a manifest but for that key, with sorted keys and no spaces."""
+    rest = {key: value for key, value in manifest.items() if key != OWN_DIGEST}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
 def read_manifest(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return a manifest, and the checksums in it of the folder's files."""
+    """Return a manifest, and the checksums in it of the folder's files.
+
+    One without a digest of itself, which an older version wrote, is read with a warning.
+
+    Raises:
+        ResultError: it cannot be read, or was changed.
+    """
     try:
         manifest = json.loads(read_stored(path).decode())
         files = manifest.get("files") if isinstance(manifest, dict) else None
         if not isinstance(files, dict) or not all(isinstance(checksum, str) for checksum in files.values()):
             raise ValueError("wanted a mapping with the checksums of files")
-        return manifest, files
+        changed = OWN_DIGEST in manifest and manifest[OWN_DIGEST] != own_digest(manifest)
     except (OSError, ValueError, RecursionError) as error:
         why = "it is nested too deeply" if isinstance(error, RecursionError) else error
         raise ResultError(f"{path}: cannot be read ({why}), so that nothing can be verified") from error
+    if changed:
+        raise ResultError(f"{path}: changed since it was written ({OWN_DIGEST}), so that nothing can be verified")
+    if OWN_DIGEST not in manifest:
+        _tell_older(path)
+    return manifest, files
+
+
+@functools.cache
+def _tell_older(path: Path) -> None:
+    """Warn, once, of a manifest that cannot be verified."""
+    _log.warning("%s: an older version wrote it, without %s, so that a change of it is not found", path, OWN_DIGEST)

@@ -11,7 +11,7 @@ import numpy as np
 from torquebench.errors import RegistryError
 from torquebench.kernel import Array
 from torquebench.metrics.record import JointRecord
-from torquebench.registry import SNAKE, Registry
+from torquebench.registry import SNAKE, Registry, docstring
 
 Formula: TypeAlias = Callable[[JointRecord], Array]
 _F = TypeVar("_F", bound=Formula)
@@ -130,7 +130,7 @@ def metric(
     shown_unit, scale = shown_as or ((f"m{unit}", 1e3) if unit.startswith("rad") else (unit, 1.0))
 
     def register(formula: _F) -> _F:
-        words = meaning or (formula.__doc__ or title).strip().splitlines()[0].rstrip(".")
+        words = meaning or (docstring(formula) or title).strip().splitlines()[0].rstrip(".")
         info = MetricInfo(
             key=key,
             title=title,

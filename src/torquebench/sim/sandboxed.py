@@ -40,6 +40,7 @@ from torquebench.laws import FixedRules, Gain, Law, Option, Rules, find_law
 from torquebench.laws.law import LAWS
 from torquebench.laws.plugin import SourceLoader
 from torquebench.references import Reference
+from torquebench.registry import docstring
 from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
 from torquebench.robot.flat_model import Model, rigid_model, scratch_for
 from torquebench.sim.closed_loop import CONTROLLER_ERROR
@@ -299,7 +300,7 @@ def described(law: Law) -> dict[str, Any]:
     memory = None if law.memory_type is None else list(law.memory_type._fields)
     return {
         "name": law.name,
-        "doc": str(law.function.__doc__ or ""),
+        "doc": docstring(law.function),
         "gains": gains,
         "memory": memory,
         "rigid_only": law.rigid_only,

@@ -32,6 +32,7 @@ from torquebench.experiment.store import (
     read_stored,
     replaced,
     versions,
+    write_manifest,
 )
 from torquebench.experiment.values import Count, from_json
 from torquebench.robot.library import ArmFile, arm_name, is_path
@@ -331,7 +332,7 @@ def read_column(stored: StoredSweep, name: str) -> NDArray[Any]:
     return column
 
 
-def write_manifest(stored: StoredSweep, facts: Mapping[str, Any], more: Sequence[str] = ()) -> None:
+def seal_sweep(stored: StoredSweep, facts: Mapping[str, Any], more: Sequence[str] = ()) -> None:
     """Write the manifest, by which the sweep counts as finished.
 
     Args:
@@ -344,7 +345,7 @@ def write_manifest(stored: StoredSweep, facts: Mapping[str, Any], more: Sequence
     files = [folder / name for name in (CONFIG, PLAN, TABLE, TEXT, *stored.facts.arms.values(), *more)] + kept
     plan = {key: getattr(stored.facts, key) for key in ("name", "digest", "rows", "software", "plugins", "model_files")}
     digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
-    atomic_write(folder / MANIFEST, json_bytes(plan | dict(facts) | {"machine": machine(), "files": digests}))
+    write_manifest(folder, plan | dict(facts) | {"machine": machine(), "files": digests})
     (folder / CLAIM).unlink(missing_ok=True)
 
 

@@ -27,8 +27,8 @@ from torquebench.sweep.folder import (
     open_sweep,
     read_column,
     refuse_changes,
+    seal_sweep,
     verify,
-    write_manifest,
     write_table,
 )
 from torquebench.sweep.plan import Plan
@@ -153,7 +153,7 @@ def finish(
             (stored.folder / name).parent.mkdir(exist_ok=True)
             atomic_write(stored.folder / name, content)
             names.append(name)
-        write_manifest(stored, {"outcomes": outcomes, "worst": worst}, names)
+        seal_sweep(stored, {"outcomes": outcomes, "worst": worst}, names)
 
 
 def worst_rows(stored: StoredSweep, keep: Worst) -> list[int]:

@@ -12,7 +12,14 @@ from typing import Any
 from torquebench.errors import ConfigError, Problem, ResultError, VideoError, did_you_mean
 from torquebench.experiment.schema import Video
 from torquebench.experiment.source import read_document
-from torquebench.experiment.store import EXPERIMENT, add_to_run, checksums, refuse_without_experiment
+from torquebench.experiment.store import (
+    EXPERIMENT,
+    MANIFEST,
+    add_to_run,
+    checksums,
+    read_manifest,
+    refuse_without_experiment,
+)
 from torquebench.metrics import METRICS, Metric
 from torquebench.report.looks import looks
 from torquebench.report.tables import joined
@@ -64,7 +71,7 @@ def read_footage(folder: Path, controllers: Sequence[str] = ()) -> Footage:
         if wrong:
             raise ConfigError([Problem("--controllers", "", text) for text in wrong])
         colours = {name: look.colour for name, look in looks(laws).items()}  # the same, whichever are shown
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        manifest, _ = read_manifest(folder / MANIFEST)
         slides = tuple(map(bool, (manifest.get("joints") or {}).get("slides", ())))  # older versions stored none
         shots = tuple(
             _shot(folder, name, laws[name], metrics.get(name), colours[name], slides) for name in controllers or laws
