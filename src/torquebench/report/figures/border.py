@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import offset_copy
 
 from torquebench.experiment.reference import unit_of
 from torquebench.report.figures import style
@@ -20,6 +22,8 @@ NONE: dict[str, Any] = {"marker": "^", "markerfacecolor": "white", "linestyle": 
 """Look of a point at the end of the search, up to which nothing shakes."""
 ALL = NONE | {"marker": "v"}
 """Look of one at its beginning, from which on everything shakes."""
+BESIDE = 5.0
+"""How far right of each other such points of laws are that have the same place [pt]."""
 
 
 def draw_border(
@@ -42,10 +46,11 @@ def draw_border(
     laws = [law for law in spots if any(at[0] == law for at in cells)]
     words, ends, shown, drawn = isinstance(xs[0], str), list[float](), set[str](), set[str]()
     for ax, value in zip(panels, apart, strict=True):
+        taken = Counter[tuple[float, float]]()
         for law in laws:
             own = {at: cells[place] for at, x in enumerate(xs) if (place := (law, x, value)[: 1 + len(keys)]) in cells}
             levels = {(at if words else float(xs[at])): level_of(table, rows) for at, rows in own.items()}
-            own_ends = _draw(ax, levels, dict(spots[law]), shown)
+            own_ends = _draw(ax, levels, dict(spots[law]), shown, taken)
             ends += own_ends
             drawn |= {law} if own_ends else set()
         if words:
@@ -85,7 +90,9 @@ def panel_title(key: str, value: float | str) -> str:
     return f"{'.'.join(key.split('.')[-2:])} {value_text(value)}{'' if unit in (None, '1') else f' {unit}'}"
 
 
-def _draw(ax: Any, levels: Mapping[float, Level], look: dict[str, Any], shown: set[str]) -> list[float]:
+def _draw(
+    ax: Any, levels: Mapping[float, Level], look: dict[str, Any], shown: set[str], taken: Counter[Any]
+) -> list[float]:
     """Draw the borders of one law and return the ends of what is drawn.
 
     Args:
@@ -93,6 +100,7 @@ def _draw(ax: Any, levels: Mapping[float, Level], look: dict[str, Any], shown: s
         levels: Place along x -> borders.
         look: Look of the controller.
         shown: Which kinds of marks have been drawn; added to.
+        taken: How many points at an end of the search other laws have at a place, and this one then; added to.
     """
     x, ends = np.array(list(levels)), list[float]()
     colour = look["color"]
@@ -113,7 +121,10 @@ def _draw(ax: Any, levels: Mapping[float, Level], look: dict[str, Any], shown: s
         ("all", found["border"], np.isfinite(found["border"]) & np.isnan(found["before"]), ALL),
     ):
         if where.any():
-            ax.plot(x[where], at[where], color=colour, **mark)
+            for place in zip(x[where].tolist(), at[where].tolist(), strict=True):
+                moved = offset_copy(ax.transData, ax.figure, BESIDE * taken[place], 0.0, "points")
+                ax.plot(*place, color=colour, transform=moved, **mark)
+                taken[place] += 1
             shown.add(name)
             ends += at[where].tolist()
     for values in (y, low, high, predicted, found["last"][again]):
