@@ -11,6 +11,8 @@ import pytest
 from torquebench import load_model, run_experiment, run_sweep
 from torquebench.errors import ConfigError
 from torquebench.experiment.sweep_section import with_number
+from torquebench.report.figures.border import draw_border
+from torquebench.report.figures.style import spot_looks
 from torquebench.report.sweep import border_facts
 from torquebench.report.sweep_tables import border_table
 from torquebench.sweep.border import find_border, level_of
@@ -111,6 +113,27 @@ def test_a_law_without_a_model_is_predicted_to_switch_from_its_load_on(tmp_path:
     assert share > 0.05
     assert sweep.to_dataframe()["border_predicted"].iloc[0] == pytest.approx(share, rel=0.02)
     assert b"Where each law starts to shake" in (sweep.folder / "report.html").read_bytes()
+
+
+def test_laws_without_a_border_at_a_place_are_all_seen() -> None:
+    """Points at an end of the search that have one place are drawn beside each other; a single one is at its own."""
+    n = 4
+    table = {
+        "index": np.arange(n),
+        "controller": np.repeat(["band", "relay"], 2),
+        "chain.measurement_delay": np.tile([0.01, 0.03], 2),
+        "border": np.array([math.inf, 0.5, math.inf, math.inf]),
+        "border_before": np.array([1.0, 0.48, 1.0, 1.0]),
+        "border_last": np.array([1.0, 0.48, 1.0, 1.0]),
+        "border_predicted": np.full(n, math.nan),
+    }
+    looks = spot_looks({"band": "smc", "relay": "smc"})
+    fig = draw_border(table, ["chain.measurement_delay"], "controllers.*.gains.k", looks, "t", "s")
+    points = [line for line in fig.axes[0].lines if line.get_marker() == "^" and len(line.get_xdata()) == 1]
+    at = np.array([line.get_transform().transform(line.get_xydata())[0] for line in points])
+    ends = np.array([fig.axes[0].transData.transform(line.get_xydata())[0] for line in points])
+    by = 5.0 / 72.0 * fig.dpi
+    assert at - ends == pytest.approx(np.array([[0.0, 0.0], [by, 0.0], [0.0, 0.0]]))
 
 
 def test_levels_of_draws_with_and_without_a_border() -> None:
