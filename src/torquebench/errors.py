@@ -7,10 +7,16 @@ import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 UNCHECKED = "what depends on these was not checked: mend them and more may follow"
 """What follows mistakes that keep others from being looked for."""
+
+
+MOST_TOLD = 20_000
+"""Characters of mistakes beyond which they are shortened."""
+MOST_OF_PART = 300
+"""Characters that are left of a part of a mistake where they are shortened."""
 
 
 class TorquebenchError(Exception):
@@ -184,8 +190,42 @@ class ConfigError(TorquebenchError):
     """
 
     def __init__(self, problems: Iterable[Problem], unchecked: bool = False) -> None:
-        self.problems, self.unchecked = tuple(problems), unchecked
+        self.problems, self.unchecked = _bounded(tuple(problems)), unchecked
         super().__init__("\n".join([*map(str, self.problems), *([UNCHECKED] if unchecked else [])]))
+
+
+def _bounded(problems: tuple[Problem, ...]) -> tuple[Problem, ...]:
+    """Return mistakes that are short enough to be read: as they are, up to `MOST_TOLD` characters.
+
+    Of more, the same mistake in several places is told once, with their number; long texts are cut, and those that are
+    too many are counted.
+    """
+    if sum(len(str(problem)) for problem in problems) <= MOST_TOLD:
+        return problems
+    places: dict[tuple[str, str], list[Problem]] = {}
+    for problem in problems:
+        places.setdefault((problem.source, problem.message), []).append(problem)
+    told, room = list[Problem](), MOST_TOLD
+    for same in places.values():
+        if room <= 0:
+            left = sum(map(len, [*places.values()][len(told) :]))
+            return (*told, Problem(same[0].source, "", f"{left} more mistakes are not shown"))
+        problem = _cut(same[0])
+        if len(same) > 1:
+            more = f"the same in {len(same) - 1} more places"
+            problem = replace(problem, note=f"{problem.note}; {more}" if problem.note else more)
+        told.append(problem)
+        room -= len(str(problem))
+    return tuple(told)
+
+
+def _cut(problem: Problem) -> Problem:
+    """Return a mistake of which no part is longer than `MOST_OF_PART`, but for the number of what was cut."""
+    cut: dict[str, Any] = {}
+    for name in ("source", "key", "text", "got", "wanted", "nearest", "note"):
+        if len(part := getattr(problem, name)) > MOST_OF_PART:
+            cut[name] = f"{part[:MOST_OF_PART]}... ({len(part):,} characters)"
+    return replace(problem, **cut)
 
 
 def did_you_mean(name: object, valid: Iterable[str]) -> str:

@@ -297,3 +297,17 @@ def test_a_missing_section_is_told_with_what_it_must_hold() -> None:
         "reference: {kind: sine, amplitude: 0.1, frequency_hz: 1.0}\n"
     )
     assert str(problem).startswith("bad.yaml:1:1: run: missing, wanted {duration: ..} (")
+
+
+def test_what_many_long_mistakes_print_is_bounded():
+    """Beyond 20,000 characters the same one is told once, with its count; parts are cut, and the rest is counted."""
+    same = [Problem("f", f"a[{k}]", "no number", got="x" * 3000) for k in range(60)]
+    other = [Problem("f", "b" * 5000, f"mistake {k}") for k in range(100)]
+    error = ConfigError([*same, *other])
+    assert len(str(error)) < 25_000
+    assert "the same in 59 more places" in error.problems[0].message
+    assert "(3,000 characters)" in error.problems[0].message
+    told = [problem for problem in error.problems if problem.text.startswith("mistake")]
+    assert error.problems[-1].text == f"{100 - len(told)} more mistakes are not shown"
+    few = [Problem("f", f"a[{k}]", "no number") for k in range(100)]
+    assert ConfigError(few).problems == tuple(few)  # what can be read stays as it is

@@ -93,7 +93,7 @@ def _read(text: bytes, file: Path) -> tuple[str, Any]:
             return "", Plan(Source(text, str(file))).first
         return "", parse_experiment(text, str(file))
     except ConfigError as error:
-        return (f"a message of {len(str(error)):,} characters" if len(str(error)) > 60_000 else ""), None
+        return (f"a message of {len(str(error)):,} characters" if len(str(error)) > 25_000 else ""), None
     except Exception as error:  # noqa: BLE001  any other exception is what is looked for
         return f"{type(error).__name__}: {error}"[:300], None
 
