@@ -536,8 +536,8 @@ def test_every_config_that_ships_runs(path, tmp_path, command):
     assert (status, remarks) == (0, [])
 
 
-LONG = ("regime",)
-"""Sweeps of which the few loops that are timed take seconds; that they are valid is tried with -m slow."""
+LONG = ("regime", "robustness")
+"""Sweeps whose cases, or the few loops that are timed, take long; that they are valid is tried with -m slow."""
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from torquebench.registry import docstring
+
 Attack = Callable[[Any, int], Iterator[str]]
 """Called with the workshop and the number of tries; yields for each try what was wrong, or an empty text."""
 
@@ -57,7 +59,7 @@ def row(name: str, promise: str, ci: int, release: int) -> Callable[[Attack], At
     """
 
     def declare(attack: Attack) -> Attack:
-        how = (attack.__doc__ or "").strip().splitlines()[0].rstrip(".")
+        how = docstring(attack).partition("\n")[0].rstrip(".")
         sizes = {"tiny": -(-ci // 6), "ci": ci, "nightly": max(ci, release // 10), "release": release}
         ROWS[name] = Row(name, promise, how, sizes, attack)
         return attack

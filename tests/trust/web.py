@@ -71,6 +71,7 @@ def draw(x):
     return x.finish(page, lambda run: {text!r})
 '''
 RAISES = "  - {name: raises, law: raises, expect: failed, gains: {k: 1}}\nreference"
+ENTERS = "  - {name: raises, law: raises, gains: {k: 1}}\nreference"
 AUDIT = """
 audit:
   paper: {title: {text}, authors: {text}, published: {text}, year: 1999}
@@ -85,6 +86,18 @@ audit:
       pairs: {band: [pd, band]}
       measures: [{figure: rmse, as: ratio, below: 0.5, why: {text}}]
       under: {chain: all}
+"""
+ARENA = """
+arena:
+  laws: listed
+  chains: {slow: {chain: slow}}
+  training: {sine: {}}
+  burdens: {nominal: {}}
+  levels: [20 %]
+  sampler: random
+  evaluations: 2
+  seeds: 2
+  draws: 2
 """
 FRAME = """(() => {
   const page = new DOMParser().parseFromString(%s, "text/html"), all = [...page.querySelectorAll("*")];
@@ -115,7 +128,7 @@ LIVE = ("script", "foreignobject", "a", "iframe", "animate", "set")
 OWN = {web_file(f"{name}.js") for name in ("libraries/uplot", "libraries/three", "page", "run", "sweep")}
 
 
-@row("web", "No text of a config, arm, plug-in or file becomes markup in a page; only its own scripts run.", 5, 500)
+@row("web", "No text of a config, arm, plug-in or file becomes markup in a page; only its own scripts run.", 6, 500)
 def attack_pages(shop: Workshop, tries: int) -> Iterator[str]:
     """Markup, quotes, links, templates as texts and as names of files and joints; what Chromium makes of each page."""
     sys.path.append(str(data_root()))
@@ -123,7 +136,7 @@ def attack_pages(shop: Workshop, tries: int) -> Iterator[str]:
 
     if chromium.program() is None:
         raise Unavailable("Chromium is not installed")
-    kinds = ["run", "report", "sweep", "why", "audit"]
+    kinds = ["run", "report", "sweep", "why", "audit", "arena"]
     with chromium.Chromium(shop.folder / "chromium", "--disable-3d-apis") as browser:
         for number in range(tries):
             kind, text = kinds[number % len(kinds)], " ".join(shop.random.sample(PAYLOADS, shop.random.randrange(1, 6)))
@@ -147,8 +160,11 @@ def _pages(shop: Workshop, kind: str, text: str) -> list[Path] | str:
     arm.write_text(body, encoding="utf-8")
     said = json.dumps(text)
     short = EXPERIMENT.replace("two-link", json.dumps(str(arm))).replace("1.2", "0.7")
-    short = f"description: {said}\n" + short.replace("reference", RAISES if kind in ("run", "report") else "reference")
-    more = {"run": "figures: [own, error]\n", "sweep": SWEEP.replace("draws: 6", "draws: 2"), "audit": AUDIT}
+    more_laws = {"run": RAISES, "report": RAISES, "arena": ENTERS}
+    short = f"description: {said}\n" + short.replace("reference", more_laws.get(kind, "reference"))
+    more = {"run": "figures: [own, error]\n", "sweep": SWEEP.replace("draws: 6", "draws: 2"), "audit": AUDIT} | {
+        "arena": ARENA
+    }
     config.write_text(short + more.get(kind, "").replace("{text}", said), encoding="utf-8")
     line: dict[str, list[str | Path]] = {
         "run": ["run", config, "--plugin", plugin, "--out", out],
@@ -156,6 +172,7 @@ def _pages(shop: Workshop, kind: str, text: str) -> list[Path] | str:
         "sweep": ["sweep", config, "--plugin", plugin, "--out", out, "--executor", "threads"],
         "why": ["why", config, "--out", folder / f"{name}.html"],
         "audit": ["audit", config, "--out", out],
+        "arena": ["arena", config, "--plugin", plugin, "--out", out],
     }
     done = shop.command(*line[kind], limit=300.0)
     if "\u2066" in text:  # what turns the direction of text round is refused

@@ -18,7 +18,7 @@ from torquebench.fuzzy import FuzzySystem, builtin_system, prepare
 from torquebench.kernel import Array
 from torquebench.keys import as_vector
 from torquebench.laws.declare import FixedRules, Gain, Option, Rules, check_conditions, declared_fields
-from torquebench.registry import Registry
+from torquebench.registry import Registry, docstring
 from torquebench.robot.dynamics import bias_forces, gravity, inverse_dynamics, mass_matrix
 from torquebench.robot.robot_model import RobotModel
 from torquebench.tuning import Fit, choose, limits_of
@@ -55,7 +55,7 @@ class Law:
     @property
     def summary(self) -> str:
         """First line of the law's docstring."""
-        return (self.function.__doc__ or "").strip().partition("\n")[0]
+        return docstring(self.function).partition("\n")[0]
 
     @property
     def ships(self) -> bool:
