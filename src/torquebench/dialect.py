@@ -15,6 +15,7 @@ import io
 import linecache
 import math
 import re
+import threading
 import tokenize
 import warnings
 from collections.abc import Iterator
@@ -620,10 +621,15 @@ def module_of(function: Any) -> ast.Module:
     return _parsed("".join(linecache.getlines(function.__code__.co_filename, function.__globals__)))
 
 
+_PARSING = threading.Lock()
+"""Python 3.11 counts how deep it is in a tree for all threads together, and ends with a SystemError where two parse."""
+
+
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> ast.Module:
     try:
-        return ast.parse(text)
+        with _PARSING:
+            return ast.parse(text)
     except SyntaxError:  # the file was changed since it was loaded
         return ast.Module([], [])
 
