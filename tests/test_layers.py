@@ -15,7 +15,7 @@ import pytest
 from tests.source_tree import ALL, TREES, imports
 
 LAYERS = (
-    ("begun", "errors", "plain"),
+    ("begun", "errors", "plain", "syntax"),
     ("shipped",),
     ("registry", "timing"),
     ("figures", "keys"),

@@ -85,6 +85,11 @@ def test_the_sin_check_catches(text: str) -> None:
     assert len(sins(ast.parse(text))) == 1
 
 
+def test_python_is_parsed_in_one_place() -> None:
+    """Threads that check laws at once take turns at Python's parser, which 3.11 ends with a SystemError otherwise."""
+    assert [name for name in ALL if "ast.parse(" in FILES[name].read_text(encoding="utf-8")] == ["syntax.py"]
+
+
 def test_no_file_holds_the_marks_of_a_merge() -> None:
     """No line of any text of the project is a conflict mark."""
     root = SOURCE.parents[1]

@@ -15,7 +15,6 @@ import io
 import linecache
 import math
 import re
-import threading
 import tokenize
 import warnings
 from collections.abc import Iterator
@@ -33,6 +32,7 @@ from torquebench.fuzzy import Fis
 from torquebench.kernel import Array, is_foreign
 from torquebench.kernel.struct import is_structure
 from torquebench.laws.law import Law, Nothing
+from torquebench.syntax import parse_python
 
 ALLOWED: Final = (
     *(ast.Assign, ast.AnnAssign, ast.AugAssign, ast.Expr, ast.For, ast.While, ast.If, ast.Return, ast.Pass),
@@ -171,7 +171,7 @@ def read_file(text: str) -> list[Complaint]:
     encoding, lines = tokenize.detect_encoding(io.BytesIO(text.encode()).readline)
     if not encoding.startswith("utf-8"):  # loaded, it would be another text than the one that is read here
         found.append(Complaint(len(lines), f"the encoding {encoding}", "save the file as UTF-8", STATE))
-    for node in ast.parse(text).body:
+    for node in parse_python(text).body:
         match node:
             case ast.Expr(value=ast.Constant(value=str())):
                 held = True
@@ -618,18 +618,13 @@ def module_of(function: Any) -> ast.Module:
     """Return the syntax tree of a function's file as it was loaded, or of the cell; empty where there is none."""
     if not isinstance(function, FunctionType):
         return ast.Module([], [])
-    return _parsed("".join(linecache.getlines(function.__code__.co_filename, function.__globals__)))
-
-
-_PARSING = threading.Lock()
-"""Python 3.11 counts how deep it is in a tree for all threads together, and ends with a SystemError where two parse."""
+    return _tree_of("".join(linecache.getlines(function.__code__.co_filename, function.__globals__)))
 
 
 @lru_cache(maxsize=256)
-def _parsed(text: str) -> ast.Module:
+def _tree_of(text: str) -> ast.Module:
     try:
-        with _PARSING:
-            return ast.parse(text)
+        return parse_python(text)
     except SyntaxError:  # the file was changed since it was loaded
         return ast.Module([], [])
 

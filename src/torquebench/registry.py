@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import Any, Generic, TypeVar
 
 from torquebench.errors import RegistryError, TorquebenchError, did_you_mean
+from torquebench.syntax import parse_python
 
 SLUG = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,62}[a-z0-9])?")
 SNAKE = re.compile(r"[a-z](?:[a-z0-9_]{0,62}[a-z0-9])?")
@@ -29,7 +30,7 @@ def docstring(thing: Any) -> str:
     """
     if sys.flags.optimize >= 2:
         with contextlib.suppress(OSError, TypeError, SyntaxError):
-            node = ast.parse(textwrap.dedent(inspect.getsource(thing))).body[0]
+            node = parse_python(textwrap.dedent(inspect.getsource(thing))).body[0]
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 return ast.get_docstring(node) or ""
     return inspect.cleandoc(thing.__doc__ or "")

@@ -31,6 +31,7 @@ from torquebench.keys import Vector
 from torquebench.laws import find_law, law_names
 from torquebench.laws.law import Law, functions_named
 from torquebench.sim.sandbox import SandboxedLaw, imports_of
+from torquebench.syntax import parse_python
 
 FORMAT = 1
 TUNED, SELF = "tuned", "self"
@@ -300,7 +301,7 @@ def digest_of(law: Law) -> str:
     """
     own = law.function
     if isinstance(own, SandboxedLaw):
-        tree, roots = ast.parse(own.text), list(_imported(own.text))
+        tree, roots = parse_python(own.text), list(_imported(own.text))
     else:
         tree, roots = module_of(own), [own]
     named = {f: None for root in roots for f in (plain(root), *functions_named(root)) if hasattr(f, "__code__")}

@@ -309,9 +309,9 @@ def measured(run: JointRecord, only: Collection[str] | None = None) -> PerJoint:
     metrics, shape = METRICS.values(), run.tau_max.shape
     values = np.full((len(metrics), *shape), np.nan)
     # a headline may be that of the joint with the worst of another metric
-    wanted_keys = None if only is None else {*only, *(METRICS[key].over_joints for key in only)}
+    needed: Collection[str] = METRICS if only is None else {*only, *(METRICS[key].over_joints for key in only)}
     for row, info in enumerate(metrics):
-        if (wanted_keys is None or info.key in wanted_keys) and (run.step_like or not info.steps_only):
+        if info.key in needed and (run.step_like or not info.steps_only):
             try:
                 found, wanted = np.asarray(info.formula(run)), () if info.of_tool else shape
                 if found.shape != wanted:

@@ -12,6 +12,7 @@ import os
 from pathlib import Path
 
 from torquebench.errors import ModelError
+from torquebench.syntax import parse_python
 
 PACKAGE = "robot_descriptions"
 CACHE = "ROBOT_DESCRIPTIONS_CACHE"
@@ -33,7 +34,7 @@ def described_arm(name: str) -> Path | None:
         return None
     caches = _caches(module.with_name("_repositories.py"))
     paths = dict[str, str]()
-    for node in ast.parse(module.read_text(encoding="utf-8")).body:
+    for node in parse_python(module.read_text(encoding="utf-8")).body:
         target = node.target if isinstance(node, ast.AnnAssign) else None
         if isinstance(target, ast.Name) and isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Call):
             paths[target.id] = _path(node.value, paths, caches)
@@ -49,7 +50,7 @@ def described_arm(name: str) -> Path | None:
 def _caches(repositories: Path) -> dict[str, str]:
     """Return repository -> its folder in the cache, from the file that lists them."""
     found = dict[str, str]()
-    for node in ast.walk(ast.parse(repositories.read_text(encoding="utf-8"))):
+    for node in ast.walk(parse_python(repositories.read_text(encoding="utf-8"))):
         for key, value in zip(node.keys, node.values, strict=True) if isinstance(node, ast.Dict) else ():
             keywords = value.keywords if isinstance(value, ast.Call) else []
             for keyword in keywords:

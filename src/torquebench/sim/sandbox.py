@@ -42,6 +42,7 @@ from torquebench.laws.plugin import load_plugin
 from torquebench.registry import REGISTRIES, registering_again
 from torquebench.sim.closed_loop import COMPLETED, CONTROLLER_ERROR, RAISED
 from torquebench.sim.job import Job, Setup
+from torquebench.syntax import parse_python
 
 PATIENCE = 20.0
 """Longest time that a law may take to answer [s]."""
@@ -325,7 +326,7 @@ class Zygote:
 def imports_of(text: str) -> list[list[str]]:
     """Return the modules that a file imports, each with the names that it takes from it, and `NAME` of ``x.NAME``."""
     found = []
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(parse_python(text)):
         if isinstance(node, ast.Import):
             found += [[name.name] for name in node.names]
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
