@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
@@ -288,8 +289,11 @@ def nearest(wrote: str, names: Collection[str], least: float = 0.5) -> str | Non
         names: Names that would have been accepted.
         least: How alike the two must be, 0 to 1.
     """
-    if len(wrote) > MAX_NAME:
-        return None
+    return None if len(wrote) > MAX_NAME else _nearest(wrote, tuple(names), least)
+
+
+@functools.lru_cache(maxsize=256)  # one mistake is often made many times
+def _nearest(wrote: str, names: tuple[str, ...], least: float) -> str | None:
     begun = [known for known in names if len(wrote) > 2 and known.lower().startswith(wrote.lower())]
     if len(begun) == 1:
         return begun[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import gc
 import json
 import math
 import multiprocessing
@@ -242,13 +243,17 @@ def attack_patience(shop: Workshop, tries: int) -> Iterator[str]:
     text, sweep = shop.config.read_text(encoding="utf-8"), shop.sweep_config.read_text(encoding="utf-8")
     law = "  - {name: c%d, law: smc, switching: sign, gains: {lam: 10, k: 0.3}}\n"
     many = "".join(law % k for k in range(5000))
+    misspelt_law = "  - {nme: c%d, law: smcc, swtching: sign, gans: {lam: 10, k: 0.3}}\n"
+    wrong = "".join(misspelt_law % k for k in range(60))
     files = {
         "20,000 keys": text + "".join(f"k{k}: 1\n" for k in range(20_000)),
+        "5,500 keys": text + "".join(f"k{k}: 1\n" for k in range(5500)),
         "20,000 keys near one": text + "".join(f"disturbance{k}: 1\n" for k in range(20_000)),
         "a key of 900 kB": text + "d" * 900_000 + ": 1\n",
         "100 keys of 9 kB": text + "".join(f"{'d' * 9000}{k}: 1\n" for k in range(100)),
         "a law's name of 900 kB": text.replace("pd-gravity", "'" + "s" * 900_000 + "'"),
         "5,000 controllers": text.replace("controllers:\n", "controllers:\n" + many),
+        "60 controllers with four mistakes each": text.replace("controllers:\n", "controllers:\n" + wrong),
         "the same key 12,000 times": text + "x: 1\n" * 12_000,
         "a list of 300,000": text + "disturbances: [" + "1," * 300_000 + "]\n",
         "a megabyte of [": text + "z: " + "[" * 1_000_000,
@@ -283,11 +288,15 @@ def attack_patience(shop: Workshop, tries: int) -> Iterator[str]:
     sets |= {"an edit 30,000 deep": [".".join(["a"] * 30_000) + "=1"], "an edit of 60 kB": ["run.seed=" + "[" * 60_000]}
     cases |= {name: lambda s=s: _edited(text, s) for name, s in sets.items()}  # type: ignore[misc]
     _read(text.encode(), Path("f"))
+    # a user's process has little to collect; this one has what other rows and tests left
+    gc.collect()
+    gc.freeze()
     for name, read in (
         list(cases.items())[:tries] if tries >= len(cases) else shop.random.sample(list(cases.items()), tries)
     ):
         taken = _quickest(read)
         yield f"{name}: {1e3 * taken:.0f} ms" if taken > LIMIT else ""
+    gc.unfreeze()
 
 
 def _edited(text: str, edits: list[str]) -> None:

@@ -262,6 +262,7 @@ class OneOf(Node):
         self.wanted = f"a mapping with the key '{self.tag}'"
         more = f"a {registry.noun} of your own needs --plugin FILE, the file that registers it"
         self._more = "" if closed else more
+        self._of_any: tuple[tuple[Group, ...], Group | None] = (), None
 
     def names(self) -> tuple[str, ...]:
         """Names of the kinds."""
@@ -296,8 +297,13 @@ class OneOf(Node):
 
     def _unknown(self) -> Group:
         """Return the group of a kind that could not be told: it has the keys of all, and accepts what some accept."""
-        tag = declare(self.tag, Key(self._meaning.removesuffix(".")), Word(self.names(), self._more))
-        return _one_of_these(list(self.groups()), tag)
+        groups = tuple(self.groups())
+        known, any_of_them = self._of_any
+        if any_of_them is None or known != groups:
+            tag = declare(self.tag, Key(self._meaning.removesuffix(".")), Word(self.names(), self._more))
+            any_of_them = _one_of_these(groups, tag)
+            self._of_any = groups, any_of_them
+        return any_of_them
 
     def type(self) -> Any:
         """Return the type from which pydantic makes the JSON schema."""
@@ -349,12 +355,15 @@ class Many(Node):
     def read(self, raw: Any, here: Here) -> Any:
         """Return the items, a tuple."""
         if isinstance(raw, list) and self._least <= len(raw) <= self._most:
-            return tuple(item if item is BROKEN else self._item.read(item, here.below(i)) for i, item in enumerate(raw))
+            return tuple(self._read_item(item, here.below(i)) for i, item in enumerate(raw))
         if isinstance(raw, list) and raw:
             here.add(got=f"{len(raw)} {self._noun}", wanted=f"at most {self._most}")
         else:
             here.add(got=shown(raw), wanted=self.wanted)
         return BROKEN
+
+    def _read_item(self, item: Any, here: Here) -> Any:
+        return BROKEN if item is BROKEN or here.document.full else self._item.read(item, here)
 
     def type(self) -> Any:
         """Return the type from which pydantic makes the JSON schema."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import yaml
@@ -217,24 +217,27 @@ class _Builder:
         self._report = report
         self._place = place
         self._file = file
-        self._events: Iterator[yaml.Event] = yaml.parse(text, Loader=_LOADER)
+        self._next: Callable[[], Any] = _LOADER(text).get_event
         self._count = 0
 
     def whole(self, path: KeyPath) -> tuple[Any, Place]:
-        next(self._events)
-        if not isinstance(next(self._events), yaml.DocumentStartEvent):
+        self._next()
+        if not isinstance(self._next(), yaml.DocumentStartEvent):
             return None, self._place or Place(0, 1, 1, self._file)
-        event = next(self._events)
+        event = self._next()
         start = self._here(event)
         value = self._value(event, path, 1)
-        next(self._events)
-        more = next(self._events)
+        self._next()
+        more = self._next()
         if not isinstance(more, yaml.StreamEndEvent):
             self._add(path, "a second YAML document starts here; one file holds one experiment", more)
         return value, start
 
-    def _here(self, event: yaml.Event) -> Place:
-        return self._place or _place(event.start_mark, self._file)
+    def _here(self, event: Any) -> Place:
+        if self._place:
+            return self._place
+        mark = event.start_mark
+        return Place(0, mark.line + 1, mark.column + 1, self._file)
 
     def _add(self, path: KeyPath, message: str, event: yaml.Event) -> None:
         self._report(path, message, place=self._here(event))
@@ -248,11 +251,9 @@ class _Builder:
             self._add(path[:3], f"is nested more than {MAX_DEPTH} levels deep", event)
             raise _Stop
 
-    def _odd(self, event: yaml.Event, path: KeyPath) -> bool:
-        """Report what is refused on any value; return whether the value is unusable."""
-        anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
-        if anchor is None and tag is None:
-            return False
+    def _odd(self, event: Any, path: KeyPath) -> bool:
+        """Report what is refused on any value that has an anchor or a tag; return whether the value is unusable."""
+        anchor, tag = event.anchor, getattr(event, "tag", None)
         if isinstance(event, yaml.AliasEvent):  # its anchor is the name
             self._add(path, "aliases (*name) are not accepted; write the value out", event)
         elif anchor is not None:
@@ -265,15 +266,15 @@ class _Builder:
             )
         return isinstance(event, yaml.AliasEvent) or tag is not None
 
-    def _value(self, event: yaml.Event, path: KeyPath, depth: int) -> Any:
+    def _value(self, event: Any, path: KeyPath, depth: int) -> Any:
         self._enter(event, path, depth)
-        odd = self._odd(event, path)
+        odd = (event.anchor is not None or event.tag is not None) and self._odd(event, path)
         value: Any = BROKEN
         if isinstance(event, yaml.ScalarEvent):
             value = self._scalar(event, path)
         elif isinstance(event, yaml.SequenceStartEvent):
             value = Seq()
-            while not isinstance(item := next(self._events), yaml.SequenceEndEvent):
+            while not isinstance(item := self._next(), yaml.SequenceEndEvent):
                 value.places.append(self._here(item))
                 value.append(self._value(item, (*path, len(value)), depth + 1))
         elif isinstance(event, yaml.MappingStartEvent):
@@ -281,39 +282,41 @@ class _Builder:
         return BROKEN if odd else value
 
     def _scalar(self, event: yaml.ScalarEvent, path: KeyPath) -> Any:
-        bad = FORBIDDEN.search(event.value)
-        if bad:
+        if not event.style:
+            return resolve(event.value)
+        if event.style == '"' and (bad := FORBIDDEN.search(event.value)):  # of an escape; the text has none
             self._add(path, f"has the control character U+{ord(bad.group()):04X}", event)
             return BROKEN
-        return event.value if event.style else resolve(event.value)
+        return event.value
 
     def _mapping(self, path: KeyPath, depth: int) -> Map:
         values = Map()
-        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+        while not isinstance(event := self._next(), yaml.MappingEndEvent):
             key = self._key(event, path, depth)
             if key is None:
                 # what a merge key would have given is not known
                 values.is_whole = values.is_whole and getattr(event, "value", "") != "<<"
-                self._skip(next(self._events), path, depth + 1)
+                self._skip(self._next(), path, depth + 1)
             elif key in values:
                 first = "" if self._place else f" on line {values.places[key][0].line}"
                 self._add((*path, key), f"duplicate key, first given{first}", event)
-                self._skip(next(self._events), path, depth + 1)
+                self._skip(self._next(), path, depth + 1)
             else:
-                value = next(self._events)
+                value = self._next()
                 values.put(key, None, self._here(event), self._here(value))
                 values[key] = self._value(value, (*path, key), depth + 1)
         return values
 
-    def _key(self, event: yaml.Event, path: KeyPath, depth: int) -> str | None:
+    def _key(self, event: Any, path: KeyPath, depth: int) -> str | None:
         if not isinstance(event, yaml.ScalarEvent):
-            self._odd(event, path)
+            if event.anchor is not None or event.tag is not None:
+                self._odd(event, path)
             if not isinstance(event, yaml.AliasEvent):
                 self._add(path, "a key must be a word, not a list or a mapping", event)
             self._skip(event, path, depth + 1)
             return None
         self._enter(event, path, depth)
-        odd = self._odd(event, path)
+        odd = (event.anchor is not None or event.tag is not None) and self._odd(event, path)
         key = self._scalar(event, path)
         if odd or key is BROKEN:
             return None
@@ -339,7 +342,7 @@ class _Builder:
                 self._enter(event, path, depth + level)
             if level == 0:
                 return
-            event = next(self._events)
+            event = self._next()
 
 
 def tree_of(value: Any, place: Place | None = None) -> Any:
