@@ -43,6 +43,8 @@ STARTED = "\n"
 """What a process writes before the line is run."""
 POLL = 0.01
 """Time between two looks at a process [s]."""
+PATIENCE = 300.0
+"""Longest that making what a row attacks may take [s]."""
 
 
 @dataclass(frozen=True)
@@ -129,21 +131,25 @@ class Workshop:
             status = process.exitcode if process.exitcode is not None else -1
             return Done(status, text, time.monotonic() - begin, hung)
 
+    def _prepare(self, *words: str | Path) -> Done:
+        """Run a line that makes what a row attacks, which must succeed."""
+        done = self.command(*words, limit=PATIENCE)
+        if done.status:
+            ended = f"was killed after {PATIENCE:.0f} s" if done.hung else f"ended with status {done.status}"
+            raise RuntimeError(f"'{words[0]}', which makes what is attacked, {ended}: {done.text[-500:]}")
+        return done
+
     @functools.cached_property
     def run(self) -> Path:
         """Folder of one stored run."""
-        done = self.command("run", self.config, "--out", self.folder / "run", limit=300.0)
-        if done.status:
-            raise RuntimeError(done.text[-500:])
+        self._prepare("run", self.config, "--out", self.folder / "run")
         return self.folder / "run"
 
     @functools.cached_property
     def sweep(self) -> tuple[Path, float]:
         """Folder of one stored sweep, and how long a warm one takes [s]."""
         for name in ("sweep-cold", "sweep"):
-            done = self.command(*sweep_words(self.sweep_config, self.folder / name), limit=300.0)
-            if done.status:
-                raise RuntimeError(done.text[-500:])
+            done = self._prepare(*sweep_words(self.sweep_config, self.folder / name))
         return self.folder / "sweep", done.seconds
 
     def copy(self, source: Path) -> Path:
