@@ -291,12 +291,14 @@ def attack_patience(shop: Workshop, tries: int) -> Iterator[str]:
     # a user's process has little to collect; this one has what other rows and tests left
     gc.collect()
     gc.freeze()
-    for name, read in (
-        list(cases.items())[:tries] if tries >= len(cases) else shop.random.sample(list(cases.items()), tries)
-    ):
-        taken = _quickest(read)
-        yield f"{name}: {1e3 * taken:.0f} ms" if taken > LIMIT else ""
-    gc.unfreeze()
+    try:
+        for name, read in (
+            list(cases.items())[:tries] if tries >= len(cases) else shop.random.sample(list(cases.items()), tries)
+        ):
+            taken = _quickest(read)
+            yield f"{name}: {1e3 * taken:.0f} ms" if taken > LIMIT else ""
+    finally:
+        gc.unfreeze()
 
 
 def _edited(text: str, edits: list[str]) -> None:

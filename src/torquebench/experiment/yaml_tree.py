@@ -234,10 +234,7 @@ class _Builder:
         return value, start
 
     def _here(self, event: Any) -> Place:
-        if self._place:
-            return self._place
-        mark = event.start_mark
-        return Place(0, mark.line + 1, mark.column + 1, self._file)
+        return self._place or _place(event.start_mark, self._file)
 
     def _add(self, path: KeyPath, message: str, event: yaml.Event) -> None:
         self._report(path, message, place=self._here(event))
@@ -252,8 +249,10 @@ class _Builder:
             raise _Stop
 
     def _odd(self, event: Any, path: KeyPath) -> bool:
-        """Report what is refused on any value that has an anchor or a tag; return whether the value is unusable."""
+        """Report what is refused on any value; return whether the value is unusable."""
         anchor, tag = event.anchor, getattr(event, "tag", None)
+        if anchor is None and tag is None:
+            return False
         if isinstance(event, yaml.AliasEvent):  # its anchor is the name
             self._add(path, "aliases (*name) are not accepted; write the value out", event)
         elif anchor is not None:
@@ -268,7 +267,7 @@ class _Builder:
 
     def _value(self, event: Any, path: KeyPath, depth: int) -> Any:
         self._enter(event, path, depth)
-        odd = (event.anchor is not None or event.tag is not None) and self._odd(event, path)
+        odd = self._odd(event, path)
         value: Any = BROKEN
         if isinstance(event, yaml.ScalarEvent):
             value = self._scalar(event, path)
@@ -282,12 +281,11 @@ class _Builder:
         return BROKEN if odd else value
 
     def _scalar(self, event: yaml.ScalarEvent, path: KeyPath) -> Any:
-        if not event.style:
-            return resolve(event.value)
-        if event.style == '"' and (bad := FORBIDDEN.search(event.value)):  # of an escape; the text has none
+        bad = FORBIDDEN.search(event.value)
+        if bad:
             self._add(path, f"has the control character U+{ord(bad.group()):04X}", event)
             return BROKEN
-        return event.value
+        return event.value if event.style else resolve(event.value)
 
     def _mapping(self, path: KeyPath, depth: int) -> Map:
         values = Map()
@@ -309,14 +307,13 @@ class _Builder:
 
     def _key(self, event: Any, path: KeyPath, depth: int) -> str | None:
         if not isinstance(event, yaml.ScalarEvent):
-            if event.anchor is not None or event.tag is not None:
-                self._odd(event, path)
+            self._odd(event, path)
             if not isinstance(event, yaml.AliasEvent):
                 self._add(path, "a key must be a word, not a list or a mapping", event)
             self._skip(event, path, depth + 1)
             return None
         self._enter(event, path, depth)
-        odd = (event.anchor is not None or event.tag is not None) and self._odd(event, path)
+        odd = self._odd(event, path)
         key = self._scalar(event, path)
         if odd or key is BROKEN:
             return None
