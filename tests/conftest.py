@@ -13,6 +13,8 @@ from torquebench.registry import restored
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+gc.disable()  # until all is collected: what is imported and collected stays, and was looked through again and again
+
 MEASURED = "measured"
 """Name of the property under which a test's report carries a figure, from whichever process ran it."""
 
@@ -53,6 +55,7 @@ def pytest_collection_finish() -> None:
     """
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)
+    gc.enable()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

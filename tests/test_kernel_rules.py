@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.source_tree import TREES
+from tests.source_tree import ALL, FILES, tree_of
 from tests.user_files import load
 from torquebench.dialect import is_kernel, plain, read_kernel, read_law
 from torquebench.laws import find_law, law_names
@@ -37,7 +37,10 @@ def marked(tree: ast.Module, mark: str) -> set[str]:
 def kernels() -> dict[str, FunctionType]:
     """Return every kernel of the package as a plain function, by ``module.name``."""
     found = {}
-    for file, tree in TREES.items():
+    for file in ALL:
+        if "@kernel" not in FILES[file].read_text(encoding="utf-8"):
+            continue
+        tree = tree_of(file)
         name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         if marked(tree, "kernel"):
             module = importlib.import_module(f"torquebench.{name}")
@@ -68,7 +71,7 @@ def test_the_checker_sees_the_kernels_and_the_laws() -> None:
         "sim.closed_loop.actuate",
         "sim.closed_loop.give",
     } <= set(KERNELS)
-    written = {n for file, tree in TREES.items() if file.startswith("laws/") for n in marked(tree, "controller")}
+    written = {n for file in ALL if file.startswith("laws/") for n in marked(tree_of(file), "controller")}
     assert written == {law.function.__name__ for law in LAWS.values()}
     assert len(written) >= 6
 

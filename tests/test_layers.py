@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.source_tree import ALL, TREES, imports
+from tests.source_tree import ALL, imports, tree_of
 
 LAYERS = (
     ("begun", "errors", "plain", "syntax"),
@@ -119,7 +119,7 @@ def test_every_unit_has_a_layer() -> None:
 
 def test_imports_go_down() -> None:
     """No file imports a unit beside or above its own in LAYERS, be it inside a function or for type checking only."""
-    assert [fault for name in ALL if name != "__init__.py" for fault in upward(name, TREES[name])] == []
+    assert [fault for name in ALL if name != "__init__.py" for fault in upward(name, tree_of(name))] == []
 
 
 def test_the_direction_check_catches_an_import_upwards() -> None:
@@ -133,7 +133,7 @@ def test_the_direction_check_catches_an_import_upwards() -> None:
 
 def test_the_top_level_imports_nothing_when_imported() -> None:
     """``torquebench/__init__.py`` names its homes lazily: its only imports outside TYPE_CHECKING are the standard's."""
-    for node in TREES["__init__.py"].body:
+    for node in tree_of("__init__.py").body:
         if isinstance(node, ast.Import | ast.ImportFrom):
             assert not any(module.startswith("torquebench") for module, _ in imports(node))
 
@@ -143,7 +143,7 @@ def test_heavy_packages_stay_in_their_places() -> None:
     found = [
         f"{name}:{line} imports {module}"
         for name in ALL
-        for module, line in imports(TREES[name])
+        for module, line in imports(tree_of(name))
         if not name.startswith(HOMES.get(module.split(".")[0], ""))
     ]
     assert found == []
@@ -151,7 +151,7 @@ def test_heavy_packages_stay_in_their_places() -> None:
 
 def test_modules_say_what_they_are() -> None:
     """Every file's first line is a sentence that says what the file is."""
-    lines = {name: (ast.get_docstring(TREES[name]) or "").partition("\n")[0] for name in ALL}
+    lines = {name: (ast.get_docstring(tree_of(name)) or "").partition("\n")[0] for name in ALL}
     assert [name for name, line in lines.items() if not line.endswith((".", ":"))] == []
 
 
@@ -237,7 +237,7 @@ def undocumented(tree: ast.Module) -> list[str]:
 
 def test_public_things_are_documented() -> None:
     """Every public class and function has a docstring, and every parameter of a long signature is described."""
-    assert {name: found for name in ALL if (found := undocumented(TREES[name]))} == {}
+    assert {name: found for name in ALL if (found := undocumented(tree_of(name)))} == {}
 
 
 @pytest.mark.parametrize(

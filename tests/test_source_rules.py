@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from tests.source_tree import ALL, FILES, SOURCE, TREES, imports
+from tests.source_tree import ALL, FILES, SOURCE, imports, tree_of
 
 OUTER = (
     "experiment/",
@@ -31,7 +31,7 @@ def test_no_clock_and_no_global_randomness_below_the_experiment() -> None:
     """Laws, plants and metrics depend on their inputs alone: no wall clock, no random numbers but keyed ones."""
     inner = [name for name in ALL if not name.startswith(OUTER)]
     assert len(inner) > 100
-    assert [name for name in inner if {module for module, _ in imports(TREES[name])} & CLOCKS] == []
+    assert [name for name in inner if {module for module, _ in imports(tree_of(name))} & CLOCKS] == []
     # annotations may name the generator, and a generator may be made from a seed
     other = re.compile(r"np\.random\.(?!Generator\b|default_rng\(\w)")
     drawing = {name for name in inner if other.search(FILES[name].read_text(encoding="utf-8"))}
@@ -62,7 +62,7 @@ def sins(tree: ast.AST) -> list[str]:
 
 def test_no_print_eval_pickle_assert_or_bare_except() -> None:
     """Output goes through one function of the command line, errors are raised, and stored data are never code."""
-    assert {name: found for name in ALL if (found := sins(TREES[name]))} == {}
+    assert {name: found for name in ALL if (found := sins(tree_of(name)))} == {}
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_what_is_used_side_by_side_has_names_of_its_own() -> None:
             node.name
             for name in ALL
             if name.startswith(f"{unit}/")
-            for node in TREES[name].body
+            for node in tree_of(name).body
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
         }
         for unit in ("video", "view")
