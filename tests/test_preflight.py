@@ -376,6 +376,28 @@ def test_margins_are_the_least_over_positions_and_loads() -> None:
     assert where.endswith(" kg")
 
 
+@pytest.mark.parametrize("border", [1 / 32, 0.09, 0.165, 0.42, 0.544, 0.5916, 0.99])
+@pytest.mark.parametrize("ragged", [False, True])
+def test_the_share_that_is_told_was_flown(border: float, ragged: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It passes as it is told, and one at most 14 % larger, tried as well, does not: two digits, halved twice.
+
+    Also of a ragged border, beyond which some larger shares pass.
+    """
+    pilot, keys = on_two_link("pd-gravity", lam=10.0, kv=1000.0)
+    flown = dict[float, bool]()
+
+    def passes(self: Pilot, one: Any, *given: Any) -> bool:
+        share = one.gains["kv"] / 1000.0
+        flown[share] = share <= border or (ragged and border * 1.05 < share < border * 1.1)
+        return flown[share]
+
+    monkeypatch.setattr(Pilot, "_passes", passes)
+    share = pilot._share(keys, ("kv",), [], lambda what: None)
+    assert share is not None
+    assert flown[share]
+    assert any(not passed and share < other <= 1.14 * share for other, passed in {**flown, 1.0: False}.items())
+
+
 def test_a_wider_layer_that_passes_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """The narrowest of those tried, as a config has it, with the margins of the loop that has it."""
     pilot, keys = on_two_link("smc", lam=5.0, k=0.3)

@@ -150,8 +150,8 @@ class Report(NamedTuple):
     scaled: tuple[str, ...]
     """Gains that a share is of."""
     share: float | None
-    """Largest share of them that passes; None where none does, or none was looked for. Of integrals alone where that of
-    all gains does not help what is unstable."""
+    """Share of them that passes, where one at most 14 % larger does not; None where none does, or none was looked for.
+    Of integrals alone where that of all gains does not help what is unstable."""
     layer: str = ""
     """Width of a layer that passes, as a config has it; empty where none was looked for, or none passes."""
     margins: Margins | None = None
@@ -370,7 +370,7 @@ class Pilot:
     def _share(
         self, keys: Controller, names: Sequence[str], flights: Sequence[Flight], progress: Callable[[str], None]
     ) -> float | None:
-        """Return the largest share of the gains that passes every flight; see `SHARES`."""
+        """Return a share of the gains that passes every flight; one at most 14 % larger does not. See `SHARES`."""
 
         def passes(share: float) -> bool:
             return self._passes(with_share(keys, names, share), flights, progress)
@@ -380,9 +380,9 @@ class Pilot:
             return None
         above = min((share for share in (1.0, *SHARES) if share > low), default=1.0)
         for _ in range(REFINED):
-            middle = math.sqrt(low * above)
+            middle = float(f"{math.sqrt(low * above):.2g}")
             low, above = (middle, above) if passes(middle) else (low, middle)
-        return float(f"{low:.2g}")
+        return low
 
     def _passes(self, keys: Controller, flights: Sequence[Flight], progress: Callable[[str], None]) -> bool:
         """Whether a controller passes every flight."""

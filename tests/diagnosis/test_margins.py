@@ -196,6 +196,38 @@ def test_cross_talk_is_a_matrix_in_the_loop(turns: float) -> None:
         assert (first_pole(at_rest(0.0, LATE | chain)).rate > 0.0) == is_unstable
 
 
+def test_viscous_friction_is_damping_of_the_arm() -> None:
+    """The open loop is Kd (s + lam) H (M s^2 + D s + G)^-1 with the hold H, of which each line has an eigenvalue.
+
+    To the differences of slopes and gravity, 1e-5. Poles are those of M s^2 + (D + Kd) s + G + lam Kd, to 1 % by the
+    hold of 2 ms; without friction the slowest is elsewhere.
+    """
+    lam, kv, drag = 5.0, 10.0, np.array([8.0, 1.5])
+    keys: dict[str, Any] = {"reference": STILL["reference"], "run": STILL["run"]}
+    built = experiment(pd(kv, "pd", lam), plant={**PLANT, "friction": {"viscous": drag.tolist()}}, **keys)
+    loop = build(built)
+    slopes = slopes_of(built, loop)
+    found = margins_of(built, loop, slopes)
+    assert found is not None
+    arm, q = load_model("two-link"), np.array(AT)
+    M, Kd = arm.mass_matrix(q[None])[0], np.diag(kv * arm.flat.inertia_scale)
+    G = np.stack([(arm.gravity(q + x) - arm.gravity(q - x)) / 2e-5 for x in 1e-5 * np.eye(2)], axis=1)
+    T = built.run.control_period
+    for f, gain in list(zip(found.frequency, found.gain, strict=True))[::40]:
+        s = 2j * math.pi * f
+        hold = (1.0 - np.exp(-s * T)) / (s * T)
+        values = np.linalg.eigvals(hold * (lam + s) * Kd @ np.linalg.inv(M * s * s + np.diag(drag) * s + G))
+        assert np.min(np.abs(values - gain)) <= 1e-5 * abs(gain)
+    rates = np.linalg.solve(M, -np.hstack([G + lam * Kd, np.diag(drag) + Kd]))
+    wanted = max(np.linalg.eigvals(np.vstack([np.eye(2, 4, 2), rates])), key=lambda x: (x.real, x.imag))
+    near, far = (
+        min(abs(complex(one.rate, math.tau * one.frequency) - wanted) for one in poles_of(each, loop, slopes))
+        for each in (built, experiment(pd(kv, "pd", lam), **keys))
+    )
+    assert near <= 0.01 * abs(wanted)
+    assert far > 0.1 * abs(wanted)
+
+
 @pytest.mark.parametrize("free", [0, 1])
 def test_a_locked_joint_does_not_count(free: int) -> None:
     """The other one is M s^2 + G alone under Kd (s + lambda): its crossover, 10 % or more from that with both free.

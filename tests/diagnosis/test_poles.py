@@ -50,6 +50,20 @@ def test_an_integral_is_unstable_where_routh_says(ki: float, is_stable: bool) ->
     assert pole.frequency == pytest.approx(root.imag / (2.0 * np.pi), rel=0.01)
 
 
+def test_commands_that_are_drawn_late_are_late_by_their_mean() -> None:
+    """A jitter of 2 ms is 1 ms, and half of the deadlines missed one period, T p/(1 - p), for poles and reaction.
+
+    To the rounding of eigenvalues; a millisecond more is 0.05 1/s.
+    """
+    drawn, fixed = (
+        at_rest(5200.0, chain) for chain in ({"jitter": 0.002, "missed_deadlines": 0.5}, {"torque_delay": 0.003})
+    )
+    a, b = first_pole(drawn), first_pole(fixed)
+    assert (a.rate, a.frequency) == pytest.approx((b.rate, b.frequency), rel=1e-6)
+    assert b.rate > first_pole(at_rest(5200.0, {"torque_delay": 0.002})).rate + 0.04
+    assert drawn.chain.reaction(0.002) == pytest.approx(fixed.chain.reaction(0.002), rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("ki", "chain", "plant"),
     [

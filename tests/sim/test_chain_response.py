@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torquebench.chain import Chain, CrossTalk, CurrentLoop, Drawn, response
+from torquebench.chain import Chain, CrossTalk, CurrentLoop, Derating, Drawn, response
 from torquebench.chain.drives import command, drive, receive
 from torquebench.chain.response import mixing
 from torquebench.chain.sensors import measure
@@ -100,3 +100,14 @@ def test_torques_leak_to_both_neighbours() -> None:
     chain = Chain(torque_gain=(2.0, 3.0, 5.0), cross_talk=CrossTalk(following=0.1, preceding=0.01))
     wanted = [[2.0, 0.3, 0.0], [0.02, 3.0, 0.5], [0.0, 0.03, 5.0]]
     assert mixing(chain, 3, 0.0) == pytest.approx(np.array(wanted), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("over", "time", "gone"), [(0.2, 0.09, 0.0), (0.2, 0.15, 0.25), (0.2, 0.5, 1.0), (0.0, 0.1, 1.0)]
+)
+def test_weak_motors_give_a_share(over: float, time: float, gone: float) -> None:
+    """From 0.1 s on the second joint's gain of 3 falls in a straight line to 40 % of it; leaks are of what is left."""
+    talk = CrossTalk(following=0.1)
+    chain = Chain(torque_gain=(2.0, 3.0), derating=Derating(0.1, gain=(1.0, 0.4), over=over), cross_talk=talk)
+    left = 3.0 * (1.0 - 0.6 * gone)
+    assert mixing(chain, 2, time) == pytest.approx(np.array([[2.0, 0.1 * left], [0.0, left]]), rel=1e-15)

@@ -321,6 +321,15 @@ class Chain:
         ahead = 0.0 if self.command_filter is None else self.command_filter * control_period
         return 1.0 if self.command_filter is None else ahead / (1.0 + ahead)
 
+    def lateness(self, control_period: float) -> float:
+        """Return the time by which draws make a command late on average [s]: J/2 for a jitter J, T p/(1 - p) if p miss.
+
+        Args:
+            control_period: Control period T [s].
+        """
+        missed = self.missed_deadlines
+        return 0.5 * self.jitter + control_period * missed / max(1.0 - missed, 1e-3)
+
     def reaction(self, control_period: float) -> float:
         """Return the time from a change of the state to the torque that answers it [s].
 
@@ -338,9 +347,8 @@ class Chain:
             filtering = control_period * alpha / beta
         loop = self.current_loop
         acting = self.actuator_lag if loop is None else 2.0 * loop.damping / loop.frequency
-        late = 0.5 * self.jitter + control_period * self.missed_deadlines
-        waiting = self.measurement_delay + self.command_delay + self.torque_delay
-        return control_period + waiting + filtering + commanded + acting + late
+        waiting = self.measurement_delay + self.command_delay + self.torque_delay + self.lateness(control_period)
+        return control_period + waiting + filtering + commanded + acting
 
     def decay(self, timestep: float, control_period: float) -> Array:
         """Return what is left of an actuator's lag after half a physics step, a whole one, and on average.

@@ -37,7 +37,7 @@ def preflight(
     """Say whether a law would trip, saturate or shake on a robot.
 
     Small motions are flown with the robot's chain, with and without a load. The exit status is 0 when the law passes, 1
-    when it is refused: then the largest share of its gains that would pass is said.
+    when it is refused: then a share of its gains that would pass is said.
     """
     from torquebench.chain import CHAINS, rate_remarks
     from torquebench.experiment.config import load_experiment

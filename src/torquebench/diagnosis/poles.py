@@ -61,8 +61,7 @@ def _step(chain: Chain, T: float, terms: Terms) -> Array:
     from scipy.linalg import expm
 
     n = len(terms.M)
-    late = chain.command_delay + chain.torque_delay + chain.measurement_delay + 0.5 * chain.jitter
-    late += T * chain.missed_deadlines / max(1.0 - chain.missed_deadlines, 1e-3)
+    late = chain.command_delay + chain.torque_delay + chain.measurement_delay + chain.lateness(T)
     whole = int(late / T + 1e-9)
     rest = max(late - whole * T, 0.0)
     between = _between(chain, terms)
