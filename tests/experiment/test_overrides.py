@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 
 from tests.experiment.examples import AMPLITUDE, DESCRIPTION, GOOD, MINIMAL, edited, parse
@@ -93,9 +91,8 @@ def test_bad_override_is_reported_where_it_was_written(override: str, key: str, 
 
 @pytest.mark.parametrize("depth", [33, 1_000, 30_000])
 def test_a_key_of_too_many_parts_is_refused_at_once(depth: int) -> None:
-    """However deep, on the command line, in a grid and in what is drawn: one line, and no time."""
+    """However deep, on the command line, in a grid and in what is drawn: one line; its parts are not walked."""
     key = ".".join(["a"] * depth)
-    start = time.perf_counter()
     with pytest.raises(ConfigError) as caught:
         parse(GOOD, f"{key}=1"[:65_536])
     assert len(caught.value.problems) == 1
@@ -103,7 +100,6 @@ def test_a_key_of_too_many_parts_is_refused_at_once(depth: int) -> None:
         document = read_document(GOOD + f"sweep: {{{section}}}\n".replace("KEY", f'"{key}"'), "deep.yaml")
         take_sweep(document)
         assert [problem.text for _, problem in document.found] == ["is not a key"]
-    assert time.perf_counter() - start < 1.0
     assert not parse(GOOD, "run.seed=1").run.seed - 1
 
 
@@ -116,10 +112,8 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_many_mistakes_cost_little(name: str) -> None:
-    """Thousands of mistakes take a fraction of a second, and give a hundred lines at most."""
-    start = time.process_time()
+def test_many_mistakes_are_few_lines(name: str) -> None:
+    """Thousands of mistakes give a hundred lines at most."""
     with pytest.raises(ConfigError) as caught:
         parse(MISTAKES[name])
-    assert time.process_time() - start < 1.0  # below 0.2 s on an idle machine
     assert 0 < len(caught.value.problems) <= 101

@@ -7,7 +7,6 @@ import multiprocessing
 import os
 import signal
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -101,15 +100,13 @@ def test_a_worker_that_is_told_to_stop_gives_up_its_shard() -> None:
 
 
 def test_closing_the_iterator_ends_the_processes() -> None:
-    """At once, although one has a shard of seconds in hand: no process and no thread is left."""
-    plan = plan_of(SMALL, "sweep.grid={run.duration: [0.6, 0.7, 100]}", "sweep.draws=1")
+    """At once, although one has a shard of an hour in hand: no process and no thread is left."""
+    plan = plan_of(SMALL, "sweep.grid={run.duration: [0.6, 0.7, 50000]}", "sweep.draws=1")
     threads = threading.active_count()
     tables = Processes(1).run(Task(plan.source, 1), range(3))
     next(tables)
     next(tables)
-    start = time.perf_counter()
     tables.close()  # type: ignore[attr-defined]
-    assert time.perf_counter() < start + 10.0
     assert multiprocessing.active_children() == []
     assert threading.active_count() == threads
 

@@ -139,6 +139,31 @@ def test_a_pipe_in_a_sweeps_folder_keeps_nobody_waiting(folder: Path, name: str)
         open_sweep(folder, (), "--resume")
 
 
+def test_a_plan_of_which_a_byte_was_changed_is_refused(folder: Path) -> None:
+    """Also where no result depends on it, as in the sweep's name or the digest's: resumed, the bytes would differ."""
+    path, rng = folder / "plan.json", np.random.default_rng(2)
+    whole = path.read_bytes()
+    named = [whole.index(word) for word in (b'small"', b'"cases', b'"plan_sha256')]
+    for at in {*named, *(at + 3 for at in named), *rng.integers(0, len(whole), 30).tolist()}:
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << int(rng.integers(8))]) + whole[at + 1 :])
+        with pytest.raises(ConfigError):
+            open_sweep(folder, (), "--resume")
+    path.write_bytes(whole[:-1])
+    with pytest.raises(ConfigError, match=r"plan\.json: changed since it was written \(plan_sha256\)"):
+        open_sweep(folder, (), "--resume")
+
+
+def test_a_plan_of_an_older_version_is_still_read(folder: Path) -> None:
+    """One without a digest of itself is taken if all its keys are a plan's."""
+    path = folder / "plan.json"
+    old = {key: fact for key, fact in json.loads(path.read_text()).items() if key != "plan_sha256"}
+    path.write_text(json.dumps(old))
+    assert open_sweep(folder, (), "--resume").facts.cases == old["cases"]
+    path.write_text(json.dumps(old | {"plan_sha257": ""}))
+    with pytest.raises(ConfigError, match="changed since it was written"):
+        open_sweep(folder, (), "--resume")
+
+
 def test_a_folder_of_a_newer_version_is_refused(folder: Path) -> None:
     """What a newer torquebench wrote is not continued by this one."""
     (folder / "plan.json").write_text(with_facts(format=99))

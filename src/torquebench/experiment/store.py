@@ -325,9 +325,9 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     atomic_write(folder / MANIFEST, json_bytes(dict(manifest) | {OWN_DIGEST: own_digest(manifest)}))
 
 
-def own_digest(manifest: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a manifest but for that key, with sorted keys and no spaces."""
-    rest = {key: value for key, value in manifest.items() if key != OWN_DIGEST}
+def own_digest(manifest: Mapping[str, Any], at: str = OWN_DIGEST) -> str:
+    """Return the SHA-256 of a manifest, or of another mapping, but for the key `at`, with sorted keys and no spaces."""
+    rest = {key: value for key, value in manifest.items() if key != at}
     return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 

@@ -234,7 +234,8 @@ class _Builder:
         return value, start
 
     def _here(self, event: Any) -> Place:
-        return self._place or _place(event.start_mark, self._file)
+        mark = event.start_mark
+        return self._place or Place(0, mark.line + 1, mark.column + 1, self._file)
 
     def _add(self, path: KeyPath, message: str, event: yaml.Event) -> None:
         self._report(path, message, place=self._here(event))
@@ -281,11 +282,13 @@ class _Builder:
         return BROKEN if odd else value
 
     def _scalar(self, event: yaml.ScalarEvent, path: KeyPath) -> Any:
-        bad = FORBIDDEN.search(event.value)
+        if not event.style:
+            return resolve(event.value)
+        bad = FORBIDDEN.search(event.value)  # of an escape: the text itself has none
         if bad:
             self._add(path, f"has the control character U+{ord(bad.group()):04X}", event)
             return BROKEN
-        return event.value if event.style else resolve(event.value)
+        return event.value
 
     def _mapping(self, path: KeyPath, depth: int) -> Map:
         values = Map()
@@ -301,7 +304,7 @@ class _Builder:
                 self._skip(self._next(), path, depth + 1)
             else:
                 value = self._next()
-                values.put(key, None, self._here(event), self._here(value))
+                values.places[key] = self._here(event), self._here(value)
                 values[key] = self._value(value, (*path, key), depth + 1)
         return values
 

@@ -9,7 +9,7 @@ import io
 import json
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -29,6 +29,7 @@ from torquebench.experiment.store import (
     json_bytes,
     machine,
     model_checksums,
+    own_digest,
     read_stored,
     replaced,
     versions,
@@ -43,6 +44,8 @@ CONFIG = "sweep.yaml"
 """The sweep's file, as it was given."""
 PLAN = "plan.json"
 """What was made of it; written when everything has been checked."""
+PLAN_DIGEST = "plan_sha256"
+"""Key of the plan: the digest of all others."""
 SHARDS = "shards"
 TABLE, TEXT = "results.npz", "results.csv"
 TRAJECTORIES = "trajectories"
@@ -83,6 +86,20 @@ class Facts:
     """The file as it is after the overrides."""
     arms: dict[str, str] = field(default_factory=dict)
     """Path of each arm's file as the sweep's file has it -> the file that keeps it here."""
+    plan_sha256: str = ""
+    """SHA-256 of all else here; empty in a plan that an older version wrote."""
+
+    def is_as_written(self, content: bytes) -> bool:
+        """Return whether no byte of the file that they were read from has changed since it was written.
+
+        An older version's, without the digest, can only be asked whether its keys are those of a plan.
+
+        Args:
+            content: Of the file.
+        """
+        if not self.plan_sha256:
+            return bool(json.loads(content).keys() <= vars(self).keys() - {PLAN_DIGEST})
+        return content == json_bytes(vars(self)) and self.plan_sha256 == own_digest(vars(self), PLAN_DIGEST)
 
 
 @dataclass(frozen=True)
@@ -167,7 +184,8 @@ def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str, to_read: bo
     if not folder.is_dir():
         raise ConfigError([Problem(option, "", f"{folder}: there is no such folder{did_you_mean_path(folder)}")])
     try:
-        facts = from_json(Facts, read_stored(folder / PLAN))
+        content = read_stored(folder / PLAN)
+        facts = from_json(Facts, content)
         text = read_stored(folder / CONFIG)
         kept = {path: read_stored(folder / file).decode() for path, file in facts.arms.items()}
     except (OSError, ValueError) as error:
@@ -176,6 +194,8 @@ def open_sweep(folder: Path, plugins: tuple[Path, ...], option: str, to_read: bo
     if facts.format > FORMAT:
         message = f"{folder}: was written by a newer torquebench (format {facts.format}): wanted that one"
         raise ConfigError([Problem(option, "", message)])
+    if not facts.is_as_written(content):
+        raise ConfigError([Problem(option, "", f"{folder / PLAN}: changed since it was written ({PLAN_DIGEST})")])
     missing = sorted(set(facts.plugins) - {path.name for path in plugins})
     if missing:
         message = f"the sweep uses laws of {', '.join(missing)}: wanted --plugin with each of these files"
@@ -229,7 +249,7 @@ def facts_of(plan: Plan, shard_size: int) -> Facts:
     }
     decides = made_of | {"first": plain(first), "sweep": plan.keys.plain(), "shard_size": shard_size}
     text = json.dumps(decides, sort_keys=True, separators=(",", ":"))
-    return Facts(
+    facts = Facts(
         **made_of,
         format=FORMAT,
         name=first.name,
@@ -244,6 +264,7 @@ def facts_of(plan: Plan, shard_size: int) -> Facts:
         config=plan.raw,
         arms={path: kept_at(path, arm) for path, arm in plan.source.arms},
     )
+    return replace(facts, plan_sha256=own_digest(vars(facts), PLAN_DIGEST))
 
 
 def kept_at(path: str, arm: ArmFile) -> str:
