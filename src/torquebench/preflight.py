@@ -17,6 +17,7 @@ import numpy as np
 
 from torquebench.chain import ABOUT, Chain
 from torquebench.diagnosis.margins import (
+    ENOUGH,
     Margins,
     Slopes,
     backwards,
@@ -162,6 +163,10 @@ class Report(NamedTuple):
     """Likewise with that share of the gains; None where it passes as it is."""
     layer_left: Margins | None = None
     """Likewise with that layer."""
+    calmer: float | None = None
+    """Largest share tried that passes with a phase margin of `ENOUGH`, where the largest that passes leaves less."""
+    calmer_left: Margins | None = None
+    """Margins with that share."""
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -283,7 +288,19 @@ class Pilot:
             share = self._share(keys, names, flights, progress)
             if share is not None:
                 left = self.margins(with_share(keys, names, share))[0]
-                return report._replace(scaled=names, share=share, left=left)
+                report = report._replace(scaled=names, share=share, left=left)
+                return report if left is None or _is_enough(left) else self._calmer(report, keys, flights, progress)
+        return report
+
+    def _calmer(
+        self, report: Report, keys: Controller, flights: Sequence[Flight], progress: Callable[[str], None]
+    ) -> Report:
+        """Return a report with the largest of `SHARES` that passes and leaves a phase margin of `ENOUGH`."""
+        for share in (share for share in SHARES if share < (report.share or 0.0)):
+            fewer = with_share(keys, report.scaled, share)
+            left = self.margins(fewer)[0]
+            if left is not None and _is_enough(left) and self._passes(fewer, flights, progress):
+                return report._replace(calmer=share, calmer_left=left)
         return report
 
     def _motions(self, keys: Controller, flights: Sequence[Flight], failed: Sequence[Flight]) -> Iterator[Flight]:
@@ -542,6 +559,11 @@ def filtered(command: Array, held: Array, taken: float) -> Array:
     for k, u in enumerate(command):
         out[k] = y = y + taken * (u - y)
     return out
+
+
+def _is_enough(margins: Margins) -> bool:
+    """Whether a phase margin is as large as is usual."""
+    return margins.phase is not None and margins.phase >= ENOUGH
 
 
 def _thirds(run: Trajectory) -> tuple[Array, Array]:

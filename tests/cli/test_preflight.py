@@ -1,6 +1,7 @@
 """``torquebench preflight``: exit status, what is shown, and the document."""
 
 import json
+import re
 
 import pytest
 
@@ -68,6 +69,18 @@ def test_a_law_that_is_refused(command, tmp_path, monkeypatch):
     assert first["flight"].startswith("hold, from ")
     assert law["scaled_gains"] == ["kv"]
     assert 0.0 < law["largest_share"] < 1.0
+
+
+def test_what_is_said_to_pass_passes_when_it_is_typed(command):
+    """Where the largest share that passes leaves less than 30 deg, one that leaves them is said, too; both pass."""
+    given = "preflight", "pd-gravity", "--robot", "two-link", "--chain", "ur5e", "--payload", "0", "--gain", "lam=10"
+    status, out, _ = command(*given, "--gain", "kv=240")
+    lines = [line for line in out.splitlines() if "would pass" in line]
+    assert (status, len(lines)) == (1, 2)
+    phases = [int(re.search(r"phase margin (-?\d+) deg", line)[1]) for line in lines]
+    assert phases[0] < 30 <= phases[1]
+    for line in lines:
+        assert command(*given, "--gain", re.search(r"--gain (kv=[\d.]+)", line)[1])[0] == 0
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import re
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -177,10 +178,26 @@ def test_without_a_terminal_a_line_now_and_then_tells_what_is_left(monkeypatch):
         monkeypatch.setattr(sys, "stderr", stream := io.StringIO())
         with speaking(quiet, as_json=False), progress_bar(0, "loop", "starting", done=1000) as bar:
             following(bar)("tuning", 0, 5000)
-            bar.update(1000)
+            bar.update(400)
+            bar.update(600)
         told[every, quiet] = stream.getvalue().splitlines()
     assert told[0.0, False][-1] == "tuning: 2,000 of 5,000 loops, 0:00:00 so far, 0:00:00 left"
     assert told[60.0, False] == told[0.0, True] == []
+
+
+def test_what_is_left_does_not_count_what_is_compiled_first(monkeypatch):
+    """60 s to the first of 10 units and 2 s for each other: 16 s are left after the second, and unknown before."""
+    now = 0.0
+    monkeypatch.setattr(terminal, "time", SimpleNamespace(monotonic=lambda: now))
+    monkeypatch.setattr(terminal, "EVERY", 0.0)
+    monkeypatch.setattr(sys, "stderr", stream := io.StringIO())
+    bar = terminal.Log(10, "run", "why", 0)
+    for now in (60.0, 62.0):  # noqa: B007  the clock reads it
+        bar.update(1)
+    assert stream.getvalue().splitlines() == [
+        "why: 1 of 10 runs, 0:01:00 so far",
+        "why: 2 of 10 runs, 0:01:02 so far, 0:00:16 left",
+    ]
 
 
 def test_what_is_left_is_told_where_it_is_known(monkeypatch):

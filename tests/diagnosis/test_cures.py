@@ -76,6 +76,26 @@ def test_a_motion_that_is_lost_comes_before_its_harmonics(link: Any) -> None:
     assert found.remedy == Remedy("a slower motion")
 
 
+def test_gains_too_large_for_a_chain_of_small_delays(link: Any) -> None:
+    """What takes phase is named, the torque limit that holds the swing is not; smaller gains, tried, come first."""
+    chain = {"from": "ur5e", "quantisation": 0}
+    law = {"name": "c", "law": "computed-torque", "gains": {"lam": 30, "kv": 250, "ki": 0}}
+    found = diagnose(link(law, {}, chain=chain))
+    assert found.symptoms[0] == "shakes"
+    assert {cause.key for cause in found.causes} == {"velocity", "command_delay", "current_loop"}
+    (change,) = found.remedy.settings
+    assert change.startswith("controllers.c.gains.kv=")
+    assert found.remedy.cures
+
+
+def test_damping_that_lags_the_motion(link: Any) -> None:
+    """A damper on the velocity lags a moving reference by Kd qd_ref / Kp: on the velocity's error it does not."""
+    law = impedance(200.0, 30.0) | {"damping": "velocity"}
+    found = diagnose(link(law, {}))
+    assert found.symptoms == ("errs",)
+    assert found.remedy.settings == ("controllers.c.damping=velocity-error",)
+
+
 def test_no_cure_makes_an_error_worse(link: Any) -> None:
     """Motors that give nothing at the motion's speed: gains that calm the torque and lose the motion are no cure."""
     chain = {"command_delay": 0.002, "torque_speed": {"corner": 0.3, "no_load": 1.6}}

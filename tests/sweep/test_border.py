@@ -87,7 +87,7 @@ def test_runs_on_either_side_of_a_border(tmp_path: Path) -> None:
     ]
     assert told[0]["low"] is None  # an interval takes six draws
     header, cells = border_table(read_table(sweep.folder / "results.npz"))
-    assert header[-2:] == ["0.01", "0.03"]
+    assert header[-3:] == ["measurement_delay [s]:", "0.01", "0.03"]
     assert cells[0][0] == "band"
     assert f"{own['border'].iloc[1]:.3g}" in cells[0][-1]
     assert cells[1][-1] == "-"

@@ -94,8 +94,8 @@ def chain_facts(name: str) -> dict[str, Any]:
     return {**facts, "control_period": about.control_period, "numbers": rows}
 
 
-def _show_chain(name: str) -> None:
-    """Print a chain's numbers with their sources."""
+def _show_chain(name: str, also_arm: bool) -> None:
+    """Print a chain's numbers with their sources, and, unless the arm of its name follows, lines for a config."""
     facts = chain_facts(name)
     tell(**facts)
     say(f"{name}\n\n{' '.join(filter(None, (facts['summary'], facts['note'])))}\n")
@@ -105,8 +105,20 @@ def _show_chain(name: str) -> None:
     ]
     if rows:
         say(table(["key", "value", "where it is from"], rows, left=3, prose=True))
-    period = "" if facts["control_period"] is None else f"\nrun: {{control_period: {facts['control_period']:g}}}"
-    say(f"\nIn a config:\n\nchain: {name}{period}")
+    say("\n" if also_arm else _in_a_config([f"chain: {name}"], _period_of(name)))
+
+
+def _period_of(chain: str) -> list[str]:
+    """Return the control period of a chain as a key of ``run``; nothing where it has none."""
+    from torquebench.chain import ABOUT
+
+    period = ABOUT[chain].control_period if chain in ABOUT else None
+    return [] if period is None else [f"control_period: {period:g}"]
+
+
+def _in_a_config(lines: Sequence[str], run: Sequence[str]) -> str:
+    """Return lines for a config, and keys of ``run`` as one line, for a key may be there once."""
+    return "\n".join(["\nIn a config:\n", *lines, *([f"run: {{{', '.join(run)}}}"] if run else [])])
 
 
 def value_text(value: Any, unit: str) -> str:
@@ -182,11 +194,10 @@ def show(name: str, plugin: Sequence[Path]) -> int:
 
     for file in plugin:
         load_plugin(file)
+    is_arm = bool(name in model_names() or described_arm(name))
     if name in CHAINS:
-        _show_chain(name)
-    if name in model_names() or described_arm(name):
-        if name in CHAINS:
-            say("\n")
+        _show_chain(name, also_arm=is_arm)
+    if is_arm:
         return _show_arm(name, name)
     if name in CHAINS:
         return 0
@@ -249,8 +260,11 @@ def _show_arm(source: str | Path, name: str) -> int:
     say("\n" + table(["number", "where it is from"], sources, left=2, prose=True))
     for text in facts.remarks:
         say(f"\n{text}")
-    begin = "".join(f"\nrun: {{initial_q: key:{key}}}" for key in facts.keyframes[:1])
-    say(f"\nIn a config:\n\nplant: {{model: {name}}}{begin}", fold=False)
+    from torquebench.chain import CHAINS
+
+    chain = [f"chain: {name}"] * (name in CHAINS)
+    begin = [*_period_of(name), *(f"initial_q: key:{key}" for key in facts.keyframes[:1])]
+    say(_in_a_config([*chain, f"plant: {{model: {name}}}"], begin), fold=False)
     return 0
 
 

@@ -7,12 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Number, argument, option, plugins, refuse, suggest
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell, warn
 from torquebench.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
+    from torquebench.experiment.controllers import Controller
     from torquebench.experiment.schema import Experiment
     from torquebench.preflight import Finding, Report
 
@@ -101,13 +104,17 @@ def preflight(
                 "layer": report.layer,
                 "margins": None if report.margins is None else report.margins.to_json() | {"where": report.where},
                 "margins_left": None if report.left is None else report.left.to_json(),
+                "calmer_share": report.calmer,
+                "margins_left_by_calmer": None if report.calmer_left is None else report.calmer_left.to_json(),
                 "margins_left_by_layer": None if report.layer_left is None else report.layer_left.to_json(),
             }
             for report in reports
         ],
     )
     joints = load_model(experiments[0].plant.model).joint_names
-    say("\n\n".join(_text(report, robot, joints) for report in reports))
+    tried = [keys for experiment in experiments for keys in experiment.controllers]
+    texts = (_text(report, robot, joints, keys, bool(names)) for report, keys in zip(reports, tried, strict=True))
+    say("\n\n".join(texts))
     for remark in rate_remarks(CHAINS[chain], experiments[0].run.control_period):
         warn(remark)
     return 0 if passed else 1
@@ -143,8 +150,26 @@ def _numbers(gains: tuple[str, ...]) -> tuple[dict[str, float | list[float]], li
     return found, problems
 
 
-def _text(report: Report, robot: str, joints: Sequence[str]) -> str:
-    """Return a row of dots for each motion, a bar for each limit, then what was found and what to change."""
+def _typed(keys: Controller, names: Sequence[str], share: float, as_gain: bool) -> str:
+    """Return a share of some gains as ``--gain`` takes it, else as a config has it."""
+    from torquebench.diagnosis.parts import as_yaml, with_share
+
+    made = {name: as_yaml(with_share(keys, names, share).gains[name]) for name in names if np.any(keys.gains[name])}
+    if as_gain:
+        return " ".join(f"--gain {name}={value.strip('[]').replace(' ', '')}" for name, value in made.items())
+    return ", ".join(f"controllers.{keys.name}.gains.{name}: {value}" for name, value in made.items())
+
+
+def _text(report: Report, robot: str, joints: Sequence[str], keys: Controller, as_gain: bool) -> str:
+    """Return a row of dots for each motion, a bar for each limit, then what was found and what to change.
+
+    Args:
+        report: What came of the controller.
+        robot: Name of the arm.
+        joints: Names of its joints.
+        keys: The controller.
+        as_gain: Whether gains are said as ``--gain`` takes them.
+    """
     from torquebench.preflight import REMEDIES
 
     refused = {finding.flight for finding in report.findings}
@@ -183,7 +208,11 @@ def _text(report: Report, robot: str, joints: Sequence[str]) -> str:
     ]
     lines += ["", str(table(["reason", "joint", "at", "value", "limit", "unit", "in"], rows, left=2, prose=True)), ""]
     gains = ", ".join(report.scaled)
-    passes = [(f"{100.0 * report.share:.2g} % of {gains}", report.left)] if report.share is not None else []
+    passes = [
+        (f"{100.0 * share:.2g} % of {gains}, {_typed(keys, report.scaled, share, as_gain)},", left)
+        for share, left in ((report.share, report.left), (report.calmer, report.calmer_left))
+        if share is not None
+    ]
     passes += [(report.layer, report.layer_left)] if report.layer else []
     for what, left in passes:
         lines.append(str(good(f"{what} would pass")) + (f": {left.words(joints)}" if left is not None else ""))

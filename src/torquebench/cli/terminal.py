@@ -356,6 +356,8 @@ class Bar:
 class Log(Bar):
     """Progress where standard error is a file or a pipe: a line now and then, with what is done and what is left.
 
+    The time left is told from the second unit on, for ahead of the first laws are compiled.
+
     Args:
         total: Number of units of work, when it is known.
         unit: What one unit is called.
@@ -365,12 +367,15 @@ class Log(Bar):
 
     def __init__(self, total: float | None, unit: str, what: str, done: float) -> None:
         super().__init__(total=total)
-        self._unit, self._what, self._done, self._before = unit, what, done, done
+        self._unit, self._what, self._done = unit, what, done
         self._begun = self._told = time.monotonic()
+        self._first: tuple[float, float] | None = None
 
     def update(self, n: float = 1) -> None:
         """Advance by `n`."""
         self._done += n
+        if self._first is None and n > 0:
+            self._first = time.monotonic(), self._done
         self._tell()
 
     def describe(self, text: str) -> None:
@@ -382,11 +387,13 @@ class Log(Bar):
         now = time.monotonic()
         if now - self._told < EVERY:
             return
-        self._told, passed, ran = now, now - self._begun, self._done - self._before
+        self._told, passed = now, now - self._begun
         whole = f" of {self.total:,.0f}" if self.total else ""
         text = f"{self._what}: {self._done:,.0f}{whole} {self._unit}s, {timedelta(seconds=int(passed))} so far"
-        if self.total and ran > 0:
-            text += f", {timedelta(seconds=int(passed * max(self.total - self._done, 0.0) / ran))} left"
+        if self.total and self._first is not None and self._done > self._first[1]:
+            since, done = self._first
+            left = (now - since) * max(self.total - self._done, 0.0) / (self._done - done)
+            text += f", {timedelta(seconds=int(left))} left"
         complain(text)
 
 

@@ -65,7 +65,7 @@ def why(
         experiment = read_run(source, "why", read_result).experiment
     else:
         experiment = load_experiment(source, overrides, allow_outside)
-    with progress_bar(0, "run", "starting") as bar:
+    with progress_bar(0, "run", "starting (compiles on first use)") as bar:
         found = diagnose(experiment, controller, following(bar))
     changes = found.remedy.settings
     given = [word for text in (*overrides, *changes) for word in ("--set", text)]

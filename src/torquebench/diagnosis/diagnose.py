@@ -165,14 +165,16 @@ class Diagnosis:
 
         It is one for the first symptom, if there is one. What cures comes before what leaves some of it, and what
         leaves less before what leaves more; then what leaves more of a phase margin, up to `ENOUGH`, or of which none
-        is known. Of equals, a law that shakes has its gains changed first, else the cause is cured.
+        is known. Against shaking, what was tried and cures comes before words. Of equals, a law that shakes has its
+        gains changed first, else the cause is cured.
         """
         remedies = [cause.remedy for cause in self.causes if cause.symptom == self.symptoms[0]]
         shakes = self.symptoms[:1] in (("shakes",), ("fails",))
         filters = any("velocity_filter" in text for one in remedies[:1] for text in one.settings)
         found = [*self.cures, *remedies] if shakes and not filters else [*remedies, *self.cures]
         told = [one for one in found if one.text] or [cause.remedy for cause in self.causes if cause.remedy.text]
-        return max(told, key=_worth, default=Remedy())
+        tried = [one for one in told if one.cures and one.settings] if shakes else []
+        return max(tried or told, key=_worth, default=Remedy())
 
     @property
     def advice(self) -> str:
@@ -650,7 +652,15 @@ class _Search:
         return tuple(found)
 
     def _other_gains(self, kind: Kind) -> Iterator[Variant]:
-        """Yield smaller gains, or larger ones against errors, and then smaller ones where the motion is lost."""
+        """Yield smaller gains, or larger ones against errors, and then smaller ones where the motion is lost.
+
+        A damper on the velocity, which lags a motion, is put on the velocity's error before.
+        """
+        damping = find_law(self.keys.law).options.get("damping")
+        if kind == "errs" and damping and "velocity-error" in damping.values:
+            made = replace(self.keys, options={**self.keys.options, "damping": "velocity-error"})
+            if made != self.keys:
+                yield Variant(self._with(made), f"controllers.{self.keys.name}.damping: velocity-error")
         lost = SOFTER if self.whole.size("errs") >= LOST else ()
         for factor in (*STIFFER, *lost) if kind == "errs" else SOFTER:
             made = with_share(self.keys, strengths(self.keys), factor)

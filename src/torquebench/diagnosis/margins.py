@@ -107,7 +107,11 @@ class Margins:
     def costs(self) -> str:
         """What costs phase at the crossover, the most first, and whose it is; empty where nothing does."""
         most = sorted(self.lost, key=lambda name: -self.lost[name])
-        words = (f"{name.replace('_', ' ')} {self.lost[name]:.0f} deg ({OWNERS[self.owners[name]]})" for name in most)
+        called = {"velocity": "estimating velocity"}
+        words = (
+            f"{called.get(name, name.replace('_', ' '))} {self.lost[name]:.0f} deg ({OWNERS[self.owners[name]]})"
+            for name in most
+        )
         return f"phase lost there to {', '.join(words)}" if most else ""
 
     @property

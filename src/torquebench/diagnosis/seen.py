@@ -21,8 +21,9 @@ GROWTH = 2.0
 """Times the torque above the corner in the first half of a window that a run has in the second if it grows [1]."""
 GONE = 2.0
 """Error, as a share of the motion, of a joint that has run away [1]."""
-LEAST = 1e-9
-"""Share of the largest torque that is rounding [1], and error [rad]."""
+LITTLE = 1e-5
+"""Growth that says nothing of the loop, for what hold and motion leave varies by as much: of torque as a share of the
+largest torque [1], and of an error [rad]."""
 STILL, AWAY = 0.02, 0.2
 """Speeds below which a joint stands, and beyond which it has broken away, as shares of its fastest [1]."""
 
@@ -149,12 +150,12 @@ def grows(run: Trajectory, since: float, corner: float) -> tuple[bool, bool]:
     def more(first: Array, second: Array, least: float) -> bool:
         return bool(np.any(second > GROWTH * first + least))
 
-    shakes = more(fast(tau[:half]), fast(tau[-half:]), LEAST * half * float(np.max(np.abs(tau))))
+    shakes = more(fast(tau[:half]), fast(tau[-half:]), LITTLE * half * float(np.max(np.abs(tau))))
     away = e - np.mean(e, axis=0)  # of the whole window: half of a swing may be its crest, which varies little
     first, second = (np.sqrt(np.mean(np.square(part), axis=0)) for part in (away[:half], away[-half:]))
     quarters = [np.std(part, axis=0) for part in np.array_split(e, 4)]  # what creeps away has no crest
-    creeps = [after > math.sqrt(GROWTH) * before + LEAST for before, after in itertools.pairwise(quarters)]
-    return shakes, more(first, second, LEAST) or bool(np.any(np.all(creeps, axis=0)))
+    creeps = [after > math.sqrt(GROWTH) * before + LITTLE for before, after in itertools.pairwise(quarters)]
+    return shakes, more(first, second, LITTLE) or bool(np.any(np.all(creeps, axis=0)))
 
 
 def slips(run: Trajectory, since: float, joint: int) -> float:

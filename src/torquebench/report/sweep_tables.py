@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from torquebench.experiment.reference import unit_of
 from torquebench.experiment.sweep_section import in_words
 from torquebench.metrics import METRICS
 from torquebench.report.tables import Cells
@@ -238,7 +239,9 @@ def border_table(table: Table) -> Cells:
     known = [x.border for x in found.values() if math.isfinite(x.border)]
     least, most = (min(known), max(known)) if known else (1.0, 1.0)
     short = short_names((along, *apart))
-    header = ["controller", *(short[key] for key in apart), f"{short[along]}:", *map(value_text, places)]
+    unit = unit_of(along)
+    named = short[along] if unit in (None, "1") else f"{short[along]} [{unit}]"
+    header = ["controller", *(short[key] for key in apart), f"{named}:", *map(value_text, places)]
     rows = []
     for own in dict.fromkeys(at[:-1] for at in found):
         levels = [found.get((*own, x)) for x in places]
