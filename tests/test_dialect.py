@@ -157,7 +157,13 @@ COMPILER = {
 }
 
 
-@pytest.mark.parametrize("body", COMPILER)
+AT_ONCE = ("tau[0] = q", "tau[0] = gains.lamb[0]", "fill(q)", "x = gains if t > 1.0 else memory")
+"""One for each of the compiler's reasons; the others are tried with -m slow."""
+
+
+@pytest.mark.parametrize(
+    "body", [pytest.param(body, marks=[pytest.mark.slow] * (body not in AT_ONCE)) for body in COMPILER]
+)
 @pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
 def test_the_compiler_refuses_the_rest(body: str, tmp_path: Path) -> None:
     """What a whitelist cannot see, types and attributes, the compiler does; its message is one line, with the place."""

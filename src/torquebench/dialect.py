@@ -264,8 +264,9 @@ def _read(function: FunctionType, is_law: bool, seen: set[FunctionType]) -> Iter
             yield Complaint(call.lineno, what, "move it here: changes in the other file would not be noticed")
 
 
-def _without_value(function: FunctionType) -> Iterator[Complaint]:
-    """Yield the first variable that may be read too early, by numba: there Python raises, and compiled code goes on."""
+@lru_cache(maxsize=256)
+def _without_value(function: FunctionType) -> tuple[Complaint, ...]:
+    """Return the first variable that may be read too early, says numba: there Python raises, compiled code goes on."""
     kept, config.ALWAYS_WARN_UNINIT_VAR = config.ALWAYS_WARN_UNINIT_VAR, 1
     try:
         with warnings.catch_warnings():
@@ -276,9 +277,10 @@ def _without_value(function: FunctionType) -> Iterator[Complaint]:
         if is_unset:  # compiling tells of the others
             name = getattr(error, "name", str(error.msg).rpartition(" ")[2])
             what = f"{name} may not have a value yet"
-            yield Complaint(error.loc.line, what, "give it one before the branch or the loop")
+            return (Complaint(error.loc.line, what, "give it one before the branch or the loop"),)
     finally:
         config.ALWAYS_WARN_UNINIT_VAR = kept
+    return ()
 
 
 class _Reader:
@@ -326,11 +328,10 @@ class _Reader:
 
     def read(self, node: Any) -> None:
         """Check a statement or an expression, and what it is made of, against the whitelist."""
-        text = ast.unparse(node).split("\n")[0].rstrip(":")[:60]
         operators = [*getattr(node, "ops", ()), *([node.op] if hasattr(node, "op") else ())]
         for name in [type(x).__name__ for x in (node, *operators) if not isinstance(x, ALLOWED)]:
             cure = CURES.get(name.removeprefix("Not"), "use arithmetic, if, for, while and calls of kernels")
-            self.complain(node, text, cure, STATE if name in ("Global", "Nonlocal") else FORM)
+            self.complain(node, _text_of(node), cure, STATE if name in ("Global", "Nonlocal") else FORM)
         if not isinstance(node, ALLOWED):
             return
         parts: list[ast.AST] = [x for x in ast.iter_child_nodes(node) if isinstance(x, ast.expr | ast.stmt)]
@@ -344,30 +345,32 @@ class _Reader:
                     self.assign(node.target, node.value)
             case ast.AugAssign(target=ast.Name(id=name)):
                 if not all(place.endswith("[]") for place in self.places(node.target)):
-                    self.complain(node, f"{text}, which changes a whole array", f"write {name}[i], or {name} = ...")
+                    what = f"{_text_of(node)}, which changes a whole array"
+                    self.complain(node, what, f"write {name}[i], or {name} = ...")
             case ast.For() if not (isinstance(node.iter, ast.Call) and self.meaning(node.iter.func) is range):
                 self.complain(node.iter, ast.unparse(node.iter), "write for i in range(len(tau))")
             case ast.Return(value=ast.expr()) if self.is_law:
                 cure = "fill tau[i] in a loop; an array that is returned is allocated at every call"
                 self.complain(node, "a value is returned", cure)
             case ast.Subscript() if any(isinstance(x, ast.Slice) for x in ast.walk(node.slice)):
-                self.complain(node, text, LOOP)
+                self.complain(node, _text_of(node), LOOP)
                 parts = [node.value]
             case ast.Subscript(ctx=ast.Store()):
                 self.stored.append(node)
             case ast.Constant() if type(node.value) not in NUMBERS:
-                self.complain(node, f"the constant {text}", "compute with numbers only")
+                self.complain(node, f"the constant {_text_of(node)}", "compute with numbers only")
             case ast.Call():
                 self.check_call(node, ast.unparse(node.func))
                 parts = [*_beneath(node.func), *node.args]
             case ast.Attribute(ctx=ast.Store()):
+                text = _text_of(node)
                 cure = f"write to the elements, {text}[i] = ..."
                 self.complain(node, f"the attribute {text} is assigned", cure, INPUTS)
-            case ast.Name(ctx=ast.Store()) if self.is_law and text in self.parameters and text != "t":
-                cure = "fill tau[i], element by element" if text == "tau" else "take another name"
-                self.complain(node, f"{text} = ... only rebinds the name", cure, INPUTS)
+            case ast.Name(id=name, ctx=ast.Store()) if self.is_law and name in self.parameters and name != "t":
+                cure = "fill tau[i], element by element" if name == "tau" else "take another name"
+                self.complain(node, f"{name} = ... only rebinds the name", cure, INPUTS)
             case ast.Name(ctx=ast.Load()) | ast.Attribute():
-                self.check_name(node, text)
+                self.check_name(node, _text_of(node))
                 parts = [*_beneath(node)]
         if isinstance(getattr(node, "op", None), ast.Div | ast.FloorDiv | ast.Mod):
             if getattr(self.function, "is_inline", False):  # copied into a law, it would raise there
@@ -406,7 +409,7 @@ class _Reader:
             if home not in ("math", "numpy", "torquebench"):
                 self.complain(node, f"{text}, a number of another file", f"from {home} import {name}", STATE)
         elif type(value) in NUMBERS:
-            if any(name in x.names for x in ast.walk(module_of(self.function)) if isinstance(x, ast.Global)):
+            if name in _changed_in(module_of(self.function)):
                 self.complain(node, f"{text}, which changes", STATE_CURE, STATE)
             elif not text.isupper():
                 self.complain(node, f"the global {text}", f"call it {text.upper()}, as a constant is", STATE)
@@ -519,8 +522,14 @@ def _handed(kernel: FunctionType, known: dict[Any, set[str]]) -> set[str]:
     return known[kernel]
 
 
+_OWN: Final[dict[Any, set[str]]] = {}
+"""What kernels of the package write to, as far as a law has asked."""
+
+
 def _written(kernel: FunctionType, known: dict[Any, set[str]]) -> set[str]:
     """Return the parameters of a kernel, or fields of them, that it writes to."""
+    if kernel.__module__.startswith("torquebench."):
+        known = _OWN
     if kernel not in known:
         known[kernel] = set()  # one that calls itself
         node = definition(kernel)
@@ -629,14 +638,28 @@ def _tree_of(text: str) -> ast.Module:
         return ast.Module([], [])
 
 
+@lru_cache(maxsize=256)
+def _changed_in(tree: ast.Module) -> frozenset[str]:
+    """Return the names of a file that a function of it declares global."""
+    return frozenset(name for node in ast.walk(tree) if isinstance(node, ast.Global) for name in node.names)
+
+
+@lru_cache(maxsize=256)
+def _definitions(tree: ast.Module) -> dict[tuple[str, int], ast.FunctionDef]:
+    """Return the functions of a file, at any depth: name and first line, decorators included -> definition."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return {(x.name, min([x.lineno, *(d.lineno for d in x.decorator_list)])): x for x in reversed(functions)}
+
+
 def definition(function: FunctionType) -> ast.FunctionDef | None:
     """Return a function's definition in the text of its file; None where that is not at hand."""
     code = function.__code__
-    for node in ast.walk(module_of(function)):
-        if isinstance(node, ast.FunctionDef) and node.name == code.co_name:
-            if min([node.lineno, *(x.lineno for x in node.decorator_list)]) == code.co_firstlineno:
-                return node
-    return None
+    return _definitions(module_of(function)).get((code.co_name, code.co_firstlineno))
+
+
+def _text_of(node: ast.AST) -> str:
+    """Return the beginning of what stands there, for a message."""
+    return ast.unparse(node).split("\n")[0].rstrip(":")[:60]
 
 
 def _root(node: ast.expr) -> ast.expr:

@@ -52,7 +52,7 @@ def breaks(gains, model, t, q, qd, ref, memory, tau):
 '''
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browse(tmp_path_factory):
     """Open tabs of a browser with WebGL, or without; skip where there is no browser, but fail where it is required."""
     if chromium.program() is None:

@@ -167,6 +167,9 @@ def test_curves_are_scikit_fuzzys() -> None:
     assert got == pytest.approx(np.column_stack(wanted), abs=1e-13)
 
 
+SLOW = pytest.mark.slow
+
+
 def curved(conjunction: str = "min", sugeno: bool = False, **operators: Any) -> FuzzySystem:
     """Return a system with every shape on both sides, open rules and one with OR."""
     variable = Variable.of(CURVES)
@@ -179,8 +182,15 @@ def curved(conjunction: str = "min", sugeno: bool = False, **operators: Any) -> 
     return FuzzySystem("curved", (variable, variable), output, tuple(rules), conjunction, **operators)
 
 
-@pytest.mark.parametrize("conjunction", ["min", "product"])
-@pytest.mark.parametrize("sugeno", [False, True])
+@pytest.mark.parametrize(
+    ("conjunction", "sugeno"),
+    [
+        ("min", False),
+        ("product", True),
+        pytest.param("min", True, marks=SLOW),
+        pytest.param("product", False, marks=SLOW),
+    ],
+)
 def test_beside_scikit_fuzzy(conjunction: str, sugeno: bool) -> None:
     """Curves, OR and open inputs: the loop's own evaluation is within its bound of what scikit-fuzzy says."""
     prepared = prepare(curved(conjunction, sugeno))

@@ -84,7 +84,8 @@ def plain_form(law: str) -> tuple[tuple[str, str | bool], ...]:
     return tuple((key, option.values[0]) for key, option in find_law(law).options.items())
 
 
-def variants() -> list[Variant]:
+@cache
+def variants() -> tuple[Variant, ...]:
     """Return every registered law: as it is, with every choice of each option alone, and with those of `TOGETHER`.
 
     All combinations would be a hundred and more of one law alone; `tests/laws` calls each of them once.
@@ -96,7 +97,7 @@ def variants() -> list[Variant]:
         changes = [{key: value} for key, option in law.options.items() for value in option.values[1:]]
         forms = [plain | change for change in ({}, *changes, *TOGETHER.get(name, ()))]
         found += [Variant(name, tuple(form.items()), None) for form in forms]
-    return found + [Variant(RULED, plain_form(RULED), system) for system in BUILTIN if system != DEFAULT]
+    return (*found, *(Variant(RULED, plain_form(RULED), system) for system in BUILTIN if system != DEFAULT))
 
 
 ARMS: dict[str, tuple[Any, Any]] = {

@@ -1,4 +1,4 @@
-"""Shards on a Dask cluster of three worker processes: the bytes are those of any other executor, whatever happens.
+"""Shards on a Dask cluster of two worker processes: the bytes are those of any other executor, whatever happens.
 
 All tests share one cluster, which takes seconds to start.
 """
@@ -34,13 +34,13 @@ from torquebench.sweep.folder import StoredSweep
 from torquebench.sweep.plan import Plan
 from torquebench.sweep.worker import Task, Worker
 
-WORKERS = 3
+WORKERS = 2
 PLAN = plan_of(SMALL)
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:
-    """Three worker processes of one thread on the loopback interface."""
+    """Two worker processes of one thread on the loopback interface."""
     with open_cluster(f"local:{WORKERS}") as found:
         yield found
 
@@ -105,7 +105,7 @@ def test_tables_are_equal_in_every_byte_whoever_makes_them(folder, address, comm
     ):
         status, out, err = command("small.yaml", "--out", name, *kept, *how)
         assert (status, err) == (0, ""), err
-    assert f"cluster {address}, 3 workers with 3 threads" in out
+    assert f"cluster {address}, 2 workers with 2 threads" in out
     assert results("a") == results("b") == results("c")
     assert {"results.npz", "results.csv", "trajectories/23-sign.npz"} <= set(results("c"))
 
@@ -213,7 +213,7 @@ def test_workers_with_other_software_are_refused(folder, cluster, address, comma
 
 
 def test_the_one_worker_that_differs_is_named(cluster):
-    """One of the three has other source, and is busy, so that Dask would rather ask another: it is refused."""
+    """One of the two has other source, and is busy, so that Dask would rather ask another: it is refused."""
     client = default_client()
     name = next(iter(client.nthreads()))
 

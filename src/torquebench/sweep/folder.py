@@ -250,7 +250,9 @@ def facts_of(plan: Plan, shard_size: int) -> Facts:
     decides = made_of | {"first": plain(first), "sweep": plan.keys.plain(), "shard_size": shard_size}
     text = json.dumps(decides, sort_keys=True, separators=(",", ":"))
     facts = Facts(
-        **made_of,
+        software=made_of["software"],
+        plugins=made_of["plugins"],
+        model_files=made_of["model_files"],
         format=FORMAT,
         name=first.name,
         cases=plan.cases,

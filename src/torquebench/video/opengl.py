@@ -66,11 +66,20 @@ def candidates(gl: str | None) -> tuple[str, ...]:
     return (word, *(name for name in native if name != word)) if word else native
 
 
+_DRAW: dict[str, Backend] = {}
+"""Those that drew a ball for this process; they are not tried again."""
+
+
 def probe(name: str) -> Backend:
-    """Try one back end."""
+    """Try one back end, once a process if it draws."""
+    if name in _DRAW:
+        return _DRAW[name]
     try:
         renderer, why = next(answers("torquebench.video.opengl", None, name, TIMEOUT))
-        return Backend(name, why, renderer)
+        found = Backend(name, why, renderer)
+        if found.ok:
+            _DRAW[name] = found
+        return found
     except CrashedError as error:
         return Backend(name, f"its trial {error}")
 
