@@ -65,6 +65,7 @@ BAD_OVERRIDES = [
     ("controllers={}", "controllers", "got an empty mapping, wanted a list of those to run, such as ["),
     ("run.duration.x=1", "run.duration.x", "run.duration is not a mapping"),
     ("run[0]=1", "run[0]", "run is not a list"),
+    ("run.initial_q[1]=1", "run.initial_q[1]", "run.initial_q is not a list, give it as one"),
     ("run.duration", "", "KEY=VALUE"),
     ("=3", "", "KEY=VALUE"),
     ("", "", "KEY=VALUE"),

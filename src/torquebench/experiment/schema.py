@@ -235,7 +235,10 @@ class Experiment:
     ] = field(default_factory=dict)
     reference: Annotated[
         Any,
-        Key("Desired motion; starts at zero unless run.initial_q is a keyframe, or it has an origin"),
+        Key(
+            "Desired motion, such as {kind: sine, amplitude: 0.3, frequency_hz: 0.5}; starts at zero unless "
+            "run.initial_q is a keyframe, or it has an origin"
+        ),
         OneOf(REFERENCES, "Form of the desired motion."),
     ]
     chain: Annotated[

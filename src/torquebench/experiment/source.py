@@ -475,7 +475,10 @@ def _refusal(node: Any, path: KeyPath, part: str | int) -> tuple[str, str]:
     """Return why a key cannot be set, and the nearest name that could."""
     parent = dotted(path)
     if not isinstance(node, list):
-        return f"{parent} is not a {'mapping' if isinstance(part, str) else 'list'}", ""
+        if isinstance(part, str):
+            return f"{parent} is not a mapping", ""
+        hint = "" if isinstance(node, dict) else ", give it as one to change one of its numbers"
+        return f"{parent} is not a list{hint}", ""
     has = f"{parent} has {len(node)} item{'s' * (len(node) != 1)}, counted from 0"
     if isinstance(part, int):
         return has, ""

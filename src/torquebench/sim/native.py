@@ -269,7 +269,9 @@ OFTEN = 120_000
 """Steps of one short command after the other, after which a law is compiled: whoever repeats them has waited longer."""
 QUICKER = "for so few steps interpreting takes less time than compiling"
 """Reason of `reason_to_interpret` that is a choice, and no obstacle."""
-COMPILING = "short runs of this law have been interpreted for as long as compiling it takes: compiling it, once"
+COMPILING = (
+    "this law was interpreted, as few short runs need no compiling; now that there are more it is compiled, once"
+)
 """What is said when runs go over to the compiled path."""
 
 

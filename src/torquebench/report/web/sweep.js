@@ -121,7 +121,7 @@ function draw() { const all = choices(); drawTable(all); drawFront(all); return 
 
 const varied = keys.map((key, k) => [key, k]).filter(([key]) => key.words.length > 1);
 at("controls").replaceChildren(...(PAIR.length === 2 ? [CHATTERING, ERROR].map(limitOf) : []),
-  ...varied.map(([key, k]) => select(key.name, [[`worst of ${key.words.length}`, "worst"], ["each by itself", "each"], ...key.words.map((own, i) => [own, i])], roles[k], (role) => { roles[k] = role; })),
+  ...varied.map(([key, k]) => select(key.name.replaceAll("_", "_\u200b"), [[`worst of ${key.words.length}`, "worst"], ["each by itself", "each"], ...key.words.map((own, i) => [own, i])], roles[k], (role) => { roles[k] = role; })),
   select("colour", [["law", -1], ...varied.map(([key, k]) => [key.name, k])], hue, (own) => { hue = own; }), select("rows", [20, 100, 1000, Infinity].map((own) => [own === Infinity ? "all" : String(own), own]), most, (own) => { most = own; }));
 draw().slice(0, 1).forEach(choose);
 new ResizeObserver(() => requestAnimationFrame(draw)).observe(at("front").parentNode);
