@@ -130,6 +130,7 @@ MUTATED: dict[str, list[str]] = {
         "tests/robot/test_structure.py",
         "tests/robot/test_agreement.py",
         "tests/test_certificates.py::test_coriolis_force_makes_the_energy_balance",
+        "-k not wrist_moving and not torus",
     ],
     "robot/rigid_body.py": ["tests/robot/test_agreement.py"],
     "certificates.py": ["tests/test_certificates.py"],
