@@ -133,7 +133,10 @@ MUTATED: dict[str, list[str]] = {
         "-k not wrist_moving and not torus",
     ],
     "robot/rigid_body.py": ["tests/robot/test_agreement.py"],
-    "certificates.py": ["tests/test_certificates.py"],
+    "certificates.py": [
+        "tests/test_certificates.py",
+        "-k not config and not paper and not example and not before_the_run",
+    ],
     "references/quintic.py": ["tests/test_references.py"],
     "references/ramp.py": ["tests/test_references.py"],
     "references/sine.py": ["tests/test_references.py"],
