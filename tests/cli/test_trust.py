@@ -43,7 +43,7 @@ def made_up(monkeypatch):
 
 
 def test_what_gives_way_is_counted_and_told(made_up, command, tmp_path):
-    """Status 1, the first findings in words, tries and wrong ones counted; an attack that raises has shown nothing."""
+    """Status 1, first findings in words, tries and wrong ones counted; one that raises or tries nothing is no proof."""
     page = tmp_path / "trust.md"
     status, out, _ = command("trust", "--page", str(page))
     assert status == 1
@@ -52,7 +52,7 @@ def test_what_gives_way_is_counted_and_told(made_up, command, tmp_path):
     text = page.read_text()
     assert "| `thirds` | Nothing gives way. | Every third | 9 | 3 |" in text
     assert "| `raises` | Nothing raises. | By raising | 2 | 1 |" in text
-    assert "| `absent` | Nothing is missing. | Not at all | no such program | 0 |" in text
+    assert "| `absent` | Nothing is missing. | Not at all | no such program | - |" in text
     assert command("trust", "--only", "absent")[0] == 0
 
 

@@ -73,7 +73,8 @@ Node = list[Any]
 def attack_configs(shop: Workshop, tries: int) -> Iterator[str]:
     """Shipped configs with nodes and bytes exchanged, removed, multiplied, nested, retyped, scaled.
 
-    One in forty that is accepted is run for 50 ms of its time.
+    Some ask for `touch pwned`. One try in forty is run for 50 ms of its time, if it is accepted. How long it takes to
+    refuse a tool's path is not judged: it is turned into joint motions first.
     """
     bases = [(file.name, file.read_text(encoding="utf-8"), file) for file in configs().values()]
     trees = [_tree(yaml.compose(text)) for _, text, _ in bases]
@@ -85,12 +86,13 @@ def attack_configs(shop: Workshop, tries: int) -> Iterator[str]:
         name, text, file = bases[chosen]
         mutant = _mutant(shop.random, text, copy.deepcopy(trees[chosen]), pool)
         found, experiment = _read(mutant, file)
-        # a path of the tool is turned into joint motions before it can be refused
         hurried = not found and experiment is None and b"tool-" not in mutant
         if hurried:
             found = _slow(lambda m=mutant, f=file: _read(m, f))
         if not found and experiment is not None and number % 40 == 0:
             found = _run(mutant, str(file))
+        if Path("pwned").exists():
+            found = "code was run"
         yield f"{name}, try {number}: {found}" if found else ""
 
 
@@ -345,7 +347,12 @@ ATTRIBUTES = (
 TAGS = "include plugin freejoint frame inertial site flexcomp composite size tendon equality".split()
 
 
-@row("arms", "An MJCF file is refused in words, or both plants are finite on it and agree.", ci=60, release=2000)
+@row(
+    "arms",
+    "An MJCF file is refused in words, or both plants are finite on it, with one mass matrix.",
+    ci=60,
+    release=2000,
+)
 def attack_arms(shop: Workshop, tries: int) -> Iterator[str]:
     """Shipped arms with elements and attributes exchanged, removed, multiplied, and bytes altered, each in a child."""
     bases = [ElementTree.parse(path).getroot() for path in sorted((data_root() / "models").glob("*/*.xml"))]

@@ -25,7 +25,12 @@ from torquebench.sim.trajectory import Trajectory
 PERIOD = 0.001
 
 
-@row("closed-forms", "Metrics of signals with known figures are those figures.", ci=40, release=2000)
+@row(
+    "closed-forms",
+    "Metrics of signals with known figures are those figures, to round-off or to what sampling leaves open.",
+    ci=40,
+    release=2000,
+)
 def attack_metrics(shop: Workshop, tries: int) -> Iterator[str]:
     """Sines of random amplitude, of whole periods in the window, as error and torque, some of it above the limit.
 
@@ -94,7 +99,11 @@ def attack_dynamics(shop: Workshop, tries: int) -> Iterator[str]:
             "Pinocchio": np.array([pinocchio.rnea(other, data, *state).copy() for state in zip(*states, strict=True)]),
         }
         masses = arm.mass_matrix(states[0])
-        mass = {"MuJoCo": theirs.mass_matrix(states[0])}
+        upper = (np.triu(pinocchio.crba(other, data, q)) for q in states[0])
+        mass = {
+            "MuJoCo": theirs.mass_matrix(states[0]),
+            "Pinocchio": np.array([half + np.triu(half, 1).T for half in upper]),
+        }
         for i in range(count):
             apart = {f"{side}, torque": _apart(ours[i], x[i]) for side, x in sides.items()}
             apart |= {f"{side}, mass": _apart(masses[i], x[i]) for side, x in mass.items()}
@@ -109,17 +118,25 @@ def _apart(a: Any, b: Any) -> float:
 MUTATED: dict[str, list[str]] = {
     "metrics/errors.py": ["tests/metrics/test_metrics.py"],
     "metrics/torque.py": ["tests/metrics/test_formulas.py"],
-    "metrics/chattering.py": ["tests/metrics/test_chattering.py", "tests/metrics/test_formulas.py"],
+    "metrics/chattering.py": [
+        "tests/metrics/test_chattering.py",
+        "tests/metrics/test_formulas.py",
+        "-k not slow_chain and not page and not limited_rate and not linear_law",
+    ],
     "metrics/step_response.py": ["tests/metrics/test_formulas.py"],
     "statistics.py": ["tests/test_statistics.py"],
     "arena/ranking.py": ["tests/arena/test_ranking.py"],
     "robot/dynamics.py": [
         "tests/robot/test_structure.py",
         "tests/robot/test_agreement.py",
-        "tests/test_certificates.py",
+        "tests/test_certificates.py::test_coriolis_force_makes_the_energy_balance",
+        "-k not wrist_moving and not torus",
     ],
     "robot/rigid_body.py": ["tests/robot/test_agreement.py"],
-    "certificates.py": ["tests/test_certificates.py"],
+    "certificates.py": [
+        "tests/test_certificates.py",
+        "-k not config and not paper and not example and not before_the_run",
+    ],
     "references/quintic.py": ["tests/test_references.py"],
     "references/ramp.py": ["tests/test_references.py"],
     "references/sine.py": ["tests/test_references.py"],
@@ -128,12 +145,16 @@ MUTATED: dict[str, list[str]] = {
     "disturbances/sinusoid.py": ["tests/test_disturbances.py"],
     "chain/sensors.py": ["tests/sim/test_sensors.py"],
     "chain/response.py": ["tests/sim/test_chain_response.py"],
-    "sim/friction.py": ["tests/sim/test_friction_curves.py", "tests/sim/test_friction.py"],
+    "sim/friction.py": [
+        "tests/sim/test_friction_curves.py",
+        "tests/sim/test_friction.py",
+        "-k not (alike or slip or mujoco or mj_step or energy_lost or order or puma or zero)",
+    ],
     "laws/parts.py": ["tests/laws/test_laws.py"],
     "laws/pd.py": ["tests/laws/test_laws.py"],
     "laws/sliding_mode.py": ["tests/laws/test_laws.py"],
-    "laws/super_twisting.py": ["tests/laws/test_laws.py", "tests/laws/test_sliding_modes.py"],
-    "laws/terminal_smc.py": ["tests/laws/test_sliding_modes.py"],
+    "laws/super_twisting.py": ["tests/laws/test_laws.py"],
+    "laws/terminal_smc.py": ["tests/laws/test_sliding_modes.py", "-k by_hand or are_the_equations"],
     "laws/disturbance_observer.py": ["tests/laws/test_observers.py"],
 }
 """File of the package -> the tests that must fail where it is wrong."""
@@ -144,7 +165,7 @@ SWAPPED |= {ast.Lt: ast.GtE, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.GtE: ast.Lt}
 @row(
     "mutants",
     "A sign, an operator or a comparison that is exchanged in a formula is found by the tests.",
-    ci=0,
+    ci=3,
     release=200,
 )
 def attack_tests(shop: Workshop, tries: int) -> Iterator[str]:
@@ -174,6 +195,7 @@ def _pass(checkout: Path, tests: list[str]) -> bool:
     """Return whether tests of a checkout pass; those that do not end are no pass."""
     words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]
     environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "TORQUEBENCH_DATA": str(checkout)}
+    environment |= {"NUMBA_DISABLE_JIT": "1"}  # the same source, without a minute's compiling for each mutant
     try:
         done = subprocess.run(words, cwd=checkout, env=environment, check=False, capture_output=True, timeout=900)
     except subprocess.TimeoutExpired:

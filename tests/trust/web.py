@@ -11,6 +11,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -125,12 +126,20 @@ LINK = re.compile(r"data:(,|image/svg\+xml;base64,.*|video/mp4;base64,.*)|#[\w-]
 """Where a page may lead: into itself, to what it carries, and to files of its folder."""
 LIVE = ("script", "foreignobject", "a", "iframe", "animate", "set")
 """Elements of a picture that could run, lead elsewhere, or hold a page."""
+CELL = "cell of a notebook.html"
+"""Name of a file with what a notebook shows; its page has no policy of ours."""
+SHOWN = {
+    "run": ("torquebench.results", "load_result"),
+    "sweep": ("torquebench.sweeps", "load_sweep"),
+    "audit": ("torquebench.audits", "read_audit"),
+}
+"""What a command leaves that a notebook can show -> who reads it."""
 OWN = {web_file(f"{name}.js") for name in ("libraries/uplot", "libraries/three", "page", "run", "sweep")}
 
 
 @row("web", "No text of a config, arm, plug-in or file becomes markup in a page; only its own scripts run.", 6, 500)
 def attack_pages(shop: Workshop, tries: int) -> Iterator[str]:
-    """Markup, quotes, links, templates as texts and as names of files and joints; what Chromium makes of each page."""
+    """Markup, quotes, links as texts and names of files and joints; what Chromium makes of pages and notebook cells."""
     sys.path.append(str(data_root()))
     from tests.browser import chromium
 
@@ -185,7 +194,21 @@ def _pages(shop: Workshop, kind: str, text: str) -> list[Path] | str:
         done = shop.command("report", out, other, "--plugin", plugin, "--out", page)
         return done.fault(0) or [page]
     pages = [folder / f"{name}.html"] if kind == "why" else [out / "report.html"]
+    if kind in SHOWN:
+        pages.append(folder / CELL)
+        process = shop.context.Process(target=_show, args=(kind, out, plugin, pages[-1]))
+        process.start()
+        process.join()
+        if process.exitcode:
+            return f"no notebook cell: exit status {process.exitcode}"
     return pages + sorted(out.glob("figures/*.svg"))
+
+
+def _show(kind: str, out: Path, plugin: Path, cell: Path) -> None:
+    """Write what a notebook shows of a stored result, in a process of its own, which the plug-in may change."""
+    module, name = SHOWN[kind]
+    shown = getattr(import_module(module), name)(out, () if kind == "audit" else (plugin,))
+    cell.write_text(shown._repr_html_(), encoding="utf-8")
 
 
 def looked_at(browser: Any, page: Path, said: str) -> str:
@@ -201,10 +224,16 @@ def looked_at(browser: Any, page: Path, said: str) -> str:
     ran, complaints = tab.value("typeof pwned"), list(tab.complaints)
     asked = [request for request in tab.requests if not request.startswith("data:") and request != page.as_uri()]
     tab.close()
-    found = _policed(frame)
+    found = _fragment(frame) if page.name == CELL else _policed(frame)
     if not found and (ran != "undefined" or complaints or asked):
         found = f"ran {ran}, complained {str(complaints)[:200]}, asked for {asked}"
     return f"{page.name}: {found}" if found else ""
+
+
+def _fragment(frame: Mapping[str, Any]) -> str:
+    """Return what is wrong with a cell: markup of the user's, a script, or a link."""
+    live = frame["marked"] or frame["scripts"] or frame["links"] or frame["comments"]
+    return f"markup: {frame['marked'][:2]}, scripts {frame['scripts'][:1]}, links {frame['links'][:2]}" if live else ""
 
 
 def _policed(frame: Mapping[str, Any]) -> str:
@@ -227,9 +256,7 @@ def _drawn(text: str) -> str:
     for element in ElementTree.fromstring(text).iter():
         tag = str(element.tag).rpartition("}")[2].lower()
         names = {name.rpartition("}")[2].lower(): value for name, value in element.attrib.items()}
-        if tag in ("script", "foreignobject", "a", "iframe", "animate", "set") or any(
-            x.startswith("on") for x in names
-        ):
+        if tag in LIVE or any(x.startswith("on") for x in names):
             return f"an element {tag} with {sorted(names)}"
         if not names.get("href", "#").startswith(("#", "data:image/png")):
             return f"a reference to {names['href'][:50]}"

@@ -45,7 +45,12 @@ def trust(size: str, only: tuple[str, ...], seed: int, page: Path | None) -> int
 def cells(row: dict[str, Any]) -> list[Any]:
     """Return a row of the terminal's table."""
     count = "left out" if row["left_out"] else f"{row['tried']:,}" if row["tried"] else "none in this size"
-    return [row["name"], row["left_out"] or row["promise"], count, (bad if row["wrong"] else good)(f"{row['wrong']:,}")]
+    return [row["name"], row["left_out"] or row["promise"], count, (bad if row["wrong"] else good)(_wrong(row))]
+
+
+def _wrong(row: dict[str, Any]) -> str:
+    """Return how many tries were wrong; of none that is no result, and no 0."""
+    return f"{row['wrong']:,}" if row["tried"] else "-"
 
 
 def as_markdown(rows: list[dict[str, Any]], size: str, seed: int) -> str:
@@ -58,13 +63,15 @@ def as_markdown(rows: list[dict[str, Any]], size: str, seed: int) -> str:
         "",
         f"Written by `torquebench trust --size {size} --seed {seed} --page docs/trust.md` on "
         f"{datetime.date.today().isoformat()}: torquebench {torquebench.__version__}, {here['system']}, "
-        f"{here['processor']}, {here['libc']}. The tests of each landing run some rows, smaller still.",
+        f"{here['processor']}, {here['libc']}. Every try is drawn from the seed; a try counts as wrong if the promise "
+        "did not hold, or if the attack could not tell. The sizes nightly and release try up to a hundred times as "
+        "often. Tolerances, limits and what a row leaves out are in its source, in `tests/trust`.",
         "",
         "| | promise | how it is attacked | tried | wrong |",
         "|---|---|---|---|---|",
     ]
     for row in rows:
         tried = row["left_out"] or (f"{row['tried']:,}" if row["tried"] else "none in this size")
-        lines.append(f"| `{row['name']}` | {row['promise']} | {row['how']} | {tried} | {row['wrong']} |")
+        lines.append(f"| `{row['name']}` | {row['promise']} | {row['how']} | {tried} | {_wrong(row)} |")
     found = [f"* `{row['name']}`: {finding}" for row in rows for finding in row["findings"]]
     return "\n".join([*lines, *(["", "## What gave way", "", *found] if found else []), ""])
