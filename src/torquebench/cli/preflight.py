@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from torquebench.cli.app import command
 from torquebench.cli.parameters import Number, argument, option, plugins, refuse, suggest
 from torquebench.cli.terminal import bad, good, progress_bar, say, table, tell, warn
@@ -152,6 +150,8 @@ def _numbers(gains: tuple[str, ...]) -> tuple[dict[str, float | list[float]], li
 
 def _typed(keys: Controller, names: Sequence[str], share: float, as_gain: bool) -> str:
     """Return a share of some gains as ``--gain`` takes it, else as a config has it."""
+    import numpy as np
+
     from torquebench.diagnosis.parts import as_yaml, with_share
 
     made = {name: as_yaml(with_share(keys, names, share).gains[name]) for name in names if np.any(keys.gains[name])}
