@@ -407,7 +407,8 @@ def test_a_wider_layer_that_passes_is_said(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(Pilot, "_passes", lambda self, one, *given: one.gains.get("phi") == width)
     report = Report("smc", (), (chatter,), (), None)
     cured = pilot._cured(report, keys, [], lambda what: None)
-    assert cured.layer in (f"phi: {as_yaml(width)}", f"switching: saturation, phi: {as_yaml(width)}")
+    assert cured.layer[-1] == ("phi", as_yaml(width))
+    assert cured.layer[:-1] in ((), (("switching", "saturation"),))
     assert cured.layer_left is not None
     told = pilot.margins(wider[1])[0]
     assert told is not None

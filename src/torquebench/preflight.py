@@ -153,8 +153,8 @@ class Report(NamedTuple):
     share: float | None
     """Share of them that passes, where one at most 14 % larger does not; None where none does, or none was looked for.
     Of integrals alone where that of all gains does not help what is unstable."""
-    layer: str = ""
-    """Width of a layer that passes, as a config has it; empty where none was looked for, or none passes."""
+    layer: tuple[tuple[str, str], ...] = ()
+    """Keys of a config, with their values, of a layer that passes; none where none was looked for, or none passes."""
     margins: Margins | None = None
     """Margins of the loop about rest where they are least; None where no loop crosses."""
     where: str = ""
@@ -267,7 +267,7 @@ class Pilot:
             flown.append(flight)
             failed += [flight] * any(one.beyond for one in new)
         names, (margins, where) = strengths(keys), self.margins(keys)
-        report = Report(keys.name, tuple(map(str, flown)), tuple(seen), names, None, "", margins, where)
+        report = Report(keys.name, tuple(map(str, flown)), tuple(seen), names, None, (), margins, where)
         if not failed:
             return report._replace(share=1.0)
         report = report._replace(seen=(*self.own(keys), *seen))
@@ -281,9 +281,10 @@ class Pilot:
         wider = self.wider(keys) if reasons & WIDENS else ()
         wide = next((one for one in wider if self._passes(one, flights, progress)), None)
         if wide is not None:
-            form = "" if "phi" in keys.gains else "switching: saturation, "
-            layer = f"{form}phi: {as_yaml(wide.gains['phi'])}"
-            report = report._replace(layer=layer, layer_left=self.margins(wide)[0])
+            form = () if "phi" in keys.gains else (("switching", "saturation"),)
+            report = report._replace(
+                layer=(*form, ("phi", as_yaml(wide.gains["phi"]))), layer_left=self.margins(wide)[0]
+            )
         for names in (report.scaled, strengths(keys, (integral,)) if "unstable" in reasons else ()):
             share = self._share(keys, names, flights, progress)
             if share is not None:

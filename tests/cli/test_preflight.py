@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from torquebench.preflight import Report
+from torquebench.preflight import Finding, Report
 
 PLUGIN = '''"""A user's law."""
 
@@ -169,3 +169,39 @@ def test_bad_input(words, lines, command, tmp_path, monkeypatch):
     for line, begin in zip(err.splitlines(), lines, strict=True):
         assert begin in line
     assert not list(tmp_path.iterdir())
+
+
+def test_a_layer_that_passes_is_said_as_it_is_typed(command, monkeypatch):
+    """An option of the law by --option, its width by --gain; the law that is flown has what is typed."""
+    flown = []
+
+    def fly(experiment, payload, progress):
+        flown.append(experiment.controllers[0])
+        layer = (("switching", "saturation"), ("phi", "[0.2, 0.1]"))
+        chatters = Finding("chatters", "hold, from home, 0 kg", "shoulder", 0.5, 5.0, 1.0, "% of tau_max", True)
+        return [Report("smc", (chatters.flight,), (chatters,), ("k",), None, layer=layer)]
+
+    monkeypatch.setattr("torquebench.preflight.preflight", fly)
+    given = "preflight", "smc", "--robot", "two-link", "--chain", "fast"
+    (line,) = [line for line in command(*given)[1].splitlines() if "would pass" in line]
+    typed = "--option switching=saturation --gain phi=0.2,0.1"
+    assert line == f"{typed} would pass"
+    assert command(*given, *typed.split())[0] == 1
+    keys = flown[-1]
+    assert (keys.options["switching"], keys.gains["phi"]) == ("saturation", (0.2, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("surface", "--option: got 'surface', wanted NAME=VALUE"),
+        ("switching=satur", "did you mean 'saturation'"),
+        ("swiching=sign", "did you mean 'switching'"),
+    ],
+)
+def test_an_option_that_the_law_does_not_have_is_refused(command, typed, said):
+    """Status 2, with the flag, what was wanted and the nearest name."""
+    status, out, err = command("preflight", "smc", "--robot", "two-link", "--chain", "fast", "--option", typed)
+    assert (status, out) == (2, "")
+    assert err.startswith("--option: ")
+    assert said in err

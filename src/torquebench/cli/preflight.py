@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from torquebench.preflight import Finding, Report
 
 CONFIGS = (".yaml", ".yml")
-GAINS = "controllers[0].gains"
+CONTROLLER, GAINS = "controllers[0]", "controllers[0].gains"
 BAR, WIDTH = 30, 16
 """Characters of a bar that is at its limit, and of what it is of."""
 
@@ -28,12 +28,19 @@ BAR, WIDTH = 30, 16
 @option("--robot", required=True, metavar="NAME", help="the arm, by name or file; its chain has the same name")
 @option("--chain", metavar="NAME", help="another chain than the robot's")
 @option("--gain", "gains", multiple=True, metavar="NAME=X[,X..]", help="a gain; those not given suit the arm")
+@option("--option", "options", multiple=True, metavar="NAME=VALUE", help="an option of the law, switching=saturation")
 @option(
     "--payload", type=Number(float, 0.0), default=1.0, show_default=True, metavar="KG", help="load of half the motions"
 )
 @plugins
 def preflight(
-    law: str, robot: str, chain: str | None, gains: tuple[str, ...], payload: float, plugin: tuple[Path, ...]
+    law: str,
+    robot: str,
+    chain: str | None,
+    gains: tuple[str, ...],
+    options: tuple[str, ...],
+    payload: float,
+    plugin: tuple[Path, ...],
 ) -> int:
     """Say whether a law would trip, saturate or shake on a robot.
 
@@ -50,6 +57,8 @@ def preflight(
     from torquebench.robot.library import is_path, model_names
 
     given, problems = _numbers(gains)
+    chosen = {name: {"true": True, "false": False}.get(value, value) for name, _, value in map(_parted, options)}
+    problems += [Problem("--option", got=f"'{text}'", wanted="NAME=VALUE") for text in options if not _parted(text)[2]]
     chain = robot if chain is None else chain
     if robot not in model_names() and not is_path(robot):
         problems.append(Problem("--robot", got=f"'{robot}'", **suggest(robot, model_names())))
@@ -67,12 +76,17 @@ def preflight(
         names = (law,)
         if law not in law_names():
             problems.append(Problem("LAW", got=f"'{law}'", **suggest(law, law_names())))
-    elif given:
-        problems.append(Problem("--gain", text="a config has its own gains", wanted="a law, or no --gain"))
+    else:
+        for flag, its, what in (("--gain", given, "gains"), ("--option", chosen, "options")):
+            if its:
+                problems.append(Problem(flag, text=f"a config has its own {what}", wanted=f"a law, or no {flag}"))
     refuse(problems)
     if names:
         arm = Path(robot) if robot not in model_names() else robot
-        experiments = [_of_gains(lambda name=name: experiment_of(name, arm, chain, given)) for name in names]  # type: ignore[misc]
+        experiments = [
+            _of_flags(lambda name=name: experiment_of(name, arm, chain, given, chosen))  # type: ignore[misc]
+            for name in names
+        ]
     else:
         experiments = [load_experiment(Path(law), [f"plant.model={robot}", f"chain={chain}"], outside=True)]
     reports = []
@@ -99,7 +113,7 @@ def preflight(
                 "closest": [finding._asdict() for finding in report.closest],
                 "scaled_gains": report.scaled,
                 "largest_share": report.share,
-                "layer": report.layer,
+                "layer": _as_keys(report.layer),
                 "margins": None if report.margins is None else report.margins.to_json() | {"where": report.where},
                 "margins_left": None if report.left is None else report.left.to_json(),
                 "calmer_share": report.calmer,
@@ -118,19 +132,24 @@ def preflight(
     return 0 if passed else 1
 
 
-def _of_gains(make: Callable[[], Experiment]) -> Experiment:
-    """Return an experiment; what is wrong with its gains is said of --gain."""
+def _of_flags(make: Callable[[], Experiment]) -> Experiment:
+    """Return an experiment; what is wrong with its gains or the law's options is said of --gain or --option."""
+
+    def said(one: Problem) -> Problem:
+        for prefix, flag in ((GAINS, "--gain"), (CONTROLLER, "--option")):
+            if one.key.startswith(prefix):
+                return replace(one, source=flag, key=one.key.removeprefix(prefix).lstrip("."))
+        return one
+
     try:
         return make()
     except ConfigError as error:
-        raise ConfigError(
-            [
-                replace(one, source="--gain", key=one.key.removeprefix(GAINS).lstrip("."))
-                if one.key.startswith(GAINS)
-                else one
-                for one in error.problems
-            ]
-        ) from error
+        raise ConfigError([said(one) for one in error.problems]) from error
+
+
+def _parted(text: str) -> tuple[str, str, str]:
+    """Return the name and the value of NAME=VALUE, around what parts them."""
+    return text.partition("=")
 
 
 def _numbers(gains: tuple[str, ...]) -> tuple[dict[str, float | list[float]], list[Problem]]:
@@ -138,7 +157,7 @@ def _numbers(gains: tuple[str, ...]) -> tuple[dict[str, float | list[float]], li
     found: dict[str, float | list[float]] = {}
     problems = []
     for text in gains:
-        name, _, numbers = text.partition("=")
+        name, _, numbers = _parted(text)
         try:
             values = [float(word) for word in numbers.split(",")]
         except ValueError:
@@ -148,16 +167,17 @@ def _numbers(gains: tuple[str, ...]) -> tuple[dict[str, float | list[float]], li
     return found, problems
 
 
-def _typed(keys: Controller, names: Sequence[str], share: float, as_gain: bool) -> str:
-    """Return a share of some gains as ``--gain`` takes it, else as a config has it."""
-    import numpy as np
+def _as_keys(pairs: Iterable[tuple[str, str]], before: str = "") -> str:
+    """Return keys and values as a config has them."""
+    return ", ".join(f"{before}{name}: {value}" for name, value in pairs)
 
-    from torquebench.diagnosis.parts import as_yaml, with_share
 
-    made = {name: as_yaml(with_share(keys, names, share).gains[name]) for name in names if np.any(keys.gains[name])}
-    if as_gain:
-        return " ".join(f"--gain {name}={value.strip('[]').replace(' ', '')}" for name, value in made.items())
-    return ", ".join(f"controllers.{keys.name}.gains.{name}: {value}" for name, value in made.items())
+def _as_flags(pairs: Iterable[tuple[str, str]], options: Collection[str] = ()) -> str:
+    """Return keys and values as ``--gain`` takes them, or ``--option`` those of a law's options."""
+    return " ".join(
+        f"--{'option' if name in options else 'gain'} {name}={value.strip('[]').replace(' ', '')}"
+        for name, value in pairs
+    )
 
 
 def _text(report: Report, robot: str, joints: Sequence[str], keys: Controller, as_gain: bool) -> str:
@@ -170,6 +190,10 @@ def _text(report: Report, robot: str, joints: Sequence[str], keys: Controller, a
         keys: The controller.
         as_gain: Whether gains are said as ``--gain`` takes them.
     """
+    import numpy as np
+
+    from torquebench.diagnosis.parts import as_yaml, with_share
+    from torquebench.laws import find_law
     from torquebench.preflight import REMEDIES
 
     refused = {finding.flight for finding in report.findings}
@@ -208,12 +232,16 @@ def _text(report: Report, robot: str, joints: Sequence[str], keys: Controller, a
     ]
     lines += ["", str(table(["reason", "joint", "at", "value", "limit", "unit", "in"], rows, left=2, prose=True)), ""]
     gains = ", ".join(report.scaled)
-    passes = [
-        (f"{100.0 * share:.2g} % of {gains}, {_typed(keys, report.scaled, share, as_gain)},", left)
-        for share, left in ((report.share, report.left), (report.calmer, report.calmer_left))
-        if share is not None
-    ]
-    passes += [(report.layer, report.layer_left)] if report.layer else []
+    passes = []
+    for part, left in ((report.share, report.left), (report.calmer, report.calmer_left)):
+        if part is not None:
+            fewer = with_share(keys, report.scaled, part).gains
+            made = [(name, as_yaml(fewer[name])) for name in report.scaled if np.any(keys.gains[name])]
+            typed = _as_flags(made) if as_gain else _as_keys(made, f"controllers.{keys.name}.gains.")
+            passes.append((f"{100.0 * part:.2g} % of {gains}, {typed},", left))
+    if report.layer:
+        typed = _as_flags(report.layer, find_law(keys.law).options) if as_gain else _as_keys(report.layer)
+        passes.append((typed, report.layer_left))
     for what, left in passes:
         lines.append(str(good(f"{what} would pass")) + (f": {left.words(joints)}" if left is not None else ""))
     if report.share is None:
