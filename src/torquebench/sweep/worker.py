@@ -60,7 +60,7 @@ class Stopped(Exception):
 
 
 class Task(NamedTuple):
-    """What a worker needs to know of a sweep; small and plain, so that it can be sent to another machine."""
+    """All that a worker needs to know of a sweep; small and plain, so that it can be sent to another machine."""
 
     source: Source
     shard_size: int
