@@ -231,7 +231,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """Whether it ``agrees``, ``differs``, or is ``undecided``: a closed loop that amplifies round-off.
+        """Verdict: ``agrees``, ``differs``, or ``undecided`` for a closed loop that amplifies round-off.
 
         A loop is undecided where the two are farther apart than the limit, and no more than `AMPLIFIED` times as far
         as A is from itself: that says something about the loop, nothing about the two. NaN differs.
@@ -244,7 +244,7 @@ class Row:
 
     @property
     def agrees(self) -> bool:
-        """Whether it shows no difference: it agrees, or is undecided."""
+        """Whether the row shows no difference: it agrees, or is undecided."""
         return self.verdict != "differs"
 
     def to_json(self) -> dict[str, Any]:
@@ -253,7 +253,7 @@ class Row:
 
 
 class Comparison(NamedTuple):
-    """What a comparison shows."""
+    """Result of a comparison: its rows, and the terms that differ."""
 
     rows: list[Row]
     named: Explained
@@ -261,12 +261,12 @@ class Comparison(NamedTuple):
 
     @property
     def agree(self) -> bool:
-        """Whether it shows no difference."""
+        """Whether the comparison shows no difference."""
         return not self.named.terms and all(row.agrees for row in self.rows)
 
     @property
     def sentence(self) -> str:
-        """What differs, in one line for whoever has to mend it."""
+        """The difference in one line, for whoever has to fix it."""
         told = "; ".join(map(str, self.named.terms))
         if self.named.whole:
             if told:

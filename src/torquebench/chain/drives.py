@@ -1,4 +1,4 @@
-"""What becomes of a law's torque on its way to the joints: rate limit, late commands, drive, current loop, motor."""
+"""Path of a law's torque to the joints: rate limit, late commands, drive, current loop, motor."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def tool_frames(model: RobotModel, q: Array) -> Frames:
 
 @dataclass(frozen=True)
 class Task:
-    """What is asked of an arm's tool: places, and one orientation or any.
+    """Task of an arm's tool: places to reach, in one orientation or in any.
 
     Args:
         model: The arm.

@@ -1,4 +1,4 @@
-"""What an arm's file says of its joints, and where each number is from."""
+"""Facts about an arm's joints from the arm's file, with the source of each number."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class ArmFacts(NamedTuple):
     keyframes: tuple[str, ...]
     joints: tuple[JointFacts, ...]
     remarks: tuple[str, ...] = ()
-    """What holding it at its first keyframe takes, or at zero without one, and which joints miss a rotor's inertia."""
+    """Torque that holds it at its first keyframe, or at zero without one, and joints that lack a rotor's inertia."""
 
 
 def holding(arm: RobotModel, q: Array, tau_max: Array, where: str) -> tuple[str, bool]:
