@@ -194,7 +194,7 @@ def _near(lines: Array, frequency: float) -> npt.NDArray[np.bool_]:
 
 
 def is_of_motion(tau: Array, needed: Array, control_period: float, frequency: float) -> bool:
-    """Whether what a motion takes has a quarter of the power that a joint's torque has at a frequency, to 5 %.
+    """Whether the torque that a motion takes has a quarter of a joint's power at a frequency, to 5 %.
 
     Args:
         tau: The torque, (N,) [N m].

@@ -1,4 +1,4 @@
-"""What surrounds the views in a frame: names, time, torques over their limits and errors."""
+"""Surroundings of the views in a frame: names, time, torques over their limits and errors."""
 
 from __future__ import annotations
 
