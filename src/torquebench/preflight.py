@@ -96,7 +96,7 @@ WIDENS = {"torque rate", "saturates", "limit cycle", "chatters"}
 """Reasons against which a wider layer is tried, of a law that can have one."""
 RUNS_AWAY = ("speed", "range", "loses the motion", "diverges", "bad torque")
 SHAKES = ("limit cycle", "chatters", "swings")
-"""What of a motion says nothing where it has run away."""
+"""Findings about a motion that say nothing once the arm has run away."""
 
 
 class Finding(NamedTuple):
@@ -134,7 +134,7 @@ class Flight(NamedTuple):
 
     @property
     def settles(self) -> bool:
-        """Whether the arm must come to rest in it."""
+        """Whether the arm must come to rest in this flight."""
         return self.motion in ("small step", LONG)
 
     def __str__(self) -> str:
@@ -142,7 +142,7 @@ class Flight(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What came of a law on a robot."""
+    """Result of the preflight of a law on a robot."""
 
     controller: str
     flights: tuple[str, ...]
@@ -170,7 +170,7 @@ class Report(NamedTuple):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What a robot would not stand."""
+        """Findings that a robot would not stand."""
         return tuple(one for one in self.seen if one.beyond)
 
     @property
@@ -516,7 +516,7 @@ def judge(
 
 
 def _moves(run: Trajectory, arm: RobotModel, shakes: Shaking) -> bool:
-    """Whether the arm's torque at the frequency at which it shakes is what its motion takes, with each turn of a swing.
+    """Whether the motion itself, with each turn of a swing, takes the torque that the arm has at its shaking frequency.
 
     Args:
         run: The run.
@@ -562,7 +562,7 @@ def filtered(command: Array, held: Array, taken: float) -> Array:
 
 
 def _is_enough(margins: Margins) -> bool:
-    """Whether a phase margin is as large as is usual."""
+    """Whether the phase margin is at least as large as is usual."""
     return margins.phase is not None and margins.phase >= ENOUGH
 
 
@@ -639,7 +639,7 @@ def swing(t: Array, size: Array, half: float, once: bool = False) -> Reference:
 
 
 class Room(NamedTuple):
-    """Where an arm is at home, and how far its joints go."""
+    """Home position of an arm, and the range of its joints."""
 
     home: Array
     """Keyframe of that name, else zero, (n,) [rad]."""
