@@ -161,7 +161,7 @@ class Certificate:
 
     @property
     def outside(self) -> npt.NDArray[np.bool_]:
-        """Whether any joint is outside its layer, (N-1,): where (124) demands something."""
+        """Whether any joint is outside its layer, (N-1,), so that (124) demands something."""
         return outside_of(self.s, self.layer)
 
     @property

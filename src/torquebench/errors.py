@@ -115,11 +115,11 @@ class Problem:
     got: str = ""
     """What the user wrote."""
     wanted: str = ""
-    """What would have been right."""
+    """Value that would have been right, in words."""
     nearest: str = ""
     """The valid name nearest to what the user wrote."""
     note: str = ""
-    """What else helps."""
+    """Further help."""
     line: int | None = None
     """Line in the file, from 1."""
     column: int | None = None

@@ -29,18 +29,18 @@ class Key(NamedTuple):
     unit: str = ""
     """SI unit; ``1`` for a pure number, nothing for what is no number."""
     note: str = ""
-    """What the reference of keys says after the unit."""
+    """Words that the reference of keys adds after the unit."""
     above: float | None = None
     """Numbers must be more than this."""
     at_least: float | None = None
     below: float | None = None
     at_most: float | None = None
     wanted: str = ""
-    """What is accepted, in words, where the type does not say it well."""
+    """Accepted values, in words, where the type does not say it well."""
     name: str = ""
     """The key in a config, where that is a keyword of Python."""
     end: str = "."
-    """What the sentence ends with."""
+    """End of the sentence."""
 
     @property
     def text(self) -> str:

@@ -67,7 +67,7 @@ SLOWEST_HZ, LONGEST = 0.1, 30.0
 SMALL = (SWINGS, 10.0 * SWINGS)
 """Half the change of position [rad] and velocity [rad/s] by which laws are made linear: swings that count."""
 SPREAD = 0.5
-"""How far a drawn position is from home, at most [rad]."""
+"""Largest distance of a drawn position from home [rad]."""
 SHARES = (0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08, 0.06, 0.04, 0.03)
 """Shares of the gains that are tried in turn."""
 REFINED = 2
@@ -109,7 +109,7 @@ class Finding(NamedTuple):
     joint: str | None
     """Name of the joint."""
     t: float | None
-    """When it began; else when it was worst [s]."""
+    """Time at which it began; else that at which it was worst [s]."""
     value: float
     limit: float
     unit: str
@@ -130,7 +130,7 @@ class Flight(NamedTuple):
     duration: float = DURATION
     """Its time [s]."""
     pole: Pole | None = None
-    """What is too slow for the other motions, if it is flown for that."""
+    """Pole that is too slow for the other motions, if this flight is made for one."""
 
     @property
     def settles(self) -> bool:

@@ -51,11 +51,11 @@ RUBBED = 2.0
 POSES = 200
 """Random poses at which the arm is looked at, besides that at zero."""
 REACH = 0.5
-"""How far slide joints are moved in them, either way [m]."""
+"""Largest displacement of slide joints in these poses, either way [m]."""
 DIGITS = 3
 """Significant digits of a gain that is chosen."""
 ROUNDING = 0.01
-"""What rounding may make of it [1]."""
+"""Relative change of a gain by rounding it, at most [1]."""
 
 
 @dataclass(frozen=True)
@@ -511,7 +511,7 @@ BY_UNIT: Mapping[str, Rule] = {
 """Unit -> the rule of a gain that says nothing else."""
 
 Search: TypeAlias = tuple[float, float, Literal["log", "linear"]]
-"""Where tuning looks for a gain: least value, greatest, and whether equal ratios or equal steps count the same."""
+"""Range in which tuning looks for a gain: least, greatest, and whether equal ratios or equal steps weigh alike."""
 
 BOXES: Mapping[str, Search] = {
     "1/s": (1.0, 200.0, "log"),

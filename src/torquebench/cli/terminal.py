@@ -249,7 +249,7 @@ class Beat:
     """
 
     PATIENCE = 0.4
-    """How long the terminal may stay as it is [s]."""
+    """Longest time without a change on the terminal [s]."""
 
     def __init__(self) -> None:
         """Show nothing yet."""

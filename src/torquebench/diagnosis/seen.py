@@ -51,7 +51,7 @@ class Seen(NamedTuple):
     strays: bool
     """Whether its error grows."""
     slips: Array
-    """How often each joint that sticks breaks away, (n,) [Hz]; see `slips`."""
+    """Frequency at which each joint that sticks breaks away, (n,) [Hz]; see `slips`."""
     t: Array
     """Instants of the window for metrics, (m,) [s]."""
     tau: Array

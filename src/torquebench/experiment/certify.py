@@ -34,7 +34,7 @@ TINY = 1e-300
 INSTANTS = 2000
 """Instants of a reference at which its torque is looked at."""
 TOO_MUCH = "the reference needs more torque than the arm has"
-"""How the remark on it begins; a stored run has it as text."""
+"""Beginning of the remark on it; a stored run has it as text."""
 SMALL = 0.005
 """Share of a torque below which one of its parts is not told [1]."""
 

@@ -32,7 +32,7 @@ NOT_VARIED = ("sweep", "falsify", "tune", "arena", "name", "description", "figur
 """Sections and keys that decide nothing of what is run."""
 RANGE_WORDS = {"start", "stop", "step", "num", "min", "max", "to", "count", "spacing"}
 EVERY = "controllers.*."
-"""How a key begins that stands for every controller."""
+"""Beginning of a key that stands for every controller."""
 
 
 class Value(NamedTuple):

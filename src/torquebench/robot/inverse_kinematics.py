@@ -246,7 +246,7 @@ class JointPath(NamedTuple):
 
     spline: Any
     missed: float
-    """How far the tool is from the path half-way between knots, at most [m, rad]."""
+    """Largest distance of the tool from the path half-way between knots [m, rad]."""
 
     def at(self, u: Array) -> tuple[Array, Array, Array]:
         """Return joint positions and their first two derivatives by `u`, (N, n) each."""

@@ -15,7 +15,7 @@ from torquebench.robot.library import ArmSource, file_of_arm
 from torquebench.robot.robot_model import RobotModel
 
 ROUNDED = 1e-9
-"""What rounding may make of a torque at its limit [1]."""
+"""Relative change by rounding of a torque at its limit, at most [1]."""
 TWITCH = 10.0
 """Change of speed in one control period, by full torque, from which it is said that a rotor's inertia is missing
 [rad/s]."""

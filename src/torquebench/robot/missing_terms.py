@@ -29,7 +29,7 @@ ROUNDED = 1e-11
 SMALL = 1e-7
 """Share of the difference below which one number of an explanation is nothing [1]."""
 ALIKE = 1e-9
-"""How far two frames may be apart to be one [1, m]."""
+"""Largest difference of two frames that count as one [1, m]."""
 STEPS = 30
 """Rounds of Gauss and Newton, at most."""
 DEGREES = 180.0 / math.pi

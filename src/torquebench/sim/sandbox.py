@@ -47,7 +47,7 @@ from torquebench.syntax import parse_python
 PATIENCE = 20.0
 """Longest time that a law may take to answer [s]."""
 PACE = 10.0
-"""How much longer than the motion its answers may take together, beside one `PATIENCE` [1]."""
+"""Times the motion's length that its answers may take together, beside one `PATIENCE` [1]."""
 HEADER = struct.Struct("<qqq")
 """Of an answer: control instant, how the call went, bytes of text behind the numbers."""
 LONGEST_TEXT, LONGEST_DECLARATION = 1000, 1_000_000

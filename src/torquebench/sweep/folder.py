@@ -59,7 +59,7 @@ SOFTWARE = ("software",)
 COMPARED = ("config", *SOFTWARE, "plugins", "model_files")
 """Facts of a plan that name what has changed."""
 LOCKED_BYTE = 1 << 30
-"""Where Windows locks ``plan.json``: far behind its end, so that it can still be read."""
+"""Byte at which Windows locks ``plan.json``: far behind its end, so that it can still be read."""
 
 
 @dataclass(frozen=True)
