@@ -3,7 +3,7 @@
 import sys
 
 PATIENCE = 2.0
-"""How long threads that are left over may take to end [s]."""
+"""Longest time that threads that are left over may take to end [s]."""
 
 
 def end_with(status: int) -> None:

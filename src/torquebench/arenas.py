@@ -48,7 +48,7 @@ RECORD, SEAL, ROWS = "arena.json", "seal.json", "rows"
 QUICK = ("arena.evaluations=4", "arena.seeds=2", "arena.draws=2", "arena.looks=1")
 """Changes that make a look of an arena, on its first chain alone."""
 ALIKE, NOTHING = 1.1e-3, 1e-9
-"""How far figures of a row that is made again may be from those that are stored: their last digit [1]; what is less
+"""Largest difference of a row's figures, made again, from the stored ones: their last digit [1]; what is less
 than the other one is none."""
 
 

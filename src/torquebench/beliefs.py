@@ -1,4 +1,4 @@
-"""What of its model a law reads under given options, from its source alone."""
+"""Finds, from a law's source alone, the parts of its model that the law reads under given options."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def fields_read(law: Law, gains: Any) -> frozenset[str] | None:
 
 
 ABOUT_ORIGIN = {"mass", "com", "inertia"}
-"""What `Model.about_origin` is derived from."""
+"""Fields from which `Model.about_origin` is derived."""
 
 
 @lru_cache(maxsize=256)
@@ -62,7 +62,7 @@ class _Reader:
     def __init__(self, options: dict[str, int]) -> None:
         self.options = options
         self.fields: set[str] = set()
-        """What of the model may be read."""
+        """Fields of the model that may be read."""
         self._seen: set[tuple[Any, ...]] = set()
         self._function: Any = None
         self._known: dict[str, Any] = {}

@@ -156,22 +156,22 @@ class Certificate:
 
     @property
     def covers_nothing(self) -> bool:
-        """Whether that is every joint."""
+        """Whether every joint is in `too_wide`."""
         return len(self.too_wide) == len(self.K)
 
     @property
     def outside(self) -> npt.NDArray[np.bool_]:
-        """Whether any joint is outside its layer, (N-1,): where (124) demands something."""
+        """Whether any joint is outside its layer, (N-1,), so that (124) demands something."""
         return outside_of(self.s, self.layer)
 
     @property
     def is_vacuous(self) -> bool:
-        """Whether nothing is shown: no joint ever is outside its layer, or every layer is too wide."""
+        """Whether the certificate shows nothing: no joint is ever outside its layer, or every layer is too wide."""
         return self.covers_nothing or not self.outside.any()
 
     @property
     def no_bound(self) -> str | None:
-        """Why there is no bound on the reaching time, in words; None where there is one that says something."""
+        """Reason, in words, why there is no bound on the reaching time; None where there is one that says something."""
         if self.covers_nothing:
             return "vacuous: the layer is too wide"
         if self.reaching_bound is None:
@@ -244,7 +244,7 @@ class SetPoint:
 
     @property
     def says(self) -> str:
-        """What it shows, in words."""
+        """The finding, in words."""
         if not len(self.V):
             return "no function for tracking"
         if not self.outside.any():
@@ -410,10 +410,10 @@ COARSE = 0.1
 
 
 class Held(NamedTuple):
-    """What one control period's switching torque does to each joint, and how much it may do; arrays (n,)."""
+    """Effect of one control period's switching torque on each joint, and the most that it may be; arrays (n,)."""
 
     step: Array
-    """What K moves s in one control period, T K / M [rad/s]."""
+    """Amount by which K moves s in one control period, T K / M [rad/s]."""
     most: Array
     """The most that it may move s for the joint to be held [rad/s]; 0 where the rate gain alone moves s too far."""
     K: Array
@@ -421,7 +421,7 @@ class Held(NamedTuple):
 
     @property
     def coarse(self) -> npt.NDArray[np.bool_]:
-        """Whether K moves s by more than that, (n,)."""
+        """Whether K moves s by more than `most`, (n,)."""
         return np.asarray(self.step > self.most * (1.0 + 1e-9))
 
 

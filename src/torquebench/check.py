@@ -82,7 +82,7 @@ class Check(NamedTuple):
     verdict: str
     """PASS, FAIL or NOTE."""
     detail: str
-    """What was tried, or what went wrong and where."""
+    """The cases tried, or the fault and its place."""
 
 
 class Cost(NamedTuple):
@@ -102,15 +102,15 @@ class Report:
     law: str
     file: str
     line: int
-    """Where the law stands."""
+    """Place of the law's source."""
     checks: list[Check] = field(default_factory=list)
     complaints: tuple[Complaint, ...] = ()
-    """What keeps the law from being compiled."""
+    """Obstacles to compiling the law."""
     cost: Cost | None = None
 
     @property
     def held(self) -> bool:
-        """Whether everything held."""
+        """Whether every check held."""
         return all(check.verdict != FAIL for check in self.checks)
 
     def add(

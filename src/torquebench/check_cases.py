@@ -1,4 +1,4 @@
-"""What `check_law` tries a law on: two arms, its options, drawn gains and stretches of motion; and what came of it."""
+"""Cases on which `check_law` tries a law: two arms, its options, drawn gains, stretches of motion; and the answers."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def gains_of(law: Law, n: int, options: Options, draw: int, scale: float = 1.0) 
 
 
 class Motion(NamedTuple):
-    """What a law sees at some instants in a row: times (L,) [s] and the rest (L, n)."""
+    """Inputs of a law at successive instants: times (L,) [s] and the rest (L, n)."""
 
     t: Array
     q: Array
@@ -115,7 +115,7 @@ def cases(law: Law, draw: int = 1) -> list[Case]:
 
 @dataclass
 class Answer:
-    """What a law did in a stretch of motion."""
+    """Response of a law to a stretch of motion."""
 
     tau: Array
     """Torque, (L, n) [N m]; NaN where there was none."""
@@ -148,7 +148,7 @@ class Driver:
         self._call = Call(law, self.gains, self.belief, self.memory)
         self._inputs = list(_arrays({"gains": self.gains, "model": self.belief})) if watched else []
         self.answer = Answer(np.full((LENGTH, n), np.nan), np.zeros((LENGTH, len(self.memory), n)))
-        """What it did so far."""
+        """Its response so far."""
 
     def move_memory(self) -> None:
         """Put the law's memory into other arrays."""

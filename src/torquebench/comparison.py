@@ -32,13 +32,13 @@ ROLLOUT_TOLERANCE = 1e-12
 STEP_TOLERANCE = 1e-11
 """Largest torque that one step from equal states may leave unexplained, over the loop's own, to count as agreement."""
 ROUNDINGS = 8.0
-"""How many times the velocities of such a step may be rounded."""
+"""Number of roundings that the velocities of such a step may suffer."""
 STEPS = 500
 """Control instants of each closed loop from which one step is compared."""
 START = 0.01
 """Position at which the closed loops start [rad]: not zero, where s is nothing but the sign of round-off."""
 ULP = 2.0**-52
-"""How far beside it the loop of one plant starts that is held against that plant itself [rad]."""
+"""Offset of the second start where the loop of one plant is compared with itself [rad]."""
 AMPLIFIED = 1e3
 """Times more than a plant apart from itself may two plants be apart for round-off to explain it: ULP enters that loop
 once, rounding at each of thousands of steps."""
@@ -182,7 +182,7 @@ def source_of(text: str) -> str:
 
 
 BEYOND = ("springs", "fluid", "gravcomp", "nonlinear-damping")
-"""What a file may have although no plant has it: its missing terms are named all the same."""
+"""Features that a file may have although no plant does: its missing terms are named all the same."""
 
 
 def _mujoco_side(text: str, source: str) -> Side:
@@ -223,7 +223,7 @@ class Row:
     limit: float
     """Largest value of `relative` (for rollouts: of `absolute`) that counts as agreement."""
     measure: str = "relative"
-    """Which of the two is held against the limit."""
+    """Name of the field that is held against the limit: ``relative`` or ``absolute``."""
     own: float | None = None
     """Of a closed loop, how far A comes apart from itself when it starts `ULP` beside where it did [rad]."""
     growth: float | None = None
@@ -231,7 +231,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """Whether it ``agrees``, ``differs``, or is ``undecided``: a closed loop that amplifies round-off.
+        """Verdict: ``agrees``, ``differs``, or ``undecided`` for a closed loop that amplifies round-off.
 
         A loop is undecided where the two are farther apart than the limit, and no more than `AMPLIFIED` times as far
         as A is from itself: that says something about the loop, nothing about the two. NaN differs.
@@ -244,7 +244,7 @@ class Row:
 
     @property
     def agrees(self) -> bool:
-        """Whether it shows no difference: it agrees, or is undecided."""
+        """Whether the row shows no difference: it agrees, or is undecided."""
         return self.verdict != "differs"
 
     def to_json(self) -> dict[str, Any]:
@@ -253,7 +253,7 @@ class Row:
 
 
 class Comparison(NamedTuple):
-    """What a comparison shows."""
+    """Result of a comparison: its rows, and the terms that differ."""
 
     rows: list[Row]
     named: Explained
@@ -261,12 +261,12 @@ class Comparison(NamedTuple):
 
     @property
     def agree(self) -> bool:
-        """Whether it shows no difference."""
+        """Whether the comparison shows no difference."""
         return not self.named.terms and all(row.agrees for row in self.rows)
 
     @property
     def sentence(self) -> str:
-        """What differs, in one line for whoever has to mend it."""
+        """The difference in one line, for whoever has to fix it."""
         told = "; ".join(map(str, self.named.terms))
         if self.named.whole:
             if told:

@@ -46,11 +46,11 @@ MATH: Final = (
     "sin cos tan asin acos atan atan2 sinh cosh tanh sqrt exp expm1 log log1p floor fabs copysign isfinite isnan "
     "pi inf nan"
 ).split()
-"""What may be taken from `math`: what gives the same bytes compiled. Not pow, hypot or fsum."""
+"""Names that may be taken from `math`, as they give the same bytes compiled. Not pow, hypot or fsum."""
 FUNCTIONS: Final = (abs, range, len, *(getattr(math, name) for name in MATH))
 """Not min and max (compiled, they treat NaN differently), sum (it adds in another order) or round."""
 ARGUMENTS = ("gains", "model", "t", "q", "qd", "ref", "memory", "tau")
-"""What a law is called with, in this order."""
+"""Arguments of a law, in this order."""
 WRITABLE: Final = re.compile(r"tau|memory\.\w+|model\.scratch(\.\w+)?")
 """Those of its arguments, and of their fields, to whose elements a law may write."""
 WHOLE: Final = re.compile(
@@ -98,9 +98,9 @@ CURES = {
 }
 """Syntax outside the dialect, or the name of a function -> what to write instead."""
 FORM, INPUTS, STATE = "form", "inputs", "state"
-"""What a complaint is about: how something is written, a write to something not the law's own, hidden state."""
+"""Topics of complaints: how something is written, a write to something not the law's own, hidden state."""
 MISSING: Final = object()
-"""What a name means that means nothing."""
+"""Stands for the meaning of a name that has none."""
 
 
 class Complaint(NamedTuple):

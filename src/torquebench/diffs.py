@@ -41,7 +41,7 @@ class Limit(NamedTuple):
         return f"{self.metric} {self.sign} {self.ratio:g}"
 
     def met(self, change: Ratio) -> bool:
-        """Whether all of a ratio's interval is there: the end that is nearest to the other side."""
+        """Whether the whole interval of a ratio meets the limit: the end nearest to the other side decides."""
         return LIMITS[self.sign](change.low if self.sign in (">", ">=") else change.high, self.ratio)
 
 
@@ -77,7 +77,7 @@ class Change(NamedTuple):
 
 
 class Ended(NamedTuple):
-    """How runs of one controller ended that did not end alike in A and B."""
+    """Counts of one controller's runs that ended differently in A and B."""
 
     controller: str
     case: str
@@ -86,7 +86,7 @@ class Ended(NamedTuple):
 
 
 class Diff(NamedTuple):
-    """What changed from A to B."""
+    """Changes from A to B."""
 
     limits: tuple[Limit, ...]
     changes: tuple[Change, ...]

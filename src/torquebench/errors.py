@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 UNCHECKED = "what depends on these was not checked: mend them and more may follow"
-"""What follows mistakes that keep others from being looked for."""
+"""Remark after mistakes that keep others from being looked for."""
 
 
 MOST_TOLD = 20_000
@@ -115,11 +115,11 @@ class Problem:
     got: str = ""
     """What the user wrote."""
     wanted: str = ""
-    """What would have been right."""
+    """Value that would have been right, in words."""
     nearest: str = ""
     """The valid name nearest to what the user wrote."""
     note: str = ""
-    """What else helps."""
+    """Further help."""
     line: int | None = None
     """Line in the file, from 1."""
     column: int | None = None
@@ -132,7 +132,7 @@ class Problem:
 
     @property
     def message(self) -> str:
-        """What was wrong, what was wanted, and the nearest valid name where there is one."""
+        """Message of what was wrong, what was wanted, and the nearest valid name where there is one."""
         got = f"got {self.got}" if self.got else ""
         parts = [self.text, got, f"wanted {self.wanted}" if self.wanted else ""]
         near = f" (did you mean '{self.nearest}'?)" if self.nearest else ""

@@ -1,4 +1,4 @@
-"""What breaks a law: the search for its worst run within stated bounds, stored with a config that replays it."""
+"""Searches for the worst run of a law within stated bounds, and stores it with a config that replays it."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class Falsification:
     """The worst case of each law, and the least that makes it so."""
 
     space: Space
-    """What might change."""
+    """Variables that might change."""
     hunts: Sequence[Hunt]
-    """What became of each controller."""
+    """Result of each controller."""
 
     @property
     def asked(self) -> Falsify:

@@ -13,7 +13,7 @@ _F = TypeVar("_F", bound=Drawing)
 
 
 class FigureInfo(NamedTuple):
-    """What a figure declares of itself."""
+    """Declaration of a figure."""
 
     name: str
     """Name of its files, without ending."""

@@ -1,4 +1,4 @@
-"""How a kind declares its keys: notes on the fields of its dataclass, and the registry of kinds of one sort."""
+"""Declaration of the keys of a kind: notes on the fields of its dataclass, and the registry of kinds of one sort."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ Vector: TypeAlias = float | tuple[float, ...]
 
 
 class Key(NamedTuple):
-    """What a key of a config means: the note on a field of a dataclass, ``Annotated[float, Key("Mass", "kg")]``."""
+    """Meaning of a key of a config: the note on a field of a dataclass, ``Annotated[float, Key("Mass", "kg")]``."""
 
     meaning: str
     """What it is, in words."""
     unit: str = ""
     """SI unit; ``1`` for a pure number, nothing for what is no number."""
     note: str = ""
-    """What the reference of keys says after the unit."""
+    """Words that the reference of keys adds after the unit."""
     above: float | None = None
     """Numbers must be more than this."""
     at_least: float | None = None
     below: float | None = None
     at_most: float | None = None
     wanted: str = ""
-    """What is accepted, in words, where the type does not say it well."""
+    """Accepted values, in words, where the type does not say it well."""
     name: str = ""
     """The key in a config, where that is a keyword of Python."""
     end: str = "."
-    """What the sentence ends with."""
+    """End of the sentence."""
 
     @property
     def text(self) -> str:
@@ -78,12 +78,12 @@ class Declared(NamedTuple):
 
     @property
     def required(self) -> bool:
-        """Whether it must be given."""
+        """Whether the key must be given."""
         return self.default is dataclasses.MISSING
 
     @property
     def is_vector(self) -> bool:
-        """Whether it takes one number for all joints, or one for each."""
+        """Whether the key takes one number for all joints, or one for each."""
         return tuple[float, ...] in get_args(self.type)
 
 
@@ -148,7 +148,7 @@ def in_words(vector: Any) -> str:
 
 
 class Units(NamedTuple):
-    """How what acts on joints, and what is measured of them, is written: in N and m where they slide."""
+    """Units of forces on joints and of their measurements: N and m where the joints slide."""
 
     torque: str
     viscous: str

@@ -67,7 +67,7 @@ SLOWEST_HZ, LONGEST = 0.1, 30.0
 SMALL = (SWINGS, 10.0 * SWINGS)
 """Half the change of position [rad] and velocity [rad/s] by which laws are made linear: swings that count."""
 SPREAD = 0.5
-"""How far a drawn position is from home, at most [rad]."""
+"""Largest distance of a drawn position from home [rad]."""
 SHARES = (0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08, 0.06, 0.04, 0.03)
 """Shares of the gains that are tried in turn."""
 REFINED = 2
@@ -96,7 +96,7 @@ WIDENS = {"torque rate", "saturates", "limit cycle", "chatters"}
 """Reasons against which a wider layer is tried, of a law that can have one."""
 RUNS_AWAY = ("speed", "range", "loses the motion", "diverges", "bad torque")
 SHAKES = ("limit cycle", "chatters", "swings")
-"""What of a motion says nothing where it has run away."""
+"""Findings about a motion that say nothing once the arm has run away."""
 
 
 class Finding(NamedTuple):
@@ -109,7 +109,7 @@ class Finding(NamedTuple):
     joint: str | None
     """Name of the joint."""
     t: float | None
-    """When it began; else when it was worst [s]."""
+    """Time at which it began; else that at which it was worst [s]."""
     value: float
     limit: float
     unit: str
@@ -130,11 +130,11 @@ class Flight(NamedTuple):
     duration: float = DURATION
     """Its time [s]."""
     pole: Pole | None = None
-    """What is too slow for the other motions, if it is flown for that."""
+    """Pole that is too slow for the other motions, if this flight is made for one."""
 
     @property
     def settles(self) -> bool:
-        """Whether the arm must come to rest in it."""
+        """Whether the arm must come to rest in this flight."""
         return self.motion in ("small step", LONG)
 
     def __str__(self) -> str:
@@ -142,7 +142,7 @@ class Flight(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What came of a law on a robot."""
+    """Result of the preflight of a law on a robot."""
 
     controller: str
     flights: tuple[str, ...]
@@ -170,7 +170,7 @@ class Report(NamedTuple):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What a robot would not stand."""
+        """Findings that a robot would not stand."""
         return tuple(one for one in self.seen if one.beyond)
 
     @property
@@ -517,7 +517,7 @@ def judge(
 
 
 def _moves(run: Trajectory, arm: RobotModel, shakes: Shaking) -> bool:
-    """Whether the arm's torque at the frequency at which it shakes is what its motion takes, with each turn of a swing.
+    """Whether the motion itself, with each turn of a swing, takes the torque that the arm has at its shaking frequency.
 
     Args:
         run: The run.
@@ -563,7 +563,7 @@ def filtered(command: Array, held: Array, taken: float) -> Array:
 
 
 def _is_enough(margins: Margins) -> bool:
-    """Whether a phase margin is as large as is usual."""
+    """Whether the phase margin is at least as large as is usual."""
     return margins.phase is not None and margins.phase >= ENOUGH
 
 
@@ -640,7 +640,7 @@ def swing(t: Array, size: Array, half: float, once: bool = False) -> Reference:
 
 
 class Room(NamedTuple):
-    """Where an arm is at home, and how far its joints go."""
+    """Home position of an arm, and the range of its joints."""
 
     home: Array
     """Keyframe of that name, else zero, (n,) [rad]."""

@@ -133,7 +133,7 @@ def registering_again(module: str) -> Iterator[None]:
         registry.forget(module)
     try:
         yield
-    except BaseException:
+    except BaseException:  # Ctrl-C, and a file that calls exit, leave nothing half registered either
         for registry, items, makers in before:
             registry._items, registry._makers = items, makers
         raise

@@ -204,7 +204,7 @@ class Result:
 
     @property
     def experiment(self) -> Experiment:
-        """What was run, every default filled in."""
+        """The experiment that was run, every default filled in."""
         return self.numbers.experiment
 
     @property
@@ -219,7 +219,7 @@ class Result:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """What was wrong with the controllers before the run: switching gains that are too small."""
+        """Remarks on the run: faults known beforehand, such as switching gains that are too small, and failures."""
         return self.numbers.flags
 
     @property

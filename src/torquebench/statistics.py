@@ -145,7 +145,7 @@ def draws_needed(found: Ratio, ratio: float = SMALL, confidence: float = 0.95, p
 
 
 class Outcomes(NamedTuple):
-    """How paired runs ended that did not end alike."""
+    """Counts of paired runs that ended differently, with their test."""
 
     first: int
     """Pairs of which the first alone failed, or more of the first."""

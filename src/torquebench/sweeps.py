@@ -211,7 +211,7 @@ class Sweep:
 
     @property
     def folder(self) -> Path:
-        """Where it is stored."""
+        """Folder in which the sweep is stored."""
         return self.stored.folder
 
     @cached_property

@@ -15,7 +15,7 @@ RELATIVE = 1e-9
 
 
 class Timing(NamedTuple):
-    """What a kind's own rules may ask of the run."""
+    """Facts about the run that a kind's own rules may use."""
 
     duration: float
     """Length of the run [s]."""

@@ -31,7 +31,7 @@ from torquebench.robot.flat_model import SLIDE
 from torquebench.robot.robot_model import RobotModel
 
 SHARE = 0.8
-"""What all linear terms of a law together may move s by in the time that the loop takes to answer, of s [1]."""
+"""Share of s by which all linear terms of a law together may move it in the time that the loop takes to answer [1]."""
 QUICKEST = 20.0
 """Largest slope lambda [1/s]."""
 ERROR = 0.005
@@ -45,22 +45,22 @@ HELD = 0.25
 CRAWL = 0.02
 """Speed above which what a law believes of Coulomb friction is full [rad/s]."""
 OVERCOME = 1.5
-"""What switches or holds against the friction of an arm's file, over it [1]."""
+"""Torque that switches or holds against the friction of an arm's file, over this friction [1]."""
 RUBBED = 2.0
 """Speed at which that friction is looked at [rad/s]: that of a brisk motion."""
 POSES = 200
 """Random poses at which the arm is looked at, besides that at zero."""
 REACH = 0.5
-"""How far slide joints are moved in them, either way [m]."""
+"""Largest displacement of slide joints in these poses, either way [m]."""
 DIGITS = 3
 """Significant digits of a gain that is chosen."""
 ROUNDING = 0.01
-"""What rounding may make of it [1]."""
+"""Relative change of a gain by rounding it, at most [1]."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What an arm's joints can do, and what a law may ask of them, (n,) each."""
+    """Limits of an arm's joints, and of the demands that a law may make on them, (n,) each."""
 
     tau_max: Array
     """Torque limit [N m]."""
@@ -173,7 +173,7 @@ class Fit:
 
     @property
     def terms(self) -> int:
-        """How many of them there are."""
+        """Number of the law's linear terms."""
         return sum(rule in TERMS for rule in self.rules.values())
 
     @property
@@ -511,7 +511,7 @@ BY_UNIT: Mapping[str, Rule] = {
 """Unit -> the rule of a gain that says nothing else."""
 
 Search: TypeAlias = tuple[float, float, Literal["log", "linear"]]
-"""Where tuning looks for a gain: least value, greatest, and whether equal ratios or equal steps count the same."""
+"""Range in which tuning looks for a gain: least, greatest, and whether equal ratios or equal steps weigh alike."""
 
 BOXES: Mapping[str, Search] = {
     "1/s": (1.0, 200.0, "log"),

@@ -1,4 +1,4 @@
-"""Who is better, and who ranks where: scores paired by draw, with the spread of draws and of tunings counted together.
+"""Ranks entries by scores paired by draw, with the spread over draws and the spread over tunings counted together.
 
 Nothing here knows a law: entries are their scores. Two entries tie where the interval of their ratio holds 1.
 """
@@ -118,7 +118,7 @@ def _welch(x: Array, y: Array, confidence: float) -> float:
 
 
 def fails_more(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1) -> bool:
-    """Whether a fails in more runs than b by more than chance, by `mcnemar`; arguments as of `compare`."""
+    """Whether `a` fails in more runs than `b`, by more than chance as of `mcnemar`; arguments as of `compare`."""
     a, b = _in_common(a, b)
     found = mcnemar(a.runs, b.runs)
     return found.first > found.second and found.p < 1.0 - _of_a_look(confidence, looks)
@@ -138,7 +138,7 @@ def verdict(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1
 
 
 def is_open(a: Scores, b: Scores, confidence: float = CONFIDENCE, looks: int = 1) -> bool:
-    """Whether two that tie may do so for want of draws.
+    """Whether two entries that tie might be told apart with more draws.
 
     No draw decides a pair whose interval over draws lies within that over tunings: other tuning seeds would turn it
     round. Where they fail in different numbers of runs, draws may tell if single tunings differ in it by as much.
@@ -171,7 +171,7 @@ def _more_failures(a: Scores, b: Scores, confidence: float) -> int:
 
 
 class Standing(NamedTuple):
-    """Where an entry stands."""
+    """Rank of one entry, with the figures behind it."""
 
     entry: str
     rank: int | None
@@ -191,7 +191,7 @@ class Standing(NamedTuple):
     runs: int
     """Runs that failed, of how many."""
     note: str = ""
-    """Why it is not ranked."""
+    """Reason why it is not ranked."""
 
 
 def rank(scores: Mapping[str, Scores], confidence: float = CONFIDENCE, looks: int = 1) -> dict[str, tuple[int, int]]:

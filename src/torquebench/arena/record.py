@@ -40,7 +40,7 @@ RULESETS = {TUNED: "tuned", SELF: "as given: no evaluation but the law's own ada
 LEAST = 1e-6
 """Chattering counts as at least this where its geometric mean is taken [% of the torque limit]."""
 SHIPPED = "torquebench"
-"""Where a law is from that is no file of somebody's own."""
+"""Source of a law that is in no file of the user's own."""
 DIGITS = 4
 """Significant digits of what is stored."""
 
@@ -89,7 +89,7 @@ class Row:
 
     @property
     def state(self) -> str:
-        """Why the row has expired; nothing while its law is there as it was."""
+        """Reason why the row has expired; empty while its law is there unchanged."""
         if self.law not in law_names():
             where = f"any more, unless --plugin names {self.source}" if self.source != SHIPPED else "any more"
             return f"expired: law '{self.law}' is not there {where}"
@@ -314,7 +314,7 @@ def digest_of(law: Law) -> str:
 
 
 SHARED = ("torquebench.laws.", "torquebench.fuzzy.", "torquebench.kernel")
-"""Where functions are that laws share."""
+"""Modules of the functions that laws share."""
 
 
 def _imported(text: str) -> Iterator[Any]:

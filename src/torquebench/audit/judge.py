@@ -58,7 +58,7 @@ class Ablation(NamedTuple):
 
     @property
     def as_well(self) -> bool:
-        """Whether it does as well: at most a tenth worse, interval and all."""
+        """Whether it does as well as the law itself: at most a tenth worse, whole interval included."""
         worst = 1.0 / self.interval.low if self.higher and self.interval.low > 0.0 else self.interval.high
         return not self.interval.failed[0] and self.interval.n > 0 and worst < AS_WELL
 
@@ -80,7 +80,7 @@ class Judged:
 
     @property
     def moved(self) -> bool:
-        """Whether the verdict is another one than the study expects."""
+        """Whether the verdict differs from the one that the study expects."""
         return self.claim.expect is not None and self.claim.expect != self.verdict
 
     @property
@@ -92,7 +92,7 @@ class Judged:
 
     @property
     def source(self) -> str:
-        """Where the claim stands, and whether the text says so."""
+        """Place of the claim in the text, and a note where the text only implies it."""
         return self.claim.where if self.claim.quoted else f"{self.claim.where}; implied, not said"
 
     @property

@@ -1,4 +1,4 @@
-"""How a verdict follows from figures: a case holds where the whole interval is on the claim's side of its threshold."""
+"""Verdicts from figures: a case holds where the whole interval is on the claim's side of its threshold."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from torquebench.statistics import clopper_pearson, mean_interval, paired_ratio
 
 
 class Verdict(StrEnum):
-    """What is said of a case, or of a claim over its cases."""
+    """Verdict on a case, or on a claim over all its cases."""
 
     HOLDS = "holds"
     FAILS = "fails"
@@ -37,7 +37,7 @@ class Interval(NamedTuple):
 
 
 class Threshold(NamedTuple):
-    """What a figure must be below, or above, for the claim to hold."""
+    """Limit that a figure must stay below, or exceed, for the claim to hold."""
 
     limit: float
     side: str

@@ -23,7 +23,7 @@ VelocityName = Literal["exact", "differentiated", "tachometer", "kalman"]
 
 
 class Drawn(NamedTuple):
-    """What a chain draws for one run of N control instants and n joints; None for what it has none of."""
+    """Random values that a chain draws for one run of N control instants and n joints; None for those that it lacks."""
 
     position: Array | None = None
     """Noise of the encoders, (N, n) [rad]."""
@@ -209,7 +209,7 @@ class Chain:
 
     @property
     def is_random(self) -> bool:
-        """Whether a run draws anything for it."""
+        """Whether a run draws random numbers for this chain."""
         return any((self.encoder_noise, self.velocity_noise, self.jitter, self.missed_deadlines))
 
     @property
@@ -457,7 +457,7 @@ CHAINS: Registry[Chain] = Registry("chain")
 
 
 class Origin(NamedTuple):
-    """Where a number of a chain comes from."""
+    """Source of a number of a chain."""
 
     source: str
     """Document; or ``assumed:`` and why it has that size."""
@@ -470,7 +470,7 @@ class Origin(NamedTuple):
 
 
 class About(NamedTuple):
-    """What a named chain stands for."""
+    """Description of a named chain, with the sources of its numbers."""
 
     summary: str
     note: str = ""

@@ -1,4 +1,4 @@
-"""What becomes of a law's torque on its way to the joints: rate limit, late commands, drive, current loop, motor."""
+"""Path of a law's torque to the joints: rate limit, late commands, drive, current loop, motor."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Drives(Structure):
     rate: Array
     """Largest change of the commanded torque from one control instant to the next, (n,) or (0,) [N m]."""
     decay: Array
-    """What is left of a lag after half a physics step, a whole one, and on average over a control period, (3,) or
+    """Share of a lag that is left after half a physics step, a whole one, and on average over a control period, (3,) or
     (0,)."""
     late: IntArray
     """Physics steps by which each command is late, more than a control period for a missed one, (N,) or (0,)."""
@@ -143,7 +143,7 @@ class Drives(Structure):
     quantum: float
     """Commands are rounded to a multiple of this; 0 for none [N m]."""
     gain: Array
-    """What they are multiplied by, (n,) or (0,)."""
+    """Factors by which commands are multiplied, (n,) or (0,)."""
     offset: Array
     """Torque that is added to them, (n,) or (0,) [N m]."""
     half: Annotated[Array, 2]
@@ -155,7 +155,7 @@ class Drives(Structure):
     continuous: Array
     """Continuous torque, (n,) or (0,) [N m]."""
     cooling: float
-    """What is left of a difference of temperature after a physics step."""
+    """Share of a difference of temperature that is left after a physics step."""
     fade_from: int
     fade_steps: int
     """Physics step at which motors begin to weaken, and over how many they do."""

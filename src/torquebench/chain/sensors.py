@@ -1,4 +1,4 @@
-"""What a law sees of the arm: encoders with noise, offset, ripple and steps; four ways to a velocity; delay."""
+"""Sensors of an arm, as laws see it: encoders with noise, offset, ripple and steps; four ways to a velocity; delay."""
 
 from __future__ import annotations
 

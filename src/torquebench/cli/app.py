@@ -383,7 +383,7 @@ def terminable() -> Iterator[None]:
 
 @dataclass
 class Ending:
-    """How a command ended before its end, for the document of --json."""
+    """Mistakes or error that ended a command early, for the document of --json."""
 
     problems: tuple[Problem, ...] = ()
     error: str | None = None

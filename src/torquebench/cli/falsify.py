@@ -42,7 +42,7 @@ LONGEST = 40
 
 
 class Until(click.ParamType[Any]):
-    """What breaks a claim, such as ``max_error > 5 mrad``."""
+    """Type of --until: a condition that breaks a claim, such as ``max_error > 5 mrad``."""
 
     name = "until"
 

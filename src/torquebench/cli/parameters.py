@@ -1,4 +1,4 @@
-"""What commands take: options and arguments whose mistakes come all at once, their types, and those that many share."""
+"""Options and arguments of commands: their types, those that many share, and the report of all mistakes at once."""
 
 from __future__ import annotations
 

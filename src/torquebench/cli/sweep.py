@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 LEAST_TOLD, AROUND = 5, 16
 """Choices that the terminal shows however small it is, and lines around them, which stand in two tables."""
 FAR_TOO_MANY = 3
-"""How many times the cap is refused before anything is checked: to check so many draws takes long too."""
+"""Multiple of the cap that is refused before anything is checked: to check so many draws takes long too."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the user sees in the terminal: lines, tables, colour, progress; and how much of it."""
+"""Output to the terminal: lines, tables, colour, progress; and how much of it is shown."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ USUAL_HEIGHT = 60
 
 @dataclass
 class Voice:
-    """How the running command speaks, and what it has told."""
+    """Output settings of the running command, and everything that it has reported so far."""
 
     quiet: bool = False
     """Errors and nothing else."""
@@ -249,7 +249,7 @@ class Beat:
     """
 
     PATIENCE = 0.4
-    """How long the terminal may stay as it is [s]."""
+    """Longest time without a change on the terminal [s]."""
 
     def __init__(self) -> None:
         """Show nothing yet."""

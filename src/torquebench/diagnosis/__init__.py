@@ -1,4 +1,4 @@
-"""Why a run shakes, fails, errs or saturates: each imperfection taken away and left alone, and the loop's margins."""
+"""Finds why a run shakes, fails, errs or saturates: runs it without each imperfection, with it alone; loop margins."""
 
 from torquebench.diagnosis.diagnose import Cause, Diagnosis, Remedy, diagnose
 from torquebench.diagnosis.margins import Margins

@@ -111,13 +111,13 @@ class Cause:
 
     @property
     def whose(self) -> str:
-        """Who can change it and where its number is from, in words."""
+        """Owner, who can change it, and source of its number, in words."""
         return f"{OWNERS[self.owner]}{f', {self.origin}' * bool(self.origin)}"
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is wrong with a controller's run, and why."""
+    """Faults of a controller's run, their causes, and the cures that were tried."""
 
     experiment: str
     controller: str
@@ -128,20 +128,20 @@ class Diagnosis:
     symptoms: tuple[Kind, ...]
     """Everything it does that it should not, the worst first."""
     causes: tuple[Cause, ...]
-    """What does it, by symptom and the larger effect first."""
+    """Causes by symptom, the larger effect first."""
     margins: Margins | None = field(repr=False)
     cures: tuple[Remedy, ...]
     """Changes of the law's own gains that were tried, and what came of them."""
     runs: int
     """Closed loops that were run."""
     unstable: bool
-    """Whether the loop's phase margin is negative, of a law whose torque does not jump."""
+    """Whether the loop's phase margin is negative and the law's torque does not jump."""
     cured: Seen | None = field(repr=False)
     """The run without the first cause; of a law that is the cause itself, with the change that cures it."""
 
     @property
     def sentence(self) -> str:
-        """What is wrong, what does it, and what is left without it."""
+        """Sentence that names the fault, its cause, and the part of the fault that is left without the cause."""
         margins, unstable = self.margins, ""
         if self.unstable and margins is not None:
             unstable = f"its loop is unstable at {self.joints[margins.joint]}: phase margin {margins.phase:.0f} deg"
@@ -367,12 +367,12 @@ class _Search:
 
     @property
     def gone(self) -> list[Part]:
-        """What a part is left alone of: all others but the torque limit, without which what is unstable only grows."""
+        """Parts to take away: all but the torque limit, without which an unstable loop only grows."""
         return [part for part in self.parts if part.key != "torque_limit"]
 
     @property
     def symptoms(self) -> tuple[Kind, ...]:
-        """What the run does that it should not, the worst first."""
+        """Symptoms of the run, the worst first."""
         return tuple(sorted((kind for kind in KINDS if self.whole.has(kind)), key=self._rank))
 
     def diagnosis(self) -> Diagnosis:
@@ -421,7 +421,7 @@ class _Search:
 
     @property
     def unstable(self) -> bool:
-        """Whether the loop's phase margin is negative, of a law whose torque does not jump."""
+        """Whether the loop's phase margin is negative and the law's torque does not jump."""
         return not self.slopes.jumps and self.margins is not None and (self.margins.phase or 0.0) < 0.0
 
     @property
@@ -517,7 +517,7 @@ class _Search:
         return max(size, whole) if self.whole.unstable(kind) and seen.unstable(kind) else size
 
     def _explained(self, kind: Kind, parts: Sequence[Part], without: Mapping[str, Seen]) -> bool:
-        """Whether a symptom is gone once some parts are, of which `without` has the run without each."""
+        """Whether a symptom is gone once the given parts are; `without` has the run without each of them."""
         if len(parts) == 1:
             return not without[parts[0].key].has(kind)
         return not self.without(parts, "without all of these").has(kind)
@@ -551,7 +551,7 @@ class _Search:
         )
 
     def _cured(self, kind: Kind, seen: Seen, left: float = 0.0) -> bool:
-        """Whether a run is rid of a symptom, or of all but what is left without its cause, and nothing is worse."""
+        """Whether a run has lost a symptom, or all but what is left without its cause, and nothing else is worse."""
         if not self._spares(kind, seen):
             return False
         size, whole = (one.size(kind, self.whole.joint(kind)) for one in (seen, self.whole))

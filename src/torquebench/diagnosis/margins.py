@@ -59,7 +59,7 @@ class Slopes:
     pull: Array
     """d tau_i / d q_ref,i, (m, n) [N m/rad]."""
     integral: Array
-    """What a lasting error of position adds to that in a second, [N m/(rad s)]."""
+    """Growth of that per second under a lasting error of position [N m/(rad s)]."""
     integral_damping: Array
     """Likewise of velocity [N m/rad]."""
     at_rest: Array
@@ -99,13 +99,13 @@ class Margins:
     lost: Mapping[str, float]
     """Part of the chain, hold of the control period included -> phase lost to it at the crossover [degrees]."""
     owners: Mapping[str, Owner] = field(default_factory=dict)
-    """Whose each of these is."""
+    """Owner of each of these."""
     damping: float = 1.0
     """Least damping ratio that arm and law without the chain have near the crossover; 1 where nothing swings [1]."""
 
     @property
     def costs(self) -> str:
-        """What costs phase at the crossover, the most first, and whose it is; empty where nothing does."""
+        """Losses of phase at the crossover, the largest first, with the owner of each; empty where nothing is lost."""
         most = sorted(self.lost, key=lambda name: -self.lost[name])
         called = {"velocity": "estimating velocity"}
         words = (
@@ -124,7 +124,7 @@ class Margins:
 
     @property
     def is_soft(self) -> bool:
-        """Whether the phase margin is little for want of damping, as a soft spring has it, and not of what is late.
+        """Whether the phase margin is small because damping is, as of a soft spring, and not because of lags.
 
         Then it would be little without the chain, too, and all that costs phase would have to grow threefold at least
         to make the loop unstable.
@@ -135,7 +135,7 @@ class Margins:
 
     @property
     def rule(self) -> str:
-        """What a phase margin means by the rule of `ENOUGH` to `AMPLE`; empty where the loop does not cross."""
+        """Meaning of the phase margin by the rule of `ENOUGH` to `AMPLE`; empty where the loop does not cross."""
         usual = f"{ENOUGH:.0f} to {AMPLE:.0f} deg are usual (Astrom and Murray)"
         if self.crossover is None or self.phase is None:
             return ""
@@ -258,13 +258,13 @@ def backwards(slopes: Slopes) -> int | None:
 
 
 def leaves_gravity(slopes: Slopes, weight: Array) -> bool:
-    """Whether a law gives nothing against gravity while it has no error."""
+    """Whether a law gives no torque against gravity while it has no error."""
     heavy = float(np.max(np.abs(weight)))
     return heavy > 0.0 and float(np.max(np.abs(slopes.at_rest))) < SMALL * heavy
 
 
 class Terms(NamedTuple):
-    """What a loop is made of at an instant, (n, n) each."""
+    """Matrices that make up a loop at an instant, (n, n) each."""
 
     M: Array
     """Inertia of the links [kg m^2]; of the whole arm where joints are rigid."""

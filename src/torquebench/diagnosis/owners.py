@@ -1,4 +1,4 @@
-"""Whose each part of a loop is: the robot's, which only a law can answer, or the user's own to change."""
+"""Owner of each part of a loop: the robot, whose parts only a law can answer, or the user, who can change the part."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ STILL, AWAY = 0.02, 0.2
 
 
 class Seen(NamedTuple):
-    """What one run shows."""
+    """Observations from one run: its ending, shaking, errors and torques."""
 
     ending: str
     """How it failed; empty if it completed."""
@@ -51,7 +51,7 @@ class Seen(NamedTuple):
     strays: bool
     """Whether its error grows."""
     slips: Array
-    """How often each joint that sticks breaks away, (n,) [Hz]; see `slips`."""
+    """Frequency at which each joint that sticks breaks away, (n,) [Hz]; see `slips`."""
     t: Array
     """Instants of the window for metrics, (m,) [s]."""
     tau: Array
@@ -65,12 +65,12 @@ class Seen(NamedTuple):
 
     @property
     def hammers(self) -> bool:
-        """Whether the joint that errs most swings from limit to limit, faster than its motion: a cycle of the loop."""
+        """Whether the joint with most error swings from limit to limit, faster than its motion: the loop cycles."""
         joint = self.joint("errs")
         return bool(self.saturated[joint] >= SATURATED and self.swings[joint] > self.motion_hz)
 
     def unstable(self, kind: Kind) -> bool:
-        """Whether a symptom grows, or has grown: what swings from limit to limit, an error beyond the motion."""
+        """Whether a symptom grows, or has grown into a swing from limit to limit or an error beyond the motion."""
         if kind == "shakes":
             at_limit = self.shaking is not None and bool(np.max(self.saturated) >= SATURATED)
             return self.grows or self.strays or at_limit

@@ -119,7 +119,7 @@ class Arena:
 
     @property
     def infos(self) -> tuple[MetricInfo, ...]:
-        """What tuning makes small: the error, and chattering."""
+        """Metrics that tuning minimises: the error, and chattering."""
         return METRICS[self.metric], METRICS[CHATTERING]
 
     @property

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from torquebench.experiment.schema import Experiment
 
 SLACK = 1e-4
-"""How far beyond its range a joint may be without a word [rad, m]: less than arms are calibrated to."""
+"""Distance by which a joint may leave its range without a word [rad, m]: less than arms are calibrated to."""
 
 
 class ArmValue(Node):

@@ -43,14 +43,14 @@ class Loop(NamedTuple):
     reference: Reference
     """Desired motion at each control instant, (N, n)."""
     drawn: Drawn
-    """What the chain has drawn for each control instant."""
+    """Random values that the chain has drawn for each control instant."""
     disturbance: Array | None
     """Torque added after saturation and lag at each control instant, (N, n) [N m]."""
     initial_q: Array
 
 
 class Fixed(NamedTuple):
-    """What an experiment's runs share whatever is drawn in them, but for a perturbed plant and a mismatch."""
+    """Parts that all runs of an experiment share whatever is drawn, except for a perturbed plant and a mismatch."""
 
     plant: Plant
     model: RobotModel

@@ -34,7 +34,7 @@ TINY = 1e-300
 INSTANTS = 2000
 """Instants of a reference at which its torque is looked at."""
 TOO_MUCH = "the reference needs more torque than the arm has"
-"""How the remark on it begins; a stored run has it as text."""
+"""Beginning of the remark on it; a stored run has it as text."""
 SMALL = 0.005
 """Share of a torque below which one of its parts is not told [1]."""
 
@@ -57,7 +57,7 @@ class Flag:
 
     @property
     def cause(self) -> str:
-        """What it explains of a run."""
+        """Cause to name where the run goes wrong, in words."""
         return f"K = {self.gain:.4g} {self.unit} of {self.joint} is below what its motion needs, {self.needed:.4g}"
 
     def __str__(self) -> str:
@@ -80,7 +80,7 @@ class Coarse:
     period: float
     """Control period [s]."""
     step: float
-    """What K moves s in it [rad/s]."""
+    """Amount by which K moves s in it [rad/s]."""
     most: float
     """The most that it may [rad/s]."""
     has_layer: bool
@@ -94,7 +94,7 @@ class Coarse:
 
     @property
     def cause(self) -> str:
-        """What it explains of a run."""
+        """Cause to name where the run goes wrong, in words."""
         thin = "its layer is thinner than a step of travel: " if self.has_layer else "K is too large for the period: "
         speed = "m/s" if self.unit == "N" else "rad/s"
         return f"{thin}K moves s of {self.joint} by {self.step:.3g} {speed} in one, {self.most:.3g} can be held"
@@ -122,13 +122,13 @@ class Overdriven:
     period: float
     """Control period [s]."""
     times: float
-    """What Kd moves s by in it, in s: period x rho(M^-1 Kd) [1]."""
+    """Amount by which Kd moves s in it, as a multiple of s: period x rho(M^-1 Kd) [1]."""
     unit: str = "N m s/rad"
     """N s/m for a joint that slides."""
 
     @property
     def cause(self) -> str:
-        """What it explains of a run."""
+        """Cause to name where the run goes wrong, in words."""
         return f"Kd moves s of {self.joint} by {self.times:.3g} s in a control period, and s grows from {UNSTABLE:g} on"
 
     def __str__(self) -> str:

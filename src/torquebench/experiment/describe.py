@@ -1,4 +1,4 @@
-"""What was run, in words: beside every figure, on the terminal and in the metrics."""
+"""Describes in words what was run: the text beside every figure, on the terminal and in the metrics."""
 
 from __future__ import annotations
 

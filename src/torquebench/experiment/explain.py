@@ -1,4 +1,4 @@
-"""What went wrong in a run, and which causes its data support: for each controller a line, with the numbers."""
+"""Explains what went wrong in a run: a line for each controller, with the causes that its data support, in numbers."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Claim(NamedTuple):
         return f"{self.metric} {self.sign} {self.limit!r}" + f" {self.info.unit}" * (self.info.unit not in PURE)
 
     def holds(self, value: float) -> bool:
-        """Whether a value of the metric meets it; NaN does not."""
+        """Whether a value of the metric meets the claim; NaN does not."""
         return LIMITS[self.sign](value, self.limit)
 
 

@@ -42,7 +42,7 @@ class _Stored(BaseModel):
 
 
 class _StoredOutcome(_Stored):
-    """How a run ended, as of `run.outcome_facts`."""
+    """Outcome of a run, as written by `run.outcome_facts`."""
 
     outcome: str
     failed_at: int | None
@@ -58,7 +58,7 @@ class _StoredJoints(_Stored):
 
 
 class _Manifest(_Stored):
-    """What is read of a run's manifest; the last three are absent from folders of older versions."""
+    """Entries that are read from a run's manifest; the last three are absent from folders of older versions."""
 
     config_sha256: str
     seeds: dict[str, Any]
@@ -79,7 +79,7 @@ class _Margin(_Stored):
 
 
 class _StoredCertificate(_Stored):
-    """What tables show of a controller's certificates, as of `Certificate.to_json`."""
+    """Figures of a controller's certificates that tables show, as written by `Certificate.to_json`."""
 
     share_outside: float
     share_rising_outside: float | None

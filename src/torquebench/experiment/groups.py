@@ -70,7 +70,7 @@ class Group(Node):
 
     @functools.cached_property
     def nodes(self) -> dict[str, Node]:
-        """What may stand at each key."""
+        """Node of each key: the values that may stand there."""
         return {name: node_of(declared) for name, declared in self.fields.items()}
 
     def groups(self) -> Iterable[Group]:
@@ -443,7 +443,7 @@ class NameOr(Node):
 
     @property
     def wanted(self) -> str:  # type: ignore[override]
-        """What is wanted in place of anything else."""
+        """Values that are accepted, in words."""
         names = f"one of {', '.join(self._registry)}"
         return names if self._group is None else f"{names}, or {self._group.wanted}"
 

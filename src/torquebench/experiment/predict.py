@@ -1,4 +1,4 @@
-"""Whether describing functions predict that a controller of an experiment shakes, before it is run."""
+"""Predicts by describing functions, before a run, whether a controller of an experiment shakes."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ from torquebench.sim.friction import FRICTIONS
 
 MOTION, GAINS = PRESET
 NAMED: dict[KeyPath, Any] = {("chain",): CHAINS, ("plant", "friction"): FRICTIONS}
-"""Where a name may stand, or in a mapping with `FROM`, and what has names there."""
+"""Keys at which a name may stand, alone or in a mapping with `FROM`, and the registry of these names."""
 
 
 @functools.cache

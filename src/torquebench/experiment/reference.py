@@ -1,4 +1,4 @@
-"""What keys there are: the JSON schema of a config, for editors, and the unit of a key."""
+"""Reference of all keys: the JSON schema of a config, for editors, and the unit of a key."""
 
 from __future__ import annotations
 

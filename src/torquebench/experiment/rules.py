@@ -42,7 +42,7 @@ TAKEN = frozenset({"figures"})
 """Names that no controller may have: each has a folder of its name beside these."""
 
 Items = Mapping[KeyPath, Any]
-"""Where something is -> what it is."""
+"""Path of an item -> the item."""
 Rule = Callable[..., Iterator[Fault]]
 RULES: list[tuple[Rule, tuple[str, ...]]] = []
 """Each rule with the names of what it needs."""
@@ -146,7 +146,7 @@ def _items(parts: Mapping[str, Any]) -> Iterator[tuple[KeyPath, Any]]:
 
 @rule
 def own_rules(items: Items, timing: Timing) -> Iterator[Fault]:
-    """What the kinds' own rules find."""
+    """Every item obeys the rules of its own kind."""
     for path, item in items.items():
         found = item.check(timing) if hasattr(item, "check") else iter(())
         for fault in found if isinstance(found, Iterator) else [found]:
@@ -341,7 +341,7 @@ class _Need(NamedTuple):
     most: float
     """Number of steps within the limit."""
     size: float
-    """What one step of one controller takes, in `unit`."""
+    """Need of one step of one controller, in `unit`."""
     unit: str
     limit: str
 

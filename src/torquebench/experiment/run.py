@@ -91,12 +91,12 @@ class ExperimentResult:
 
     @cached_property
     def conditions(self) -> str:
-        """What was run, in two lines."""
+        """Conditions of the run, in two lines."""
         return conditions_text(self.experiment)
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """What controllers or arm could not do before the run, what the arm's file lost, and what went wrong in it."""
+        """Remarks on what controllers or arm cannot do, what the arm's file lost, and what went wrong in the run."""
         return (*foreseen(self.experiment, self.loop), *self.out_of_range, *self.explained)
 
     @cached_property
@@ -132,7 +132,7 @@ class ExperimentResult:
 
     @cached_property
     def facts(self) -> Mapping[str, Any]:
-        """What identifies the run: hash of the config, seeds, software and machine."""
+        """Identity of the run: hash of the config, seeds, software and machine."""
         run = self.experiment.run
         return {
             "config_sha256": config_hash(self.experiment),
@@ -153,7 +153,7 @@ class ExperimentResult:
 
     @cached_property
     def scenario(self) -> dict[str, Any]:
-        """What was drawn for model and plant, and the steps at which the payload was taken up and a joint locked."""
+        """Values drawn for model and plant, and the steps at which the payload was taken up and a joint locked."""
         experiment, flat, facts = self.experiment, self.loop.model.flat, dict[str, Any]()
         if experiment.model.mismatch is not None:
             if len(flat.constants):

@@ -191,7 +191,7 @@ class Video:
 
     @property
     def has_sound(self) -> bool:
-        """Whether something is heard."""
+        """Whether the film has sound."""
         return self.sound or self.ears is not None
 
     def mistakes(self, model: ArmSource, names: Sequence[str]) -> Iterator[Fault]:

@@ -208,7 +208,7 @@ DIGESTS = ("arithmetic", "arrays")
 
 
 def machine() -> dict[str, str]:
-    """What else can move the last bits: system, processor, C library; and digests of the bits that they give."""
+    """Return what else can move the last bits: system, processor, C library; and digests of the bits that they give."""
     return {
         "system": f"{platform.system()} {platform.release()}",
         "processor": ", ".join(filter(None, (platform.machine(), _processor()))),

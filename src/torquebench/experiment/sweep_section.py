@@ -32,7 +32,7 @@ NOT_VARIED = ("sweep", "falsify", "tune", "arena", "name", "description", "figur
 """Sections and keys that decide nothing of what is run."""
 RANGE_WORDS = {"start", "stop", "step", "num", "min", "max", "to", "count", "spacing"}
 EVERY = "controllers.*."
-"""How a key begins that stands for every controller."""
+"""Beginning of a key that stands for every controller."""
 
 
 class Value(NamedTuple):
@@ -54,7 +54,7 @@ class Axis(NamedTuple):
 
     @property
     def numeric(self) -> bool:
-        """Whether tables show it as numbers."""
+        """Whether tables show the axis as numbers."""
         return all(isinstance(value.word, float) for value in self.values)
 
 
@@ -427,7 +427,7 @@ def _meet(paths: Sequence[KeyPath], others: Sequence[KeyPath]) -> bool:
 
 
 def _stands(node: Any, raw: Any) -> bool:
-    """Whether what was set is still there; more may have been added to it."""
+    """Whether a value that was set is still there; more may have been added to it."""
     if isinstance(raw, dict):
         return isinstance(node, dict) and all(key in node and _stands(node[key], raw[key]) for key in raw)
     if isinstance(raw, list):

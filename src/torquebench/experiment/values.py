@@ -62,10 +62,10 @@ class Here(NamedTuple):
 
 
 class Node(ABC):
-    """What may stand at a key."""
+    """Rule for the values that may stand at a key, and for the objects that they become."""
 
     wanted = "a value"
-    """What is told to who gives nothing, or something of another shape."""
+    """Words for the wanted value, shown where there is none or one of another shape."""
     is_vector = False
     """Whether it is one number for all joints, or one for each."""
 
@@ -95,7 +95,7 @@ class Anything(Node):
 
 
 class AnyOf(Node):
-    """What one of several nodes accepts, where it is not known which one stands there.
+    """Accepts what any of several nodes accepts, where it is not known which one stands there.
 
     Args:
         nodes: These nodes.

@@ -1,4 +1,4 @@
-"""How values and mistakes are put into words: what a user wrote, what was wanted, and what may help."""
+"""Puts values and mistakes into words: what a user wrote, what was wanted, and what may help."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def a_value(key: Key) -> str:
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a number; true and false are."""
+    """Whether a value is a number; true and false count as numbers."""
     return isinstance(value, int | float)
 
 

@@ -44,7 +44,7 @@ BROKEN = Broken()
 
 
 class Place(NamedTuple):
-    """Where a value was written."""
+    """Place at which a value was written."""
 
     override: int
     """0 for the file, else the number of the ``--set`` option, from 1."""

@@ -28,7 +28,7 @@ CORNER_OVER_MOTION = 8.0
 STILL = 0.1
 """Chattering below which a joint has neither peak nor limit cycle [% of the torque limit]."""
 LINE_WIDTH = 1.0 / 8.0
-"""How far a limit cycle's lines reach on either side of each multiple of the peak's frequency [that frequency]."""
+"""Reach of a limit cycle's lines on either side of each multiple of the peak's frequency [that frequency]."""
 LINE_SHARE = 0.5
 """Share of the power above the corner, beyond what noise has there, from which such lines are a limit cycle [1]."""
 LEAST_PERIODS = 8.0
@@ -194,7 +194,7 @@ def _near(lines: Array, frequency: float) -> npt.NDArray[np.bool_]:
 
 
 def is_of_motion(tau: Array, needed: Array, control_period: float, frequency: float) -> bool:
-    """Whether what a motion takes has a quarter of the power that a joint's torque has at a frequency, to 5 %.
+    """Whether the torque that a motion takes has a quarter of a joint's power at a frequency, to 5 %.
 
     Args:
         tau: The torque, (N,) [N m].

@@ -1,4 +1,4 @@
-"""How a metric declares itself: the `@metric` decorator, and the registry of all metrics in the order of tables."""
+"""Declaration of metrics: the `@metric` decorator, and the registry of all metrics in the order of tables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ IN_WORDS: dict[str, str] = {"mean": "mean of joints", "worst": "worst joint", "r
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MetricInfo:
-    """What a metric declares of itself; see `metric`."""
+    """Declaration of a metric; see `metric`."""
 
     key: str
     title: str
@@ -38,14 +38,14 @@ class MetricInfo:
 
     @property
     def headline(self) -> str:
-        """How the joints make one number, in words."""
+        """Way in which the joints give one number, in words."""
         if self.of_tool:
             return "the tool's own"
         return IN_WORDS.get(self.over_joints) or f"joint with the worst `{self.over_joints}`"
 
     @property
     def is_angle(self) -> bool:
-        """Whether joints that turn have it in rad and joints that slide in m."""
+        """Whether the metric is in rad for joints that turn, and in m for joints that slide."""
         return self.unit.startswith("rad") and not self.of_tool
 
     @property

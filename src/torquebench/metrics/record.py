@@ -1,4 +1,4 @@
-"""What a metric is computed from: one completed run, with the window and the limits that metrics use."""
+"""Input of every metric: one completed run, with the window and the limits that metrics use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a run shakes, and how: the joint, its frequency and amplitude, and whether it is a limit cycle."""
+"""Shaking of a run, if any: the joint, its frequency and amplitude, and whether it is a limit cycle."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Shaking(NamedTuple):
 
 
 def is_still(chattering: float) -> bool:
-    """Whether a headline chattering [% of the torque limit] is too little to be called so: less than 0.1 %."""
+    """Whether a headline chattering [% of the torque limit] is too small to count: less than 0.1 %."""
     return chattering < STILL
 
 

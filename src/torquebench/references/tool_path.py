@@ -30,7 +30,7 @@ IN_PLANE = Key("Plane of the base frame that it lies in")
 
 
 class Clock(NamedTuple):
-    """Where on a path the tool is at N times."""
+    """Position of the tool along a path at N times."""
 
     piece: IntArray
     """Number of the piece."""
@@ -44,7 +44,7 @@ class Clock(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ToolPath(ABC):
-    """What all paths of the tool have in common: where they begin, and how the tool is turned."""
+    """Base of all tool paths: where they begin and how the tool is turned."""
 
     start: Annotated[
         Vector,
@@ -164,7 +164,7 @@ class ToolMotion:
 
     @property
     def missed(self) -> float:
-        """How far the tool is from the path between knots, at most [m, rad]."""
+        """Largest distance of the tool from the path between knots [m, rad]."""
         return max(part.missed for part in self.parts)
 
     def sample(self, t: Array, n: int | None = None) -> Reference:
@@ -273,7 +273,7 @@ class ToolWaypoints(ToolPath):
 
     @property
     def _ends(self) -> Array:
-        """Where each piece begins, and where the last ends, (K + 1, 3) [m]; a point twice in a row counts once."""
+        """Start of each piece, and end of the last, (K + 1, 3) [m]; a point twice in a row counts once."""
         points = [point for point, _ in itertools.groupby([(0.0, 0.0, 0.0), *self.points])]
         return np.array(points if len(points) > 1 else points * 2)
 

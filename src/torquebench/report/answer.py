@@ -16,7 +16,7 @@ from torquebench.metrics.torque import SATURATED
 from torquebench.report.tables import number
 
 ALIKE = 0.05
-"""How far from 1 a ratio of efforts is worth no word [1]."""
+"""Largest distance from 1 of a ratio of efforts that is not worth a word [1]."""
 FEW = 4
 """Names that a sentence lists; of more it says how many they are."""
 

@@ -40,12 +40,12 @@ SPREAD = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 class SweepInfo(NamedTuple):
-    """What a page tells of a sweep besides its table."""
+    """Facts about a sweep that its page gives besides the table."""
 
     name: str
     description: str
     conditions: str
-    """What the first case is in draw 0, in two lines."""
+    """Conditions of the first case in draw 0, in two lines."""
     workload: str
     """How many cases, draws, laws and runs, in words."""
     config: str

@@ -1,4 +1,4 @@
-"""What a sweep says in sentences and tables: what is best, each law over all cases, failures, what matters."""
+"""Sentences and tables about a sweep: the best laws, each law over all cases, failures, and the keys that matter."""
 
 from __future__ import annotations
 
@@ -310,7 +310,7 @@ def case_text(group: Group, names: Mapping[str, str]) -> str:
 
 
 class Influence(NamedTuple):
-    """What one metric of one law depends on, as text and bars."""
+    """Influences on one metric of one law, as text and bars."""
 
     controller: str
     metric: str

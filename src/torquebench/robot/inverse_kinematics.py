@@ -83,7 +83,7 @@ def tool_frames(model: RobotModel, q: Array) -> Frames:
 
 @dataclass(frozen=True)
 class Task:
-    """What is asked of an arm's tool: places, and one orientation or any.
+    """Task of an arm's tool: places to reach, in one orientation or in any.
 
     Args:
         model: The arm.
@@ -246,7 +246,7 @@ class JointPath(NamedTuple):
 
     spline: Any
     missed: float
-    """How far the tool is from the path half-way between knots, at most [m, rad]."""
+    """Largest distance of the tool from the path half-way between knots [m, rad]."""
 
     def at(self, u: Array) -> tuple[Array, Array, Array]:
         """Return joint positions and their first two derivatives by `u`, (N, n) each."""

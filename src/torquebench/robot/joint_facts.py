@@ -1,4 +1,4 @@
-"""What an arm's file says of its joints, and where each number is from."""
+"""Facts about an arm's joints from the arm's file, with the source of each number."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from torquebench.robot.library import ArmSource, file_of_arm
 from torquebench.robot.robot_model import RobotModel
 
 ROUNDED = 1e-9
-"""What rounding may make of a torque at its limit [1]."""
+"""Relative change by rounding of a torque at its limit, at most [1]."""
 TWITCH = 10.0
 """Change of speed in one control period, by full torque, from which it is said that a rotor's inertia is missing
 [rad/s]."""
@@ -60,7 +60,7 @@ class ArmFacts(NamedTuple):
     keyframes: tuple[str, ...]
     joints: tuple[JointFacts, ...]
     remarks: tuple[str, ...] = ()
-    """What holding it at its first keyframe takes, or at zero without one, and which joints miss a rotor's inertia."""
+    """Torque that holds it at its first keyframe, or at zero without one, and joints that lack a rotor's inertia."""
 
 
 def holding(arm: RobotModel, q: Array, tau_max: Array, where: str) -> tuple[str, bool]:

@@ -1,4 +1,4 @@
-"""Where models and configs lie on disk: from a model's name to its folder, its MJCF file, its scene and cameras."""
+"""Finds models and configs on disk: from a model's name to its folder, its MJCF file, its scene and cameras."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ ArmSource: TypeAlias = str | Path | ArmFile
 
 
 def is_path(text: str) -> bool:
-    """Whether what stands for an arm is the path of a file instead of a name."""
+    """Whether an arm is given as the path of a file instead of a name."""
     return re.search(rf"{MJCF}$", text, re.IGNORECASE) is not None
 
 

@@ -1,4 +1,4 @@
-"""Which term one of two arms lacks: the torque in which they differ, explained by one candidate after the other.
+"""Names the terms in which two arms differ: explains the difference in torque by one candidate after another.
 
 Each candidate (armature, damping, a payload, ...) predicts a torque over random states that is linear in its numbers,
 or, for a payload and a centre of mass, in ten numbers that follow from them (`about_origin`). Least squares gives the
@@ -29,7 +29,7 @@ ROUNDED = 1e-11
 SMALL = 1e-7
 """Share of the difference below which one number of an explanation is nothing [1]."""
 ALIKE = 1e-9
-"""How far two frames may be apart to be one [1, m]."""
+"""Largest difference of two frames that count as one [1, m]."""
 STEPS = 30
 """Rounds of Gauss and Newton, at most."""
 DEGREES = 180.0 / math.pi
@@ -54,7 +54,7 @@ class Term:
 
 
 class Explained(NamedTuple):
-    """What a comparison of two arms names."""
+    """Terms that a comparison of two arms names."""
 
     terms: tuple[Term, ...]
     left: float
@@ -62,7 +62,7 @@ class Explained(NamedTuple):
 
     @property
     def whole(self) -> bool:
-        """Whether they leave nothing but round-off."""
+        """Whether these terms leave nothing but round-off."""
         return self.left <= LEFT
 
 
@@ -80,7 +80,7 @@ class Arm(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a candidate explains."""
+    """Part of the torque that a candidate explains."""
 
     name: str
     numbers: Array
@@ -94,7 +94,7 @@ class Found(NamedTuple):
 
     @property
     def takes(self) -> int:
-        """How many numbers it takes: those whose part of the torque is more than `SMALL`."""
+        """Number of its parameters whose part of the torque is more than `SMALL`."""
         return int(np.count_nonzero(self.numbers))
 
 
@@ -316,7 +316,7 @@ class _Dynamics:
         return min(exact, key=lambda each: (each.takes, not self._told(each)), default=None)
 
     def _told(self, found: Found) -> bool:
-        """Whether the links of both arms differ in a candidate: it is preferred to others that explain as much."""
+        """Whether the two arms' links differ in a candidate, which is then preferred to others that explain as much."""
         if self.a.model is None or self.b.model is None:
             return False
         a, b = self.a.model.flat, self.b.model.flat

@@ -178,7 +178,7 @@ def _unsound(m: Any) -> str:
 
 
 def _is_off(m: Any, *flags: str) -> bool:
-    """Whether one of these flags of the file switches something off."""
+    """Whether the file switches something off by one of these flags."""
     return any(m.opt.disableflags & getattr(_OFF, f"mjDSBL_{flag}") for flag in flags)
 
 

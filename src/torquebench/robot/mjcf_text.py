@@ -308,7 +308,7 @@ def _without_visuals(root: Element) -> list[str]:
 
 
 class _Defaults:
-    """What the file's classes say of elements that do not say it themselves."""
+    """Default attributes from the file's classes, for elements that do not state their own."""
 
     def __init__(self, root: Element) -> None:
         self._classes: dict[str, dict[str, dict[str, str]]] = {"main": {}}

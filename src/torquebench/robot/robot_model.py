@@ -17,7 +17,7 @@ from torquebench.robot.rigid_body import place_frames
 
 
 class Passive(NamedTuple):
-    """What an arm's file says of its joints beside the dynamics, one number for each: plants have it, laws never do."""
+    """Friction and limits of the joints in an arm's file, one number for each: plants have them, laws never do."""
 
     viscous: tuple[float, ...]
     """Viscous friction [N m s/rad]."""

@@ -20,7 +20,7 @@ _UNSET = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 
 
 class Joint(NamedTuple):
-    """What moves a body against its parent: a turn by q - zero about an axis, or a slide by it along the axis."""
+    """Joint that moves a body against its parent: a turn by q - zero about an axis, or a slide by it along the axis."""
 
     of_q: int
     """Place in q."""

@@ -22,7 +22,7 @@ FLAT = 0.02
 MARGIN = 0.04
 """Space that a film leaves on each side of the arm, as a fraction of what the arm takes."""
 STILL = 0.6
-"""What of a column or a base is shown, beyond what moves, as a fraction of the larger side that this takes."""
+"""Part of a column or base that is shown beyond the moving parts, as a fraction of their larger side."""
 LONG = 0.1
 """Links without a shape are drawn beside links that have one if they are so long, over the arm's length."""
 VISIBLE_GROUPS = 2

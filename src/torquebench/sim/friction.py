@@ -267,18 +267,18 @@ class Friction:
 
     @property
     def is_partial(self) -> bool:
-        """Whether viscous and Coulomb friction are the arm's own: other keys are given, neither of these."""
+        """Whether viscous and Coulomb friction are taken from the arm, as other keys are given and neither of these."""
         more = (self.speed, self.stribeck_speed) != (SPEED, STRIBECK) or np.any(self.bristle_damping)
         return not (np.any(self.viscous) or np.any(self.coulomb)) and bool(more or not self.is_line)
 
     @property
     def is_line(self) -> bool:
-        """Whether it is viscous qd + coulomb sat(qd/speed) and no more."""
+        """Whether the friction is viscous qd + coulomb sat(qd/speed) and no more."""
         return not (np.any(self.breakaway) or self.bears or np.any(self.bristle_stiffness))
 
     @property
     def bears(self) -> bool:
-        """Whether it grows with the load."""
+        """Whether the friction grows with the load."""
         return bool(np.any(self.load) or np.any(self.held))
 
     @property

@@ -82,7 +82,7 @@ class NativeFunction:
 
     @property
     def is_compiled(self) -> bool:
-        """Whether it is compiled already, in this process or in the cache on disk."""
+        """Whether the function is compiled already, in this process or in the cache on disk."""
         if config.DISABLE_JIT:
             return False
         return "_compiled" in vars(self) or KernelCache(self._function).holds(self._signature)
@@ -272,7 +272,7 @@ QUICKER = "for so few steps interpreting takes less time than compiling"
 COMPILING = (
     "this law was interpreted, as few short runs need no compiling; now that there are more it is compiled, once"
 )
-"""What is said when runs go over to the compiled path."""
+"""Message when runs go over to the compiled path."""
 
 
 def reason_to_interpret(plant: Plant, law: Law, steps: float) -> str:

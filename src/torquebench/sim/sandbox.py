@@ -47,12 +47,12 @@ from torquebench.syntax import parse_python
 PATIENCE = 20.0
 """Longest time that a law may take to answer [s]."""
 PACE = 10.0
-"""How much longer than the motion its answers may take together, beside one `PATIENCE` [1]."""
+"""Times the motion's length that its answers may take together, beside one `PATIENCE` [1]."""
 HEADER = struct.Struct("<qqq")
 """Of an answer: control instant, how the call went, bytes of text behind the numbers."""
 LONGEST_TEXT, LONGEST_DECLARATION = 1000, 1_000_000
 FORK, WAIT = "fork", "wait"
-"""What the process from which the laws' processes are forked is asked for."""
+"""Requests to the process from which the laws' processes are forked."""
 
 
 def load_sandboxed(path: Path, where: str = "--plugin") -> tuple[str, ...]:
@@ -100,7 +100,7 @@ def _complaints_of(module: str, names: tuple[str, ...]) -> list[Complaint]:
 
 
 class SandboxedLaw:
-    """What a law that runs in a process of its own is in this one: its file's text, and the name it has there.
+    """Stand-in, in this process, for a law that runs in a process of its own: its file's text, and its name there.
 
     Args:
         text: The file.

@@ -75,7 +75,7 @@ FREE = {
 """Calls that reach nothing but the process's own memory, or end it."""
 MMAP, MPROTECT, SYS_READ, SYS_WRITE = 9, 10, 0, 1
 NUMBER, ARCHITECTURE, FIRST, THIRD = 0, 4, 16, 32
-"""Where the filter finds a call's number, the processor, the first and the third argument (low halves)."""
+"""Offsets at which the filter finds a call's number, the processor, the first and third argument (low halves)."""
 LOAD, EQUAL, SET, RETURN = 0x20, 0x15, 0x45, 0x06
 ALLOW, KILL, REFUSE = 0x7FFF0000, 0x80000000, 0x00050001
 """Verdicts of the filter; REFUSE is the error EPERM."""

@@ -29,7 +29,7 @@ from torquebench.sim.job import Setup
 
 
 class Outcome(Enum):
-    """How a run ended; the value is the text shown to users."""
+    """Outcome of a run; the value is the text shown to users."""
 
     COMPLETED = "completed"
     DIVERGED = "the plant state became non-finite or left the bounds"
@@ -93,7 +93,7 @@ class Trajectory:
 
     @property
     def ending(self) -> str:
-        """How and when the run failed, in words; empty if it completed."""
+        """Kind and time of the run's failure, in words; empty if it completed."""
         return "" if self.completed else f"{self.outcome.name.lower().replace('_', ' ')} at {self.t[-1]:g} s"
 
     def __post_init__(self) -> None:

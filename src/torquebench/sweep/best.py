@@ -1,4 +1,4 @@
-"""Which laws and gains are best in a sweep, each in the conditions in which it does worst."""
+"""Finds the best laws and gains of a sweep, each judged in the conditions in which it does worst."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from torquebench.metrics.shaking import is_still
 from torquebench.sweep.summary import Figure, Group, Summary
 
 CHOSEN = ("controllers.", "run.control_period")
-"""How keys begin that a designer chooses; the others are conditions that a law has to cope with."""
+"""Beginnings of the keys that a designer chooses; the others are conditions that a law has to cope with."""
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
     "<=": operator.le,
     ">=": operator.ge,
@@ -49,7 +49,7 @@ class Choice(NamedTuple):
 
     @property
     def chatters(self) -> bool | None:
-        """Whether its mean chattering is too much to be none; None where that is not known."""
+        """Whether its mean chattering is large enough to count; None where that is not known."""
         return None if "chattering" not in self.figures else not is_still(self.figures["chattering"].mean)
 
 

@@ -18,7 +18,7 @@ COLUMNS = ("border", "border_before", "border_last", "border_predicted")
 
 
 class Found(NamedTuple):
-    """Where something starts on the way from one value to another, to a stated share of the value."""
+    """Value at which something starts on the way from one value to another, to a stated share of the value."""
 
     border: float
     """First value with it; infinite where there is none."""

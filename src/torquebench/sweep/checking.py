@@ -25,7 +25,7 @@ MAX_PROBLEMS = 100
 
 @dataclass(slots=True)
 class Survey:
-    """What checking found out."""
+    """Facts found in checking a sweep."""
 
     steps: list[int] = field(default_factory=list)
     """Number of control instants of one loop, by case."""

@@ -51,7 +51,7 @@ ABSENT, MODEL = "absent", "model "
 
 
 class Needs(NamedTuple):
-    """What a worker must have so that its rows are those that the client would compute."""
+    """Requirements on a worker, so that its rows are those that the client would compute."""
 
     source: Source
     plugins: tuple[tuple[str, bytes], ...]
@@ -59,7 +59,7 @@ class Needs(NamedTuple):
     models: tuple[str, ...]
     """Names of the arms that the sweep uses."""
     made_of: tuple[tuple[str, str], ...]
-    """What the client computes with; see `made_of`."""
+    """Software and files that the client computes with; see `made_of`."""
     sample: str
     """Digest of the first rows as the client computes them."""
 

@@ -1,4 +1,4 @@
-"""Which of many inputs an output depends on, alone and in pairs: rank regression, intervals that hold all at once."""
+"""Finds which of many inputs an output depends on, alone and in pairs: rank regression with simultaneous intervals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAST = 8
 
 
 class Effect(NamedTuple):
-    """How much an output rises with one input, or with the product of two."""
+    """Effect on an output of one input, or of the product of two."""
 
     inputs: tuple[str, ...]
     """The input, or the two; the same twice for a square. Inputs that cannot be told apart share a name, ``a = b``."""

@@ -1,4 +1,4 @@
-"""How much work a sweep is: runs, steps, time, memory and disk; refuses what must be a mistake."""
+"""Estimates the work of a sweep in runs, steps, time, memory and disk; refuses sweeps that must be a mistake."""
 
 from __future__ import annotations
 

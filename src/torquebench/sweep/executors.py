@@ -1,4 +1,4 @@
-"""Where shards are run: in threads of this process, or in processes of their own."""
+"""Runs shards in threads of this process, or in processes of their own."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ SHARE = 0.9
 """Share of the worst value that a smallest counterexample keeps where nothing is claimed."""
 MOST_VARIABLES = 1000
 WHOLE = "whole multiple of run.control_period"
-"""What the meaning of a key says that takes these only."""
+"""Words in the meaning of a key that takes these only."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Variable:
 
     @property
     def nominal_share(self) -> float:
-        """Where the nominal value is; beyond the end where it is outside."""
+        """Share of the range at which the nominal value is; beyond the end where it is outside."""
         if self.low <= self.nominal <= self.high:
             return self.share(self.nominal)
         return -1.0 if self.nominal < self.low else 2.0
@@ -103,7 +103,7 @@ class Tried(NamedTuple):
     failed_at: float
     """Control instant of the failure; NaN where there is none."""
     score: float
-    """What orders runs: greater is worse; minus infinity of one that says nothing."""
+    """Score by which runs are ordered: greater is worse; minus infinity for a run that says nothing."""
 
 
 Key: TypeAlias = tuple[str, Method, int]
@@ -111,7 +111,7 @@ Key: TypeAlias = tuple[str, Method, int]
 
 
 class Space:
-    """What a search may change, and the experiments that come of it.
+    """Space of a search: the variables that it may change, and the experiments that come of them.
 
     Args:
         document: A config, out of which the section has been taken.
@@ -143,7 +143,7 @@ class Space:
 
     @property
     def groups(self) -> list[int]:
-        """How many variables each key has, in order."""
+        """Number of variables of each key, in order."""
         return [sum(1 for _ in own) for _, own in itertools.groupby(self.variables, key=lambda variable: variable.of)]
 
     @property
@@ -297,7 +297,7 @@ def evaluator(space: Space, pool: ThreadPoolExecutor) -> Callable[[Sequence[tupl
 
 @dataclass
 class Hunt:
-    """What became of one controller."""
+    """Result of the search on one controller."""
 
     controller: str
     nominal: Tried
@@ -320,7 +320,7 @@ class Hunt:
 
 
 def breaks(asked: Falsify, score: float) -> bool:
-    """Whether a run of a score breaks what is claimed; one that fails always does, one that says nothing never."""
+    """Whether a run with this score breaks the claim; one that fails always does, one that says nothing never."""
     sign = 1.0 if asked.info.better == "lower" else -1.0
     broken = asked.claim is not None and score > -math.inf and not asked.claim.holds(sign * score)
     return score >= FAILED or broken

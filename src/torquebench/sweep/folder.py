@@ -43,7 +43,7 @@ from torquebench.sweep.table import OUTCOMES, Table, empty_columns
 CONFIG = "sweep.yaml"
 """The sweep's file, as it was given."""
 PLAN = "plan.json"
-"""What was made of it; written when everything has been checked."""
+"""Plan that is made of it; written when everything has been checked."""
 PLAN_DIGEST = "plan_sha256"
 """Key of the plan: the digest of all others."""
 SHARDS = "shards"
@@ -59,7 +59,7 @@ SOFTWARE = ("software",)
 COMPARED = ("config", *SOFTWARE, "plugins", "model_files")
 """Facts of a plan that name what has changed."""
 LOCKED_BYTE = 1 << 30
-"""Where Windows locks ``plan.json``: far behind its end, so that it can still be read."""
+"""Byte at which Windows locks ``plan.json``: far behind its end, so that it can still be read."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Known:
-    """What the sweeps of one piece of work share, such as those of an audit: loops that were run, by their key."""
+    """Loops that were run, by their key, which the sweeps of one piece of work share, such as those of an audit."""
 
     steps: int = 0
     """Control steps of all these sweeps together, by which compiling is worth it or not."""

@@ -40,7 +40,7 @@ MoreFiles: TypeAlias = Callable[[StoredSweep], Iterable[tuple[str, bytes]]]
 
 
 class State(NamedTuple):
-    """How far a sweep is."""
+    """Progress of a sweep."""
 
     complete: frozenset[int]
     """Shards that are complete."""

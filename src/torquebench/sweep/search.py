@@ -38,7 +38,7 @@ BATCH = 16
 LOWEST = 1e300
 """Stands for minus infinity, of which CMA-ES cannot take a mean."""
 HALVINGS = 5
-"""How often the way back of one dimension is halved: to 1/32 of it."""
+"""Halvings of the way back in one dimension: to 1/32 of it."""
 Sampler: TypeAlias = Literal["random", "tpe", "cma-es", "nsga-ii"]
 """A sampler of optuna."""
 TOGETHER: Mapping[Sampler, int] = {"random": 8, "tpe": 4, "cma-es": 8, "nsga-ii": 16}

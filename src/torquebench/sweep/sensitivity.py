@@ -1,4 +1,4 @@
-"""Which constants of the model, and which drawn keys, a law's figures depend on in a sweep."""
+"""Finds the constants of the model and the drawn keys on which a law's figures depend in a sweep."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST_DRAWS = 1000
 
 
 class Sensitivity(NamedTuple):
-    """What one metric of one law depends on."""
+    """Effects of constants and drawn keys on one metric of one law."""
 
     controller: str
     metric: str

@@ -1,4 +1,4 @@
-"""What a sweep's table says of each law in each case: successes, figures with their tails, ratios to a reference."""
+"""Summarises a sweep's table for each law in each case: successes, figures with their tails, ratios to a reference."""
 
 from __future__ import annotations
 

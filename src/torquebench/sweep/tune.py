@@ -41,12 +41,12 @@ class Run(NamedTuple):
 
     @property
     def failed(self) -> bool:
-        """Whether it failed."""
+        """Whether the run failed."""
         return self.lost > 0.0
 
 
 class Budget(Protocol):
-    """What a search is for, and how long it may be: the section `Tune` of a config, or anything like it."""
+    """Aims and length of a search: the section `Tune` of a config, or anything like it."""
 
     @property
     def evaluations(self) -> int:
@@ -70,7 +70,7 @@ class Budget(Protocol):
 
     @property
     def constraints(self) -> tuple[Claim, ...]:
-        """What every run must keep."""
+        """Constraints that every run must keep."""
 
     @property
     def draws(self) -> int:
@@ -78,7 +78,7 @@ class Budget(Protocol):
 
 
 class Evaluation(NamedTuple):
-    """What a set of gains is worth."""
+    """Scores of a set of gains on the draws of tuning."""
 
     number: int
     """0 for the gains that the law had."""
@@ -101,7 +101,7 @@ class Evaluation(NamedTuple):
 
     @property
     def scores(self) -> tuple[float, ...]:
-        """What orders sets of gains, for each objective: less is better, and feasibility comes first."""
+        """Score of each objective, by which sets of gains are ordered: less is better, and feasibility comes first."""
         if self.failed:
             return (FAILED * (1.0 + self.lost),) * len(self.objectives)
         if not self.feasible:
@@ -246,7 +246,7 @@ class Tuned:
 
 
 class Judgement(NamedTuple):
-    """What gains are worth in draws that no law was tuned on."""
+    """Scores of gains in draws that no law was tuned on."""
 
     draws: tuple[tuple[float | None, ...], ...]
     """Of each objective the geometric mean over the conditions of each draw; None where a run of the draw failed."""

@@ -52,7 +52,7 @@ class Ended(NamedTuple):
     figures: Mapping[str, float] = MappingProxyType({})
     """Figures of its certificates and of its border, where the sweep asks for them and the law has them."""
     key: bytes | None = None
-    """What decides it, where loops that repeat are run once; see `keys_of`."""
+    """Key of everything that decides its numbers, where loops that repeat are run once; see `keys_of`."""
 
 
 class Stopped(Exception):
@@ -60,7 +60,7 @@ class Stopped(Exception):
 
 
 class Task(NamedTuple):
-    """What a worker needs to know of a sweep; small and plain, so that it can be sent to another machine."""
+    """All that a worker needs to know of a sweep; small and plain, so that it can be sent to another machine."""
 
     source: Source
     shard_size: int

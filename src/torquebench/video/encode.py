@@ -24,7 +24,7 @@ WRITE = {
 REPEATABLE = "-threads 1 -fflags +bitexact -flags:v +bitexact -flags:a +bitexact".split()
 """No threads that race, no dates, no versions."""
 _TAIL = 600
-"""How much of ffmpeg's complaint is passed on [characters]."""
+"""Length of ffmpeg's complaint that is passed on [characters]."""
 
 
 def ffmpeg_program() -> str:

@@ -1,4 +1,4 @@
-"""Where things are in a frame, and which stored samples each frame shows."""
+"""Layout of a frame, and the stored samples that each frame shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which OpenGL draws on this machine: each is tried in a process of its own, which draws a ball."""
+"""Finds an OpenGL that draws on this machine: each is tried in a process of its own, which draws a ball."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class Backend:
 
     @property
     def ok(self) -> bool:
-        """Whether it draws."""
+        """Whether the back end draws."""
         return not self.why
 
     @property
     def install(self) -> str:
-        """How to install it; empty if it draws or nothing is known to help."""
+        """Instructions for installing it; empty if it draws or nothing is known to help."""
         return "" if self.ok else INSTALL.get(self.name, "")
 
 

@@ -1,4 +1,4 @@
-"""What surrounds the views in a frame: names, time, torques over their limits and errors."""
+"""Surroundings of the views in a frame: names, time, torques over their limits and errors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HEADER_UNITS = 26.0
 """Height of the header, in units of its own."""
 HEADER, HEADER_INK, ALARM = (38, 44, 54), (245, 247, 250), (200, 30, 30)
 SIGN, RANGE = 217, 102
-"""How much of 255 a sign on a view and the range of a torque hide."""
+"""Opacity, of 255, of a sign on a view and of a torque's range."""
 SWATCH = 4.0
 """Width of the mark in a joint's colour before its name, in units of a layout."""
 STRIPE = 1.5

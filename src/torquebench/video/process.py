@@ -14,7 +14,7 @@ from typing import Any
 from torquebench.errors import TorquebenchError, VideoError
 
 _TAIL = 400
-"""How much of what a failed process wrote is passed on [characters]."""
+"""Length of a failed process's output that is passed on [characters]."""
 
 
 class CrashedError(VideoError):

@@ -14,7 +14,7 @@ from torquebench.video.paint import FINE
 
 GHOST = np.array([0.30, 0.60, 0.95, 1.0], dtype=np.float32)
 GROWN = 0.008
-"""How far the ghost stands out, as a fraction of the stretched arm: around an arm that follows it is a thin edge."""
+"""Width by which the ghost stands out, over the stretched arm's length: a thin edge around an arm that follows."""
 BEHIND = 1.08
 """The ghost is drawn this many times as far from the camera, and as large: the arm hides it where both are."""
 TRAIL, PALE = np.array([0.86, 0.32, 0.05]), np.array([0.97, 0.82, 0.70])

@@ -29,7 +29,7 @@ SPACE, ENTER, RIGHT, LEFT = 32, 257, 262, 263
 STEP = 0.01
 """Step of an arrow key [s]."""
 ALPHA = 0.35
-"""How much the ghost hides; it is as much smaller here as it is larger in a film, as the arm must hide it."""
+"""Opacity of the ghost; it is as much smaller here as it is larger in a film, as the arm must hide it."""
 
 
 class Replay:

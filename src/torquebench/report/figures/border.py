@@ -1,4 +1,4 @@
-"""Where each law of a sweep starts to shake: a gain over one key, a panel for each value of a second one."""
+"""Plots the gain at which each law of a sweep starts to shake, over one key; a panel for each value of another."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ LEAST = 6
 
 
 class Wish(NamedTuple):
-    """How figures are written."""
+    """Options for writing figures."""
 
     pdf: bool = False
     """As PDF too, besides SVG and PNG."""
@@ -43,7 +43,7 @@ class Wish(NamedTuple):
 
     @property
     def sheets(self) -> tuple[Sheet, ...]:
-        """What is drawn on."""
+        """Sheets to draw on."""
         return PAPER if self.paper else (SCREEN,)
 
 
@@ -133,7 +133,7 @@ def named(name: str, drawn: Drawn) -> dict[str, Figure]:
 
 
 def may_draw(name: str, only: Sequence[str]) -> bool:
-    """Whether a job may draw one of the figures that are wanted."""
+    """Whether a job may draw any of the wanted figures."""
     return wanted(name, only) or any(one.startswith(f"{name}-") for one in only)
 
 

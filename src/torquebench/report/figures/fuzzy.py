@@ -20,7 +20,7 @@ from torquebench.report.looks import series_colour
 
 DIVERGING = LinearSegmentedColormap.from_list("output", ["#0072B2", "#FFFFFF", "#D55E00"])
 SCALES = {"too small": 0.25, "right": 1.0, "too large": 4.0}
-"""What the paper's Fig 6 compares: the input's scale over the largest input that occurs."""
+"""Cases that the paper's Fig 6 compares: the input's scale over the largest input that occurs."""
 
 RISING = LinearSegmentedColormap.from_list("value", ["#FFFFFF", "#0072B2"])
 _SAMPLES = 6401

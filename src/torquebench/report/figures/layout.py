@@ -21,7 +21,7 @@ PAGE_WIDTH = 7.2
 
 
 class Sheet(NamedTuple):
-    """What a figure is drawn on."""
+    """Sheet that a figure is drawn on."""
 
     width: float
     """[in]."""

@@ -20,7 +20,7 @@ from torquebench.sweep.summary import level
 from torquebench.sweep.table import Rows, Table, completed, grid_keys, metric_keys, row_values, rows_by
 
 CHOSEN = ("controllers.", "run.control_period")
-"""How keys begin that a designer chooses; the others are conditions that a law has to cope with."""
+"""Beginnings of the keys that a designer chooses; the others are conditions that a law has to cope with."""
 MOST_FAMILIES = 14
 """Lines that can be told apart; of more, each law is one family without lines."""
 MOST_LABELS = 14
@@ -60,7 +60,7 @@ class Front(NamedTuple):
     families: Mapping[str, str]
     """Family -> its name in the legend; one without spots is named all the same."""
     labels: str = ""
-    """What the spots' labels are; empty without labels."""
+    """Labels of the spots; empty without labels."""
     joined: bool = True
     """Whether a line joins the spots of a family."""
 

@@ -53,7 +53,7 @@ class FiredRules(NamedTuple):
 
 @dataclass(frozen=True)
 class RunView:
-    """What the figures of one experiment show.
+    """Data that the figures of one experiment show.
 
     Raises:
         ResultError: there is no run, or the runs, bands or slides do not all have n joints.

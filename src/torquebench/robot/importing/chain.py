@@ -19,7 +19,7 @@ _ONE_DOF = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 @dataclass(frozen=True)
 class Options:
-    """How a published arm is made into a plain chain."""
+    """Options for making a published arm into a plain chain."""
 
     fix: tuple[str, ...] = ()
     """Joints that are welded where the keyframe home has them; of a body: all its joints and those beyond."""
@@ -39,7 +39,7 @@ class Options:
 
 @dataclass
 class Chain:
-    """What of a compiled model moves."""
+    """Joints and bodies of a compiled model that make up the chain, and those that are left out."""
 
     model: Any
     home: Array

@@ -1,4 +1,4 @@
-"""What an import says of the parts of a published arm: kept, mapped, dropped or refused, each with place and reason."""
+"""Findings of an import on the parts of a published arm: kept, mapped, dropped or refused, with place and reason."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Verdict = Literal["kept", "mapped", "dropped", "refused"]
 VERDICTS: tuple[Verdict, ...] = ("kept", "mapped", "dropped", "refused")
 
 LIMITS = "torque limits"
-"""What torque limits are called among findings."""
+"""Name of torque limits among findings."""
 
 
 class Part(NamedTuple):
-    """What became of some parts of a published arm, all for the same reason."""
+    """Finding on parts of a published arm that share one verdict and one reason."""
 
     verdict: Verdict
     what: str
@@ -51,7 +51,7 @@ class RefusedArmError(ConfigError):
 
 
 _OF_BODIES = ("branches", "inertia", "gravity", "free joint", "ball joint")
-"""What is said of bodies, where a joint may have the same name, has one of these words in it."""
+"""Words that mark a finding as one about bodies; a joint may have the same name."""
 
 
 def _mistake(path: Path, part: Part, places: Mapping[str, Sequence[Problem]]) -> Problem:

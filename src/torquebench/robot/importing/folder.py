@@ -19,7 +19,7 @@ from torquebench.robot.importing.proof import LIMIT, STATES, Proof, prove
 from torquebench.robot.importing.source import listening
 
 IMPORTED = "Imported from `"
-"""How the second paragraph of an arm's README begins, which tells a folder that an import wrote."""
+"""Beginning of the second paragraph of an arm's README, which marks a folder that an import wrote."""
 
 
 def obstacle(out: Path, replace: bool) -> str:

@@ -25,7 +25,7 @@ DROPS = ("springs", "fluid", "tendons", "equalities", "gravcomp", "nonlinear-dam
 
 @dataclass(frozen=True)
 class Forces:
-    """What acts on the kept joints, besides weight and inertia; arrays (n,), zero where there is none."""
+    """Forces on the kept joints, besides weight and inertia; arrays (n,), zero where there is none."""
 
     armature: Array
     damping: Array

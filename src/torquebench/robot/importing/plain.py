@@ -19,7 +19,7 @@ from torquebench.robot.mjcf_links import GIVEN, SPEEDS, joint_name, lump
 TOOLS = ("tool", "tcp", "attachment_site", "ee", "ee_site", "eef", "eef_site", "end_effector", "grip_site", "pinch")
 """Sites that are the tool, in this order."""
 _ROUNDING = 4e-15
-"""What the turns between two links leave of a number that was round."""
+"""Error that the turns between two links leave in a number that was round."""
 
 
 def write(chain: Chain, forces: Forces, options: Options, name: str, source: str) -> str:

@@ -40,7 +40,7 @@ class Proof(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether all are within `LIMIT`."""
+        """Whether all differences are within `LIMIT`."""
         return self.worst <= LIMIT
 
 

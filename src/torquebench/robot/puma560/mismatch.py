@@ -228,7 +228,7 @@ class Mismatch:
 
     @property
     def is_random(self) -> bool:
-        """Whether it is drawn."""
+        """Whether the mismatch is drawn at random."""
         return self.constants is None
 
     def apply(self, model: RobotModel, rng: np.random.Generator) -> tuple[RobotModel, int]:

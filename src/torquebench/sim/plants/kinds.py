@@ -1,4 +1,4 @@
-"""What a config says of a plant: the keys that all have, those of each engine, and how each is made.
+"""Keys of a plant in a config: those that all plants have, those of each engine, and how each plant is built.
 
 A kind of plant is a frozen dataclass below `PlantKeys` with a method ``build(factors)`` that returns a `Plant`; it
 imports what it needs when it is called.
@@ -82,7 +82,7 @@ class PlantKeys(ABC):
 
     @property
     def load(self) -> Payload | None:
-        """What it takes up; a mass of zero is none."""
+        """Payload that the arm takes up; one without mass is none."""
         return None if self.payload is None or self.payload.mass == 0.0 else self.payload
 
     def check(self, timing: Timing) -> Iterator[Fault]:
