@@ -86,6 +86,30 @@ def test_the_demand_is_the_disturbance_where_the_model_is_right() -> None:
     assert np.max(certify(calm, arm, law_of(phi=PHI), PERIOD).demand) < 0.05
 
 
+def test_what_a_right_model_leaves_of_any_motion_is_its_disturbance() -> None:
+    """By M qdd + N = tau + d, M ds + C s + tau - tau_eq is C s - d, and what wrong measurements make of tau_eq.
+
+    To round-off for any numbers, here random ones. (122) as printed adds up the sizes of M ds, C s and g instead.
+    """
+    arm, n = load_model("two-link"), 40
+    q, qd, q_meas, qd_meas, q_ref, qd_ref, qdd_ref, tau = np.random.default_rng(2).normal(size=(8, n, 2))
+    run = Trajectory(PERIOD * np.arange(n), q, qd, q_meas, qd_meas, q_ref, qd_ref, qdd_ref, q, tau, tau, tau)
+    found = certify(run, arm, law_of(phi=PHI), PERIOD)
+    q, s = q[:-1], (qd_ref - qd + 10.0 * (q_ref - q))[:-1]
+    qdd, wanted = np.diff(qd, axis=0) / PERIOD, qdd_ref[:-1] + 10.0 * (qd_ref - qd)[:-1]
+    d = arm.inverse_dynamics(q, qd[:-1], qdd) - tau[:-1]
+    _, turning, gravity = arm.sliding_terms(q, qd[:-1], s)
+    believed = arm.inverse_dynamics(q_meas[:-1], qd_meas[:-1], qdd_ref[:-1] + 10.0 * (qd_ref - qd_meas)[:-1])
+    left = turning - d + arm.inverse_dynamics(q, qd[:-1], wanted) - believed
+    assert found.demand == pytest.approx(np.abs(left), rel=1e-9)
+    assert found.margin == pytest.approx(found.K - np.abs(left), rel=1e-9)
+    against = left - tau[:-1] + believed
+    assert found.eta == pytest.approx(-np.sign(s) * against, rel=1e-9)
+    sizes = np.abs(against - turning) + np.abs(turning) + np.abs(gravity)
+    assert found.K_u == pytest.approx(np.max(sizes, axis=0), rel=1e-9)
+    assert found.V == pytest.approx(0.5 * np.einsum("ki,kij,kj->k", s, arm.mass_matrix(q), s), rel=1e-12)
+
+
 def test_eta_is_the_margin_of_a_law_that_only_switches() -> None:
     """Outside its layer eta_i >= K_i less the demand where no torque is at its limit; equal where d opposes K fully."""
     push = np.array([3.0, -2.0])
