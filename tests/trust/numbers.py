@@ -123,7 +123,7 @@ MUTATED: dict[str, list[str]] = {
         "tests/metrics/test_formulas.py",
         "-k not slow_chain and not page and not limited_rate and not linear_law",
     ],
-    "metrics/step_response.py": ["tests/metrics/test_formulas.py"],
+    "metrics/step_response.py": ["tests/metrics/test_formulas.py", "tests/metrics/test_metrics.py"],
     "statistics.py": ["tests/test_statistics.py"],
     "arena/ranking.py": ["tests/arena/test_ranking.py"],
     "robot/dynamics.py": [
