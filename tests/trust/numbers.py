@@ -135,7 +135,8 @@ MUTATED: dict[str, list[str]] = {
     "robot/rigid_body.py": ["tests/robot/test_agreement.py"],
     "certificates.py": [
         "tests/test_certificates.py",
-        "-k not config and not no_layer and not papers_step and not example and not before_the_run and not friction",
+        "-k right_model or needed or constant_inertia or what_K_moves or evenly or outside_the or longer_than"
+        " or papers_own or tenth or held_in_a_layer or too_wide or failed_run",
     ],
     "references/quintic.py": ["tests/test_references.py"],
     "references/ramp.py": ["tests/test_references.py"],
