@@ -144,7 +144,7 @@ MUTATED: dict[str, list[str]] = {
     "references/step.py": ["tests/test_references.py"],
     "disturbances/noise.py": ["tests/test_disturbances.py"],
     "disturbances/sinusoid.py": ["tests/test_disturbances.py"],
-    "chain/sensors.py": ["tests/sim/test_sensors.py"],
+    "chain/sensors.py": ["tests/sim/test_sensors.py", "tests/sim/test_chain_parts.py", "-k not whole_run"],
     "chain/response.py": ["tests/sim/test_chain_response.py"],
     "sim/friction.py": [
         "tests/sim/test_friction_curves.py",
