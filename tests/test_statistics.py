@@ -172,6 +172,18 @@ def test_as_many_draws_as_are_needed_show_a_change_as_often_as_is_asked() -> Non
     assert draws_needed(paired_ratio([2.0, 2.0], [1.0, 1.0]), 1.05) is None
 
 
+@pytest.mark.parametrize("spread", [0.01, 0.04, 0.15])
+def test_the_draws_needed_are_the_least_that_do(spread: float) -> None:
+    """The quantiles of Student's t with n - 1 degrees, of 97.5 and 80 %, times s / n^1/2 are ln 1.05 at most at n."""
+    x = spread * np.random.default_rng(6).standard_normal(12)
+    n = draws_needed(paired_ratio(np.exp(x).tolist(), [1.0] * 12), 1.05)
+
+    def needs(n: int) -> float:
+        return float(np.sum(stats.t.ppf([0.975, 0.8], n - 1)) * np.std(x, ddof=1) / math.sqrt(n))
+
+    assert n == next(n for n in range(2, 1000) if needs(n) <= math.log(1.05))
+
+
 @pytest.mark.parametrize("confidence", [0.5, 0.99])
 def test_the_interval_of_a_mean_is_students(confidence: float) -> None:
     """As scipy's t distribution gives it, of the values that are there; 1e-12, round-off."""

@@ -350,7 +350,7 @@ def _set_point(found: Certificate, run: Trajectory, Kp: Array, M: Array, V: Arra
         V: s' M s / 2 there, (N,) [J].
     """
     moving = np.any(run.q_ref != run.q_ref[-1], axis=1) | np.any((run.qd_ref != 0.0) | (run.qdd_ref != 0.0), axis=1)
-    still = slice(int(np.flatnonzero(moving)[-1]) + 1 if moving.any() else 0, len(run.t) - 1)
+    still = slice(int(np.flatnonzero(moving)[-1]) + 1 if moving.any() else 0, None)
     e = run.q_ref - run.q
     V = V + 0.5 * np.einsum("ki,kij,kj->k", run.qd, M, run.qd) + 0.5 * np.einsum("ki,i,ki->k", e, Kp, e)
     V_rate = np.diff(V) / np.diff(run.t)
@@ -375,8 +375,8 @@ def _reaching(
     first = int(np.argmax(np.where(outside, V[:-1], -np.inf)))
     inside = np.all(np.abs(s[first:]) <= layer, axis=1)
     reached = bool(inside.any())
-    last = first + int(np.argmax(inside)) if reached else len(V) - 1
-    least = float(np.min(fall[first : max(last, first + 1)]))
+    last = first + int(np.argmax(inside)) if reached else len(fall)
+    least = float(np.min(fall[first:last]))
     heaviest = float(np.max(np.sum(np.abs(M), axis=2)))
     bound = math.sqrt(2.0 * float(V[first]) * heaviest) / least if least > 0.0 else math.inf
     return float(t[first]), float(t[last] - t[first]) if reached else math.inf, bound

@@ -103,6 +103,14 @@ def test_a_failure_hides_no_other_run() -> None:
     assert rank({"good": good._replace(once=frozenset({0})), "fails": one}) == {"good": (1, 1), "fails": (2, 2)}
 
 
+def test_a_tuning_that_misses_a_hard_condition_is_no_better_one() -> None:
+    """Errors are a hundred times as large in one condition; a tuning that fails there leaves tunings alike."""
+    b = np.ones((3, 2, 10)) * np.array([1.0, 100.0])[:, None]
+    a = 0.5 * b
+    a[0, 1] = np.nan
+    assert compare(Scores(a), Scores(b))[:3] == pytest.approx((0.5, 0.5, 0.5), rel=1e-9)
+
+
 def with_fragile_tunings(scores: Scores, share: float) -> Scores:
     """Return scores of which some tunings, drawn by chance, fail in every draw of the first condition."""
     values = scores.values.copy()

@@ -286,6 +286,19 @@ def test_anti_windup(law: str) -> None:
     assert integral_after(0.1, -4.0) == pytest.approx(T * 0.1, rel=1e-9)
 
 
+@pytest.mark.parametrize("surface", ["pi", "pid"])
+def test_anti_windup_of_a_surface(surface: str) -> None:
+    """As that of PID. The torque is 0.6 (25 e + the wanted acceleration) + 12 sgn(s), and the limit is 40 N m."""
+    form: Options = {"surface": surface, "switching": "sign", "equivalent_control": True}
+    for e, wanted, torque, moved in ((2.0, 0.0, 42.0, 0.0), (0.2, 0.0, 15.0, 0.2), (-0.1, 100.0, 46.5, -0.1)):
+        for side in (1.0, -1.0):
+            ref = Reference(*(side * np.array([x]) for x in (e, 0.0, wanted)))
+            case = Case(pendulum(gravity=0.0), pendulum_terms, np.zeros(1), np.zeros(1), ref)
+            tau, memory = call("smc", case, form, np.zeros(1))
+            assert tau[0] == pytest.approx(side * torque, rel=1e-12)
+            assert memory.integral[0] == pytest.approx(T * side * moved, rel=1e-12)
+
+
 @pytest.mark.parametrize("law", list(EQUATIONS))
 def test_memory_starts_at_zero_and_is_the_only_state(law: str) -> None:
     """New memory is all zero, one array per joint; two first calls give the same torque, whatever ran in between."""

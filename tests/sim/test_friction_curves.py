@@ -324,3 +324,10 @@ def test_bent_bristles_are_steepest_where_they_are_bent_back() -> None:
     """By hand: bent to the break-away torque while g is Coulomb's, dz/dt = v + |v| 3/2, of which 4 N m s/rad resist."""
     friction = Friction(viscous=1.0, coulomb=2.0, breakaway=3.0, bristle_stiffness=1e3, bristle_damping=4.0)
     assert friction.of_joints(1).steep == pytest.approx([1.0 + 4.0 * (1.0 + 3.0 / 2.0)], rel=1e-15)
+
+
+def test_the_line_of_straight_friction_reaches_all_that_the_curve_does() -> None:
+    """Its slope is viscous + (break-away + the larger share of the torque limit) / speed, without a share no limit."""
+    friction = Friction(1.0, 2.0, 0.01, breakaway=3.0, load=0.1, load_backdriving=0.2)
+    assert friction.of_joints(1, 30.0).steep == pytest.approx([1.0 + (3.0 + 0.2 * 30.0) / 0.01], rel=1e-15)
+    assert Friction(1.0, 2.0, 0.01).of_joints(1, np.inf).steep == pytest.approx([201.0], rel=1e-15)

@@ -216,7 +216,7 @@ def refused_inside(path: Path) -> list[Problem]:
         path: The file; what it includes is at or below its folder.
     """
     folder, reasons = path.resolve().parent, list[Problem]()
-    for file, source in _with_included(path):
+    for file, source in _with_included(path, folder):
         if not file.is_relative_to(folder) or not file.is_file() or file.stat().st_size > MAX_BYTES:
             text = f"it includes {file}: wanted a file of at most {MAX_BYTES >> 20} MiB at or below {folder}"
             reasons.append(Problem(text=text))
@@ -267,8 +267,13 @@ def _readable(path: Path) -> Iterator[tuple[Element, dict[Element, tuple[int, in
         yield root, starts(root, text), source
 
 
-def _with_included(path: Path) -> Iterator[tuple[Path, str]]:
-    """Yield a file and those that it includes, and they, as far as they can be read; each with its name in messages."""
+def _with_included(path: Path, folder: Path | None = None) -> Iterator[tuple[Path, str]]:
+    """Yield a file and those that it includes, and they, as far as they can be read; each with its name in messages.
+
+    Args:
+        path: The file.
+        folder: What is not at or below it is not opened; None for no bound.
+    """
     todo, seen = [path.resolve()], set[Path]()
     while todo and len(seen) < MAX_INCLUDES:
         file = todo.pop(0)
@@ -277,7 +282,8 @@ def _with_included(path: Path) -> Iterator[tuple[Path, str]]:
         seen.add(file)
         yield file, str(path if file == path.resolve() else file)
         try:
-            if not file.is_file() or file.stat().st_size > MAX_BYTES:
+            far = folder is not None and not file.is_relative_to(folder)
+            if far or not file.is_file() or file.stat().st_size > MAX_BYTES:
                 continue
             root = ElementTree.parse(file).getroot()
         except (OSError, ValueError, LookupError, ElementTree.ParseError):
