@@ -29,7 +29,7 @@ def trust(size: str, only: tuple[str, ...], seed: int, page: Path | None) -> int
     attacks: Any = from_checkout("tests/trust")
     if unknown := [name for name in only if name not in attacks.ROWS]:
         raise ConfigError([Problem("--only", got=f"'{x}'", **suggest(x, list(attacks.ROWS))) for x in unknown])
-    with progress_bar(0, "try", "starting") as bar:
+    with progress_bar(0, "attempt", "starting") as bar:
         rows = attacks.run(size, only, seed, following(bar))
     wrong = sum(row["wrong"] for row in rows)
     tell(rows=rows, size=size, seed=seed)
