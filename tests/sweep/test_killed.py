@@ -49,6 +49,7 @@ def check(found: dict[str, Any], kills: int) -> None:
     assert large["missing"] == 0  # the shards had, the final table had not
 
 
+@pytest.mark.slow
 def test_killed_and_full_sweeps_end_in_the_same_bytes(tmp_path: Path) -> None:
     """Two kills -9 at random instants; files that may not grow beyond a part of a shard, or of the final table."""
     check(harness(tmp_path, 2, 0, "threads"), 2)
