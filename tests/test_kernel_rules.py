@@ -6,6 +6,7 @@ import ast
 import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -38,7 +39,7 @@ def kernels() -> dict[str, FunctionType]:
     """Return every kernel of the package as a plain function, by ``module.name``."""
     found = {}
     for file in ALL:
-        if "@kernel" not in FILES[file].read_text(encoding="utf-8"):
+        if not re.search(r"@[\w.]*\bkernel\b", FILES[file].read_text(encoding="utf-8")):
             continue
         tree = tree_of(file)
         name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")

@@ -340,7 +340,7 @@ def _too_wide(law: SlidingLaw, moved: Array, layer: Array, span: Array) -> tuple
 
 
 def _set_point(found: Certificate, run: Trajectory, Kp: Array, M: Array, V: Array) -> SetPoint:
-    """Return what (142) shows of a run.
+    """Return the figures of (142) for a run.
 
     Args:
         found: Its certificates.
@@ -426,7 +426,7 @@ class Held(NamedTuple):
 
 
 def held_to(truth: Arm, law: SlidingLaw, poses: Array, span: Array, control_period: float) -> Held:
-    """Return what K moves s in one control period, and the most that it may; joint by joint, the others left free.
+    """Return the change of s that K makes in one control period, and its limit; joint by joint, the others left free.
 
     M is the least inertia that the joint has at the poses, 1 / (M^-1)_ii. In its layer a joint under K sat(s/phi) +
     Kd s and a perfect equivalent control has s_next = (1 - T (K/phi + Kd) / M) s, which dies out while that T (..) / M

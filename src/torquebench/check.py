@@ -487,7 +487,7 @@ def check_cost(law: Law, report: Report) -> str:
 
 
 def cost_text(cost: Cost) -> str:
-    """Return what a call costs, in plain digits; that the machine is busy where the rounds of timing differ."""
+    """Return the cost of a call in plain digits, and a remark on a busy machine where the rounds of timing differ."""
     pairs = [("interpreted", cost.python), ("compiled", cost.native)]
     times = [(name, plain(x), plain(100.0 * x / PERIOD)) for name, x in pairs if x is not None]
     unit = " % of 1 ms"

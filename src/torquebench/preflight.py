@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from torquebench.chain import ABOUT, Chain
+from torquebench.chain import Chain, period_of
 from torquebench.diagnosis.margins import (
     ENOUGH,
     Margins,
@@ -207,7 +207,7 @@ def experiment_of(
     Raises:
         ConfigError: something of it is wrong.
     """
-    period = (ABOUT[chain].control_period if chain in ABOUT else None) or 0.001
+    period = period_of(chain) or 0.001
     controller = {"name": law, "law": law, "gains": {"from": "auto", **(gains or {})}, **(options or {})}
     plant = {"engine": "mujoco", "model": robot, "timestep": min(0.001, period), "limits": "ignore"}
     if robot in FRICTIONS:

@@ -265,7 +265,7 @@ BRIEF = ("--set", "run.duration=0.5", "--set", "run.metrics_from=0", "--set", AL
 
 
 def test_runs_started_together_do_not_share_a_folder(quick):
-    """Two runs at once: without --out each has its own folder; with the same --out one wins and the others say so."""
+    """Two runs at once: without --out each has its own folder; with the same --out one wins and the other says so."""
     start = [sys.executable, "-m", "torquebench", "run", "quick.yaml", "--no-figures", *BRIEF]
 
     def all_at_once(*more):

@@ -251,7 +251,7 @@ def draws_of(one: Judged) -> int:
 
 
 def _further(row: Row, going: Set[tuple[str, float]]) -> list[bool]:
-    """Return which sets of gains of a row are those of an undecided level."""
+    """Return a mask of a row's sets of gains: those that an undecided level has chosen."""
     own = [one for entry, level in going if entry == row.entry for one in picks(row, level) if one is not None]
     return [any(one is other for other in own) for one in row.judged]
 

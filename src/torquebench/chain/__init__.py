@@ -11,6 +11,7 @@ from torquebench.chain.chain import (
     Origin,
     chain,
     late_steps,
+    period_of,
     rate_remarks,
 )
 from torquebench.chain.drives import CrossTalk, CurrentLoop, Derating, ThermalLimit, TorqueSpeed
@@ -38,6 +39,7 @@ __all__ = [
     "chain",
     "late_steps",
     "mixing",
+    "period_of",
     "rate_remarks",
     "response",
 ]

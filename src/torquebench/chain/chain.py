@@ -351,7 +351,7 @@ class Chain:
         return control_period + waiting + filtering + commanded + acting
 
     def decay(self, timestep: float, control_period: float) -> Array:
-        """Return what is left of an actuator's lag after half a physics step, a whole one, and on average.
+        """Return the share of an actuator's lag left after half a physics step, a whole one, and on average.
 
         u(t) = tau + (u(0) - tau) exp(-t/lag); its mean over a control period T has (lag/T) (1 - exp(-T/lag)) in
         place of the exponential.
@@ -509,12 +509,17 @@ def chain(
     return register
 
 
+def period_of(name: str) -> float | None:
+    """Return the control period of a named chain's robot [s]; None where the chain has none, or no name of its own."""
+    return ABOUT[name].control_period if name in ABOUT else None
+
+
 def rate_remarks(found: Chain, control_period: float) -> list[str]:
-    """Return what of a chain may not be meant: a robot's at another control period [s], noise that no velocity has."""
+    """Return remarks on a chain: a robot's at another control period [s] than its own, noise that no velocity has."""
     if found.encoder_noise > 0.0 and found.velocity == "exact":
         noise = f"chain.encoder_noise of {1e3 * found.encoder_noise:g} mrad is in the measured position alone"
         return [f"{noise}: chain.velocity is exact, wanted differentiated or kalman for the velocity to have it"]
-    own = ABOUT[found.name].control_period if found.name in ABOUT else None
+    own = period_of(found.name)
     if own is None or math.isclose(own, control_period, rel_tol=1e-9):
         return []
     times = f"{1e3 * own:g} ms, this run's {1e3 * control_period:g} ms"

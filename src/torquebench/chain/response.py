@@ -27,7 +27,7 @@ class Response(NamedTuple):
 
 
 def response(chain: Chain, omega: Array, control_period: float) -> Response:
-    """Return what a chain does to a small sine, between rounding, limits and offsets, which are not linear.
+    """Return a chain's response to a small sine, between rounding, limits and offsets, which are not linear.
 
     Gains of single joints, and what leaks between them, are not in it: see `mixing`.
 
@@ -60,7 +60,7 @@ def response(chain: Chain, omega: Array, control_period: float) -> Response:
 
 
 def mixing(chain: Chain, n: int, time: float) -> Array:
-    """Return what the drives multiply torques by, away from their limits: (I + cross-talk) diag(gains), (n, n) [1].
+    """Return the matrix by which drives multiply torques within their limits: (I + cross-talk) diag(gains), (n, n) [1].
 
     It has no frequency, and so stands beside `response`, whose gains are the same for all joints.
 

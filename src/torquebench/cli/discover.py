@@ -110,9 +110,9 @@ def _show_chain(name: str, also_arm: bool) -> None:
 
 def _period_of(chain: str) -> list[str]:
     """Return the control period of a chain as a key of ``run``; nothing where it has none."""
-    from torquebench.chain import ABOUT
+    from torquebench.chain import period_of
 
-    period = ABOUT[chain].control_period if chain in ABOUT else None
+    period = period_of(chain)
     return [] if period is None else [f"control_period: {period:g}"]
 
 
@@ -229,6 +229,7 @@ def _show_arm(source: str | Path, name: str) -> int:
         source: The arm.
         name: What a config calls it.
     """
+    from torquebench.chain import CHAINS
     from torquebench.robot.joint_facts import arm_facts
 
     try:
@@ -260,8 +261,6 @@ def _show_arm(source: str | Path, name: str) -> int:
     say("\n" + table(["number", "where it is from"], sources, left=2, prose=True))
     for text in facts.remarks:
         say(f"\n{text}")
-    from torquebench.chain import CHAINS
-
     chain = [f"chain: {name}"] * (name in CHAINS)
     begin = [*_period_of(name), *(f"initial_q: key:{key}" for key in facts.keyframes[:1])]
     say(_in_a_config([*chain, f"plant: {{model: {name}}}"], begin), fold=False)

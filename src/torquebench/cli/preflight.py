@@ -57,8 +57,8 @@ def preflight(
     from torquebench.robot.library import is_path, model_names
 
     given, problems = _numbers(gains)
-    chosen = {name: {"true": True, "false": False}.get(value, value) for name, _, value in map(_parted, options)}
-    problems += [Problem("--option", got=f"'{text}'", wanted="NAME=VALUE") for text in options if not _parted(text)[2]]
+    chosen, more = _choices(options)
+    problems += more
     chain = robot if chain is None else chain
     if robot not in model_names() and not is_path(robot):
         problems.append(Problem("--robot", got=f"'{robot}'", **suggest(robot, model_names())))
@@ -147,23 +147,31 @@ def _of_flags(make: Callable[[], Experiment]) -> Experiment:
         raise ConfigError([said(one) for one in error.problems]) from error
 
 
-def _parted(text: str) -> tuple[str, str, str]:
-    """Return the name and the value of NAME=VALUE, around what parts them."""
-    return text.partition("=")
-
-
 def _numbers(gains: tuple[str, ...]) -> tuple[dict[str, float | list[float]], list[Problem]]:
     """Return gains given as NAME=X,X.., and what is wrong with them."""
     found: dict[str, float | list[float]] = {}
     problems = []
     for text in gains:
-        name, _, numbers = _parted(text)
+        name, _, numbers = text.partition("=")
         try:
             values = [float(word) for word in numbers.split(",")]
         except ValueError:
             problems.append(Problem("--gain", text=f"got '{text}'", wanted="NAME=X, or one X for each joint"))
             continue
         found[name] = values[0] if len(values) == 1 else values
+    return found, problems
+
+
+def _choices(options: tuple[str, ...]) -> tuple[dict[str, str | bool], list[Problem]]:
+    """Return options of a law given as NAME=VALUE, and what is wrong with them."""
+    found: dict[str, str | bool] = {}
+    problems = []
+    for text in options:
+        name, _, value = text.partition("=")
+        if value:
+            found[name] = {"true": True, "false": False}.get(value, value)
+        else:
+            problems.append(Problem("--option", got=f"'{text}'", wanted="NAME=VALUE"))
     return found, problems
 
 

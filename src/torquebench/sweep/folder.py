@@ -265,7 +265,6 @@ def facts_of(plan: Plan, shard_size: int) -> Facts:
         overrides=list(source.overrides),
         config=plan.raw,
         arms={path: kept_at(path, arm) for path, arm in plan.source.arms},
-        plan_sha256="",
     )
     return replace(facts, plan_sha256=own_digest(vars(facts), PLAN_DIGEST))
 
